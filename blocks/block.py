@@ -1,0 +1,217 @@
+"""What a block is: a passive description with typed ports, parameters and declared state.
+
+A block is written as a class::
+
+    class Saturator(Block):
+        command = Input(Twist)
+        limited = Output(Twist, through="command")
+        omega_max: float = param(unit="rad/s", above=0.0, doc="largest turn rate")
+
+        def output(self, state, t, command):
+            ...
+
+* The parameters of ``output`` after ``state, t`` name the inputs it needs *in this tick*: that is
+  the block's direct feedthrough. An output that needs none breaks a loop. Where outputs differ in
+  what they need, ``output_<port>`` computes that port alone and ``output`` the rest.
+* ``update(self, state, t, ...)`` names inputs, or the block's own outputs of this tick, and writes
+  into ``state`` in place.
+* ``start(self, state)`` fills the state before the first tick.
+
+Each of them is called exactly once per tick of the block. A block never changes after it was
+made: all that moves lives in the :class:`BlockState` that the engine owns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from blocks.declarations import (
+    BlockSpec,
+    DeclarationError,
+    Evaluation,
+    Input,
+    Output,
+    State,
+)
+from blocks.params import Param, ParameterError, hint, show
+from blocks.reading import read_declarations
+from blocks.signals import SignalType
+
+if TYPE_CHECKING:
+    from blocks.world import World
+
+__all__ = [
+    "Block",
+    "BlockSpec",
+    "BlockState",
+    "DeclarationError",
+    "Evaluation",
+    "Input",
+    "Output",
+    "Setting",
+    "State",
+]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Where a block finds itself in a graph, once the graph is built.
+
+    dt : the block's own step (s).
+    types : the resolved signal type of each port.
+    terms : for each input that takes many wires, one flag per term as written: whether it is
+        still connected (a removed block takes its wires along).
+    world : the walls and obstacles of the graph's ``world:`` section, if it has one.
+    """
+
+    dt: float
+    types: Mapping[str, SignalType]
+    terms: Mapping[str, tuple[bool, ...]] = field(default_factory=dict)
+    world: World | None = None
+
+
+class BlockState:
+    """What moves during a run, for one block; made by the engine.
+
+    The arrays that the block declares are attributes. Beside them: ``setting``, its step ``dt``,
+    and ``rng``, the block's own generator. What ``start`` derives once from parameters may be
+    kept here too.
+    """
+
+    def __init__(
+        self, setting: Setting, seed: np.random.SeedSequence, arrays: Mapping[str, Any]
+    ) -> None:
+        self.setting = setting
+        self.dt = setting.dt
+        self.seed = seed
+        for name, array in arrays.items():
+            setattr(self, name, array)
+
+    @cached_property
+    def rng(self) -> np.random.Generator:
+        return np.random.Generator(np.random.PCG64(self.seed))
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any: ...
+        def __setattr__(self, name: str, value: Any) -> None: ...
+
+
+class Block:
+    """Base of all blocks. Parameters are given by keyword and checked on construction.
+
+    Raises
+    ------
+    ParameterError : listing every parameter that is unknown, missing or out of bounds.
+    """
+
+    spec: ClassVar[BlockSpec] = BlockSpec()
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        cls.spec = read_declarations(cls, own_sizes=cls.sizes is not Block.sizes)
+
+    def __init__(self, **values: Any) -> None:
+        problems: list[tuple[str, str]] = []
+        known = self.spec.params
+        problems += [
+            (name, f"unknown parameter{hint(name, known) or _listed(known)}")
+            for name in sorted(values.keys() - known.keys())
+        ]
+        for name, declared in known.items():
+            if name not in values and declared.required:
+                problems.append((name, f"missing; expected {declared.describe()}: {declared.doc}"))
+                continue
+            try:
+                value = declared.convert(values.get(name, declared.default))
+            except ValueError as error:
+                problems.append((name, str(error)))
+            else:
+                self.__dict__[self.spec.attributes[name]] = value
+        if not problems:
+            problems += self._misshapen()
+        if problems:
+            raise ParameterError(problems, type(self).__name__)
+        try:
+            self.validate()
+        except ParameterError as error:
+            raise ParameterError(error.problems, type(self).__name__) from None
+
+    def _misshapen(self) -> list[tuple[str, str]]:
+        sizes = self.sizes()
+        return [
+            (name, f"expected {declared.describe()}, got {show(value)}")
+            for name, declared in self.spec.params.items()
+            if declared.kind == "array"
+            and (value := self.value(name)) is not None
+            and not declared.fits(value, sizes)
+        ]
+
+    def validate(self) -> None:
+        """Check what involves several parameters; raise :class:`ParameterError`."""
+
+    def validate_in(self, setting: Setting) -> None:
+        """Check that the block can run in this setting; raise :class:`ParameterError`."""
+
+    def start(self, state: BlockState) -> None:
+        """Fill the state, which is all zeros, before the first tick."""
+
+    @property
+    def variables(self) -> dict[str, SignalType]:
+        """Type variables that the block's own parameters settle."""
+        return {}
+
+    def value(self, name: str) -> Any:
+        """A parameter's value by its name in graphs."""
+        return self.__dict__[self.spec.attributes[name]]
+
+    def sizes(self) -> dict[str, int]:
+        """Lengths that integer parameters give to ports and states that name them."""
+        return {
+            name: self.value(name)
+            for name, declared in self.spec.params.items()
+            if declared.kind == "int" and self.spec.attributes[name] in self.__dict__
+        }
+
+    def parameters(self) -> dict[str, Any]:
+        """The parameters that differ from their defaults, as plain Python values."""
+        plain = {}
+        for name, declared in self.spec.params.items():
+            value = self.value(name)
+            value = value.tolist() if isinstance(value, np.ndarray) else value
+            if declared.required or value != _plain(declared):
+                plain[name] = value
+        return plain
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError(
+            f"{type(self).__name__} cannot change after construction; make another one, "
+            f"and keep what moves in a State (attribute '{name}')"
+        )
+
+    def __delattr__(self, name: str) -> None:
+        raise AttributeError(f"{type(self).__name__} cannot change after construction")
+
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other) and self.parameters() == other.parameters()
+
+    def __hash__(self) -> int:
+        return hash((type(self), repr(self.parameters())))
+
+    def __repr__(self) -> str:
+        inside = ", ".join(f"{k}={v!r}" for k, v in self.parameters().items())
+        return f"{type(self).__name__}({inside})"
+
+
+def _plain(declared: Param) -> Any:
+    value = declared.convert(declared.default)
+    return value.tolist() if isinstance(value, np.ndarray) else value
+
+
+def _listed(names: Mapping[str, Any]) -> str:
+    return f"; it has {', '.join(names)}" if names else "; it has none"

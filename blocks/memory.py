@@ -1,0 +1,63 @@
+"""Generic blocks with memory: delay and filter. Neither has direct feedthrough."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from blocks.block import Block, BlockState, Input, Output, Setting, State
+from blocks.params import ParameterError, param
+from blocks.signals import FloatArray, Same
+
+
+class _Memory(Block):
+    signal = Input(Same("T"), name="input", doc="any signal")
+    out = Output(Same("T"), through="input", doc="the remembered value")
+
+    initial: FloatArray | None = param(
+        None, doc="value before the first tick, a number or one per component; default 0"
+    )
+
+    memory = State(name="memory", like="out", doc="what comes out at the next tick")
+
+    def validate_in(self, setting: Setting) -> None:
+        kind = setting.types["out"]
+        if self.initial is not None and self.initial.shape not in ((), kind.shape):
+            expected = f"a number or {kind.numbers}" if kind.shape else "a number"
+            said = f"expected {expected} for {kind}, got {self.initial.tolist()}"
+            raise ParameterError([("initial", said)])
+
+    def start(self, state: BlockState) -> None:
+        if self.initial is not None:
+            state.memory[...] = self.initial
+        state.pack = state.setting.types["out"].pack
+
+    def output(self, state: BlockState, t: float) -> Any:
+        return state.pack(state.memory)
+
+
+class UnitDelay(_Memory):
+    """Hold a signal back by one tick of this block; breaks algebraic loops.
+
+        input ─▶ [ UnitDelay ] ─▶ out
+
+    out(t_k) = input(t_k-1), and ``initial`` at the first tick.
+    """
+
+    def update(self, state: BlockState, t: float, input: Any) -> None:
+        state.memory[...] = input
+
+
+class Lowpass(_Memory):
+    """First-order lowpass with unit gain; out lags input by one tick.
+
+        input ─▶ [ Lowpass ] ─▶ out
+
+    out(t_k+1) = out(t_k) + (1 - exp(-dt / tau)) (input(t_k) - out(t_k)): the exact response to
+    an input that holds between ticks.
+    """
+
+    tau: float = param(unit="s", above=0.0, doc="time constant")
+
+    def update(self, state: BlockState, t: float, input: Any) -> None:
+        state.memory -= -math.expm1(-state.dt / self.tau) * (state.memory - input)

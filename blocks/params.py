@@ -1,0 +1,262 @@
+"""Parameters of a block: declared once with type, unit, bounds and a line of documentation.
+
+The declaration is what the constructor checks against, what error messages quote, and what
+``runtime blocks TYPE`` and docs/blocks.md print.
+"""
+
+from __future__ import annotations
+
+import difflib
+import numbers
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal, cast
+
+import numpy as np
+
+from blocks.signals import FloatArray
+
+REQUIRED: Any = object()
+Kind = Literal["float", "int", "bool", "str", "array"]
+KINDS: dict[object, Kind] = {
+    float: "float",
+    int: "int",
+    bool: "bool",
+    str: "str",
+    FloatArray: "array",
+}
+Shape = tuple[int | str | None, ...]
+
+
+class ParameterError(ValueError):
+    """One or more parameters are unknown, missing, of the wrong type or out of bounds.
+
+    ``problems`` holds (parameter name, what is wrong and how to mend it).
+    """
+
+    def __init__(self, problems: Sequence[tuple[str, str]], block: str = "") -> None:
+        self.problems = list(problems)
+        where = f"{block}." if block else ""
+        super().__init__("\n".join(f"{where}{name}: {text}" for name, text in self.problems))
+
+
+@dataclass(frozen=True)
+class Param:
+    """The declaration of one parameter; see :func:`param`."""
+
+    default: Any
+    doc: str
+    unit: str
+    above: float | None
+    at_least: float | None
+    below: float | None
+    at_most: float | None
+    choices: tuple[str, ...]
+    shapes: tuple[Shape, ...]
+    finite: bool
+    name: str
+    kind: Kind = "float"
+
+    @property
+    def required(self) -> bool:
+        return self.default is REQUIRED
+
+    def describe(self) -> str:
+        """What a value must be, in words: ``a number above 0 rad/s``."""
+        if self.choices:
+            return "one of " + ", ".join(self.choices)
+        if self.kind == "array":
+            size = " or ".join("x".join(str(d or "n") for d in s) for s in self.shapes)
+            noun = f"an array of {size} numbers" if size else "an array of numbers"
+        else:
+            noun = {
+                "float": "a number",
+                "int": "an integer",
+                "bool": "true or false",
+                "str": "a text",
+            }[self.kind]
+        bounds = [
+            f"{word} {value:g}"
+            for word, value in (
+                ("above", self.above),
+                ("at least", self.at_least),
+                ("below", self.below),
+                ("at most", self.at_most),
+            )
+            if value is not None
+        ]
+        return " ".join([noun, " and ".join(bounds), self.unit]).replace("  ", " ").strip()
+
+    def bound(self, name: str, kind: Kind) -> Param:
+        """The declaration, completed with what the class body says: name and annotation."""
+        return replace(self, name=self.name or name, kind=kind)
+
+    def convert(self, value: Any) -> Any:
+        """Check a value and turn it into what the block holds.
+
+        Raises
+        ------
+        ValueError : the message says what was expected and what came.
+        """
+        if value is None and self.default is None:
+            return None
+        try:
+            converted = _CONVERT[self.kind](value)
+        except (TypeError, ValueError, OverflowError):
+            raise ValueError(f"expected {self.describe()}, got {show(value)}") from None
+        if self.choices and converted not in self.choices:
+            raise ValueError(
+                f"expected {self.describe()}, got {show(value)}{hint(value, self.choices)}"
+            )
+        if self.kind in ("float", "int", "array") and not self._within(
+            np.asarray(converted, float)
+        ):
+            raise ValueError(f"expected {self.describe()}, got {show(value)}")
+        if isinstance(converted, np.ndarray):
+            converted.setflags(write=False)
+        return converted
+
+    def _within(self, numbers: FloatArray) -> bool:
+        if np.isnan(numbers).any() or (self.finite and not np.isfinite(numbers).all()):
+            return False
+        return bool(
+            (self.above is None or np.all(numbers > self.above))
+            and (self.at_least is None or np.all(numbers >= self.at_least))
+            and (self.below is None or np.all(numbers < self.below))
+            and (self.at_most is None or np.all(numbers <= self.at_most))
+        )
+
+    def fits(self, value: FloatArray, sizes: dict[str, int]) -> bool:
+        """Whether an array has one of the declared shapes, given the sizes of the symbols."""
+        if not self.shapes:
+            return True
+        return any(
+            len(shape) == value.ndim
+            and all(
+                want is None or have == (sizes.get(want, have) if isinstance(want, str) else want)
+                for want, have in zip(shape, value.shape, strict=True)
+            )
+            for shape in self.shapes
+        )
+
+
+def param(
+    default: Any = REQUIRED,
+    *,
+    doc: str,
+    unit: str = "",
+    above: float | None = None,
+    at_least: float | None = None,
+    below: float | None = None,
+    at_most: float | None = None,
+    choices: Iterable[str] = (),
+    shape: Shape | Sequence[Shape] = (),
+    finite: bool = True,
+    name: str = "",
+) -> Any:
+    """Declare a parameter of a block; its type is the annotation beside it.
+
+    Parameters
+    ----------
+    default : left out, the parameter is required; None makes "not given" a legal value.
+    doc : one line for people.
+    unit : SI unit, as plots and messages print it.
+    above, at_least, below, at_most : bounds; of every element, for an array.
+    choices : the allowed texts.
+    shape : an array's shape, or several allowed ones; a string stands for a size that an integer
+        parameter of the same name gives, None for any.
+    finite : False lets ``inf`` pass.
+    name : the name in graphs, where it differs from the attribute's.
+    """
+    shapes: tuple[Shape, ...] = ()
+    if shape:
+        nested = isinstance(shape[0], tuple)
+        shapes = cast("tuple[Shape, ...]", tuple(shape) if nested else (tuple(shape),))
+    return Param(
+        default=default,
+        doc=doc,
+        unit=unit,
+        above=above,
+        at_least=at_least,
+        below=below,
+        at_most=at_most,
+        choices=tuple(choices),
+        shapes=shapes,
+        finite=finite,
+        name=name,
+    )
+
+
+def show(value: Any) -> str:
+    """A value as an error message quotes it: what kind of thing it is, shortened."""
+    if value is None:
+        return "nothing (null)"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        text = value if len(value) <= 40 else value[:37] + "..."
+        return f"the text '{text}'"
+    if isinstance(value, dict):
+        return "a mapping"
+    if isinstance(value, np.ndarray):
+        return f"an array of shape {value.shape}"
+    if isinstance(value, (list, tuple)):
+        text = str(list(value))
+        return text if len(text) <= 60 else f"a list of {len(value)} items"
+    text = str(value)
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
+def hint(name: Any, known: Iterable[str]) -> str:
+    """``, did you mean 'neurons'?`` or nothing."""
+    folded = {entry.lower(): entry for entry in known}
+    close = difflib.get_close_matches(str(name).lower(), list(folded), n=1, cutoff=0.6)
+    return f", did you mean '{folded[close[0]]}'?" if close else ""
+
+
+def _number(value: Any) -> Any:
+    """A value that is a number, out of an array of no dimensions if need be."""
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value[()]
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        raise TypeError
+    return value
+
+
+def _float(value: Any) -> float:
+    return float(_number(value))
+
+
+def _int(value: Any) -> int:
+    number = _number(value)
+    if not isinstance(number, numbers.Integral):
+        raise TypeError
+    return int(number)
+
+
+def _bool(value: Any) -> bool:
+    if not isinstance(value, (bool, np.bool_)):
+        raise TypeError
+    return bool(value)
+
+
+def _str(value: Any) -> str:
+    if not isinstance(value, str):
+        raise TypeError
+    return value
+
+
+def _array(value: Any) -> FloatArray:
+    if isinstance(value, np.ndarray):
+        if value.dtype.kind not in "fiu":
+            raise TypeError
+        return np.array(value, dtype=float)
+    if not isinstance(value, (list, tuple)):
+        return np.array(_float(value))
+    rows = [_array(item) for item in value]
+    if len({row.shape for row in rows}) > 1:
+        raise ValueError
+    return np.array(rows, dtype=float)
+
+
+_CONVERT = {"float": _float, "int": _int, "bool": _bool, "str": _str, "array": _array}

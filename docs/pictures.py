@@ -1,0 +1,14 @@
+"""Makes the pictures of the README:  python docs/pictures.py"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import runtime
+
+IMAGES = Path(__file__).parent / "images"
+
+graph = runtime.load("line_actuator_failure")
+IMAGES.mkdir(exist_ok=True)
+graph.run().plot("trajectory").savefig(IMAGES / "trajectory.png", dpi=150)
+(IMAGES / "diagram.svg").write_text(str(graph.diagram("svg")), encoding="utf-8")

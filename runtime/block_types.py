@@ -1,0 +1,75 @@
+"""Block types: from what a graph writes to a class, the library's or the user's own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from blocks.block import Block, DeclarationError
+from blocks.library import BUILTIN, blocks_of_module, installed
+from blocks.params import hint
+from runtime.document import Node
+from runtime.errors import Problems
+from runtime.sections import meant
+
+
+def block_class(
+    node: Node, address: str, classes: Mapping[str, type[Block]], problems: Problems
+) -> type[Block] | None:
+    """The class that a block's entry names; None, and a problem, if there is none."""
+    written = node.get("type")
+    if written is None or not isinstance(written.value, str):
+        got = "" if written is None else f", got {written.describe()}"
+        where = node.key if written is None else written.where
+        misspelt = node.get(meant("type", [key for key, _ in node.items()]))
+        if written is None and misspelt is not None:
+            where = misspelt.key
+        said = f"expected a type, as in {{type: Sum}}{got}; see 'runtime blocks'"
+        problems.add(where, address, said)
+        return None
+    module = node.get("module")
+    own = {} if module is None else _module_blocks(module, address, problems)
+    if own is None:
+        return None
+    for library in (own, classes, BUILTIN):
+        if written.value in library:
+            return library[written.value]
+    others = installed()
+    if written.value in others:
+        return others[written.value]
+    known = [*own, *classes, *BUILTIN, *others]
+    mend = hint(written.value, known)
+    if not mend and module is not None:
+        mend = f"; '{shown(module)}' defines {', '.join(own) or 'none'}"
+    mend = mend or "; see 'runtime blocks'; a block of your own needs 'module: file.py'"
+    problems.add(written.where, f"{address}.type", f"no block type '{written.value}'{mend}")
+    return None
+
+
+def shown(module: Node) -> str:
+    """A module's path as seen from here, where it lies below."""
+    path = Path(str(module.value))
+    here = Path.cwd()
+    return str(path.relative_to(here)) if path.is_relative_to(here) else str(path)
+
+
+def _module_blocks(node: Node, address: str, problems: Problems) -> dict[str, type[Block]] | None:
+    said = ""
+    if not isinstance(node.value, str) or not node.value.endswith(".py"):
+        got = f"'{shown(node)}'" if isinstance(node.value, str) else node.describe()
+        said = f"expected a Python file, got {got}"
+        problems.add(node.where, f"{address}.module", said)
+        return None
+    file = shown(node)
+    try:
+        return blocks_of_module(Path(node.value))
+    except FileNotFoundError:
+        said = f"no such file: '{file}'; paths are relative to the graph's own file"
+    except SyntaxError as error:
+        said = f"{file}:{error.lineno or 1}: {error.msg}"
+    except DeclarationError as error:
+        said = f"{file}: {error}"
+    except (Exception, SystemExit) as error:  # noqa: BLE001 -- a user's file may raise anything
+        said = f"{file} failed: {type(error).__name__}: {error}"
+    problems.add(node.where, f"{address}.module", said)
+    return None

@@ -1,0 +1,212 @@
+"""From names to a checked network: blocks constructed, wires resolved, types settled."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+
+from blocks.block import Block
+from blocks.params import ParameterError, hint
+from blocks.world import World
+from runtime.block_types import block_class
+from runtime.document import Node
+from runtime.errors import Problems
+from runtime.inference import infer_types, report_open
+from runtime.network import Entry, Network
+from runtime.observe import check_observation
+from runtime.removal import remove
+from runtime.scope import Scope, expand
+from runtime.sections import RUN_KEYS, check_keys, meant, section
+from runtime.signals import state_shape
+from runtime.unwired import report_unwired
+from runtime.wiring import Wiring
+
+BLOCK_KEYS = ("type", "module", "dt")
+DEFAULT_UNTIL = 10.0
+MAX_TICKS = 10**12
+MAX_TITLE = 120
+
+
+def build(document: Node, classes: Mapping[str, type[Block]] | None = None) -> Network:
+    """Build the network of a document that stands by itself (nothing to extend or inline).
+
+    ``classes`` are block types beside the library's, for graphs made in Python.
+
+    Raises
+    ------
+    GraphError : with every problem that was found, in the order of the text.
+    """
+    problems = Problems()
+    scope, document = expand(document, problems)
+    before = len(problems.found)
+    network = _empty_network(document, scope, problems)
+    network.document = document
+    network.world = _world(document, problems)
+    can_run = len(problems.found) == before
+    for inner in scope.walk():
+        for name, node in inner.blocks.items():
+            _add_block(network, inner, name, node, classes or {}, problems)
+    wiring = Wiring(network, problems)
+    wiring.resolve()
+    remove(network, document, problems)
+    infer_types(network, problems)
+    report_unwired(network, wiring, problems)
+    if not problems.found:
+        report_open(network, problems)
+    if can_run:
+        _check_settings(network, problems)
+    check_observation(network, problems)
+    problems.raise_any()
+    return network
+
+
+def _empty_network(document: Node, scope: Scope, problems: Problems) -> Network:
+    run = section(document, "run", "run", problems)
+    check_keys(document.get("run") or Node({}), RUN_KEYS, "run", problems, "key")
+
+    def number(name: str, default: float) -> float:
+        node = run.get(name)
+        if node is None:
+            return default
+        return seconds(node, f"run.{name}", problems) or default
+
+    dt, until = number("dt", 0.001), number("until", DEFAULT_UNTIL)
+    if not 1 <= until / dt <= MAX_TICKS:
+        node = run.get("until") or run.get("dt")
+        where = document.where if node is None else node.where
+        said = f"{until:g} s are {until / dt:.3g} ticks of dt = {dt:g} s"
+        said += "; expected one or more" if until < dt else f"; at most {MAX_TICKS:.0e} can run"
+        problems.add(where, "run.until", said)
+        until = dt
+    seed = run.get("seed")
+    value = 0 if seed is None else seed.value
+    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
+        got = Node(value).describe()
+        problems.add(run["seed"].where, "run.seed", f"expected an integer from 0, got {got}")
+        value = 0
+    return Network(_title(document.get("graph"), problems), dt, until, value, scope)
+
+
+def _world(document: Node, problems: Problems) -> World | None:
+    node = document.get("world")
+    if node is None or node.value is None:
+        return None
+    if not node.is_map:
+        section(document, "world", "world", problems)
+        return None
+    try:
+        return World(node.plain())
+    except ArithmeticError as error:
+        problems.add(node.where, "world", f"expected lengths in m, too large ones here: {error}")
+        return None
+    except ParameterError as error:
+        for address, text in error.problems:
+            found = node
+            for name in re.findall(r"\w+", address):
+                inner = found.get(name) if found.is_map else None
+                if found.is_list and name.isdigit() and int(name) < len(found.value):
+                    inner = found.value[int(name)]
+                found = found if inner is None else inner
+            problems.add(found.where, f"world.{address}".rstrip("."), text)
+        return None
+
+
+def seconds(node: Node, address: str, problems: Problems) -> float | None:
+    """A positive number of seconds; None, and a problem, if it is none."""
+    value = node.value
+    if isinstance(value, (int, float)) and not isinstance(value, bool) and 0 < value < math.inf:
+        return float(value)
+    said = f"expected a number of seconds above 0, got {node.describe()}"
+    problems.add(node.where, address, said)
+    return None
+
+
+def _title(node: Node | None, problems: Problems) -> str:
+    if node is None or node.value is None:
+        return "graph"
+    good = isinstance(node.value, (str, int, float)) and not isinstance(node.value, bool)
+    title = str(node.value)
+    if not good or not title.isprintable() or len(title) > MAX_TITLE:
+        said = f"expected a title, one line of up to {MAX_TITLE} characters, got {node.describe()}"
+        problems.add(node.where, "graph", said)
+        return "graph"
+    return title
+
+
+def _add_block(
+    network: Network,
+    scope: Scope,
+    name: str,
+    node: Node,
+    classes: Mapping[str, type[Block]],
+    problems: Problems,
+) -> None:
+    address = scope.path("blocks", name)
+    cls = block_class(node, address, classes, problems)
+    if cls is None:
+        return
+    values = {key: item for key, item in node.items() if key not in BLOCK_KEYS}
+    known = cls.spec.params
+    unknown = [key for key in values if key not in known]
+    for key in unknown:
+        mend = hint(key, known) or f"; it has {', '.join(known) or 'none'}"
+        if key == "graph":
+            mend = "; parts are read with the file that names them"
+        problems.add(values[key].key, f"{address}.{key}", f"unknown parameter{mend}")
+    block: Block | None = None
+    try:
+        made = cls(**{key: item.plain() for key, item in values.items() if key in known})
+        dict(made.variables), dict(made.sizes())
+        block = made
+    except ParameterError as error:
+        misspelt = {meant(key, known) for key in unknown}
+        for parameter, text in error.problems:
+            if parameter in values or parameter not in misspelt:
+                where = values[parameter].where if parameter in values else node.key
+                problems.add(where, f"{address}.{parameter}", text)
+    except Exception as error:  # noqa: BLE001 -- a user's block may raise anything
+        problems.add(node.key, address, _failed(cls, error))
+    full = scope.prefix + name
+    every = _ticks(node.get("dt"), network.dt, address, problems)
+    network.entries[full] = Entry(full, scope, node, cls, block, every)
+
+
+def _failed(cls: type[Block], error: Exception) -> str:
+    return f"{cls.__name__} failed: {type(error).__name__}: {error}"
+
+
+def _ticks(node: Node | None, base: float, address: str, problems: Problems) -> int:
+    """How many base ticks lie between two ticks of a block."""
+    value = None if node is None else seconds(node, f"{address}.dt", problems)
+    if node is None or value is None:
+        return 1
+    ratio = value / base
+    whole = round(ratio) if ratio < MAX_TICKS else 0
+    if whole < 1 or abs(ratio - whole) > 1e-6:
+        near = max(1, whole) * base
+        said = f"{value:g} s is no whole multiple of run.dt = {base:g} s; the nearest is {near:g}"
+        problems.add(node.where, f"{address}.dt", said)
+        return 1
+    return whole
+
+
+def _check_settings(network: Network, problems: Problems) -> None:
+    """Let each block check its surroundings, once all its ports have types."""
+    for name, entry in network.entries.items():
+        spec = entry.cls.spec
+        if entry.block is None or not network.is_typed(name):
+            continue
+        try:
+            setting = network.setting(name)
+            for key, state in spec.states.items():
+                if any(n < 0 for n in state_shape(entry.block.sizes(), state, setting, spec)):
+                    raise ValueError(f"state '{key}' has a negative length")
+            entry.block.validate_in(setting)
+        except ParameterError as error:
+            for parameter, text in error.problems:
+                item = entry.node.get(parameter)
+                where = item.where if item is not None else entry.node.key
+                problems.add(where, f"{entry.address}.{parameter}", text)
+        except Exception as error:  # noqa: BLE001 -- a user's block may raise anything
+            problems.add(entry.node.key, entry.address, _failed(entry.cls, error))

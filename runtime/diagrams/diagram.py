@@ -1,0 +1,250 @@
+"""The block diagram of a network: what is shown, and the formats in which it is drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from blocks.signals import SignalType
+from runtime.addresses import Endpoint
+from runtime.errors import UsageError
+from runtime.inference import component_type
+from runtime.network import Entry, Network, Wire
+
+FORMATS = ("svg", "png", "dot", "mermaid")
+CONSTANT = "constant"
+FATES = {"without": "removed", "bypass": "bypassed"}
+
+
+@dataclass
+class Box:
+    """A block as it is shown; ``period`` is its step (s), 0 where it is evaluated only once.
+
+    ``fate`` is "removed" or "bypassed" for a block that is out of the run; ``part`` is the full
+    name of the part that it belongs to. ``inputs`` and ``outputs`` are the wired ports.
+    """
+
+    name: str
+    title: str
+    type: str
+    period: float
+    part: str
+    fate: str
+    about: str
+    inputs: list[str] = field(default_factory=list)
+    outputs: list[str] = field(default_factory=list)
+
+    @property
+    def rate(self) -> str:
+        return rate_text(self.period)
+
+
+@dataclass(frozen=True)
+class Net:
+    """An output with all wires that leave it; ``is_ghost`` where they are out of the run.
+
+    ``needs`` are the block's inputs that the output depends on in the same tick: none for an
+    output that comes from memory alone.
+    """
+
+    source: tuple[str, str]
+    targets: tuple[tuple[str, str], ...]
+    type: str
+    is_ghost: bool
+    needs: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Part:
+    """A subgraph, which is drawn as a frame around its blocks."""
+
+    name: str
+    title: str
+    parent: str
+
+
+@dataclass
+class Picture:
+    """All that a diagram shows, whatever the format."""
+
+    title: str
+    boxes: dict[str, Box]
+    parts: dict[str, Part]
+    nets: list[Net]
+
+    @cached_property
+    def drivers(self) -> dict[tuple[str, str], list[Net]]:
+        """The nets that drive each input, all terms of an input that takes many together."""
+        found: dict[tuple[str, str], list[Net]] = {}
+        for net in self.nets:
+            for name, port in net.targets:
+                found.setdefault((name, port.partition("[")[0]), []).append(net)
+        return found
+
+    def holds(self, net: Net, part: str = "") -> bool:
+        """Whether an output comes from memory alone, so that a loop is best opened there.
+
+        With a part, what counts is whether any input of that part gets through to the output in
+        the same tick, by whatever way inside.
+        """
+        if not part:
+            return not net.needs
+        seen = {net.source}
+        waiting = [net]
+        while waiting:
+            now = waiting.pop()
+            for port in now.needs:
+                for before in self.drivers.get((now.source[0], port), ()):
+                    if not f"{self.boxes[before.source[0]].part}.".startswith(f"{part}."):
+                        return False
+                    if before.source not in seen:
+                        seen.add(before.source)
+                        waiting.append(before)
+        return True
+
+    def is_out(self, part: str) -> bool:
+        """Whether all blocks of a part are out of the run."""
+        inside = (box for box in self.boxes.values() if f"{box.part}.".startswith(f"{part}."))
+        return all(box.fate for box in inside)
+
+
+def diagram(network: Network, format: str) -> str | bytes:
+    """Draw the block diagram of a network.
+
+    Parameters
+    ----------
+    network : a checked network; blocks that were removed are shown in grey.
+    format : "svg" or "png" for a picture that is laid out here, "dot" or "mermaid" for a text
+        that Graphviz or Mermaid lays out.
+
+    Returns
+    -------
+    The text, or the bytes of the png. The same network gives the same diagram, byte by byte.
+
+    Raises
+    ------
+    UsageError : there is no such format.
+    """
+    if format not in FORMATS:
+        raise UsageError(f"no diagram format '{format}'; expected {', '.join(FORMATS)}")
+    picture = picture_of(network)
+    if format == "dot":
+        from runtime.diagrams.text import to_dot
+
+        return to_dot(picture)
+    if format == "mermaid":
+        from runtime.diagrams.text import to_mermaid
+
+        return to_mermaid(picture)
+    from runtime.diagrams.paint import draw
+
+    drawing = draw(picture)
+    if format == "svg":
+        from runtime.diagrams.svg import to_svg
+
+        return to_svg(drawing)
+    from runtime.diagrams.png import to_png
+
+    return to_png(drawing)
+
+
+def picture_of(network: Network) -> Picture:
+    """Collect what a network's diagram shows; removed blocks keep their place in the order."""
+    entries = {**network.entries, **network.ghosts}
+    scopes = list(network.scope.walk())
+    written = [scope.prefix + name for scope in scopes for name in scope.blocks]
+    boxes = {name: _box(network, entries[name]) for name in written if name in entries}
+    parts = {
+        scope.prefix[:-1]: Part(
+            scope.prefix[:-1], scope.name, scope.parent.prefix[:-1] if scope.parent else ""
+        )
+        for scope in scopes
+        if scope.prefix
+    }
+    nets = [
+        *_nets(network, entries, network.wires, is_ghost=False),
+        *_nets(network, entries, network.ghost_wires, is_ghost=True),
+    ]
+    for net in nets:
+        _note(boxes[net.source[0]].outputs, net.source[1])
+        for name, port in net.targets:
+            _note(boxes[name].inputs, port)
+    for name, box in boxes.items():
+        spec = entries[name].cls.spec
+        box.inputs.sort(key=_as_declared(spec.inputs))
+        box.outputs.sort(key=_as_declared(spec.outputs))
+    return Picture(network.title, boxes, parts, nets)
+
+
+def rate_text(period: float) -> str:
+    """A rate as people say it: "1 kHz", "100 Hz"; "constant" for what never changes."""
+    if not period:
+        return CONSTANT
+    rate = 1.0 / period
+    return f"{rate / 1000.0:.4g} kHz" if rate >= 999.95 else f"{rate:.4g} Hz"
+
+
+def _box(network: Network, entry: Entry) -> Box:
+    spec = entry.cls.spec
+    is_constant = bool(spec.outputs) and all(port.constant for port in spec.outputs.values())
+    period = 0.0 if is_constant and spec.update is None else entry.every * network.dt
+    fate = FATES[network.removed[entry.name]] if entry.name in network.removed else ""
+    values = entry.block.parameters() if entry.block is not None else {}
+    facts = [f"{entry.name}: {entry.cls.__name__}, {fate or rate_text(period)}"]
+    facts += [f"{name} = {_short(repr(value))}" for name, value in values.items()]
+    part = entry.scope.prefix[:-1]
+    return Box(entry.name, entry.short, entry.cls.__name__, period, part, fate, "\n".join(facts))
+
+
+def _nets(
+    network: Network, entries: dict[str, Entry], wires: Iterable[Wire], is_ghost: bool
+) -> list[Net]:
+    """Wires of one output together, in the order in which they were written."""
+    found: dict[Endpoint, list[Wire]] = {}
+    for wire in wires:
+        found.setdefault(wire.source, []).append(wire)
+    nets = []
+    for end, out in found.items():
+        port = f"{end.port}.{end.component}" if end.component else end.port
+        spec = entries[end.block].cls.spec
+        made_by = next((e for e in spec.evaluations if end.port in e.outputs), None)
+        targets = tuple((wire.block, wire.target.removeprefix(f"{wire.block}.")) for wire in out)
+        needs = made_by.needs if made_by is not None else ()
+        kind = _type_text(network, entries, end, out)
+        nets.append(Net((end.block, port), targets, kind, is_ghost, needs))
+    return nets
+
+
+def _type_text(
+    network: Network, entries: dict[str, Entry], end: Endpoint, wires: list[Wire]
+) -> str:
+    """The type that a wire carries; a removed block's is that of the port it was wired to."""
+    kind = network.types.get((end.block, end.port))
+    if kind is not None:
+        return str(component_type(kind, end) or kind)
+    for wire in wires:
+        if (wire.block, wire.port) in network.types:
+            return str(network.types[wire.block, wire.port])
+    declared = entries[end.block].cls.spec.outputs[end.port].type
+    return declared.name if isinstance(declared, SignalType) and not end.component else ""
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _note(ports: list[str], port: str) -> None:
+    if port not in ports:
+        ports.append(port)
+
+
+def _as_declared(ports: Iterable[str]) -> Callable[[str], tuple[int, int]]:
+    order = {name: i for i, name in enumerate(ports)}
+
+    def place(port: str) -> tuple[int, int]:
+        base, _, term = port.replace(".", "[").partition("[")
+        number = term.rstrip("]")
+        return order[base], int(number) if number.isdigit() else 0
+
+    return place

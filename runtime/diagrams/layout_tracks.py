@@ -1,0 +1,145 @@
+"""Wires in the channel between two columns: which runs up or down where, without overlaps."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+CLEAR = 6.0
+STRAIGHT = 0.05
+
+
+@dataclass
+class Track:
+    """A vertical run of one wire; it meets horizontal runs from the left and to the right.
+
+    ``slot`` counts the tracks of a channel from the left. A wire that would lie on top of
+    another is led over two tracks: ``then`` is its second one.
+    """
+
+    lefts: list[float]
+    rights: list[float]
+    slot: int = 0
+    then: Track | None = field(default=None, repr=False)
+
+    @property
+    def top(self) -> float:
+        return min(*self.lefts, *self.rights, float("inf"))
+
+    @property
+    def bottom(self) -> float:
+        return max(*self.lefts, *self.rights, float("-inf"))
+
+    @property
+    def is_straight(self) -> bool:
+        return self.bottom - self.top < STRAIGHT
+
+
+def assign_slots(tracks: Sequence[Track]) -> int:
+    """Give every track of a channel its slot; returns how many slots there are."""
+    bent = [track for track in tracks if not track.is_straight]
+    bent, rules = _without_circles(bent, [y for t in tracks for y in (*t.lefts, *t.rights)])
+    placed: list[int] = []
+    for i in _in_order(bent, rules):
+        track = bent[i]
+        taken = [
+            bent[k].slot
+            for k in placed
+            if (k, i) in rules
+            or (bent[k].top < track.bottom + CLEAR and track.top < bent[k].bottom + CLEAR)
+        ]
+        track.slot = max(taken, default=-1) + 1
+        placed.append(i)
+    return max((track.slot for track in bent), default=-1) + 1
+
+
+def _rules(tracks: Sequence[Track]) -> set[tuple[int, int]]:
+    """Pairs (i, k) where i must be left of k, or their horizontal runs would overlap."""
+
+    def is_before(one: Track, other: Track) -> bool:
+        if one.then is other or other.then is one:
+            return one.then is other
+        return any(abs(a - b) < CLEAR for a in one.lefts for b in other.rights)
+
+    return {
+        (i, k)
+        for i, one in enumerate(tracks)
+        for k, other in enumerate(tracks)
+        if i != k and is_before(one, other)
+    }
+
+
+def _without_circles(
+    tracks: list[Track], heights: list[float]
+) -> tuple[list[Track], set[tuple[int, int]]]:
+    """Lead wires over two tracks until no track has to be left of itself."""
+    import networkx as nx
+
+    tracks, whole = list(tracks), set(range(len(tracks)))
+    rules = _rules(tracks)
+    while not nx.is_directed_acyclic_graph(nx.DiGraph(sorted(rules))):
+        circle = nx.find_cycle(nx.DiGraph(sorted(rules)))
+        able = [i for i, _ in circle if i in whole and tracks[i].lefts and tracks[i].rights]
+        if not able:
+            # Too tight for a detour: rather two lines that touch than none.
+            rules -= set(circle)
+            continue
+        i = max(able, key=lambda i: (tracks[i].bottom - tracks[i].top, i))
+        whole.discard(i)
+        first = tracks[i]
+        middle = _free_height(first, heights)
+        heights = [*heights, middle]
+        first.then = Track([middle], first.rights)
+        first.rights = [middle]
+        tracks.append(first.then)
+        rules = _rules(tracks)
+    return tracks, rules
+
+
+def _free_height(track: Track, heights: Sequence[float]) -> float:
+    """A height within a track's reach, near its middle, that stays clear of all others."""
+    middle, reach = (track.top + track.bottom) / 2, (track.bottom - track.top) / 2
+    tried = [middle]
+    for step in range(1, int(reach) + 1):
+        tried += [middle + step, middle - step]
+    room = {y: min(CLEAR, min(abs(y - other) for other in heights)) for y in tried}
+    return max(tried, key=room.__getitem__)
+
+
+def _crossings(left: Track, right: Track) -> int:
+    """How often two wires cross if the one's track is left of the other's."""
+    return sum(left.top < y < left.bottom for y in right.lefts) + sum(
+        right.top < y < right.bottom for y in left.rights
+    )
+
+
+def _in_order(tracks: Sequence[Track], rules: set[tuple[int, int]]) -> list[int]:
+    """Tracks from left to right: by the rules, and else so that few wires cross."""
+    count = range(len(tracks))
+    gain = [
+        [_crossings(tracks[k], tracks[i]) - _crossings(tracks[i], tracks[k]) for k in count]
+        for i in count
+    ]
+    before = {k: {i for i, other in rules if other == k} for k in count}
+    order: list[int] = []
+    rest = list(count)
+    while rest:
+        ready = [i for i in rest if not before[i] & set(rest)]
+        chosen = max(ready, key=lambda i: (sum(gain[i][k] for k in rest), tracks[i].top, -i))
+        order.append(chosen)
+        rest.remove(chosen)
+    _settle(order, gain, rules)
+    return order
+
+
+def _settle(order: list[int], gain: list[list[int]], rules: set[tuple[int, int]]) -> None:
+    """Swap neighbours while that saves crossings and breaks no rule."""
+    for _ in order:
+        swapped = False
+        for at, (i, k) in enumerate(pairwise(list(order))):
+            if order[at] == i and gain[i][k] < 0 and (i, k) not in rules:
+                order[at], order[at + 1] = k, i
+                swapped = True
+        if not swapped:
+            return

@@ -1,0 +1,183 @@
+"""Shapes of a drawing, the same for every picture format, and the lines that wires are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+Point = tuple[float, float]
+# "M" moves, "L" draws a line, "Q" a quadratic curve by way of its first point, "Z" closes.
+Command = tuple[str, tuple[Point, ...]]
+
+CORNER = 5.0
+ARROW_LENGTH = 7.0
+ARROW_HALF = 3.2
+NARROW = frozenset("fijlrtI.,:;|!'()[] ")
+WIDE = frozenset("mwMW@%")
+
+
+@dataclass(frozen=True)
+class Rect:
+    x: float
+    y: float
+    width: float
+    height: float
+    radius: float
+    fill: str
+    stroke: str
+    stroke_width: float = 1.0
+    dashed: bool = False
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A line, or an area where ``fill`` says so."""
+
+    commands: tuple[Command, ...]
+    stroke: str = ""
+    fill: str = ""
+    stroke_width: float = 1.4
+    dashed: bool = False
+
+
+@dataclass(frozen=True)
+class Dot:
+    x: float
+    y: float
+    radius: float
+    fill: str
+
+
+@dataclass(frozen=True)
+class Text:
+    """A text on its base line; ``anchor`` is "start", "middle" or "end"."""
+
+    x: float
+    y: float
+    text: str
+    size: float
+    fill: str
+    anchor: str = "start"
+    bold: bool = False
+
+
+Shape = Rect | Curve | Dot | Text
+
+
+@dataclass
+class Group:
+    """Shapes that belong together: a block, the wires of an output, a part's frame."""
+
+    kind: str
+    name: str
+    about: str
+    shapes: list[Shape] = field(default_factory=list)
+
+
+@dataclass
+class Drawing:
+    title: str
+    width: float
+    height: float
+    margin: float
+    groups: list[Group]
+
+
+def text_width(text: str, size: float, bold: bool = False) -> float:
+    """About how wide a text is, in a font that runs wide."""
+    ems = 0.0
+    for letter in text:
+        if letter in NARROW:
+            ems += 0.36
+        elif letter in WIDE:
+            ems += 0.93
+        elif ord(letter) > 0x2E80:
+            ems += 1.0
+        else:
+            ems += 0.68 if letter.isupper() or letter.isdigit() else 0.60
+    return ems * size * (1.1 if bold else 1.0)
+
+
+def arrow_head(tip: Point, fill: str) -> Curve:
+    """An arrow that points to the right."""
+    x, y = tip
+    back = x - ARROW_LENGTH
+    ends = ((back, y - ARROW_HALF), (back, y + ARROW_HALF))
+    return Curve((("M", (tip,)), ("L", (ends[0],)), ("L", (ends[1],)), ("Z", ())), fill=fill)
+
+
+def line_through(points: Sequence[Point], sharp: set[Point]) -> tuple[Command, ...]:
+    """A line along corners, which are rounded except where wires branch off."""
+    commands: list[Command] = [("M", (points[0],))]
+    for before, corner, after in zip(points, points[1:], points[2:], strict=False):
+        radius = min(CORNER, _distance(before, corner) / 2, _distance(corner, after) / 2)
+        if corner in sharp or radius < 0.5:
+            commands.append(("L", (corner,)))
+            continue
+        commands.append(("L", (_towards(corner, before, radius),)))
+        commands.append(("Q", (corner, _towards(corner, after, radius))))
+    commands.append(("L", (points[-1],)))
+    return tuple(commands)
+
+
+def branchings(lines: Sequence[Sequence[Point]]) -> list[Point]:
+    """The points where lines of one net part: three or four ways lead from there."""
+    runs = sorted({tuple(sorted(run)) for line in lines for run in pairwise(line)})
+    corners = sorted({point for line in lines for point in line[1:-1]})
+    found = []
+    for point in corners:
+        ways: set[Point] = set()
+        for a, b in runs:
+            if _is_on(point, a, b):
+                ways.update(_direction(point, end) for end in (a, b) if end != point)
+        if len(ways) > 2:
+            found.append(point)
+    return found
+
+
+def without_repeats(lines: Sequence[Sequence[Point]]) -> list[list[Point]]:
+    """The lines of one net, each from where it leaves those before it: none is drawn twice."""
+    return [
+        min((_after(line, other) for other in lines[:i]), key=_length, default=list(line))
+        for i, line in enumerate(lines)
+    ]
+
+
+def _after(line: Sequence[Point], other: Sequence[Point]) -> list[Point]:
+    """What is left of a line after it ran together with another one that starts alike."""
+    k = 1
+    while k < min(len(line), len(other)) and line[k] == other[k]:
+        k += 1
+    rest = [line[k - 1], *line[k:]]
+    if k < min(len(line), len(other)) and line[0] == other[0]:
+        start, mine, its = line[k - 1], line[k], other[k]
+        if _direction(start, mine) == _direction(start, its):
+            rest[0] = min(mine, its, key=lambda end: _distance(start, end))
+    return rest if line[0] == other[0] else list(line)
+
+
+def _length(line: Sequence[Point]) -> float:
+    return sum(_distance(a, b) for a, b in pairwise(line))
+
+
+def _distance(a: Point, b: Point) -> float:
+    return abs(a[0] - b[0]) + abs(a[1] - b[1])
+
+
+def _towards(start: Point, end: Point, length: float) -> Point:
+    share = length / _distance(start, end)
+    return start[0] + (end[0] - start[0]) * share, start[1] + (end[1] - start[1]) * share
+
+
+def _is_on(point: Point, a: Point, b: Point) -> bool:
+    level = a[1] == b[1] == point[1] and a[0] <= point[0] <= b[0]
+    return level or (a[0] == b[0] == point[0] and a[1] <= point[1] <= b[1])
+
+
+def _direction(start: Point, end: Point) -> Point:
+    return _sign(end[0] - start[0]), _sign(end[1] - start[1])
+
+
+def _sign(value: float) -> float:
+    return float((value > 0) - (value < 0))

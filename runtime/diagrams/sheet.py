@@ -1,0 +1,217 @@
+"""Where a diagram's boxes, frames and wires are: parts are laid out first, then what holds them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from runtime.diagrams.diagram import Box, Net, Picture
+from runtime.diagrams.layout import Layout, arrange
+from runtime.diagrams.layout_grid import Cell, Link, Pin
+from runtime.diagrams.layout_wires import simplified
+from runtime.diagrams.shapes import Point, text_width
+
+NAME_SIZE, TYPE_SIZE, PORT_SIZE, LABEL_SIZE = 13.0, 10.0, 9.5, 9.0
+HEADER, ROW, FOOTER, MARGIN = 36, 16, 20, 10
+MIN_WIDTH = 84
+FRAME_TOP, FRAME_BOTTOM, FRAME_SIDE = 28, 14, 16
+GHOST_WEIGHT = 0.25
+
+
+@dataclass
+class Place:
+    """A rectangle, with the heights of the ports on its edges for a block."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+    inputs: dict[str, float] = field(default_factory=dict)
+    outputs: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass
+class Sheet:
+    """The geometry of a picture; ``lines`` maps a net's index and a target to its corners."""
+
+    picture: Picture
+    width: float
+    height: float
+    boxes: dict[str, Place]
+    frames: dict[str, Place]
+    lines: dict[tuple[int, Pin], list[Point]]
+
+
+@dataclass
+class _Level:
+    """The inside of one part (or of the whole graph): its cells, laid out on their own."""
+
+    part: str
+    cells: list[Cell]
+    links: dict[int, Link]
+    layout: Layout
+    x: float = 0.0
+    y: float = 0.0
+
+    @cached_property
+    def index(self) -> dict[int, int]:
+        """From a net to its link in the layout."""
+        return {net: i for i, net in enumerate(self.links)}
+
+    def route(self, net: int, end: Pin) -> list[Point]:
+        points = self.layout.routes[self.index[net], end]
+        return [(self.x + x, self.y + y) for x, y in points]
+
+
+def lay_out(picture: Picture) -> Sheet:
+    """Place everything that a picture shows."""
+    cells = {name: _box_cell(box) for name, box in picture.boxes.items()}
+    levels: dict[str, _Level] = {}
+    for part in sorted(picture.parts, key=lambda name: -name.count(".")):
+        levels[part] = _level(picture, part, cells)
+        cells[part] = _frame_cell(picture, levels[part])
+    levels[""] = _level(picture, "", cells)
+    boxes: dict[str, Place] = {}
+    frames: dict[str, Place] = {}
+    for part in ["", *sorted(picture.parts, key=lambda name: name.count("."))]:
+        level = levels[part]
+        if part:
+            level.x += frames[part].x
+            level.y += frames[part].y
+        for cell in level.cells:
+            x, y = level.layout.places[cell.name]
+            x, y = round(level.x + x, 2), round(level.y + y, 2)
+            place = Place(x, y, cell.width, cell.height)
+            if cell.name in levels:
+                frames[cell.name] = place
+            elif cell.name in picture.boxes:
+                place.inputs = {pin: y + cell.input_y(pin) for pin in cell.inputs}
+                place.outputs = {pin: y + cell.output_y(pin) for pin in cell.outputs}
+                boxes[cell.name] = place
+    lines = {
+        (i, target): _line(picture, levels, i, target)
+        for i, net in enumerate(picture.nets)
+        for target in net.targets
+    }
+    top = levels[""].layout
+    return Sheet(picture, top.width, top.height, boxes, frames, lines)
+
+
+def _box_cell(box: Box) -> Cell:
+    inside = [text_width(pin, PORT_SIZE) for pin in box.inputs]
+    outside = [text_width(pin, PORT_SIZE) for pin in box.outputs]
+    width = max(
+        MIN_WIDTH,
+        text_width(box.title, NAME_SIZE, bold=True) + 2 * MARGIN,
+        text_width(box.type, TYPE_SIZE) + 2 * MARGIN,
+        max(inside, default=0.0) + max(outside, default=0.0) + 3 * MARGIN,
+    )
+    rows = max(len(inside), len(outside))
+
+    def heights(count: int) -> list[float]:
+        first = HEADER + ROW / 2 + (rows - count) * ROW / 2
+        return [first + ROW * i for i in range(count)]
+
+    height = HEADER + ROW * rows + FOOTER
+    sides = heights(len(inside)), heights(len(outside))
+    name = box.name
+    return Cell(name, math.ceil(width), height, box.inputs[:], box.outputs[:], *sides, stretch=True)
+
+
+def _child(level: str, box: Box) -> str | None:
+    """What stands for a block inside a part: itself, a part within, or None if it is outside."""
+    if box.part == level:
+        return box.name
+    prefix = f"{level}." if level else ""
+    if not box.part.startswith(prefix):
+        return None
+    return prefix + box.part.removeprefix(prefix).partition(".")[0]
+
+
+def _level(picture: Picture, part: str, cells: dict[str, Cell]) -> _Level:
+    inner = [name for name, box in picture.boxes.items() if box.part == part]
+    inner += [name for name, other in picture.parts.items() if other.parent == part]
+    found = {name: cells[name] for name in inner}
+    labelled: set[tuple[str, str]] = set()
+    links: dict[int, Link] = {}
+    for i, net in enumerate(picture.nets):
+        source, targets = _ends(picture, part, i, net)
+        if not targets:
+            continue
+        for name in (source[0], *(target for target, _ in targets)):
+            if name not in found:
+                found[name] = _frame_end(name)
+        label = 0.0
+        if source[0] in picture.boxes and source not in labelled:
+            labelled.add(source)
+            label = text_width(net.type, LABEL_SIZE) + 8.0
+        weight = GHOST_WEIGHT if net.is_ghost else 1.0
+        holds = picture.holds(net, source[0] if source[0] in picture.parts else "")
+        links[i] = Link(source, tuple(targets), weight, holds, math.ceil(label))
+    placed = list(found.values())
+    return _Level(part, placed, links, arrange(placed, list(links.values())))
+
+
+def _frame_end(name: str) -> Cell:
+    """The place where a wire passes through the frame of a part."""
+    if name.startswith("<"):
+        return Cell(name, outputs=[""], output_ys=[0.0], fixed=True, edge="left")
+    return Cell(name, inputs=[""], input_ys=[0.0], fixed=True, edge="right")
+
+
+def _ends(picture: Picture, part: str, i: int, net: Net) -> tuple[Pin, list[Pin]]:
+    """A net's ends as one level sees them; no targets if the net does not concern it."""
+
+    def pin(box: str, port: str, outside: Pin) -> Pin:
+        child = _child(part, picture.boxes[box])
+        if child is None:
+            return outside
+        return (child, port) if child == box else (child, str(i))
+
+    source = pin(*net.source, (f"<{i}", ""))
+    targets = dict.fromkeys(pin(*target, (f">{i}", "")) for target in net.targets)
+    if source[0] == f"<{i}":
+        targets.pop((f">{i}", ""), None)
+    if source[0] not in picture.boxes:
+        # What starts and ends in the same part inside is that part's own affair.
+        targets.pop(source, None)
+    return source, list(targets)
+
+
+def _frame_cell(picture: Picture, level: _Level) -> Cell:
+    """A part as one cell for what is around it; its pins are where its wires meet the frame."""
+    layout = level.layout
+    inputs = [cell for cell in level.cells if cell.edge == "left"]
+    outputs = [cell for cell in level.cells if cell.edge == "right"]
+    level.x = 0.0 if inputs else float(FRAME_SIDE)
+    level.y = float(FRAME_TOP)
+    width = level.x + layout.width + (0.0 if outputs else FRAME_SIDE)
+    title = text_width(picture.parts[level.part].title + " (removed)", TYPE_SIZE, bold=True)
+    width = max(width, title + 2 * MARGIN)
+    height = FRAME_TOP + layout.height + FRAME_BOTTOM
+
+    def pins(ends: list[Cell]) -> tuple[list[str], list[float]]:
+        ends.sort(key=lambda end: layout.places[end.name][1])
+        ys = [FRAME_TOP + layout.places[end.name][1] for end in ends]
+        return [end.name[1:] for end in ends], ys
+
+    (ins, in_ys), (outs, out_ys) = pins(inputs), pins(outputs)
+    return Cell(level.part, math.ceil(width), height, ins, outs, in_ys, out_ys, fixed=True)
+
+
+def _line(picture: Picture, levels: dict[str, _Level], i: int, target: Pin) -> list[Point]:
+    """The corners of a wire: out of the parts around its source, into those around its target."""
+    net = picture.nets[i]
+    source_box, target_box = picture.boxes[net.source[0]], picture.boxes[target[0]]
+    part, points = source_box.part, []
+    while _child(part, target_box) is None:
+        points += levels[part].route(i, (f">{i}", ""))
+        part = picture.parts[part].parent
+    while True:
+        child = _child(part, target_box)
+        if child is None or child == target_box.name:
+            points += levels[part].route(i, target)
+            return [(round(x, 2), round(y, 2)) for x, y in simplified(points)]
+        points += levels[part].route(i, (child, str(i)))
+        part = child

@@ -1,0 +1,86 @@
+"""A drawing as SVG: one self-contained text that looks the same in a page, a notebook, a file."""
+
+from __future__ import annotations
+
+from runtime.diagrams.shapes import Curve, Dot, Drawing, Group, Rect, Shape, Text
+
+FONTS = (
+    "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, "
+    "'Liberation Sans', 'DejaVu Sans', sans-serif"
+)
+DASHES = ' stroke-dasharray="5 3.5"'
+
+
+def to_svg(drawing: Drawing) -> str:
+    """The drawing as the text of an SVG file."""
+    width, height = _number(drawing.width), _number(drawing.height)
+    margin = _number(drawing.margin)
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
+        f'viewBox="0 0 {width} {height}" font-family="{FONTS}" role="img">',
+        f"<title>{_escape(drawing.title)}</title>",
+        f'<rect width="{width}" height="{height}" fill="#ffffff"/>',
+        f'<g transform="translate({margin} {margin})" fill="none">',
+    ]
+    for group in drawing.groups:
+        lines += _group(group)
+    return "\n".join([*lines, "</g>", "</svg>", ""])
+
+
+def _group(group: Group) -> list[str]:
+    name = f' data-name="{_escape(group.name)}"' if group.name else ""
+    about = [f"<title>{_escape(group.about)}</title>"] if group.about else []
+    shapes = [_shape(shape) for shape in group.shapes]
+    return [f'<g data-kind="{group.kind}"{name}>', *about, *shapes, "</g>"]
+
+
+def _shape(shape: Shape) -> str:
+    if isinstance(shape, Rect):
+        return _rect(shape)
+    if isinstance(shape, Curve):
+        return _curve(shape)
+    if isinstance(shape, Dot):
+        x, y, radius = map(_number, (shape.x, shape.y, shape.radius))
+        return f'<circle cx="{x}" cy="{y}" r="{radius}" fill="{shape.fill}"/>'
+    return _text(shape)
+
+
+def _rect(rect: Rect) -> str:
+    x, y, width, height = map(_number, (rect.x, rect.y, rect.width, rect.height))
+    return (
+        f'<rect x="{x}" y="{y}" width="{width}" height="{height}" rx="{_number(rect.radius)}" '
+        f'fill="{rect.fill}" stroke="{rect.stroke}" stroke-width="{_number(rect.stroke_width)}"'
+        f"{DASHES if rect.dashed else ''}/>"
+    )
+
+
+def _curve(curve: Curve) -> str:
+    path = "".join(
+        letter + " ".join(f"{_number(x)} {_number(y)}" for x, y in points)
+        for letter, points in curve.commands
+    )
+    if curve.fill:
+        return f'<path d="{path}" fill="{curve.fill}"/>'
+    dashes = DASHES if curve.dashed else ""
+    width = _number(curve.stroke_width)
+    return f'<path d="{path}" stroke="{curve.stroke}" stroke-width="{width}"{dashes}/>'
+
+
+def _text(text: Text) -> str:
+    more = "" if text.anchor == "start" else f' text-anchor="{text.anchor}"'
+    more += ' font-weight="700"' if text.bold else ""
+    place = f'x="{_number(text.x)}" y="{_number(text.y)}" font-size="{_number(text.size)}"'
+    return f'<text {place} fill="{text.fill}"{more}>{_escape(text.text)}</text>'
+
+
+def _number(value: float) -> str:
+    return f"{value:.2f}".rstrip("0").rstrip(".")
+
+
+def _escape(text: str) -> str:
+    """Text as XML takes it; what no XML file may hold becomes a question mark."""
+    marks = {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;"}
+    return "".join(
+        marks.get(letter, letter if letter.isprintable() or letter == "\n" else "?")
+        for letter in text
+    )

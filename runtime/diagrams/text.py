@@ -1,0 +1,184 @@
+"""A diagram as a text that another program lays out: Graphviz's dot, Mermaid's flowchart."""
+
+from __future__ import annotations
+
+import html
+import json
+from collections.abc import Callable, Iterable, Iterator
+from itertools import zip_longest
+
+from runtime.diagrams.diagram import Box, Net, Part, Picture
+from runtime.diagrams.layout_grid import Link, find_feedback
+from runtime.diagrams.palette import (
+    BORDER,
+    FRAME_BORDER,
+    GHOST,
+    GHOST_FILL,
+    INK,
+    PORT_INK,
+    SOFT,
+    Palette,
+    frame_fill,
+)
+
+INDENT = "  "
+MERMAID_PLAIN = frozenset(" _-.,:()[]=+*/→")
+
+
+def to_dot(picture: Picture) -> str:
+    """The diagram for Graphviz: ports on the boxes, parts as clusters, feedback without rank."""
+    palette = Palette(picture)
+    links = [Link(net.source, net.targets, holds=picture.holds(net)) for net in picture.nets]
+    back = find_feedback(list(picture.boxes), links)
+    lines = [
+        f"digraph {_dot_text(picture.title)} {{",
+        "  graph [rankdir=LR, nodesep=0.35, ranksep=0.7, fontname=Helvetica]",
+        "  node [shape=plain, fontname=Helvetica, fontsize=10]",
+        "  edge [fontname=Helvetica, fontsize=9, arrowsize=0.7]",
+        *_nested(
+            picture,
+            lambda box: f"{_dot_text(box.name)} [label=<{_dot_table(box, palette)}>]",
+            lambda part: _dot_cluster(part, picture.is_out(part.name)),
+            "}",
+        ),
+    ]
+    for i, net in enumerate(picture.nets):
+        for target in net.targets:
+            is_back = (i, target[0]) in back
+            lines.append(INDENT + _dot_edge(net, target, palette.wire(net), is_back))
+    return "\n".join([*lines, "}", ""])
+
+
+def to_mermaid(picture: Picture) -> str:
+    """The diagram for Mermaid: parts as subgraphs, wires named ``output → input``."""
+    ids = _identifiers([*picture.boxes, *picture.parts])
+    lines = [
+        *("---", f"title: {json.dumps(picture.title)}", "---", "flowchart LR"),
+        *_nested(
+            picture,
+            lambda box: f'{ids[box.name]}["{_mermaid_label(box)}"]',
+            lambda part: f'subgraph {ids[part.name]}["{_mermaid_text(part.title)}"]',
+            "end",
+        ),
+    ]
+    for net in picture.nets:
+        arrow = "-.->" if net.is_ghost else "-->"
+        for block, port in net.targets:
+            label = _mermaid_text(f"{net.source[1]} → {port}")
+            lines.append(f'  {ids[net.source[0]]} {arrow}|"{label}"| {ids[block]}')
+    gone = [ids[name] for name, box in picture.boxes.items() if box.fate]
+    if gone:
+        style = f"fill:{GHOST_FILL},stroke:{GHOST},color:{GHOST},stroke-dasharray:5 4"
+        lines += [f"  classDef removed {style}", f"  class {','.join(gone)} removed"]
+    return "\n".join([*lines, ""])
+
+
+def _nested(
+    picture: Picture,
+    node: Callable[[Box], str],
+    opening: Callable[[Part], str],
+    closing: str,
+    part: str = "",
+    depth: int = 1,
+) -> Iterator[str]:
+    """One line for each block, those of a part between an opening and a closing line."""
+    for box in picture.boxes.values():
+        if box.part == part:
+            yield INDENT * depth + node(box)
+    for inner in picture.parts.values():
+        if inner.parent == part:
+            yield INDENT * depth + opening(inner)
+            yield from _nested(picture, node, opening, closing, inner.name, depth + 1)
+            yield INDENT * depth + closing
+
+
+def _dot_table(box: Box, palette: Palette) -> str:
+    """A block as an HTML-like table whose outer cells are its ports."""
+    ink, soft, edge, fill = INK, SOFT, BORDER, palette.tints.get(box.period, GHOST_FILL)
+    style, port_ink = "ROUNDED", PORT_INK
+    if box.fate:
+        ink = soft = edge = port_ink = GHOST
+        style, fill = "ROUNDED,DASHED", GHOST_FILL
+
+    def wide(text: str) -> str:
+        return f'<TR><TD COLSPAN="2">{text}</TD></TR>'
+
+    def port(prefix: str, name: str | None, side: str) -> str:
+        if name is None:
+            return "<TD></TD>"
+        text = _coloured(_html(name), port_ink, 9)
+        return f'<TD PORT="{prefix}{_html(name)}" ALIGN="{side}">{text}</TD>'
+
+    rows = [
+        wide(_coloured(f"<B>{_html(box.title)}</B>", ink, 12)),
+        wide(_coloured(_html(box.type), soft, 9)),
+        *(
+            f"<TR>{port('in_', entry, 'LEFT')}{port('out_', exit_, 'RIGHT')}</TR>"
+            for entry, exit_ in zip_longest(box.inputs, box.outputs)
+        ),
+        wide(_coloured(_html(box.fate or box.rate), soft, 8)),
+    ]
+    return (
+        f'<TABLE BORDER="1" CELLBORDER="0" CELLSPACING="0" CELLPADDING="4" STYLE="{style}" '
+        f'COLOR="{edge}" BGCOLOR="{fill}">{"".join(rows)}</TABLE>'
+    )
+
+
+def _coloured(text: str, colour: str, size: int) -> str:
+    return f'<FONT COLOR="{colour}" POINT-SIZE="{size}">{text}</FONT>'
+
+
+def _dot_cluster(part: Part, is_out: bool) -> str:
+    style = "rounded,filled,dashed" if is_out else "rounded,filled"
+    return (
+        f"subgraph {_dot_text(f'cluster_{part.name}')} {{ graph [label={_dot_text(part.title)}, "
+        f'style="{style}", color="{FRAME_BORDER}", fillcolor="{frame_fill(part.name)}", '
+        f'fontcolor="{SOFT}", fontsize=11, labeljust=l]'
+    )
+
+
+def _dot_edge(net: Net, target: tuple[str, str], colour: str, is_back: bool) -> str:
+    ends = (
+        f"{_dot_text(net.source[0])}:{_dot_text(f'out_{net.source[1]}')}:e -> "
+        f"{_dot_text(target[0])}:{_dot_text(f'in_{target[1]}')}:w"
+    )
+    facts = [f'color="{colour}"', f'fontcolor="{colour}"']
+    if net.type and target == net.targets[0]:
+        facts.append(f"label={_dot_text(net.type)}")
+    if net.is_ghost:
+        facts.append("style=dashed")
+    if is_back:
+        facts.append("constraint=false")
+    return f"{ends} [{', '.join(facts)}]"
+
+
+def _dot_text(text: str) -> str:
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
+    return f'"{escaped}"'
+
+
+def _html(text: str) -> str:
+    return html.escape(text, quote=True)
+
+
+def _mermaid_label(box: Box) -> str:
+    title, kind, rate = map(_mermaid_text, (box.title, box.type, box.fate or box.rate))
+    return f"<b>{title}</b><br/>{kind}<br/>{rate}"
+
+
+def _mermaid_text(text: str) -> str:
+    """Text between quotes; what Mermaid may take for its own is written as a number."""
+    return "".join(c if c.isalnum() or c in MERMAID_PLAIN else f"#{ord(c)};" for c in text)
+
+
+def _identifiers(names: Iterable[str]) -> dict[str, str]:
+    """Names as Mermaid takes them: none of its keywords, no dots, all different."""
+    ids: dict[str, str] = {}
+    taken: set[str] = set()
+    for name in names:
+        plain = "b_" + name.replace(".", "__")
+        while plain in taken:
+            plain += "_"
+        taken.add(plain)
+        ids[name] = plain
+    return ids

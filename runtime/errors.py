@@ -1,0 +1,111 @@
+"""What can go wrong, each with an address and a way out; the exit codes are the CLI's."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True, order=True)
+class Where:
+    """A place in a text: file, line and column, counted from 1; line 0 is the whole file."""
+
+    file: str = ""
+    line: int = 0
+    column: int = 0
+
+    def __str__(self) -> str:
+        if not self.line or self.file.startswith("--"):
+            return self.file  # a change on the command line is short enough without
+        return f"{self.file}:{self.line}:{self.column}"
+
+
+NOWHERE = Where()
+
+
+@dataclass(frozen=True, order=True)
+class Problem:
+    """One thing that is wrong: where, at which address of the graph, and how to mend it."""
+
+    where: Where
+    address: str
+    text: str
+
+    def __str__(self) -> str:
+        line = ": ".join(part for part in (str(self.where), self.address, self.text) if part)
+        return one_line(line)
+
+
+def one_line(text: str) -> str:
+    """A text as one line: what would break or blind a line is written as an escape."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
+class SpikeblocksError(Exception):
+    """Base of all errors that people get to read; ``exit_code`` is what the CLI returns."""
+
+    exit_code = 2
+
+
+class UsageError(SpikeblocksError):
+    """A command or a call was given something it cannot use."""
+
+
+class GraphError(SpikeblocksError):
+    """A graph that cannot run. ``problems`` lists all that is wrong, in the order of the text."""
+
+    def __init__(self, problems: Iterable[Problem]) -> None:
+        self.problems = sorted(set(problems))
+        super().__init__("\n".join(map(str, self.problems)))
+
+
+class SimulationError(SpikeblocksError):
+    """A run that failed: in which block, at which tick and time (s).
+
+    ``result`` holds what was recorded before.
+    """
+
+    exit_code = 3
+
+    def __init__(self, block: str, tick: int, time: float, text: str) -> None:
+        self.block, self.tick, self.time = block, tick, time
+        self.result: object = None
+        super().__init__(f"block '{block}' at tick {tick} (t = {time:g} s): {text}")
+
+
+class MissingExtraError(SpikeblocksError):
+    """A feature needs a package that is not installed."""
+
+    exit_code = 4
+
+    def __init__(self, feature: str, extra: str) -> None:
+        super().__init__(f"{feature} needs an optional extra: pip install 'spikeblocks[{extra}]'")
+
+
+@dataclass
+class Problems:
+    """Collects problems, so that a reader sees them all at once.
+
+    What stands at a silenced place is unknown, for a reason that is reported: whatever else
+    could be said about it would only hide that reason.
+    """
+
+    found: list[Problem] = field(default_factory=list)
+    _silenced: set[Where | str] = field(default_factory=set)
+
+    def add(self, where: Where, address: str, text: str) -> None:
+        if where not in self._silenced and address not in self._silenced:
+            self.found.append(Problem(where, address, text))
+
+    def silence(self, where: Where, address: str) -> None:
+        """Take no more problems of the value that stands here, or of a list that it is in."""
+        if where.line:
+            self._silenced.add(where)
+        while address.endswith("]"):
+            self._silenced.add(address)
+            address = address[: address.rindex("[")]
+        self._silenced.add(address)
+
+    def raise_any(self) -> None:
+        if self.found:
+            raise GraphError(self.found)

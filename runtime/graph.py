@@ -1,0 +1,277 @@
+"""A graph in Python: load it, build it, change it, run it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from blocks.block import Block
+from blocks.library import BUILTIN
+from runtime.build import build
+from runtime.document import Node, dump_yaml, from_python
+from runtime.edits import add_names, set_entry, set_wire
+from runtime.errors import UsageError
+from runtime.loader import load_document, merge
+from runtime.network import Network
+
+SECTION_ORDER = (
+    *("graph", "run", "params", "blocks", "wires", "without", "bypass"),
+    *("probes", "plots", "metrics"),
+)
+
+
+class Graph:
+    """A block diagram. ``set``, ``wire``, ``without`` and ``bypass`` return changed copies;
+    ``add``, ``connect``, ``probe``, ``plot`` and ``metric`` build one up in place.
+
+    Parameters
+    ----------
+    dt : base step (s).
+    until : length of a run (s).
+    seed : of all noise and neurons.
+    title : what a plot's title says.
+    """
+
+    def __init__(
+        self, title: str = "graph", *, dt: float = 0.001, until: float = 10.0, seed: int = 0
+    ) -> None:
+        run = {"dt": dt, "until": until, "seed": seed}
+        self._document = from_python({"graph": title, "run": run, "blocks": {}})
+        self._classes: dict[str, type[Block]] = {}
+        self.source: Path | None = None
+        self.overrides: tuple[str, ...] = ()
+
+    @classmethod
+    def _of(
+        cls,
+        document: Node,
+        classes: Mapping[str, type[Block]] | None = None,
+        source: Path | None = None,
+        overrides: tuple[str, ...] = (),
+    ) -> Graph:
+        graph = cls.__new__(cls)
+        graph._document = document
+        graph._classes = dict(classes or {})
+        graph.source = source
+        graph.overrides = overrides
+        return graph
+
+    def _changed(self, document: Node, *overrides: str) -> Graph:
+        return Graph._of(document, self._classes, self.source, (*self.overrides, *overrides))
+
+    @property
+    def document(self) -> Node:
+        """The graph as a tree that knows where its text stands."""
+        return self._document
+
+    @property
+    def title(self) -> str:
+        return self.network.title
+
+    @cached_property
+    def network(self) -> Network:
+        """The checked network.
+
+        Raises
+        ------
+        GraphError : listing all that is wrong.
+        """
+        return build(self._document, self._classes)
+
+    def check(self) -> Graph:
+        """Check everything that can be checked without running; returns the graph.
+
+        Raises
+        ------
+        GraphError : listing all that is wrong with blocks, wires, loops, probes and metrics.
+        """
+        from runtime.observe import observe
+        from runtime.plan import make_plan
+
+        make_plan(self.network)
+        observe(self.network)
+        return self
+
+    def _edit(self, document: Node) -> Graph:
+        self._document = document
+        self.__dict__.pop("network", None)
+        return self
+
+    def add(self, name: str, block: Block, *, dt: float | None = None) -> Graph:
+        """Add a block under a name, at its own step ``dt`` (s) if given."""
+        kind = type(block)
+        if name in self.names:
+            raise UsageError(f"there is a block '{name}' already; blocks have names of their own")
+        entry: dict[str, Any] = {"type": kind.__name__}
+        if BUILTIN.get(kind.__name__) is not kind:
+            self._classes[kind.__name__] = kind
+        if dt is not None:
+            entry["dt"] = dt
+        entry.update(block.parameters())
+        blocks = self._document.get("blocks") or Node({})
+        return self._edit(
+            self._document.with_item("blocks", blocks.with_item(name, from_python(entry)))
+        )
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the blocks and parts."""
+        blocks = self._document.get("blocks")
+        return [name for name, _ in blocks.items()] if blocks is not None else []
+
+    def connect(self, source: str, target: str) -> Graph:
+        """Wire ``producer.output`` to ``consumer.input``; an input that takes many gains a term."""
+        block, _, port = target.partition(".")
+        entry = (self._document.get("blocks") or Node({})).get(block)
+        kind = entry.get("type") if entry is not None else None
+        cls = {**BUILTIN, **self._classes}.get(str(kind.value)) if kind is not None else None
+        declared = cls.spec.inputs.get(port) if cls is not None else None
+        value: Any = source
+        wires = self._document.get("wires") or Node({})
+        old = (wires.get(block) or Node({})).get(port)
+        if declared is not None and declared.many:
+            value = [*(old.plain() if old is not None else []), source]
+        elif old is not None:
+            raise UsageError(
+                f"'{target}' is wired to '{old.plain()}' already; use wire() to move it"
+            )
+        return self._edit(set_wire(self._document, target, value))
+
+    def _observe(self, section: str, name: str, entry: Any) -> Graph:
+        found = self._document.get(section) or Node({})
+        added = found.with_item(name, from_python(entry))
+        return self._edit(self._document.with_item(section, added))
+
+    def probe(self, name: str, *of: str, every: int | None = None) -> Graph:
+        """Record addresses under a name; without addresses, the name is the address."""
+        addresses = list(of) or [name]
+        key = name if of else name.replace(".", "_")
+        entry: dict[str, Any] = {"of": addresses if len(addresses) > 1 else addresses[0]}
+        if every is not None:
+            entry["every"] = every
+        return self._observe("probes", key, entry if every is not None else entry["of"])
+
+    def plot(self, name: str, kind: str, *of: str, **options: Any) -> Graph:
+        """Draw probes or addresses in a picture."""
+        return self._observe("plots", name, {"kind": kind, "of": list(of), **options})
+
+    def metric(self, name: str, kind: str, of: str | None = None, **options: Any) -> Graph:
+        """Measure a probe or address."""
+        entry = {"kind": kind, **({} if of is None else {"of": of}), **options}
+        return self._observe("metrics", name, entry)
+
+    def set(self, path: str, value: Any, *, origin: str = "") -> Graph:
+        """A copy with one entry changed, as in ``set("blocks.lqr.q", [1, 1, 1])``."""
+        changed = set_entry(self._document, path, value, origin)
+        return self._changed(changed, f"set {path}={value!r}")
+
+    def wire(self, consumer: str, source: Any, *, origin: str = "") -> Graph:
+        """A copy with one input wired anew, as in ``wire("lqr.error", "error.state")``."""
+        changed = set_wire(self._document, consumer, source, origin)
+        return self._changed(changed, f"wire {consumer}={source}")
+
+    def overlay(self, source: str | Path | Mapping[str, Any]) -> Graph:
+        """A copy with another graph, or part of one, laid on top as ``extends`` would."""
+        changed = merge(self._document, load_document(source))
+        name = "mapping" if isinstance(source, Mapping) else source
+        return self._changed(changed, f"with {name}")
+
+    def without(self, *names: str, origin: str = "") -> Graph:
+        """A copy without these blocks or parts and their wires."""
+        changed = add_names(self._document, "without", names, origin)
+        return self._changed(changed, *(f"without {name}" for name in names))
+
+    def bypass(self, *names: str, origin: str = "") -> Graph:
+        """A copy with the through-pair of these blocks wired straight."""
+        changed = add_names(self._document, "bypass", names, origin)
+        return self._changed(changed, *(f"bypass {name}" for name in names))
+
+    def run(
+        self,
+        *,
+        seed: int | None = None,
+        until: float | None = None,
+        progress: Callable[[int, int], None] | None = None,
+    ) -> Any:
+        """Simulate; see :class:`runtime.result.Result`.
+
+        Raises
+        ------
+        GraphError : the graph cannot run.
+        SimulationError : it failed on the way; ``error.result`` holds what was recorded.
+        """
+        from runtime.simulate import simulate
+
+        graph = self
+        if seed is not None:
+            graph = graph.set("run.seed", seed)
+        if until is not None:
+            graph = graph.set("run.until", until)
+        return simulate(graph, progress)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The graph as plain values, sections in their usual order."""
+        plain = self._document.plain()
+        ordered = {key: plain[key] for key in SECTION_ORDER if key in plain}
+        return {**ordered, **{key: value for key, value in plain.items() if key not in ordered}}
+
+    def to_yaml(self) -> str:
+        """The graph as a text that :func:`runtime.load` reads back equal."""
+        plain = self.to_dict()
+        for entry in plain.get("blocks", {}).values():
+            cls = self._classes.get(entry.get("type", ""))
+            if cls is not None and "module" not in entry:
+                entry["module"] = _source_file(cls)
+        return dump_yaml(plain)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Graph) and self._comparable() == other._comparable()
+
+    def _comparable(self) -> dict[str, Any]:
+        plain = self.to_dict()
+        for entry in plain.get("blocks", {}).values():
+            entry.pop("module", None)
+        return plain
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        return f"<Graph '{self._document.plain().get('graph')}': {', '.join(self.names)}>"
+
+    def diagram(self, format: str = "svg") -> str | bytes:
+        """The block diagram as svg, png, dot or mermaid."""
+        from runtime.diagrams.diagram import diagram
+
+        return diagram(self.network, format)
+
+    def _repr_svg_(self) -> str:
+        return str(self.diagram("svg"))
+
+
+def _source_file(cls: type[Block]) -> str:
+    import inspect
+
+    try:
+        file = inspect.getsourcefile(cls)
+    except TypeError:
+        file = None
+    if file is None or not Path(file).is_file():
+        raise UsageError(
+            f"block type {cls.__name__} is defined in no file, so a YAML graph cannot name it; "
+            "put the class into a .py file"
+        )
+    return str(Path(file).resolve())
+
+
+def load(source: str | Path | Mapping[str, Any]) -> Graph:
+    """Load a graph from a file, the name of a shipped graph, or a mapping.
+
+    Raises
+    ------
+    GraphError : the text cannot be read. Use :meth:`Graph.check` for the graph itself.
+    """
+    document = load_document(source)
+    path = None if isinstance(source, Mapping) else Path(document.where.file)
+    return Graph._of(document, source=path)

@@ -1,0 +1,225 @@
+"""From files to one self-contained document: finds graphs, merges ``extends``, inlines parts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from blocks.params import hint
+from runtime.document import Node, from_python, parse_yaml
+from runtime.errors import NOWHERE, GraphError, Problem, Problems, Where
+from runtime.sections import meant
+from runtime.syntax import place
+
+SHIPPED = Path(__file__).resolve().parent.parent / "graphs"
+SUFFIX = ".yaml"
+TYPED = ("blocks", "plots", "metrics")
+
+
+def shipped_graphs() -> list[str]:
+    """Names of the graphs that come with the package."""
+    return sorted(path.stem for path in SHIPPED.glob(f"*{SUFFIX}"))
+
+
+def load_document(source: str | Path | Mapping[str, Any]) -> Node:
+    """Read a graph with all that it extends and all its parts.
+
+    Parameters
+    ----------
+    source : a file, the name of a shipped graph, or the same mapping as a dict.
+
+    Raises
+    ------
+    GraphError : texts, or files that they name, cannot be read; all of them are named.
+    """
+    loader = _Loader()
+    if isinstance(source, Mapping):
+        document: Node | None = loader.complete(from_python(source), ())
+    else:
+        document = loader.file(str(source), NOWHERE, Path(), ())
+    loader.problems.raise_any()
+    return document or Node({})
+
+
+def merge(base: Node, top: Node, section: str = "", key: str = "") -> Node:
+    """Lay one tree over another: mappings merge, null deletes, everything else replaces.
+
+    A block, plot or metric of another ``type``, ``kind`` or ``part`` than the one below replaces
+    it whole, since the parameters of one mean nothing to the other. A null that finds nothing to
+    delete stays, and is an error where it is read: it may be a slip of the pen. ``section`` and
+    ``key`` name the mapping that holds the two, and the two in it.
+    """
+    if not (base.is_map and top.is_map) or (section in TYPED and _is_another(base, top)):
+        return top
+    return _merge_entries(base, top, key)
+
+
+def _merge_entries(base: Node, top: Node, key: str) -> Node:
+    merged = dict(base.value)
+    for name, node in top.items():
+        below = merged.get(name)
+        if below is None:
+            merged[name] = node
+        elif node.value is None:
+            del merged[name]
+        else:
+            merged[name] = merge(below, node, key, name)
+    return Node(merged, top.where, top.key)
+
+
+def _is_another(base: Node, top: Node) -> bool:
+    for name in ("type", "kind", "part"):
+        above, below = top.get(name), base.get(name)
+        if above is not None and (below is None or below.value != above.value):
+            return True
+    return False
+
+
+def find_file(name: str, where: Where, folder: Path, noun: str = "graph") -> Path:
+    """A graph or world by path, as seen from ``folder``, or by the name of a shipped one.
+
+    Raises
+    ------
+    GraphError : there is none.
+    """
+    written = Path(name)
+    places = [folder / written, folder / f"{name}{SUFFIX}"]
+    if not written.is_absolute():
+        places += [SHIPPED / written, SHIPPED / f"{name}{SUFFIX}"]
+    try:
+        for candidate in places:
+            if candidate.is_file():
+                return candidate
+        is_folder = bool(name) and (folder / written).is_dir()
+        near = [path.name for path in (folder / written).parent.glob(f"*{SUFFIX}")]
+    except OSError as error:
+        raise GraphError([Problem(where, "", f"'{name[:60]}': {error.strerror}")]) from None
+    worlds = [str(path.relative_to(SHIPPED)) for path in SHIPPED.glob(f"worlds/*{SUFFIX}")]
+    shipped = shipped_graphs() if noun == "graph" else sorted(worlds)
+    # Compared without suffixes, which would make any two files look alike.
+    known = {Path(n).stem: n for n in shipped}
+    known |= {Path(n).stem: str(written.parent / n) for n in near if n != Path(where.file).name}
+    close = meant(written.stem, known)
+    mend = f"; shipped {noun}s: {', '.join(shipped)}"
+    mend = f", did you mean '{known[close]}'?" if close else mend
+    said = "is a folder" if is_folder else f"no such {noun}"
+    raise GraphError([Problem(where, "", f"'{name}': {said}{mend}")])
+
+
+class _Loader:
+    """Reads files, and goes on after a problem, so that all of them are found.
+
+    ``above`` holds the files that are being read, the outermost first.
+    """
+
+    def __init__(self) -> None:
+        self.problems = Problems()
+
+    def file(self, name: str, where: Where, folder: Path, above: tuple[Path, ...]) -> Node | None:
+        try:
+            path = find_file(name, where, folder)
+            document = parse_yaml(self.text(path, where), str(path))
+        except GraphError as error:
+            self.problems.found += error.problems
+            return None
+        if path.resolve() in above:
+            chain = " ▸ ".join(p.name for p in (*above, path))
+            said = f"graphs refer to each other in a circle: {chain}"
+            self.problems.add(where, "", said)
+            return None
+        if not document.is_map:
+            said = f"expected a mapping with blocks and wires, got {document.describe()}"
+            self.problems.add(document.where, "", said)
+            return None
+        return self.complete(document, (*above, path.resolve()))
+
+    def text(self, path: Path, where: Where) -> str:
+        try:
+            data = path.read_bytes()
+            return data.decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            before = data[: error.start].decode("utf-8-sig")
+            said = f"byte 0x{data[error.start]:02X} is not UTF-8; save the file as UTF-8"
+            raise GraphError([Problem(place(before, len(before), str(path)), "", said)]) from None
+        except OSError as error:
+            said = f"cannot read '{path}': {error.strerror}"
+            raise GraphError([Problem(where, "", said)]) from None
+
+    def named(self, node: Node, address: str, what: str, above: tuple[Path, ...]) -> Node | None:
+        """The graph that a text in a graph names."""
+        if not is_path(node):
+            self.problems.add(node.where, address, f"expected {what}, got {node.describe()}")
+            return None
+        return self.file(node.value, node.where, _folder(node), above)
+
+    def complete(self, document: Node, above: tuple[Path, ...]) -> Node:
+        """Merge what the document extends, and inline the parts that its blocks name."""
+        extends = document.get("extends")
+        document = self.parts(document.with_item("extends", None), "blocks", above)
+        document = self.world(document)
+        if extends is None:
+            return document
+        base: Node | None = None
+        for node in extends.value if extends.is_list else [extends]:
+            below = self.named(node, "extends", "a graph's file or name", above)
+            if below is not None:
+                base = below if base is None else merge(base, below)
+        return document if base is None else merge(base, document)
+
+    def world(self, document: Node) -> Node:
+        """Put in the world that a text names."""
+        node = document.get("world")
+        if node is None or not is_path(node):
+            return document
+        try:
+            path = find_file(node.value, node.where, _folder(node), "world")
+            world = parse_yaml(self.text(path, node.where), str(path))
+        except GraphError as error:
+            self.problems.found += error.problems
+            return document.with_item("world", None)
+        return document.with_item("world", Node(world.value, world.where, node.key))
+
+    def parts(self, document: Node, address: str, above: tuple[Path, ...]) -> Node:
+        blocks = document.get("blocks")
+        if blocks is None or not blocks.is_map:
+            return document
+        for name, entry in blocks.items():
+            inner = f"{address}.{name}"
+            part, module = entry.get("graph"), entry.get("module")
+            if part is not None:
+                blocks = blocks.with_item(name, self.part(entry, part, inner, above))
+            elif entry.get("blocks") is not None:
+                blocks = blocks.with_item(name, self.parts(entry, f"{inner}.blocks", above))
+            elif module is not None and is_path(module):
+                # From here on the tree stands by itself; the path must not hang on this file.
+                file = str((_folder(module) / module.value).resolve())
+                changed = entry.with_item("module", Node(file, module.where, module.key))
+                blocks = blocks.with_item(name, changed)
+        return document.with_item("blocks", blocks)
+
+    def part(self, entry: Node, part: Node, address: str, above: tuple[Path, ...]) -> Node:
+        below = self.named(part, f"{address}.graph", "the file of a part", above)
+        if below is None:
+            return entry
+        params, given = below.get("params"), entry.get("params")
+        for name, node in given.items() if given is not None else ():
+            if params is None or params.get(name) is None:
+                known = [] if params is None else [key for key, _ in params.items()]
+                mend = hint(name, known) or f"; it has {', '.join(known) or 'none'}"
+                said = f"the part has no param '{name}'{mend}"
+                self.problems.add(node.key, f"{address}.params.{name}", said)
+        below = below.with_item("graph", None)
+        rest = self.parts(entry.with_item("graph", None), f"{address}.blocks", above)
+        merged = _merge_entries(below, rest, "").with_item("part", part)
+        return Node(merged.value, entry.where, entry.key)
+
+
+def is_path(node: Node) -> bool:
+    """Whether a value can name a file; ``$names`` are filled in after files are read."""
+    return isinstance(node.value, str) and node.value.isprintable() and node.value[:1] not in "$"
+
+
+def _folder(node: Node) -> Path:
+    """The folder that a path written in a node is relative to."""
+    return Path(node.where.file).parent if node.where.line else Path()

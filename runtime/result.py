@@ -1,0 +1,146 @@
+"""What a run gives back: recorded signals with times and units, and metrics."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from blocks.params import hint
+from blocks.signals import FloatArray
+from blocks.world import World
+from runtime.errors import UsageError
+from runtime.metrics import Metric, Series
+from runtime.observe import PlotSpec
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """One probe's recording.
+
+    t : times (rows,) in seconds. values : (rows,) for a scalar, (rows, columns) for a record or
+    several signals, (rows, n, columns) for a table. ``addresses`` gives each signal its columns.
+    """
+
+    name: str
+    t: FloatArray
+    values: FloatArray
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+    kinds: tuple[str, ...]
+    addresses: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    auto: bool = False
+
+    def column(self, address: str) -> FloatArray:
+        """The values of one of the signals that the probe holds."""
+        start, stop = self.addresses[address]
+        if len(self.addresses) == 1:
+            return self.values
+        return self.values[:, start] if stop == start + 1 else self.values[:, start:stop]
+
+
+@dataclass
+class Result:
+    """A run: ``result["plant.pose"]`` is an array, ``result.metrics`` a dict.
+
+    Names are those of probes, or the addresses that they record. ``world`` holds the walls that
+    the graph had, if any.
+    """
+
+    title: str
+    probes: dict[str, Recorded]
+    metrics: dict[str, float | None]
+    plots: list[PlotSpec]
+    manifest: dict[str, Any]
+    texts: dict[str, str] = field(default_factory=dict)
+    files: dict[str, Path] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+    failures: list[str] = field(default_factory=list)
+    world: World | None = None
+
+    @property
+    def status(self) -> str:
+        """complete, interrupted or failed."""
+        return str(self.manifest["status"])
+
+    @property
+    def ticks(self) -> int:
+        return int(self.manifest["ticks"])
+
+    def __getitem__(self, name: str) -> FloatArray:
+        recorded, address = self._find(name)
+        return recorded.column(address) if address else recorded.values
+
+    def time(self, name: str) -> FloatArray:
+        """Times (s) of the rows of ``result[name]``."""
+        return self._find(name)[0].t
+
+    def __contains__(self, name: object) -> bool:
+        return name in set(self)
+
+    def __iter__(self) -> Iterator[str]:
+        yield from self.probes
+        for recorded in self.probes.values():
+            yield from (a for a in recorded.addresses if a not in self.probes)
+
+    def _find(self, name: str) -> tuple[Recorded, str]:
+        if name in self.probes:
+            return self.probes[name], ""
+        for recorded in self.probes.values():
+            if name in recorded.addresses:
+                return recorded, name
+        whole, _, _ = name.rpartition(".")
+        for recorded in self.probes.values():
+            if whole in recorded.addresses and name in recorded.labels:
+                at = recorded.labels.index(name)
+                values = recorded.values[:, at]
+                return Recorded(
+                    name, recorded.t, values, (name,), ("",), ("Scalar",), {name: (0, 1)}
+                ), ""
+        known = sorted(self)
+        raise KeyError(f"'{name}' was not recorded{hint(name, known) or ': ' + ', '.join(known)}")
+
+    def plot(self, name: str | None = None) -> Figure | dict[str, Figure]:
+        """Draw one of the graph's plots, or all of them, as matplotlib figures."""
+        from runtime.pictures.plots import draw
+
+        if name is None:
+            return {plot.name: draw(plot, self) for plot in self.plots}
+        for plot in self.plots:
+            if plot.name == name:
+                return draw(plot, self)
+        names = [plot.name for plot in self.plots]
+        raise UsageError(f"there is no plot '{name}'{hint(name, names) or ': ' + ', '.join(names)}")
+
+    def save(self, folder: str | Path) -> Path:
+        """Write the run into a folder that must not exist yet; returns the folder."""
+        from runtime.record import save
+
+        return save(self, Path(folder))
+
+    def __repr__(self) -> str:
+        shown = ", ".join(
+            f"{k}={v:.4g}" if v is not None else f"{k}=None" for k, v in self.metrics.items()
+        )
+        return f"<Result of '{self.title}': {self.status}, {self.ticks} ticks; {shown}>"
+
+
+def evaluate(
+    metrics: list[Metric], probes: Mapping[str, Recorded], world: World | None = None
+) -> tuple[dict[str, float | None], list[str]]:
+    """All metrics' values, and what is wrong with those that carry an expectation."""
+    series = {name: Series(r.t, r.values) for name, r in probes.items()}
+    values = {metric.name: metric.value(series, world) for metric in metrics}
+    failures = [text for m in metrics if (text := m.expectation(values[m.name]))]
+    return values, failures
+
+
+def times(rows: int, every: int, dt: float) -> FloatArray:
+    """The times of a probe's rows: k * every * dt, computed, not accumulated."""
+    return np.arange(rows, dtype=np.float64) * (every * dt)

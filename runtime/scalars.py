@@ -1,0 +1,61 @@
+"""Plain scalars by YAML 1.2's core schema: ``1e-3`` is a number, ``on`` a text, ``010`` ten."""
+
+from __future__ import annotations
+
+import math
+import re
+from typing import Any
+
+_INT = re.compile(r"[-+]?[0-9]+")
+_OTHER_INT = re.compile(r"0o[0-7]+|0x[0-9a-fA-F]+")
+_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+_WORDS: dict[str, Any] = {
+    **dict.fromkeys(("", "~", "null", "Null", "NULL"), None),
+    **dict.fromkeys(("true", "True", "TRUE"), True),
+    **dict.fromkeys(("false", "False", "FALSE"), False),
+    **dict.fromkeys((".inf", ".Inf", ".INF", "+.inf", "+.Inf", "+.INF"), math.inf),
+    **dict.fromkeys(("-.inf", "-.Inf", "-.INF"), -math.inf),
+    **dict.fromkeys((".nan", ".NaN", ".NAN"), math.nan),
+}
+MAX_DIGITS = 400
+
+
+def parse_scalar(text: str) -> Any:
+    """The value of a plain scalar.
+
+    Raises
+    ------
+    ValueError : a number that no float can hold.
+    """
+    if text in _WORDS:
+        return _WORDS[text]
+    if _INT.fullmatch(text):
+        digits = text.lstrip("+-").lstrip("0")
+        return fitting(int(text)) if len(digits) <= MAX_DIGITS else fitting(10**MAX_DIGITS)
+    if _OTHER_INT.fullmatch(text):
+        return fitting(int(text, 0))
+    if _FLOAT.fullmatch(text):
+        number = float(text)
+        if math.isinf(number):
+            raise ValueError("too large for a number; infinity is written .inf")
+        if number == 0.0 and re.search("[1-9]", re.split("[eE]", text)[0]):
+            raise ValueError("too small for a number; write 0 if you mean it")
+        return number
+    return text
+
+
+def fitting(number: int) -> int:
+    """The number, if a float can hold it."""
+    try:
+        float(number)
+    except OverflowError:
+        raise ValueError("too large for a number; infinity is written .inf") from None
+    return number
+
+
+def is_text(text: str) -> bool:
+    """Whether a plain scalar that is written so reads back as a text."""
+    try:
+        return isinstance(parse_scalar(text), str)
+    except ValueError:
+        return False

@@ -1,0 +1,111 @@
+"""One run of a graph, from checked network to result."""
+
+from __future__ import annotations
+
+import platform
+import sys
+from collections.abc import Callable
+from datetime import datetime
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+from runtime.document import dump_yaml
+from runtime.engine import Engine, Outcome
+from runtime.graph import Graph
+from runtime.observe import Observation, Probe, observe
+from runtime.record import SCHEMA_VERSION, portable_modules
+from runtime.result import Recorded, Result, evaluate, times
+
+PACKAGES = ("spikeblocks", "numpy", "scipy", "networkx", "pyyaml", "matplotlib")
+
+
+def simulate(graph: Graph, progress: Callable[[int, int], None] | None = None) -> Result:
+    """Run a graph; see :meth:`runtime.graph.Graph.run`."""
+    network = graph.network
+    observation = observe(network)
+    began = datetime.now().astimezone()
+    outcome = Engine(network, observation).run(progress)
+    probes = {
+        name: _recorded(probe, outcome, network.dt) for name, probe in observation.probes.items()
+    }
+    metrics, failures = evaluate(observation.metrics, probes, network.world)
+    resolved, files = portable_modules(_resolved(graph))
+    text = graph.source.read_text(encoding="utf-8") if graph.source else dump_yaml(resolved)
+    result = Result(
+        title=network.title,
+        probes=probes,
+        metrics=metrics,
+        plots=observation.plots,
+        manifest=_manifest(graph, outcome, observation, began),
+        texts={"graph.yaml": text, "graph.resolved.yaml": dump_yaml(resolved)},
+        files=files,
+        notes=observation.notes,
+        failures=failures,
+        world=network.world,
+    )
+    if outcome.error is not None:
+        outcome.error.result = result
+        raise outcome.error
+    return result
+
+
+def _recorded(probe: Probe, outcome: Outcome, dt: float) -> Recorded:
+    values = outcome.arrays[probe.name]
+    addresses, start = {}, 0
+    for signal in probe.signals:
+        width = len(signal.labels)
+        addresses[signal.address] = (start, start + width)
+        start += width
+    return Recorded(
+        name=probe.name,
+        t=times(len(values), probe.every, dt),
+        values=values,
+        labels=probe.labels,
+        units=probe.units,
+        kinds=tuple(signal.kind for signal in probe.signals),
+        addresses=addresses,
+        auto=probe.auto,
+    )
+
+
+def _resolved(graph: Graph) -> dict[str, Any]:
+    """The document with everything about the run written out."""
+    network = graph.network
+    run = {"dt": network.dt, "until": network.until, "seed": network.seed}
+    return {**graph.to_dict(), "run": run}
+
+
+def _manifest(
+    graph: Graph, outcome: Outcome, observation: Observation, began: datetime
+) -> dict[str, Any]:
+    network = graph.network
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "graph": network.title,
+        "source": str(graph.source) if graph.source else None,
+        "status": outcome.status,
+        "error": str(outcome.error) if outcome.error else None,
+        "seed": network.seed,
+        "dt": network.dt,
+        "until": network.until,
+        "ticks": outcome.ticks,
+        "wall_s": outcome.wall_s,
+        "us_per_tick": 1e6 * outcome.wall_s / max(1, outcome.ticks),
+        "started": began.isoformat(timespec="seconds"),
+        "argv": sys.argv,
+        "overrides": list(graph.overrides),
+        "removed": dict(network.removed),
+        "notes": list(observation.notes),
+        "versions": versions(),
+    }
+
+
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that a run's numbers hang on."""
+    found = {"python": platform.python_version()}
+    for name in PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "not installed"
+    return found

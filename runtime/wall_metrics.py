@@ -1,0 +1,91 @@
+"""Metrics of wall following: how far a pose is from where it should be, in the graph's world."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from blocks.signals import FloatArray
+from blocks.world import World
+
+REACHED = 0.02
+CLEAR = 0.1
+NEAR = 0.4
+
+
+def since_reached(world: World, xy: FloatArray, d: float) -> FloatArray:
+    """The places from the first one on that is within 2 cm of the contour at ``d``, (k, 2)."""
+    close = np.abs(world.distance(xy) - d) <= REACHED
+    return xy[int(np.argmax(close)) :] if close.any() else xy[:0]
+
+
+def distance_mae(world: World, xy: FloatArray, options: Mapping[str, Any]) -> float:
+    """Mean of |distance to the nearest surface - d| (m), from when the contour is reached."""
+    d = float(options["distance"])
+    return _mean(np.abs(world.distance(since_reached(world, xy, d)) - d))
+
+
+def distance_mae_reachable(world: World, xy: FloatArray, options: Mapping[str, Any]) -> float:
+    """The same, without the places within a turning radius of a kink of the contour."""
+    d = float(options["distance"])
+    places = since_reached(world, xy, d)
+    fair = places[world.reachable(places, d, float(options["turning_radius"]))]
+    return _mean(np.abs(world.distance(fair) - d))
+
+
+def distance_mae_cylinders(world: World, xy: FloatArray, options: Mapping[str, Any]) -> float:
+    """Mean of |distance to a cylinder - d| (m), where the robot's projection onto the cylinder's
+    offset circle is clear of everything else's offset by 10 cm.
+
+    Which surface counts is decided by the projection, not by which one is nearest: a robot that
+    has strayed to another surface would otherwise drop out of the figure.
+    """
+    d = float(options["distance"])
+    places = since_reached(world, xy, d)
+    errors = [np.zeros(0)]
+    for i, (x, y, r) in enumerate(world.circles.tolist()):
+        offset = places - (x, y)
+        away = np.hypot(offset[:, 0], offset[:, 1])
+        projected = (x, y) + offset * ((r + d) / np.maximum(away, 1e-12))[:, None]
+        others = _others(world, i)
+        error = np.abs(away - r - d)
+        here = error < NEAR
+        if others is not None:
+            here &= others.distance(projected) >= d + CLEAR
+        errors.append(error[here])
+    return _mean(np.concatenate(errors))
+
+
+def loops(world: World, xy: FloatArray, options: Mapping[str, Any]) -> float:
+    """Turns around the loop of the contour that the robot reached first."""
+    d = float(options["distance"])
+    places = since_reached(world, xy, d)
+    contours = world.offset_contour(d)
+    if len(places) < 2 or not contours:
+        return 0.0
+    contour = min(contours, key=lambda c: np.hypot(*(c - places[0]).T).min())[:-1]
+    nearest = np.array([np.hypot(*(contour - place).T).argmin() for place in places[::5]])
+    n = len(contour)
+    steps = (np.diff(nearest) + n // 2) % n - n // 2
+    return float(steps.sum() / n)
+
+
+def distance_floor(world: World, xy: FloatArray, options: Mapping[str, Any]) -> float:
+    """What the mean error cannot fall below for a robot of that turning radius (m)."""
+    start = (float(xy[-1, 0]), float(xy[-1, 1])) if len(xy) else None
+    return world.kink_floor(float(options["distance"]), float(options["turning_radius"]), start)
+
+
+def _others(world: World, i: int) -> World | None:
+    """The world without one of its circles; None if nothing is left."""
+    rest = dict(world.description)
+    rest["circles"] = [circle for k, circle in enumerate(rest.get("circles", [])) if k != i]
+    left = {key: value for key, value in rest.items() if value}
+    return World(left) if left else None
+
+
+def _mean(values: FloatArray) -> float:
+    return float(values.mean()) if len(values) else math.nan

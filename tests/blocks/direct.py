@@ -1,0 +1,43 @@
+"""Calls a block's methods by hand, without an engine."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from blocks import Block, BlockState, Setting, SignalType
+
+# What the types of the library cannot be made without; a new type with such a parameter belongs
+# here, and is then tested and checked with the others.
+REQUIRED: dict[str, dict[str, Any]] = {
+    "WaypointPath": {"points": [[0, 0], [1, 0], [1, 1], [0, 1]]},
+    "Constant": {"value": 1.0},
+    "Gain": {"gain": 2.0},
+    "Lowpass": {"tau": 0.1},
+    "Saturator": {"omega_max": 1.0},
+    "ActuatorLag": {"tau": 0.1},
+    "ActuatorDelay": {"delay": 0.03},
+}
+
+
+def state_of(
+    block: Block,
+    types: Mapping[str, SignalType] | None = None,
+    *,
+    dt: float = 0.01,
+    seed: int = 0,
+    terms: Mapping[str, tuple[bool, ...]] | None = None,
+) -> BlockState:
+    """A started state; the block's states must have shapes of numbers, or like a port's."""
+    kinds: dict[str, Any] = {name: port.type for name, port in block.spec.ports.items()}
+    setting = Setting(dt, {**kinds, **(types or {})}, terms or {})
+    block.validate_in(setting)
+    arrays = {
+        name: np.zeros(setting.types[s.like].shape if s.like else s.shape)
+        for name, s in block.spec.states.items()
+    }
+    state = BlockState(setting, np.random.SeedSequence(seed), arrays)
+    block.start(state)
+    return state

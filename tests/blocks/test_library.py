@@ -1,0 +1,87 @@
+"""The library, and blocks that come from a file."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+import blocks
+from blocks.library import BUILTIN, blocks_of_module
+
+SOURCE = '''
+from blocks import Block, Gain, Output, Scalar
+
+class Here(Block):
+    """A block."""
+    out = Output(Scalar)
+    def output(self, state, t):
+        return VALUE
+
+class NoBlock:
+    pass
+'''
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "mine.py"
+    path.write_text(SOURCE.replace("VALUE", "1.0"), encoding="utf-8")
+    return path
+
+
+def test_every_built_in_block_can_be_imported_by_its_name() -> None:
+    for name, cls in BUILTIN.items():
+        assert getattr(blocks, name) is cls
+        assert name in blocks.__all__
+
+
+def test_all_names_exist_and_are_sorted() -> None:
+    assert all(hasattr(blocks, name) for name in blocks.__all__)
+    assert len(set(blocks.__all__)) == len(blocks.__all__)
+
+
+def test_blocks_of_a_file_are_those_it_defines(file: Path) -> None:
+    found = blocks_of_module(file)
+    assert list(found) == ["Here"]
+    assert found["Here"]().output(None, 0.0) == 1.0
+
+
+def test_a_file_is_run_once_until_it_changes(file: Path) -> None:
+    first = blocks_of_module(file)["Here"]
+    assert blocks_of_module(file)["Here"] is first
+    file.write_text(SOURCE.replace("VALUE", "2.0"), encoding="utf-8")
+    os.utime(file, ns=(1, 1))
+    second = blocks_of_module(file)["Here"]
+    assert second is not first
+    assert second().output(None, 0.0) == 2.0
+
+
+def test_files_of_one_name_in_two_folders(file: Path, tmp_path: Path) -> None:
+    other = tmp_path / "sub" / "mine.py"
+    other.parent.mkdir()
+    other.write_text(SOURCE.replace("VALUE", "3.0"), encoding="utf-8")
+    os.utime(other, ns=(2, 2))
+    os.utime(file, ns=(2, 2))
+    assert blocks_of_module(file)["Here"]().output(None, 0.0) == 1.0
+    assert blocks_of_module(other)["Here"]().output(None, 0.0) == 3.0
+
+
+def test_a_file_that_fails_leaves_no_module(tmp_path: Path) -> None:
+    path = tmp_path / "broken.py"
+    path.write_text("import blocks\nraise RuntimeError('as told')\n", encoding="utf-8")
+    for _ in range(2):
+        with pytest.raises(RuntimeError, match="as told"):
+            blocks_of_module(path)
+    assert not [name for name in sys.modules if "broken" in name]
+
+
+def test_what_is_no_python_file(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError):
+        blocks_of_module(tmp_path / "none.py")
+    text = tmp_path / "notes.txt"
+    text.write_text("", encoding="utf-8")
+    with pytest.raises(ImportError, match="is no Python file"):
+        blocks_of_module(text)

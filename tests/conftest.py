@@ -1,0 +1,33 @@
+"""Shared by all tests: the real console script, and small graphs."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Run = Callable[..., "subprocess.CompletedProcess[str]"]
+
+
+@pytest.fixture(scope="session")
+def script() -> Path:
+    """The installed console script."""
+    path = Path(sys.executable).parent / "runtime"
+    if not path.exists():
+        pytest.fail(f"{path} is missing; install the project: pip install -e '.[test]'")
+    return path
+
+
+@pytest.fixture
+def cli(script: Path, tmp_path: Path) -> Run:
+    """Runs the console script in an empty folder; returns the completed process."""
+
+    def run(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
+        settings: dict[str, Any] = {"cwd": tmp_path, "capture_output": True, "text": True}
+        return subprocess.run([str(script), *arguments], **{**settings, **options})
+
+    return run

@@ -1,0 +1,276 @@
+"""Metrics against closed forms, and what they refuse to measure."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import runtime
+from blocks.signals import FloatArray
+from runtime.document import parse_yaml
+from runtime.metrics import KINDS, Metric, Series, Watched
+from tests.runtime.broken import SOUND, changed
+
+T = np.linspace(0.0, 10.0, 1001)
+
+
+def value(kind: str, values: Any, t: FloatArray = T, **options: Any) -> float | None:
+    """A metric of one signal."""
+    series = Series(t, np.asarray(values, dtype=float))
+    return Metric("m", kind, {"of": "p"}, options).value({"p": series})
+
+
+# -- closed forms
+
+
+def test_settling_time_of_a_decay() -> None:
+    # |3 exp(-t)| <= 0.1 from t = ln 30 = 3.401...: the next sample is 3.41.
+    assert value("settling_time", 3.0 * np.exp(-T), band=0.1) == pytest.approx(3.41)
+    assert value("settling_time", -3.0 * np.exp(-T), band=0.1) == pytest.approx(3.41)
+
+
+def test_settling_time_is_the_last_entry_into_the_band() -> None:
+    assert value("settling_time", [0, 5, 0, 5, 1, 1], np.arange(6.0), band=1) == 4.0
+    assert value("settling_time", [5, 5, 1], np.arange(3.0), band=1.0) == 2.0
+    assert value("settling_time", [0, 0, 0], np.arange(3.0), band=0) == 0.0
+    assert value("settling_time", [0, 0, 5], np.arange(3.0), band=1) is None
+
+
+def test_settling_time_of_columns_waits_for_the_slowest() -> None:
+    both = np.column_stack((3.0 * np.exp(-T), 30.0 * np.exp(-T)))
+    # The second column is in from ln 300 = 5.703... on; with a band of 10 from ln 3 = 1.098...
+    assert value("settling_time", both, band=0.1) == pytest.approx(5.71)
+    assert value("settling_time", both, band=[0.1, 10.0]) == pytest.approx(3.41)
+
+
+def test_settling_time_counts_from_after() -> None:
+    assert value("settling_time", [0, 0, 5, 0], np.arange(4.0), band=1, after=3.0) == 3.0
+
+
+def test_mean_rms_and_max_of_a_sine() -> None:
+    sine = np.sin(2.0 * np.pi * T)[:-1]
+    # Ten whole periods: mean |sin| = 2 / pi, mean sin^2 = 1/2; sampled 100 times a period.
+    assert value("mean_abs", sine, T[:-1]) == pytest.approx(2.0 / math.pi, rel=1e-3)
+    assert value("rms", sine, T[:-1]) == pytest.approx(math.sqrt(0.5), rel=1e-12)
+    assert value("max_abs", -3.0 * sine, T[:-1]) == pytest.approx(3.0, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("kind", "expected"), [("mean_abs", 2.0), ("rms", math.sqrt(14 / 3)), ("max_abs", 3.0)]
+)
+def test_numbers_by_hand(kind: str, expected: float) -> None:
+    assert value(kind, [1, -2, 3], np.arange(3.0)) == pytest.approx(expected, rel=1e-15)
+    assert value(kind, [[1], [-2], [3]], np.arange(3.0)) == pytest.approx(expected, rel=1e-15)
+
+
+def test_final_and_displacement() -> None:
+    assert value("final", [1, -2, 3], np.arange(3.0)) == 3.0
+    assert value("displacement", [1, -2, 3], np.arange(3.0)) == 2.0
+    assert value("displacement", [[1], [-2], [3]], np.arange(3.0)) == 2.0
+    assert value("displacement", [[1, 1, 9], [7, 7, 7], [4, 5, 0]], np.arange(3.0)) == 5.0
+
+
+def test_path_length_of_a_polygon_and_of_a_circle() -> None:
+    corners = [[0, 0, 1], [3, 4, 2], [3, 0, 3]]
+    assert value("path_length", corners, np.arange(3.0)) == 9.0
+    angle = np.linspace(0.0, 2.0 * np.pi, 1001)
+    circle = 2.0 * np.column_stack((np.cos(angle), np.sin(angle)))
+    # The chords of 1000 equal arcs: 1000 * 2 r sin(pi / 1000).
+    assert value("path_length", circle) == pytest.approx(4000.0 * math.sin(math.pi / 1000))
+
+
+def test_lqr_cost_is_the_papers_sum() -> None:
+    x = np.array([[1.0, 0.0, 2.0], [0.0, 3.0, 0.0], [1.0, 1.0, 1.0]])
+    u = np.array([[1.0, 2.0], [3.0, 0.0], [5.0, 5.0]])
+    t = np.arange(3.0)
+    series = {"s": Series(t, x), "c": Series(t, u)}
+    inputs = {"state": "s", "command": "c"}
+
+    def cost(**options: Any) -> float | None:
+        return Metric("m", "lqr_cost", inputs, options).value(series)
+
+    # Twice J: (1 + 3*4) + 2*9 of x, (1 + 2*4) + 9 of u; the last row counts with q_final alone.
+    assert cost(q=[1, 2, 3], r=[1, 2]) == 0.5 * (13 + 18 + 9 + 9)
+    assert cost(q=[1, 2, 3], r=[1, 2], q_final=[10, 20, 30]) == 0.5 * (49 + 60)
+    q = np.diag([1.0, 2.0, 3.0])
+    q[0, 2] = q[2, 0] = 0.5  # adds 2 * 0.5 * x_0 * x_2 = 2 in the first row
+    assert cost(q=q.tolist(), r=[[1, 0], [0, 2]]) == 0.5 * (13 + 2 + 18 + 9 + 9)
+
+
+def test_lqr_cost_of_single_columns() -> None:
+    t = np.arange(3.0)
+    series = {"s": Series(t, np.array([1.0, 2.0, 3.0])), "c": Series(t, np.array([[1.0]] * 3))}
+    for q, r in ((2, 4), ([2], [4]), ([[2]], [[4]])):
+        metric = Metric("m", "lqr_cost", {"state": "s", "command": "c"}, {"q": q, "r": r})
+        assert metric.value(series) == 0.5 * (2 * (1 + 4) + 4 * 2)
+
+
+@given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=20), st.floats(0.0, 1e3))
+def test_settling_time_by_its_definition(values: list[float], band: float) -> None:
+    t = np.arange(len(values), dtype=float)
+    inside = [i for i in range(len(values)) if all(abs(v) <= band for v in values[i:])]
+    assert value("settling_time", values, t, band=band) == (inside[0] if inside else None)
+
+
+def test_after_cuts_all_signals() -> None:
+    assert value("mean_abs", [9, 9, 1, 3], np.arange(4.0), after=2.0) == 2.0
+    assert value("displacement", [9, 9, 1, 3], np.arange(4.0), after=2) == 2.0
+    assert value("final", [1.0], np.zeros(1), after=0.5) is None
+
+
+def test_no_value_without_numbers() -> None:
+    assert value("final", [1, math.nan], np.arange(2.0)) is None
+    assert Metric("m", "final", {"of": None}).value({}) is None
+    assert Metric("m", "final", {"of": "p"}).value({}) is None
+
+
+# -- expectations
+
+
+@pytest.mark.parametrize(
+    ("options", "number", "message"),
+    [
+        ({"below": 1}, 0.5, ""),
+        ({"below": 1}, 1.0, "metric 'm': expected below 1, got 1"),
+        ({"above": 1}, 1.5, ""),
+        ({"above": 1}, 0.25, "metric 'm': expected above 1, got 0.25"),
+        ({"above": 0, "below": 1}, 2.0, "metric 'm': expected below 1, got 2"),
+        ({"below": 1}, None, "metric 'm': expected below 1, got none"),
+        ({}, None, ""),
+    ],
+)
+def test_expectations(options: dict[str, float], number: float | None, message: str) -> None:
+    assert Metric("m", "final", {"of": "p"}, options).expectation(number) == message
+
+
+# -- what is refused
+
+SCALAR = Watched((), ("m",))
+POSE = Watched((3,), ("m", "m", "rad"))
+TWIST = Watched((2,), ("m/s", "rad/s"))
+TABLE = Watched((5, 2), ("m", "m"))
+
+
+def complaints(kind: str, options: dict[str, Any], **signals: Watched) -> list[tuple[str, str]]:
+    return list(KINDS[kind].check(options, signals))
+
+
+@pytest.mark.parametrize("kind", ["mean_abs", "rms", "max_abs", "final"])
+def test_one_column_metrics(kind: str) -> None:
+    assert complaints(kind, {}, of=SCALAR) == []
+    assert complaints(kind, {}, of=Watched((1,), ("",))) == []
+    said = "expected one column, got 3; name one, as in plant.pose.theta"
+    assert complaints(kind, {}, of=POSE) == [("of", said)]
+    table = "expected a scalar, a record or a vector, got a table"
+    assert complaints(kind, {}, of=TABLE) == [("of", table)]
+
+
+def test_ways_are_of_places() -> None:
+    assert complaints("path_length", {}, of=POSE) == []
+    for wrong in (TWIST, SCALAR):
+        said = "expected x and y in m, as in plant.pose"
+        assert complaints("path_length", {}, of=wrong) == [("of", said)]
+    assert complaints("displacement", {}, of=POSE) == []
+    assert complaints("displacement", {}, of=SCALAR) == []
+    said = "expected one column, got 2; name one, as in plant.pose.theta"
+    assert complaints("displacement", {}, of=TWIST) == [("of", said)]
+
+
+BANDS = [-1, "x", None, True, math.nan, math.inf, [], [[1]], [1, -1], {"a": 1}]
+
+
+@pytest.mark.parametrize("band", BANDS, ids=str)
+def test_bands(band: Any) -> None:
+    [(key, said)] = complaints("settling_time", {"band": band}, of=TWIST)
+    assert (key, said[:45]) == ("band", "expected a number from 0, or one per column, ")
+
+
+def test_a_band_has_one_number_per_column() -> None:
+    assert complaints("settling_time", {"band": [1, 2, 3]}, of=POSE) == []
+    assert complaints("settling_time", {"band": [1, 2]}, of=POSE) == [
+        ("band", "expected a number or 3 numbers, got [1, 2]")
+    ]
+    assert complaints("settling_time", {}, of=POSE) == [
+        ("band", "missing; expected a number or a list of numbers")
+    ]
+
+
+@pytest.mark.parametrize("key", ["after", "below", "above"])
+@pytest.mark.parametrize("bad", ["x", None, True, math.nan, math.inf, [1]], ids=str)
+def test_numbers_of_every_metric(key: str, bad: Any) -> None:
+    [(found, said)] = complaints("final", {key: bad}, of=SCALAR)
+    assert (found, said[:22]) == (key, "expected a number, got")
+
+
+def test_after_is_no_time_before_the_run() -> None:
+    assert complaints("final", {"after": -1}, of=SCALAR) == [
+        ("after", "expected a time from 0 s, got -1")
+    ]
+
+
+WEIGHTS = [
+    ([1, 1], "expected 3 numbers or 3x3, got [1, 1]"),
+    (1, "expected 3 numbers or 3x3, got 1"),
+    ([1, 1, "x"], "expected 3 numbers or 3x3, got [1, 1, 'x']"),
+    ([[1, 0], [0, 1]], "expected 3 numbers or 3x3, got [[1, 0], [0, 1]]"),
+    ([1, 1, [1]], "expected 3 numbers or 3x3, got [1, 1, [1]]"),
+    ([1, 1, math.inf], "expected 3 numbers or 3x3, got [1, 1, inf]"),
+]
+
+
+@pytest.mark.parametrize(("weight", "message"), WEIGHTS, ids=str)
+def test_weights(weight: Any, message: str) -> None:
+    assert complaints("lqr_cost", {"q": weight, "r": [1, 1]}, state=POSE, command=TWIST) == [
+        ("q", message)
+    ]
+
+
+def test_state_and_command_are_recorded_alike() -> None:
+    slow = Watched((2,), ("m/s", "rad/s"), every=10)
+    once = Watched((2,), ("m/s", "rad/s"), every=0)
+    weights = {"q": [1, 1, 1], "r": [1, 1]}
+    for command, when in ((slow, "every 10 ticks"), (once, "once")):
+        said = (
+            "the two are recorded at different times, state every 1 ticks and command "
+            f"{when}; probe both alike"
+        )
+        assert complaints("lqr_cost", weights, state=POSE, command=command) == [("command", said)]
+
+
+# -- in a graph
+
+
+def measured(metrics: str) -> runtime.Result:
+    text = changed(SOUND, f"metrics:\n{metrics}")
+    return runtime.load(parse_yaml(text, "g").plain()).run()
+
+
+def test_metrics_of_a_run_are_those_of_its_arrays() -> None:
+    result = measured(
+        "  way: {kind: path_length, of: pose}\n"
+        "  far: {kind: displacement, of: plant.pose}\n"
+        "  turned: {kind: final, of: plant.pose.theta}\n"
+        "  cost: {kind: lqr_cost, state: error.state, command: lqr.command, q: [1, 1, 1],"
+        " r: [2, 2]}\n"
+    )
+    pose = result["pose"]
+    steps = [math.dist(a[:2], b[:2]) for a, b in pairwise(pose)]
+    assert result.metrics["way"] == pytest.approx(sum(steps), rel=1e-12)
+    assert result.metrics["far"] == pytest.approx(math.dist(pose[0, :2], pose[-1, :2]), rel=1e-12)
+    assert result.metrics["turned"] == pose[-1, 2]
+    x, u = result["error.state"], result["lqr.command"]
+    by_hand = 0.5 * sum((x[:-1] ** 2).sum(axis=1) + 2.0 * (u[:-1] ** 2).sum(axis=1))
+    assert result.metrics["cost"] == pytest.approx(by_hand, rel=1e-12)
+    assert result.metrics["way"] > 0.0
+
+
+def test_a_metric_that_looks_beyond_the_end_says_so() -> None:
+    result = measured("  m: {kind: final, of: plant.pose.x, after: 5}\n")
+    assert result.metrics == {"m": None}
+    assert result.notes == ["metric 'm' has no value: it looks at times after 5 s"]

@@ -1,0 +1,95 @@
+"""The documents say what is true."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import runtime
+from runtime.describe import blocks_page
+
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+GRAPH = re.search(r"```yaml\n(graph: my_first.*?)```", README, re.S)
+ERRORS = re.search(r"```text\n(my\.yaml.*?)```", README, re.S)
+
+
+def test_the_blocks_page_is_current() -> None:
+    page = (ROOT / "docs" / "blocks.md").read_text(encoding="utf-8")
+    assert page == blocks_page(), "run: python -m runtime.describe"
+
+
+@pytest.fixture
+def written(tmp_path: Path) -> Path:
+    assert GRAPH is not None
+    path = tmp_path / "my.yaml"
+    path.write_text(GRAPH[1], encoding="utf-8")
+    return path
+
+
+def test_the_readme_graph_runs_and_settles(written: Path) -> None:
+    result = runtime.load(written).run()
+    assert result.status == "complete"
+    assert result.metrics["settled_at"] is not None
+
+
+def test_the_readme_ablations_run(written: Path) -> None:
+    graph = runtime.load(written).set("run.until", 0.05)
+    for variant in (
+        graph.without("adaptive"),
+        graph.bypass("limit", "fault"),
+        graph.wire("snn.error", "error.lateral"),
+        graph.set("lqr.q", [1, 1, 1]),
+    ):
+        assert variant.run(seed=3).status == "complete"
+
+
+def test_the_readme_errors_are_real(written: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = written.read_text(encoding="utf-8")
+    broken = text.replace("LQR, q:", "LQR, Q:").replace(
+        "error:    {pose: plant.pose", "error:    {pose: plant.pos"
+    )
+    broken = broken.replace(
+        "snn:      {input: error.heading, error: error.heading}", "snn:      {input: error.heading}"
+    )
+    written.write_text(broken, encoding="utf-8")
+    monkeypatch.chdir(written.parent)
+    with pytest.raises(runtime.GraphError) as caught:
+        runtime.load("my.yaml").check()
+    assert ERRORS is not None
+    assert str(caught.value) == ERRORS[1].strip()
+
+
+def test_the_readme_block_is_the_example() -> None:
+    found = re.search(r"```python\n# slippery_patch\.py\n(.*?)```", README, re.S)
+    assert found is not None
+    space: dict[str, object] = {}
+    exec(found[1], space)
+    block = space["SlipperyPatch"](loss=1.0)  # type: ignore[operator]
+    assert block.output(None, 1.0, (1.0, 0.4)) == (1.0, 0.0)
+
+
+@pytest.mark.parametrize("name", ["run_from_python.py", "ablation.py"])
+def test_the_examples_run(name: str) -> None:
+    arguments = [sys.executable, str(ROOT / "examples" / name)]
+    arguments += ["1"] if name == "ablation.py" else []
+    done = subprocess.run(arguments, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout
+
+
+def test_the_example_block_runs_from_its_graph() -> None:
+    result = runtime.load(ROOT / "examples" / "slippery_patch.yaml").run(until=2.0)
+    turned = result["limit.limited"][:, 1]
+    assert result.status == "complete"
+    assert turned.any()
+
+
+def test_links_lead_somewhere() -> None:
+    for page in (*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")):
+        for target in re.findall(r"\]\(([^)#:]+)\)", page.read_text(encoding="utf-8")):
+            assert (page.parent / target).exists(), f"{page.name}: {target}"
