@@ -222,8 +222,8 @@ class World:
         """Mean of ``|distance - d|`` (m) of a robot that follows the contour at ``d`` without any
         error and rounds its concave kinks by arcs of radius ``rho``.
 
-        No robot with that turning radius does much better: one that swings wide before each kink
-        gains a tenth at most.
+        No robot with that turning radius does much better: swinging wide before each kink gains
+        about a tenth.
 
         Parameters
         ----------

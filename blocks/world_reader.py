@@ -13,8 +13,8 @@ import numpy.typing as npt
 from blocks.params import ParameterError, hint, show
 from blocks.signals import FloatArray
 
-# Distances are exact to about 1e-9 m only while coordinates are not much larger than that (m).
-FARTHEST = 1e6
+# Distances are exact to about 1e-9 m only while coordinates are no larger than that (m).
+FARTHEST = 1e4
 SECTIONS = ("room", "obstacles", "circles")
 Problems = list[tuple[str, str]]
 

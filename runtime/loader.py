@@ -14,6 +14,7 @@ from runtime.syntax import place
 
 SHIPPED = Path(__file__).resolve().parent.parent / "graphs"
 SUFFIX = ".yaml"
+Place = tuple[Where, str]
 TYPED = ("blocks", "plots", "metrics")
 
 
@@ -37,7 +38,7 @@ def load_document(source: str | Path | Mapping[str, Any]) -> Node:
     if isinstance(source, Mapping):
         document: Node | None = loader.complete(from_python(source), ())
     else:
-        document = loader.file(str(source), NOWHERE, Path(), ())
+        document = loader.file(str(source), (NOWHERE, ""), Path(), ())
     loader.problems.raise_any()
     return document or Node({})
 
@@ -76,8 +77,10 @@ def _is_another(base: Node, top: Node) -> bool:
     return False
 
 
-def find_file(name: str, where: Where, folder: Path, noun: str = "graph") -> Path:
+def find_file(name: str, at: Place, folder: Path, noun: str = "graph") -> Path:
     """A graph or world by path, as seen from ``folder``, or by the name of a shipped one.
+
+    ``at`` is where in a graph the name stands, if it stands in one.
 
     Raises
     ------
@@ -94,17 +97,17 @@ def find_file(name: str, where: Where, folder: Path, noun: str = "graph") -> Pat
         is_folder = bool(name) and (folder / written).is_dir()
         near = [path.name for path in (folder / written).parent.glob(f"*{SUFFIX}")]
     except OSError as error:
-        raise GraphError([Problem(where, "", f"'{name[:60]}': {error.strerror}")]) from None
+        raise GraphError([Problem(*at, f"'{name[:60]}': {error.strerror}")]) from None
     worlds = [str(path.relative_to(SHIPPED)) for path in SHIPPED.glob(f"worlds/*{SUFFIX}")]
     shipped = shipped_graphs() if noun == "graph" else sorted(worlds)
     # Compared without suffixes, which would make any two files look alike.
     known = {Path(n).stem: n for n in shipped}
-    known |= {Path(n).stem: str(written.parent / n) for n in near if n != Path(where.file).name}
+    known |= {Path(n).stem: str(written.parent / n) for n in near if n != Path(at[0].file).name}
     close = meant(written.stem, known)
     mend = f"; shipped {noun}s: {', '.join(shipped)}"
     mend = f", did you mean '{known[close]}'?" if close else mend
     said = "is a folder" if is_folder else f"no such {noun}"
-    raise GraphError([Problem(where, "", f"'{name}': {said}{mend}")])
+    raise GraphError([Problem(*at, f"'{name}': {said}{mend}")])
 
 
 class _Loader:
@@ -116,17 +119,17 @@ class _Loader:
     def __init__(self) -> None:
         self.problems = Problems()
 
-    def file(self, name: str, where: Where, folder: Path, above: tuple[Path, ...]) -> Node | None:
+    def file(self, name: str, at: Place, folder: Path, above: tuple[Path, ...]) -> Node | None:
         try:
-            path = find_file(name, where, folder)
-            document = parse_yaml(self.text(path, where), str(path))
+            path = find_file(name, at, folder)
+            document = parse_yaml(self.text(path, at), str(path))
         except GraphError as error:
             self.problems.found += error.problems
             return None
         if path.resolve() in above:
             chain = " ▸ ".join(p.name for p in (*above, path))
             said = f"graphs refer to each other in a circle: {chain}"
-            self.problems.add(where, "", said)
+            self.problems.add(*at, said)
             return None
         if not document.is_map:
             said = f"expected a mapping with blocks and wires, got {document.describe()}"
@@ -134,7 +137,7 @@ class _Loader:
             return None
         return self.complete(document, (*above, path.resolve()))
 
-    def text(self, path: Path, where: Where) -> str:
+    def text(self, path: Path, at: Place) -> str:
         try:
             data = path.read_bytes()
             return data.decode("utf-8-sig")
@@ -144,14 +147,14 @@ class _Loader:
             raise GraphError([Problem(place(before, len(before), str(path)), "", said)]) from None
         except OSError as error:
             said = f"cannot read '{path}': {error.strerror}"
-            raise GraphError([Problem(where, "", said)]) from None
+            raise GraphError([Problem(*at, said)]) from None
 
     def named(self, node: Node, address: str, what: str, above: tuple[Path, ...]) -> Node | None:
         """The graph that a text in a graph names."""
         if not is_path(node):
             self.problems.add(node.where, address, f"expected {what}, got {node.describe()}")
             return None
-        return self.file(node.value, node.where, _folder(node), above)
+        return self.file(node.value, (node.where, address), _folder(node), above)
 
     def complete(self, document: Node, above: tuple[Path, ...]) -> Node:
         """Merge what the document extends, and inline the parts that its blocks name."""
@@ -173,8 +176,9 @@ class _Loader:
         if node is None or not is_path(node):
             return document
         try:
-            path = find_file(node.value, node.where, _folder(node), "world")
-            world = parse_yaml(self.text(path, node.where), str(path))
+            at = (node.where, "world")
+            path = find_file(node.value, at, _folder(node), "world")
+            world = parse_yaml(self.text(path, at), str(path))
         except GraphError as error:
             self.problems.found += error.problems
             return document.with_item("world", None)

@@ -72,8 +72,7 @@ class _Reader:
         self.network = network
         self.problems = problems
         # A world that is there but wrong is reported once, where it stands.
-        written = network.document.get("world")
-        self.has_world = written is not None and written.value is not None
+        self.has_world = (network.document.get("world") or Node(None)).value is not None
         self.seen = Observation()
         self.declared: set[str] = set()
         self.unread: set[str] = set()

@@ -34,7 +34,7 @@ def fill_sections(document: Node, declared: Node | None, address: str, problems:
     for name, node in document.items():
         if name not in ("params", "part"):
             fill = filler.blocks if name == "blocks" else filler.fill
-            document = document.with_item(name, fill(node, f"{prefix}{name}"))
+            document = document.with_item(name, fill(node, f"{prefix}{name or repr(name)}"))
     for name, node in (params or {}).items():
         if name not in filler.used and not hint(name, filler.missing):
             mend = hint(name, filler.used) or "; take it out, or write it as a value"

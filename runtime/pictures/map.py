@@ -51,7 +51,8 @@ def draw_map(figure: Figure, plot: PlotSpec, result: Result) -> Axes:
     walls.draw_world(axes, world)
     handles = walls.draw_contour(axes, world, plot)
     since = walls.engagement(plot, result)
-    handles += _points(axes, others, since if since is not None else 0.0)
+    never = math.inf if plot.options.get("engaged") in result.probes else 0.0
+    handles += _points(axes, others, never if since is None else since)
     handles += _way(axes, robot, since)
     if len(robot.t):
         body = walls.Robot(axes, plot.options.get("body_radius"))

@@ -22,7 +22,7 @@ START, FOLLOWING, WAY = "#D62728", "#1F4FD8", COLOURS[2]
 REFERENCE, SCANNED, FITTED = COLOURS[4], "0.55", COLOURS[3]
 CONTOUR: dict[str, Any] = {"color": "0.3", "linewidth": 0.8, "linestyle": (0, (4, 2.5))}
 BEYOND = 100.0  # m: how far the solid outside of a room is drawn
-MARGIN = 0.03  # of the longer side
+MARGIN, OPEN = 0.03, 0.12  # of the longer side, in a room and without one
 GAP = 4.0  # times the usual distance of fitted points: from there on it is another wall
 
 
@@ -70,13 +70,13 @@ def view(world: World, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
         corners = [world.room]
     everything = np.concatenate(corners)
     low, high = everything.min(axis=0), everything.max(axis=0)
-    margin = MARGIN * float((high - low).max())
+    margin = (OPEN if world.room is None else MARGIN) * float((high - low).max())
     return low - margin, high + margin
 
 
 def draw_world(axes: Axes, world: World) -> None:
     """Fill what is solid and outline it."""
-    shapes = [Path(corners, closed=False) for corners in world.obstacles]
+    shapes = [_closed(corners) for corners in world.obstacles]
     shapes += [Path.circle((x, y), r) for x, y, r in world.circles.tolist()]
     if world.room is not None:
         low, high = world.room.min(axis=0) - BEYOND, world.room.max(axis=0) + BEYOND

@@ -235,6 +235,13 @@ def test_a_states_generator_comes_from_its_seed() -> None:
     assert state.rng is state.rng
 
 
+def test_constant_outputs() -> None:
+    constant = {"Constant", "LinePath", "SinePath", "CirclePath", "WaypointPath"}
+    for name, cls in BUILTIN.items():
+        for port in cls.spec.outputs.values():
+            assert port.constant == (name in constant)
+
+
 def test_through_pairs() -> None:
     for name, pair in {
         "Gain": ("input", "out"),

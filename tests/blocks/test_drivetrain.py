@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from blocks import Block, ParameterError
@@ -48,6 +48,7 @@ def test_lag_answers_a_step_like_its_differential_equation(tau: float) -> None:
 twists = st.tuples(st.floats(-3, 3), st.floats(-5, 5))
 
 
+@settings(deadline=None)
 @given(st.lists(twists, min_size=1, max_size=40), st.integers(1, 12))
 def test_delay_shifts_the_signal(commands: list[TwistValue], steps: int) -> None:
     found = drive(ActuatorDelay(delay=steps * DT, capacity=12), commands)

@@ -68,7 +68,8 @@ def test_later_ticks_search_the_window(spots: list[tuple[float, float]], window:
         among = range(max(0, last - reach), min(len(SINE), last + reach + 1))
         index = walk.index(SINE, *spot)
         assert abs(index - last) <= reach
-        assert distance(SINE, index, *spot) == distance(SINE, nearest(SINE, *spot, among), *spot)
+        best = nearest(SINE, *spot, among)
+        assert distance(SINE, index, *spot) == pytest.approx(distance(SINE, best, *spot))
         last = index
 
 
@@ -82,7 +83,8 @@ def test_a_closed_path_has_no_end(spots: list[tuple[float, float]], data: st.Dat
     for spot in spots[1:]:
         index = walk.index(CIRCLE, *spot)
         best = nearest(CIRCLE, *spot, range(last - reach, last + reach + 1))
-        assert distance(CIRCLE, index, *spot) == distance(CIRCLE, best, *spot)
+        # In the centre all samples are equally near, to the last bit.
+        assert distance(CIRCLE, index, *spot) == pytest.approx(distance(CIRCLE, best, *spot))
         around = abs(index - last) % len(CIRCLE)
         assert min(around, len(CIRCLE) - around) <= reach
         last = index

@@ -70,6 +70,7 @@ def test_no_world_lets_it_in(world: World, commands: list[TwistValue], seed: int
     check_outside(world, drive(world, [c for c in commands for _ in range(25)], (x, y, 0.0)))
 
 
+@settings(deadline=None)
 @given(st.floats(-1e300, 1e300), st.floats(-1e300, 1e300))
 def test_no_leap_gets_through_a_wall(dx: float, dy: float) -> None:
     world = World({"room": [[-5, -5], [5, -5], [5, 5], [-5, 5]], "obstacles": [

@@ -93,6 +93,12 @@ def test_without_deviation_the_pose_passes() -> None:
     assert not record(n=20, sigma_position=0.0, sigma_heading=0.0).any()
 
 
+def test_the_papers_deviations_are_the_default() -> None:
+    """sigma_p = 0.05 m and sigma_theta = 0.1 rad (section IV-B)."""
+    plain = blocks.PoseNoise()
+    assert (plain.sigma_position, plain.sigma_heading) == (0.05, 0.1)
+
+
 def test_bad_deviations() -> None:
     with pytest.raises(blocks.ParameterError, match="sigma_position: expected a number at least 0"):
         blocks.PoseNoise(sigma_position=-0.1)

@@ -49,6 +49,12 @@ def test_shapes() -> None:
     assert Vector(4).shape == Spikes(4).shape == Scan(4).shape == (4,)
 
 
+def test_only_a_ray_that_hits_nothing_may_be_infinite() -> None:
+    assert [name for name, kind in TYPES.items() if not kind.finite] == ["Scan"]
+    assert not Scan(3).finite
+    assert Vector(3).finite
+
+
 def test_an_open_length() -> None:
     kind = signal_type("Vector")
     assert (kind.symbol, str(kind), kind) == ("n", "Vector(n)", Vector("n"))

@@ -45,6 +45,7 @@ def test_distance_of_any_world(world: World, seed: int) -> None:
     check_distance(world, scattered(seed, 200))
 
 
+@settings(deadline=None)
 @given(st.floats(-5, 5), st.floats(-5, 5))
 def test_distance_in_a_square_room(x: float, y: float) -> None:
     outside = math.hypot(max(0.0, abs(x) - 2.0), max(0.0, abs(y) - 2.0))
@@ -53,12 +54,14 @@ def test_distance_in_a_square_room(x: float, y: float) -> None:
     assert found == pytest.approx(expected, abs=1e-12)
 
 
+@settings(deadline=None)
 @given(st.floats(-5, 5), st.floats(-5, 5))
 def test_distance_to_a_circle_is_signed(x: float, y: float) -> None:
     found = World({"circles": [[1.0, -0.5, 0.7]]}).distance(np.array([[x, y]]))
     assert found == pytest.approx(math.hypot(x - 1.0, y + 0.5) - 0.7, abs=1e-12)
 
 
+@settings(deadline=None)
 @given(worlds(), seeds)
 def test_nearest_is_distance_and_leads_to_the_surface(world: World, seed: int) -> None:
     points = scattered(seed, 30)
@@ -71,6 +74,7 @@ def test_nearest_is_distance_and_leads_to_the_surface(world: World, seed: int) -
     assert np.abs(world.distance(np.array(feet))).max() < 1e-9
 
 
+@settings(deadline=None)
 @given(worlds(), seeds)
 def test_on_a_surface_the_normal_leads_into_free_space(world: World, seed: int) -> None:
     points = scattered(seed, 30)

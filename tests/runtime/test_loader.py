@@ -197,11 +197,11 @@ NO_GRAPHS = "shipped graphs: " + ", ".join(sorted(path.stem for path in SHIPPED.
 REFUSED: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
     "misspelt": (
         {"g.yaml": "extends: bas.yaml\n", "base.yaml": SOUND},
-        ["g.yaml:1:10: 'bas.yaml': no such graph, did you mean 'base.yaml'?"],
+        ["g.yaml:1:10: extends: 'bas.yaml': no such graph, did you mean 'base.yaml'?"],
     ),
     "missing": (
         {"g.yaml": "extends: nowhere\n"},
-        [f"g.yaml:1:10: 'nowhere': no such graph; {NO_GRAPHS}"],
+        [f"g.yaml:1:10: extends: 'nowhere': no such graph; {NO_GRAPHS}"],
     ),
     "all that are missing": (
         {
@@ -210,18 +210,21 @@ REFUSED: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
         },
         [
             "b.yaml:2:1: not valid YAML: expected a value here",
-            f"g.yaml:1:11: 'qqqqq': no such graph; {NO_GRAPHS}",
+            f"g.yaml:1:11: extends: 'qqqqq': no such graph; {NO_GRAPHS}",
             "g.yaml:2:21: blocks.p.graph: expected the file of a part, got 3",
-            f"g.yaml:2:36: 'zzzzz.yaml': no such graph; {NO_GRAPHS}",
+            f"g.yaml:2:36: blocks.q.graph: 'zzzzz.yaml': no such graph; {NO_GRAPHS}",
         ],
     ),
     "misspelt in a folder": (
         {"g.yaml": "extends: sub/bas.yaml\n", "sub/base.yaml": SOUND},
-        ["g.yaml:1:10: 'sub/bas.yaml': no such graph, did you mean 'sub/base.yaml'?"],
+        ["g.yaml:1:10: extends: 'sub/bas.yaml': no such graph, did you mean 'sub/base.yaml'?"],
     ),
     "world without its folder": (
         {"g.yaml": changed(SOUND, "world: paper_room.yaml\n")},
-        ["g.yaml:18:8: 'paper_room.yaml': no such world, did you mean 'worlds/paper_room.yaml'?"],
+        [
+            "g.yaml:18:8: world: 'paper_room.yaml': no such world, did you mean "
+            "'worlds/paper_room.yaml'?"
+        ],
     ),
     "world that is broken": (
         {"g.yaml": changed(SOUND, "world: w.yaml\n"), "w.yaml": "circles: [[1, 2, r]]\n"},
@@ -237,26 +240,32 @@ REFUSED: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
     ),
     "itself": (
         {"g.yaml": "extends: g.yaml\n"},
-        ["g.yaml:1:10: graphs refer to each other in a circle: g.yaml ▸ g.yaml"],
+        ["g.yaml:1:10: extends: graphs refer to each other in a circle: g.yaml ▸ g.yaml"],
     ),
     "in a circle": (
         {"g.yaml": "extends: a\n", "a.yaml": "extends: b\n", "b.yaml": "extends: a\n"},
-        ["b.yaml:1:10: graphs refer to each other in a circle: g.yaml ▸ a.yaml ▸ b.yaml ▸ a.yaml"],
+        [
+            "b.yaml:1:10: extends: graphs refer to each other in a circle: g.yaml ▸ a.yaml ▸ "
+            "b.yaml ▸ a.yaml"
+        ],
     ),
     "a part of itself": (
         {
             "g.yaml": with_part(),
             "p.yaml": changed(PART, ("{type: Gain, gain: $k}", "{graph: p.yaml}")),
         },
-        ["p.yaml:5:37: graphs refer to each other in a circle: g.yaml ▸ p.yaml ▸ p.yaml"],
+        [
+            "p.yaml:5:37: blocks.g.graph: graphs refer to each other in a circle: g.yaml ▸ p.yaml "
+            "▸ p.yaml"
+        ],
     ),
     "a folder": (
         {"g.yaml": "extends: d\n", "d/x.yaml": ""},
-        [f"g.yaml:1:10: 'd': is a folder; {NO_GRAPHS}"],
+        [f"g.yaml:1:10: extends: 'd': is a folder; {NO_GRAPHS}"],
     ),
     "too long": (
         {"g.yaml": f"extends: {'a' * 5000}\n"},
-        [f"g.yaml:1:10: '{'a' * 60}': File name too long"],
+        [f"g.yaml:1:10: extends: '{'a' * 60}': File name too long"],
     ),
     "no mapping": (
         {"g.yaml": "extends: b\n", "b.yaml": "- 1\n"},

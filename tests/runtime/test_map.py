@@ -146,6 +146,22 @@ class TestMap:
     def test_same_scale_both_ways(self, run: Result) -> None:
         assert picture(run, "room").axes[0].get_aspect() == 1.0
 
+    def test_no_reference_points_before_engagement(self) -> None:
+        quiet = runtime.load(graph()).set("blocks.explore.explore_time", 60.0).run()
+        axes = picture(quiet, "room").axes[0]
+        dots = [item for item in axes.lines if item.get_marker() == "."]
+        assert len(np.asarray(dots[0].get_xydata())) == 0
+
+    def test_obstacles_are_closed_and_in_view(self) -> None:
+        axes = Figure().subplots()
+        world = World({"obstacles": [[[1, 0], [2, 0], [2, 1], [1, 1]]]})
+        walls.draw_world(axes, world)
+        corners = np.asarray(axes.patches[0].get_path().vertices)
+        np.testing.assert_array_equal(corners[0], corners[-1])
+        low, high = walls.view(world, np.array([[0.0, 0.0], [np.nan, 1.0]]))
+        assert (low < [0.0, 0.0]).all()
+        assert (high > [2.0, 1.0]).all()
+
     def test_without_options(self) -> None:
         plain = runtime.load(graph(plots={"p": {"kind": "map", "of": "plant.pose"}})).run()
         labels = [item.get_label() for item in picture(plain, "p").axes[0].lines]

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from runtime.simulate import versions
 from tests.studies.claims import beyond, case_a, case_b
+from tests.studies.walls import section
 
 PAGE = Path(__file__).parent.parent.parent / "docs" / "reproduction.md"
 
@@ -54,6 +55,7 @@ def page(seeds: int) -> str:
                 ("case", "gains", "controller", "settled", "at", "position error", "distance"),
                 beyond(seeds),
             ),
+            section(seeds),
         )
     )
 
