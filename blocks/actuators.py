@@ -23,9 +23,7 @@ class Saturator(Block):
 
     omega_max: float = param(unit="rad/s", above=0.0, doc="largest turn rate")
 
-    def output(
-        self, state: BlockState, t: float, command: TwistValue
-    ) -> tuple[TwistValue, float]:
+    def output(self, state: BlockState, t: float, command: TwistValue) -> tuple[TwistValue, float]:
         v, omega = command
         if abs(omega) <= self.omega_max:
             return command, 0.0

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from blocks.block import Block
 from blocks.params import ParameterError, hint
 from blocks.world import World
+from runtime.addresses import Endpoint
 from runtime.block_types import block_class
 from runtime.document import Node
 from runtime.errors import Problems
@@ -18,7 +19,7 @@ from runtime.observe import check_observation
 from runtime.removal import remove
 from runtime.scope import Scope, expand
 from runtime.sections import RUN_KEYS, check_keys, meant, section
-from runtime.signals import state_shape
+from runtime.signals import MAX_BYTES, whole_shape
 from runtime.unwired import report_unwired
 from runtime.wiring import Wiring
 
@@ -191,17 +192,30 @@ def _ticks(node: Node | None, base: float, address: str, problems: Problems) -> 
     return whole
 
 
+def _misshapen(network: Network, name: str) -> str:
+    """Which of a block's arrays cannot be made, and why; '' if all can."""
+    spec = network.entries[name].cls.spec
+    for key in (*spec.states, *spec.outputs):
+        shape = whole_shape(network, Endpoint(name, key)) or ()
+        size = 8 * math.prod(shape)
+        if any(n < 0 for n in shape):
+            return f"state '{key}' has a negative length"
+        if size > MAX_BYTES:
+            return f"'{key}' would take {min(size, 10**300) / 1024**3:.4g} GiB; make it smaller"
+    return ""
+
+
 def _check_settings(network: Network, problems: Problems) -> None:
     """Let each block check its surroundings, once all its ports have types."""
     for name, entry in network.entries.items():
-        spec = entry.cls.spec
         if entry.block is None or not network.is_typed(name):
             continue
         try:
             setting = network.setting(name)
-            for key, state in spec.states.items():
-                if any(n < 0 for n in state_shape(entry.block.sizes(), state, setting, spec)):
-                    raise ValueError(f"state '{key}' has a negative length")
+            said = _misshapen(network, name)
+            if said:
+                problems.add(entry.node.key, entry.address, said)
+                continue
             entry.block.validate_in(setting)
         except ParameterError as error:
             for parameter, text in error.problems:

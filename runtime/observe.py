@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import re
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -17,15 +17,12 @@ from runtime.network import Network, check_output
 from runtime.plot_specs import COMMON, check_options, offered, plot_keys, source_options, unfit
 from runtime.plot_specs import PlotSpec as PlotSpec
 from runtime.removal import follow, lost
-from runtime.sections import SECTIONS, check_keys, expected, misspelt, section, texts
+from runtime.sections import SECTIONS, check_keys, expected, misnamed, misspelt, section, texts
+from runtime.signals import MAX_BYTES, Signal, make_signal, no_component, whole_shape
 from runtime.signals import Probe as Probe
-from runtime.signals import Signal, is_known, make_signal, no_component
 from runtime.signals import state_shape as state_shape
 
-MAX_BYTES = 4 * 1024**3
-_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,99}")
-# numpy.savez would take probes of these names for arguments of its own.
-_RESERVED = ("file", "allow_pickle")
+MAX_COLUMNS = 1_000_000
 _SOURCE = "a probe's name or an address"
 
 
@@ -96,11 +93,8 @@ class _Reader:
                     self.problems.add(node.where, address, said)
 
     def check_name(self, name: str, node: Node, address: str) -> None:
-        if not _NAME.fullmatch(name):
-            said = f"'{name[:40]}' is no name; use up to 100 letters, digits, _ and -"
-            self.problems.add(node.key, address, said)
-        elif name in _RESERVED and address.startswith("probes"):
-            said = f"'{name}' cannot be a probe's name in the run's file; use another"
+        said = misnamed(name, address.startswith("probes"))
+        if said:
             self.problems.add(node.key, address, said)
 
     def probe(self, name: str, node: Node, address: str) -> None:
@@ -159,12 +153,18 @@ class _Reader:
         text = check_output(self.network, found.end, states=True)
         real = follow(self.network, found.end)
         if not text and real is not None:
-            if not is_known(self.network, real):
-                return None
-            made = make_signal(self.network, real, node.value)
-            if made is not None:
-                return made
-            text = no_component(self.network, real)
+            shape = whole_shape(self.network, real)
+            if shape is None or 8 * math.prod(shape) > MAX_BYTES:
+                return None  # reported with the block
+            columns = shape[0] if shape and not real.component else 1
+            is_path = len(shape) > 1 and (real.block, real.port) in self.network.types
+            if columns <= MAX_COLUMNS or is_path:
+                made = make_signal(self.network, real, node.value)
+                if made is not None:
+                    return made
+                text = no_component(self.network, real)
+            else:
+                text = f"{columns} columns are too many to record; name one, '{node.value}.0'"
         elif not text:
             block = lost(self.network, found.end)
             note = f"'{node.value}' is not recorded: block '{block}' is removed"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 
 from blocks.params import hint
@@ -35,6 +36,9 @@ EXAMPLES = {
     "outputs": "command: join.out",
 }
 RUN_KEYS = ("dt", "until", "seed")
+_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,99}")
+# numpy.savez would take probes of these names for arguments of its own.
+_RESERVED = ("file", "allow_pickle")
 
 
 def expected(name: str) -> str:
@@ -98,3 +102,12 @@ def misspelt(node: Node, known: Iterable[str]) -> set[str]:
     """Keys that are missing because they are misspelt: what they hold is unknown."""
     written = {name for name, _ in node.items()}
     return {meant(name, known) for name in written.difference(known)} - written
+
+
+def misnamed(name: str, is_probe: bool) -> str:
+    """Why a probe, plot or metric cannot have a name; '' if it can."""
+    if not _NAME.fullmatch(name):
+        return f"'{name[:40]}' is no name; use up to 100 letters, digits, _ and -"
+    if is_probe and name in _RESERVED:
+        return f"'{name}' cannot be a probe's name in the run's file; use another"
+    return ""

@@ -12,6 +12,8 @@ from runtime.addresses import Endpoint
 from runtime.inference import component_type, unknown_component
 from runtime.network import Network
 
+MAX_BYTES = 4 * 1024**3
+
 
 @dataclass(frozen=True)
 class Signal:
@@ -90,12 +92,18 @@ class Probe:
         return 8 * math.prod(self.shape) * self.rows(ticks)
 
 
-def is_known(network: Network, end: Endpoint) -> bool:
-    """Whether the block at an address was made, and the type of the port is settled."""
+def whole_shape(network: Network, end: Endpoint) -> tuple[int, ...] | None:
+    """Shape of the output or state at an address; None while a type or the block is unknown."""
     entry = network.entries.get(end.block)
     if entry is None or entry.block is None:
-        return False
-    return (end.block, end.port) in network.types or network.is_typed(end.block)
+        return None
+    spec = entry.cls.spec
+    if end.port in spec.outputs:
+        kind = network.types.get((end.block, end.port))
+        return None if kind is None else kind.shape
+    if not network.is_typed(end.block):
+        return None
+    return state_shape(entry.block.sizes(), spec.states[end.port], network.setting(end.block), spec)
 
 
 def no_component(network: Network, end: Endpoint) -> str:
@@ -115,7 +123,8 @@ def make_signal(network: Network, end: Endpoint, label: str) -> Signal | None:
         kind = state.signal.name if state.signal is not None else "State"
         unit = state.unit
         if end.component:
-            if len(shape) != 1 or end.component not in map(str, range(shape[0])):
+            number = int(end.component) if end.component.isdecimal() else -1
+            if len(shape) != 1 or not 0 <= number < shape[0] or str(number) != end.component:
                 return None
             shape = ()
         count = shape[0] if shape else 1

@@ -605,7 +605,26 @@ def test_ticks_and_step_are_those_given() -> None:
     assert sorted(set(seen)) == [0.0, 0.25, 0.5]
 
 
+def test_terms_are_there_and_then_not() -> None:
+    seen: set[tuple[int, float, tuple[bool, ...]]] = set()
+
+    class Watch(Block):
+        """Looks at how many terms come in."""
+
+        u = Input(Scalar)
+        w = Input(Scalar, absent=-7.0)
+        terms = Input(Scalar, many=True)
+
+        def update(self, state: Any, t: float, u: float, w: float, terms: Any) -> None:
+            assert isinstance(u, float)
+            seen.add((len(terms), w if w == -7.0 else 0.0, state.setting.terms["terms"]))
+
+    check_block(Watch())
+    assert seen == {(2, 0.0, (True, True)), (0, -7.0, (False, False))}
+
+
 def test_the_inputs_are_of_their_types() -> None:
+    spikes: set[float] = set()
     kinds: dict[str, Any] = {
         "a": Scalar,
         "b": Pose,
@@ -630,9 +649,10 @@ def test_the_inputs_are_of_their_types() -> None:
                 assert kind.name == kinds[name].name
             assert c.shape == (3,)
             assert (e > 0.0).all()
-            assert np.isin(f, (0.0, 100.0)).all()
+            spikes.update(f.tolist())
             # A path is sampled evenly, and its heading is that of its steps.
             steps = np.diff(d[:, :2], axis=0)
             np.testing.assert_allclose(np.hypot(*steps.T), 0.1)
 
     check_block(Watch())
+    assert spikes == {0.0, 100.0}

@@ -142,12 +142,18 @@ def test_bounds(value: float, low: float, high: float) -> None:
 
 @given(st.lists(finite, min_size=2), st.data())
 def test_every_element_has_to_keep_the_bounds(values: list[float], data: st.DataObject) -> None:
-    bound = data.draw(st.sampled_from(values))
-    declaration = declared("array", at_most=bound)
-    if max(values) <= bound:
-        declaration.convert(values)
-    else:
-        refused(declaration, values)
+    bound = data.draw(st.one_of(st.sampled_from(values), finite))
+    for options, good in (
+        ({"at_most": bound}, max(values) <= bound),
+        ({"below": bound}, max(values) < bound),
+        ({"at_least": bound}, min(values) >= bound),
+        ({"above": bound}, min(values) > bound),
+    ):
+        declaration = declared("array", **options)  # type: ignore[arg-type]
+        if good:
+            declaration.convert(values)
+        else:
+            refused(declaration, values)
 
 
 @given(arrays.arrays(np.float64, arrays.array_shapes(max_dims=3, max_side=4), elements=finite))

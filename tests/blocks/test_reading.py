@@ -57,6 +57,7 @@ def test_what_a_class_declares() -> None:
         "table": "array",
     }
     assert spec.attributes["count"] == "n"
+    assert {name: p.name for name, p in spec.params.items()} == {n: n for n in spec.params}
     assert spec.states["memory"].shape == ("count", 2)
     assert spec.evaluations == (
         Evaluation("output_pose", (), ("pose",)),

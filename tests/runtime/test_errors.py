@@ -167,6 +167,18 @@ CASES = {
         "g.yaml:4:32: blocks.track.5: unknown parameter; it has "
         + ", ".join(BUILTIN["LinePath"].spec.params),
     ],
+    "too large a block": [
+        ("{type: LinePath}", "{type: LinePath, samples: 1000000000000}"),
+        "g.yaml:4:3: blocks.track: 'path' would take 2.98e+04 GiB; make it smaller",
+    ],
+    "too large a probe": [
+        ("  plant: {type", "  snn: {type: AdaptiveEnsemble, neurons: 2000000}\n  plant: {type"),
+        ("wires:\n", "wires:\n  snn: {input: error.position, error: error.position}\n"),
+        ("dt: 0.01", "dt: 0.001"),
+        "  spikes: snn.spikes\n",
+        "g.yaml:20:11: probes.spikes: 2000000 columns are too many to record; name one, "
+        "'snn.spikes.0'",
+    ],
     "no whole multiple": [
         ("{type: LinePath}", "{type: LinePath, dt: 0.015}"),
         "g.yaml:4:31: blocks.track.dt: 0.015 s is no whole multiple of run.dt = 0.01 s; the "

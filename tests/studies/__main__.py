@@ -1,4 +1,7 @@
-"""Measure the paper's claims and write docs/reproduction.md:  python -m tests.studies [seeds]"""
+"""Measure the paper's claims and write docs/reproduction.md.
+
+python -m tests.studies [seeds] [seeds of case C]
+"""
 
 from __future__ import annotations
 
@@ -40,7 +43,7 @@ def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def page(seeds: int) -> str:
+def page(seeds: int, seeds_c: int) -> str:
     """docs/reproduction.md, measured now."""
     claims = [*case_a(seeds), *case_b(seeds)]
     installed = ", ".join(f"{name} {number}" for name, number in versions().items())
@@ -55,12 +58,13 @@ def page(seeds: int) -> str:
                 ("case", "gains", "controller", "settled", "at", "position error", "distance"),
                 beyond(seeds),
             ),
-            section(seeds),
+            section(seeds_c),
         )
     )
 
 
 if __name__ == "__main__":
-    text = page(int(sys.argv[1]) if len(sys.argv) > 1 else 10)
+    numbers = [int(number) for number in sys.argv[1:]] or [10]
+    text = page(numbers[0], numbers[-1])
     PAGE.write_text(text, encoding="utf-8")
     print(text)
