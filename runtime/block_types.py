@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from blocks.block import Block, DeclarationError
-from blocks.library import BUILTIN, blocks_of_module, installed
 from blocks.params import hint
+from blocks.registry import BUILTIN, blocks_of_module, installed
 from runtime.document import Node
 from runtime.errors import Problems
 from runtime.sections import meant

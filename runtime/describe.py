@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from blocks.block import Block, Input, Output
-from blocks.library import BUILTIN, blocks_of_module, installed
 from blocks.params import Param
+from blocks.registry import BUILTIN, blocks_of_module, installed
 from runtime.errors import UsageError
 
 HEADER = """# Blocks

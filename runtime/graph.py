@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from blocks.block import Block
-from blocks.library import BUILTIN
+from blocks.registry import BUILTIN
 from runtime.build import build
 from runtime.document import Node, dump_yaml, from_python
 from runtime.edits import add_names, set_entry, set_wire

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import blocks
 from blocks import Block, FloatArray, ParameterError, param
-from blocks.library import BUILTIN
+from blocks.registry import BUILTIN
 from tests.blocks.direct import REQUIRED, state_of
 
 SQUARE = REQUIRED["WaypointPath"]["points"]

@@ -31,7 +31,7 @@ from blocks import (
     check_block,
     param,
 )
-from blocks.library import BUILTIN, blocks_of_module
+from blocks.registry import BUILTIN, blocks_of_module
 from blocks.world import World
 from tests.blocks.direct import REQUIRED
 

@@ -224,7 +224,7 @@ def test_a_closed_path_turns_once_around(
     assert math.copysign(1.0, area) == turns
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.floats(0.2, 8.0), st.integers(12, 40), st.booleans(), st.integers(3, 5))
 def test_waypoints_on_a_circle(radius: float, n: int, clockwise: bool, degree: int) -> None:
     angle = np.linspace(0.0, math.tau, n, endpoint=False) * (-1.0 if clockwise else 1.0)

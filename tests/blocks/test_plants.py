@@ -64,7 +64,7 @@ def test_exact_is_a_straight_line_without_turning(omega: float) -> None:
         assert end == pytest.approx(expected, abs=1e-15)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.lists(commands, min_size=1, max_size=8), starts, st.floats(0.01, 0.5))
 def test_exact_is_solve_ivp(
     twists: list[tuple[float, float]], x0: tuple[float, float, float], dt: float

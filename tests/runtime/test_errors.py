@@ -8,7 +8,7 @@ import pytest
 
 import runtime
 from blocks import Constant
-from blocks.library import BUILTIN
+from blocks.registry import BUILTIN
 from runtime.errors import NOWHERE, GraphError, Problem, Problems, Where
 from runtime.metrics import KINDS
 from runtime.sections import SECTIONS

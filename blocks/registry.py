@@ -1,4 +1,4 @@
-"""The library: which block types exist, and where users' own come from."""
+"""The registry: which block types exist, and where users' own come from."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import blocks
-from blocks.library import BUILTIN, blocks_of_module
+from blocks.registry import BUILTIN, blocks_of_module
 
 SOURCE = '''
 from blocks import Block, Gain, Output, Scalar
