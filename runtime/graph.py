@@ -164,6 +164,8 @@ class Graph:
 
     def set(self, path: str, value: Any, *, origin: str = "") -> Graph:
         """A copy with one entry changed, as in ``set("blocks.lqr.q", [1, 1, 1])``."""
+        if path == "world" and isinstance(value, str):
+            value = load_document({"world": value}).plain()["world"]
         changed = set_entry(self._document, path, value, origin)
         return self._changed(changed, f"set {path}={value!r}")
 

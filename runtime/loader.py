@@ -46,12 +46,14 @@ def load_document(source: str | Path | Mapping[str, Any]) -> Node:
 def merge(base: Node, top: Node, section: str = "", key: str = "") -> Node:
     """Lay one tree over another: mappings merge, null deletes, everything else replaces.
 
-    A block, plot or metric of another ``type``, ``kind`` or ``part`` than the one below replaces
-    it whole, since the parameters of one mean nothing to the other. A null that finds nothing to
-    delete stays, and is an error where it is read: it may be a slip of the pen. ``section`` and
-    ``key`` name the mapping that holds the two, and the two in it.
+    A world replaces the one below, and so does a block, plot or metric of another ``type``,
+    ``kind`` or ``part``, since the parameters of one mean nothing to the other. A null that finds
+    nothing to delete stays, and is an error where it is read: it may be a slip of the pen.
+    ``section`` and ``key`` name the mapping that holds the two, and the two in it.
     """
-    if not (base.is_map and top.is_map) or (section in TYPED and _is_another(base, top)):
+    is_another = section in TYPED and _is_another(base, top)
+    is_world = key == "world" and not section
+    if not (base.is_map and top.is_map) or is_another or is_world:
         return top
     return _merge_entries(base, top, key)
 

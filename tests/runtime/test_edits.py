@@ -107,6 +107,7 @@ REFUSED_SETS = {
     "blocks.fresh.gain": (
         "there is no 'fresh'; there are one, ten, hundred, double, triple, sum, part"
     ),
+    "sum.signs.3": "'3' is no item of a list of 3; items count from 0",
     "sum.signs.7": "'7' is no item of a list of 3; items count from 0",
     "sum.signs.x": "'x' is no item of a list of 3; items count from 0",
     "sum.signs.-1": "'-1' is no item of a list of 3; items count from 0",

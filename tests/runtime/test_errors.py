@@ -519,6 +519,22 @@ PARTS = {
         PART,
         "g.yaml:17:20: wires.plant.command: part 'p' has no output 'ou', did you mean 'out'?",
     ],
+    "part for an output": [
+        with_part(("p.out", "p")),
+        PART,
+        "g.yaml:17:20: wires.plant.command: 'p' is a part; expected one of its outputs: p.out",
+    ],
+    "part without outputs": [
+        with_part(("p.out", "p")),
+        changed(PART, ("outputs: {out: s.out}\n", "")),
+        "g.yaml:17:20: wires.plant.command: 'p' is a part; expected one of its outputs: none",
+    ],
+    "inner input far off": [
+        with_part(),
+        changed(PART, ("inputs.a", "inputs.speed")),
+        "p.yaml:6:51: blocks.p.wires.g.input: 'inputs.speed' is no input of this part; its "
+        "inputs: a, b",
+    ],
     "output names nothing": [
         with_part(),
         changed(PART, ("out: s.out", "out: s.ot, more: t.out")),
@@ -562,6 +578,11 @@ PARTS = {
 def test_a_mistake_in_a_part_is_told_in_its_place(case: list[str], tmp_path: Path) -> None:
     graph, part, *messages = case
     assert problems(tmp_path, {"g.yaml": graph, "p.yaml": part}) == messages
+
+
+def test_a_run_may_be_one_tick(tmp_path: Path) -> None:
+    text = changed(SOUND, ("until: 0.1", "until: 0.01"))
+    assert problems(tmp_path, {"g.yaml": text}) == []
 
 
 def test_sound_graphs_have_no_problems(tmp_path: Path) -> None:

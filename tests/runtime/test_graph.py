@@ -177,3 +177,18 @@ def test_results_answer_by_the_address_that_was_written() -> None:
     straight = graph.probe("both", "limit.limited", "twice.out").bypass("twice").run()
     assert straight["both"].shape[1] == 4
     assert np.array_equal(straight["limit.limited"], straight["twice.out"])
+
+
+def test_a_world_is_exchanged_whole_by_its_file() -> None:
+    graph = runtime.load("wall_following")
+    for changed in (
+        graph.set("world", "worlds/l_room.yaml"),
+        graph.overlay({"world": "worlds/l_room.yaml"}),
+    ):
+        world = changed.network.world
+        assert world is not None
+        assert len(world.circles) == 0
+        assert world.room is not None
+        assert len(world.room) == 6
+    with pytest.raises(runtime.GraphError, match="no such"):
+        graph.set("world", "worlds/nowhere.yaml")

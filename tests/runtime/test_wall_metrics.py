@@ -1,0 +1,74 @@
+"""Metrics of wall following against worlds in which the answer is known."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from blocks import World
+from runtime import wall_metrics
+from runtime.metrics import KINDS, Series
+
+D = 0.2
+POST = World({"circles": [[1.0, -1.0, 0.5]]})
+ROOM = World({"room": [[0, 0], [4, 0], [4, 4], [0, 4]], "circles": [[2.0, 0.5, 0.5]]})
+
+
+def around(world: World, turns: float, error: float, side: float = -1.0) -> np.ndarray:
+    """A way around the post at d + error, after an approach; clockwise for side -1."""
+    x, y, r = world.circles[0]
+    angle = side * np.linspace(0.0, turns * math.tau, 2001)
+    way = np.column_stack(
+        (x + (r + D + error) * np.cos(angle), y + (r + D + error) * np.sin(angle))
+    )
+    return np.vstack((np.column_stack((np.linspace(4.0, x + r + D, 50), np.full(50, y))), way))
+
+
+@pytest.mark.parametrize("error", [0.0, 0.05, -0.1])
+def test_the_mean_error_around_a_post(error: float) -> None:
+    way = around(POST, 1.0, error)
+    options = {"distance": D, "turning_radius": 0.2}
+    reached = len(wall_metrics.since_reached(POST, way, D))
+    expected = abs(error) * 2001 / reached
+    for metric in (
+        wall_metrics.distance_mae,
+        wall_metrics.distance_mae_cylinders,
+        wall_metrics.distance_mae_reachable,
+    ):
+        assert metric(POST, way, options) == pytest.approx(expected, abs=2e-4)
+    assert wall_metrics.distance_floor(POST, way, options) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("turns", [0.5, 1.0, 2.25])
+def test_turns_around_a_post(turns: float) -> None:
+    """The contour runs with the wall on its right; the other way round counts against it."""
+    ways = {side: around(POST, turns, 0.0, side) for side in (1.0, -1.0)}
+    counted = {side: wall_metrics.loops(POST, way, {"distance": D}) for side, way in ways.items()}
+    assert sorted(counted.values()) == pytest.approx([-turns, turns], abs=0.02)
+
+
+def test_what_never_reaches_the_contour_has_no_error_and_no_turns() -> None:
+    far = np.column_stack((np.linspace(4.0, 5.0, 50), np.zeros(50)))
+    assert math.isnan(wall_metrics.distance_mae(POST, far, {"distance": D}))
+    assert wall_metrics.loops(POST, far, {"distance": D}) == 0.0
+
+
+def test_only_places_clear_of_the_walls_count_as_along_a_cylinder() -> None:
+    """Over the top of a half-sunk cylinder, and along the wall beside it."""
+    angle = np.linspace(0.25 * math.pi, 0.75 * math.pi, 400)
+    over = np.column_stack((2.0 + 0.73 * np.cos(angle), 0.5 + 0.73 * np.sin(angle)))
+    start = np.array([[2.0, 0.5 + 0.5 + D]])
+    beside = np.column_stack((np.linspace(3.2, 3.8, 400), np.full(400, D)))
+    options = {"distance": D}
+    alone = wall_metrics.distance_mae_cylinders(ROOM, np.vstack((start, over)), options)
+    both = wall_metrics.distance_mae_cylinders(ROOM, np.vstack((start, over, beside)), options)
+    assert alone == pytest.approx(0.03, abs=1e-3)
+    assert both == alone
+
+
+def test_first_time() -> None:
+    series = {"of": Series(np.arange(5) * 0.1, np.array([0.0, 0.2, 1.0, 0.0, 1.0]))}
+    assert KINDS["first_time"].function(series, {}) == pytest.approx(0.2)
+    assert KINDS["first_time"].function(series, {"level": 2.0}) is None

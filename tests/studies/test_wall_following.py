@@ -1,0 +1,61 @@
+"""Case C as a whole: the loop of the paper's room, with and without half of the turn rate."""
+
+from __future__ import annotations
+
+import pytest
+
+import runtime
+from runtime.loader import SHIPPED
+
+WORLDS = sorted(path.stem for path in (SHIPPED / "worlds").glob("*.yaml"))
+CONDITIONS = sorted(path.stem for path in (SHIPPED / "conditions").glob("*.yaml"))
+LOSS = "conditions/turn_loss_50.yaml"
+
+
+def test_the_room_is_looped_without_a_touch() -> None:
+    metrics = (
+        runtime.load("wall_following").without("adaptive").set("plots", {}).run(seed=30).metrics
+    )
+    assert metrics["loops"] > 1.0
+    assert metrics["contacts"] == 0.0
+    assert metrics["distance_floor"] < metrics["distance_mae"] < 0.025
+
+
+def test_the_robust_controller_makes_up_for_half_of_the_turn_rate() -> None:
+    robust = runtime.load("wall_following_robust").overlay(LOSS).set("plots", {})
+    feedforward = runtime.load("wall_following").without("adaptive").overlay(LOSS).set("plots", {})
+    ours, theirs = robust.run(seed=30).metrics, feedforward.run(seed=30).metrics
+    assert ours["loops"] > 1.0
+    assert ours["distance_mae"] < 0.025
+    assert ours["distance_mae"] < 0.5 * theirs["distance_mae"]
+
+
+@pytest.mark.parametrize("condition", CONDITIONS)
+@pytest.mark.parametrize("name", ["wall_following", "wall_following_robust"])
+def test_every_condition_lies_on_either_graph(name: str, condition: str) -> None:
+    graph = runtime.load(name).overlay(f"conditions/{condition}.yaml").set("plots", {})
+    assert graph.run(until=1.0).status == "complete"
+
+
+@pytest.mark.parametrize("world", WORLDS)
+def test_the_robot_reaches_a_wall_in_every_world(world: str) -> None:
+    path = str(SHIPPED / "worlds" / f"{world}.yaml")
+    graph = runtime.load("wall_following").without("adaptive").set("plots", {})
+    metrics = graph.overlay({"world": path}).run(until=40.0).metrics
+    assert metrics["time_to_engage"] is not None
+    assert metrics["distance_mae"] is not None
+    assert metrics["distance_mae"] < 0.05
+
+
+def test_a_robot_that_sees_nothing_searches_slowly() -> None:
+    """Beams that are all lost once it follows: no path, so half the explorer's speed."""
+    graph = runtime.load("wall_following").without("adaptive").set("plots", {}).set("metrics", {})
+    blind = graph.set("lidar.range_max", 0.06).set("blocks.explore.engage_distance", 100.0)
+    blind = blind.wire("follow.select", "now.value").set(
+        "blocks.now", {"type": "Constant", "value": 1}
+    )
+    result = (
+        blind.set("probes.v", "limit.limited").set("probes.valid", "fitter.valid").run(until=3.0)
+    )
+    assert (result["valid"] == 0.0).all()
+    assert abs(result["v"][-1, 0]) == pytest.approx(0.1)
