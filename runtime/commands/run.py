@@ -1,0 +1,132 @@
+"""``runtime run``: simulate, record, draw the probes, print the metrics."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from argparse import ArgumentParser, Namespace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from runtime.commands.changes import add_graph, changed
+from runtime.errors import SimulationError
+
+if TYPE_CHECKING:
+    from runtime.graph import Graph
+    from runtime.result import Result
+
+HELP = "simulate, record, draw the probes, print the metrics"
+
+
+def add(parser: ArgumentParser) -> None:
+    """Declare the options."""
+    add_graph(parser)
+    parser.add_argument("--out", default="runs", metavar="DIR", help="where run folders go (runs)")
+    parser.add_argument("--no-plots", action="store_true", help="draw nothing")
+    parser.add_argument("--animate", action="store_true", help="write plots/animation.gif, too")
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object and nothing else"
+    )
+    parser.add_argument("-q", "--quiet", action="store_true", help="no progress, no notes")
+
+
+def run(options: Namespace) -> int:
+    """Simulate, write the run folder and its pictures, print the metrics."""
+    from runtime.graph import load
+    from runtime.progress import Progress
+    from runtime.record import link_latest, new_folder, save
+    from runtime.result import Result
+
+    graph = changed(load(options.graph), options).check()
+    if options.animate:
+        _check_animation(graph)
+    quiet = options.quiet or options.json
+    progress = Progress(graph.title, wanted=not quiet)
+    failure: SimulationError | None = None
+    try:
+        result = graph.run(progress=progress)
+    except SimulationError as error:
+        if not isinstance(error.result, Result):
+            raise
+        failure, result = error, error.result
+    finally:
+        progress.close()
+    folder = save(result, new_folder(Path(options.out), result.title))
+    link_latest(folder)
+    pictures = _pictures(result, folder, not options.no_plots, options.animate)
+    if options.json:
+        print(json.dumps(_summary(result, folder)))
+    else:
+        _print_result(result, folder, pictures, options.quiet)
+    for text in ([str(failure)] if failure else []) + result.failures:
+        print(text, file=sys.stderr)
+    if failure is not None:
+        print(f"what was recorded before is kept in {folder}", file=sys.stderr)
+        return failure.exit_code
+    if result.status == "interrupted":
+        print(f"interrupted; what was recorded before is kept in {folder}", file=sys.stderr)
+        return 130
+    return 1 if result.failures else 0
+
+
+def _check_animation(graph: Graph) -> None:
+    """Refuse an animation of what has none before the run, not after it."""
+    from runtime.observe import observe
+    from runtime.pictures.animation import animated
+
+    animated(observe(graph.network).plots, graph.network.world)
+
+
+def _pictures(result: Result, folder: Path, plots: bool, animation: bool) -> list[Path]:
+    """Draw what was asked for into a run's folder; returns the files."""
+    files = []
+    if plots:
+        from runtime.pictures.plots import save_plots
+
+        files += save_plots(result, folder / "plots")
+    if animation:
+        from runtime.pictures.animation import animate
+
+        files.append(animate(result, folder / "plots" / "animation.gif"))
+    return files
+
+
+def _summary(result: Result, folder: Path) -> dict[str, Any]:
+    manifest = result.manifest
+    return {
+        "schema_version": manifest["schema_version"],
+        "run": str(folder),
+        **{
+            key: manifest[key]
+            for key in ("status", "error", "graph", "seed", "dt", "until", "ticks")
+        },
+        "metrics": result.metrics,
+        "wall_s": manifest["wall_s"],
+        "us_per_tick": manifest["us_per_tick"],
+        "failures": result.failures,
+        "notes": result.notes,
+    }
+
+
+def _print_result(result: Result, folder: Path, pictures: list[Path], quiet: bool) -> None:
+    manifest = result.manifest
+    if not quiet:
+        for note in result.notes:
+            print(f"note: {note}", file=sys.stderr)
+    simulated = manifest["ticks"] * manifest["dt"]
+    print(
+        f"{result.title}: {simulated:g} s in {manifest['wall_s']:.2f} s "
+        f"({manifest['us_per_tick']:.1f} us a tick), seed {manifest['seed']}"
+    )
+    width = max((len(name) for name in result.metrics), default=0)
+    for name, value in result.metrics.items():
+        print(f"  {name:<{width}}  {number(value)}")
+    print(f"run folder: {folder}")
+    for path in pictures:
+        print(f"  {path.relative_to(folder)}")
+
+
+def number(value: float | None) -> str:
+    """A metric for people: four digits, or a dash where it has no value."""
+    return "-" if value is None or math.isnan(value) else f"{value:.4g}"

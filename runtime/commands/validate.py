@@ -1,0 +1,43 @@
+"""``runtime validate``: check graphs, run nothing."""
+
+from __future__ import annotations
+
+import json
+import sys
+from argparse import ArgumentParser, Namespace
+
+from runtime.commands.changes import add_changes, changed
+from runtime.errors import GraphError
+
+HELP = "check graphs, run nothing"
+
+
+def add(parser: ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("graphs", nargs="+", metavar="graph", help="YAML files or shipped names")
+    add_changes(parser)
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.add_argument("-q", "--quiet", action="store_true", help="print problems only")
+
+
+def run(options: Namespace) -> int:
+    """Check graphs, all problems of all of them at once."""
+    from runtime.graph import load
+
+    problems: dict[str, list[str]] = {}
+    for name in options.graphs:
+        try:
+            graph = changed(load(name), options).check()
+        except GraphError as error:
+            problems[name] = [str(problem) for problem in error.problems]
+            if not options.json:
+                print(error, file=sys.stderr)
+            continue
+        problems[name] = []
+        if not (options.quiet or options.json):
+            network = graph.network
+            blocks, wires = len(network.entries), len(network.wires)
+            print(f"{name}: fine ({blocks} blocks, {wires} wires, {network.ticks} ticks)")
+    if options.json:
+        print(json.dumps({"schema_version": 1, "problems": problems}))
+    return 2 if any(problems.values()) else 0
