@@ -249,6 +249,7 @@ KINDS: dict[str, Kind] = {
     "mean_abs": Kind(lambda s, o: float(np.abs(_flat(s)).mean()), "mean of the absolute value"),
     "rms": Kind(lambda s, o: float(np.sqrt(np.mean(_flat(s) ** 2))), "root of the mean square"),
     "max_abs": Kind(lambda s, o: float(np.abs(_flat(s)).max()), "largest absolute value"),
+    "min": Kind(lambda s, o: float(_flat(s).min()), "smallest value"),
     "final": Kind(lambda s, o: float(_flat(s)[-1]), "last value"),
     "first_time": Kind(
         first_time,
@@ -283,6 +284,7 @@ KINDS: dict[str, Kind] = {
             (wall_metrics.distance_mae_cylinders,),
             (wall_metrics.distance_mae_reachable, "turning_radius"),
             (wall_metrics.distance_floor, "turning_radius"),
+            (wall_metrics.strayed,),
             (wall_metrics.loops,),
         )
     },

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from blocks.contour import IntArray
 from blocks.signals import FloatArray
 from blocks.world import World
 
@@ -60,23 +61,43 @@ def distance_mae_cylinders(world: World, xy: FloatArray, options: Mapping[str, A
 
 
 def loops(world: World, xy: FloatArray, options: Mapping[str, Any]) -> float:
-    """Turns around the loop of the contour that the robot reached first."""
-    d = float(options["distance"])
-    places = since_reached(world, xy, d)
-    contours = world.offset_contour(d)
-    if len(places) < 2 or not contours:
+    """Turns around the loop of the contour that was reached first."""
+    places, contour = _first_loop(world, xy, float(options["distance"]))
+    if len(places) < 2:
         return 0.0
-    contour = min(contours, key=lambda c: np.hypot(*(c - places[0]).T).min())[:-1]
-    nearest = np.array([np.hypot(*(contour - place).T).argmin() for place in places[::5]])
+    nearest, _ = _on_loop(contour, places)
     n = len(contour)
     steps = (np.diff(nearest) + n // 2) % n - n // 2
     return float(steps.sum() / n)
+
+
+def strayed(world: World, xy: FloatArray, options: Mapping[str, Any]) -> float:
+    """Largest distance (m) from the loop of the contour that was reached first, from then on."""
+    places, contour = _first_loop(world, xy, float(options["distance"]))
+    return float(_on_loop(contour, places)[1].max()) if len(places) else math.nan
 
 
 def distance_floor(world: World, xy: FloatArray, options: Mapping[str, Any]) -> float:
     """What the mean error cannot fall below for a robot of that turning radius (m)."""
     start = (float(xy[-1, 0]), float(xy[-1, 1])) if len(xy) else None
     return world.kink_floor(float(options["distance"]), float(options["turning_radius"]), start)
+
+
+def _first_loop(world: World, xy: FloatArray, d: float) -> tuple[FloatArray, FloatArray]:
+    """The places from when the contour is reached, and the loop (k, 2) of it that they are on."""
+    places = since_reached(world, xy, d)
+    contours = world.offset_contour(d)
+    if not len(places) or not contours:
+        return xy[:0], xy[:0]
+    return places, min(contours, key=lambda c: np.hypot(*(c - places[0]).T).min())[:-1]
+
+
+def _on_loop(contour: FloatArray, places: FloatArray) -> tuple[IntArray, FloatArray]:
+    """The sample of a loop that is nearest to each place, and how far (m) it is: (m,) both."""
+    from scipy.spatial import cKDTree  # scipy stays off the start-up path
+
+    away, nearest = cKDTree(contour).query(places)
+    return np.asarray(nearest, dtype=np.intp), np.asarray(away)
 
 
 def _others(world: World, i: int) -> World | None:

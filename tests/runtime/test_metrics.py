@@ -62,7 +62,8 @@ def test_mean_rms_and_max_of_a_sine() -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "expected"), [("mean_abs", 2.0), ("rms", math.sqrt(14 / 3)), ("max_abs", 3.0)]
+    ("kind", "expected"),
+    [("mean_abs", 2.0), ("rms", math.sqrt(14 / 3)), ("max_abs", 3.0), ("min", -2.0)],
 )
 def test_numbers_by_hand(kind: str, expected: float) -> None:
     assert value(kind, [1, -2, 3], np.arange(3.0)) == pytest.approx(expected, rel=1e-15)
@@ -161,7 +162,7 @@ def complaints(kind: str, options: dict[str, Any], **signals: Watched) -> list[t
     return list(KINDS[kind].check(options, signals))
 
 
-@pytest.mark.parametrize("kind", ["mean_abs", "rms", "max_abs", "final"])
+@pytest.mark.parametrize("kind", ["mean_abs", "rms", "max_abs", "min", "final"])
 def test_one_column_metrics(kind: str) -> None:
     assert complaints(kind, {}, of=SCALAR) == []
     assert complaints(kind, {}, of=Watched((1,), ("",))) == []

@@ -52,7 +52,21 @@ def test_turns_around_a_post(turns: float) -> None:
 def test_what_never_reaches_the_contour_has_no_error_and_no_turns() -> None:
     far = np.column_stack((np.linspace(4.0, 5.0, 50), np.zeros(50)))
     assert math.isnan(wall_metrics.distance_mae(POST, far, {"distance": D}))
+    assert math.isnan(wall_metrics.strayed(POST, far, {"distance": D}))
     assert wall_metrics.loops(POST, far, {"distance": D}) == 0.0
+
+
+@pytest.mark.parametrize("error", [0.03, 0.05, -0.1])
+def test_straying_is_from_the_loop_that_was_reached_first(error: float) -> None:
+    """At the stand-off of another post the robot is as far off as the posts are apart."""
+    way = around(POST, 1.0, error)
+    assert wall_metrics.strayed(POST, way, {"distance": D}) == pytest.approx(abs(error), abs=1e-3)
+    posts = World({"circles": [*POST.circles.tolist(), [10.0, -1.0, 0.5]]})
+    there = np.vstack((way, [[10.0 - 0.5 - D, -1.0]]))
+    assert wall_metrics.strayed(posts, there, {"distance": D}) == pytest.approx(
+        10.0 - 1.0 - 2.0 * (0.5 + D), abs=1e-3
+    )
+    assert wall_metrics.distance_mae(posts, there[-1:], {"distance": D}) < 1e-9
 
 
 def test_only_places_clear_of_the_walls_count_as_along_a_cylinder() -> None:
