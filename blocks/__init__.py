@@ -18,7 +18,7 @@ from blocks.lidar import Lidar
 from blocks.lqr import LQR
 from blocks.matching import MatchingPoint
 from blocks.memory import Lowpass, UnitDelay
-from blocks.neurons import AdaptiveEnsemble
+from blocks.neurons import AdaptiveEnsemble, RateEnsemble
 from blocks.params import ParameterError, param
 from blocks.paths import CirclePath, LinePath, SinePath, WaypointPath
 from blocks.plants import DifferentialDrive
@@ -71,6 +71,7 @@ __all__ = [
     "PointCloud",
     "Pose",
     "PoseNoise",
+    "RateEnsemble",
     "Same",
     "Saturator",
     "Scalar",

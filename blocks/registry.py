@@ -18,7 +18,7 @@ from blocks.lidar import Lidar
 from blocks.lqr import LQR
 from blocks.matching import MatchingPoint
 from blocks.memory import Lowpass, UnitDelay
-from blocks.neurons import AdaptiveEnsemble
+from blocks.neurons import AdaptiveEnsemble, RateEnsemble
 from blocks.paths import CirclePath, LinePath, SinePath, WaypointPath
 from blocks.plants import DifferentialDrive
 from blocks.sensors import PoseNoise
@@ -32,7 +32,7 @@ BUILTIN: Mapping[str, type[Block]] = {
     block.__name__: block
     for block in (
         *(LinePath, SinePath, CirclePath, WaypointPath),
-        *(MatchingPoint, TrackingError, LQR, AdaptiveEnsemble),
+        *(MatchingPoint, TrackingError, LQR, AdaptiveEnsemble, RateEnsemble),
         *(Lidar, WallFitter, Explorer),
         *(Constant, Sum, Mux, Gain, Switch, UnitDelay, Lowpass),
         *(Saturator, ActuatorFault, ActuatorLag, ActuatorDelay, WheelSlip),

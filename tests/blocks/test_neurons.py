@@ -10,7 +10,7 @@ import pytest
 
 import blocks
 import runtime
-from blocks.neurons import gain_and_bias, lif_rate
+from blocks.lif import gain_and_bias, lif_rate
 
 DT = 0.001
 
@@ -184,3 +184,86 @@ def test_the_output_is_weights_times_activity_row_by_row() -> None:
     expected = np.einsum("tkn,tn->tk", result["snn.weights"], result["snn.activity"])
     np.testing.assert_allclose(result["snn.output"], expected, rtol=1e-12, atol=1e-15)
     assert result["snn.output"][-1, 0] < 0.0
+
+
+def rates_of_nengo(fixed: dict[str, np.ndarray], seconds: float) -> tuple[np.ndarray, np.ndarray]:
+    """Rates and weights of nengo's LIFRate ensemble under PES, step by step."""
+    n, d = fixed["encoders"].shape
+    with nengo.Network(seed=1) as model:
+        x = nengo.Node(lambda t: wave(round((t - DT) / DT) * DT, d, 3.0))
+        e = nengo.Node(lambda t: wave(round((t - DT) / DT) * DT, 2, 1.3))
+        ensemble = nengo.Ensemble(
+            n,
+            d,
+            radius=1.2,
+            gain=fixed["gain"],
+            bias=fixed["bias"],
+            encoders=fixed["encoders"],
+            normalize_encoders=False,
+            neuron_type=nengo.LIFRate(),
+        )
+        nengo.Connection(x, ensemble, synapse=None)
+        out = nengo.Node(size_in=2)
+        learnt = nengo.Connection(
+            ensemble,
+            out,
+            function=lambda _: np.zeros(2),
+            synapse=None,
+            solver=nengo.solvers.NoSolver(np.zeros((n, 2))),
+            learning_rule_type=nengo.PES(1e-3, pre_synapse=nengo.Lowpass(0.02)),
+        )
+        nengo.Connection(e, learnt.learning_rule, synapse=None)
+        rates, weights = nengo.Probe(ensemble.neurons), nengo.Probe(learnt, "weights")
+    with nengo.Simulator(model, dt=DT, progress_bar=False, optimize=False) as simulator:
+        simulator.run(seconds)
+        return simulator.data[rates], simulator.data[weights]
+
+
+def test_rates_and_weights_equal_nengo() -> None:
+    fixed = draw(40, 3, seed=5)
+    voltage = fixed.pop("voltage")
+    assert voltage.any()
+    graph = runtime.Graph("nengo", dt=DT, until=2.0)
+    graph.add("x", Wave(size=3)).add("e", Wave(size=2, speed=1.3))
+    ensemble = blocks.RateEnsemble(
+        neurons=40, learning_rate=1e-3, tau_syn=0.02, radius=1.2, **fixed
+    )
+    graph.add("snn", ensemble).connect("x.out", "snn.input").connect("e.out", "snn.error")
+    result = graph.probe("snn.rates").probe("snn.weights").run()
+    rates, weights = rates_of_nengo(fixed, 2.0)
+    assert rates.max() > 100.0
+    np.testing.assert_allclose(result["snn.rates"], rates, rtol=1e-12, atol=1e-12)
+    assert np.abs(weights).max() > 1e-5
+    np.testing.assert_allclose(result["snn.weights"], weights, rtol=0.0, atol=1e-12)
+
+
+def test_a_rate_ensemble_in_the_place_of_a_spiking_one_is_the_same_network() -> None:
+    spiking = ensemble_graph(learning_rate=1e-2)
+    for name in ("current", "offset"):
+        spiking.probe(f"snn.{name}")
+    tree = spiking.to_dict()
+    tree["blocks"]["snn"]["type"] = "RateEnsemble"
+    tree["probes"] = {
+        k: v for k, v in tree["probes"].items() if v not in ("snn.voltage", "snn.spikes")
+    }
+    rate = runtime.load(tree)
+    ours, theirs = spiking.run(), rate.run()
+    for name in ("snn.current", "snn.offset"):
+        assert np.array_equal(ours[name], theirs[name])
+    # At a constant current the spikes of a neuron are never more than one ahead of its rate or
+    # behind it, nor are they after the synapse, and each adds kappa / neurons to what is learnt.
+    difference = np.abs(theirs["snn.weights"] - ours["snn.weights"])
+    assert 0.0 < difference.max() <= 1e-2 / 20
+    assert np.abs(ours["snn.weights"]).max() > 50 * 1e-2 / 20
+
+
+def test_rates_may_take_steps_longer_than_the_refractory_time() -> None:
+    graph = runtime.Graph(dt=0.01, until=0.5)
+    graph.add("x", blocks.Constant(value=0.5)).add("e", blocks.Constant(value=1.0))
+    graph.add("snn", blocks.RateEnsemble(neurons=5))
+    graph.connect("x.value", "snn.input").connect("e.value", "snn.error")
+    result = graph.probe("snn.rates").probe("snn.activity").probe("snn.current").run()
+    # A constant rate through a lowpass: s(t) = r (1 - exp(-t / tau_syn)).
+    rates = lif_rate(result["snn.current"][-1], 0.02, 0.002)
+    t = result.time("snn.activity")[:, None]
+    np.testing.assert_allclose(result["snn.activity"], rates * -np.expm1(-t / 0.01), rtol=1e-10)
