@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 
 from blocks.signals import FloatArray
-from blocks.world import World
 from runtime.errors import UsageError
-from runtime.observe import PlotSpec
-from runtime.result import Recorded, Result
+from runtime.result import Result
 
 SCHEMA_VERSION = 1
 TIME = "time"
+MANIFEST, METRICS, PROBES = "manifest.json", "metrics.json", "probes.npz"
+WRITTEN, RESOLVED = "graph.yaml", "graph.resolved.yaml"
 
 
 def new_folder(root: Path, title: str) -> Path:
@@ -81,12 +81,12 @@ def _write(result: Result, folder: Path) -> None:
     for name, recorded in result.probes.items():
         arrays[name] = recorded.values
         arrays[f"{name}.{TIME}"] = recorded.t
-    np.savez(folder / "probes.npz", **arrays)  # type: ignore[arg-type]
+    np.savez(folder / PROBES, **arrays)  # type: ignore[arg-type]
     for name, source in result.files.items():
         shutil.copyfile(source, folder / name)
     for name, text in result.texts.items():
         (folder / name).write_text(text, encoding="utf-8")
-    _json(folder / "metrics.json", result.metrics)
+    _json(folder / METRICS, result.metrics)
     hashes = {path.name: _sha256(path) for path in sorted(folder.iterdir())}
     probes = {
         name: {
@@ -111,7 +111,7 @@ def _write(result: Result, folder: Path) -> None:
         "plots": plots,
         "world": None if result.world is None else result.world.description,
     }
-    _json(folder / "manifest.json", {**details, "failures": result.failures})
+    _json(folder / MANIFEST, {**details, "failures": result.failures})
 
 
 def link_latest(folder: Path) -> None:
@@ -123,48 +123,6 @@ def link_latest(folder: Path) -> None:
         fresh.replace(link)
     except OSError:
         fresh.unlink(missing_ok=True)
-
-
-def open_run(folder: str | Path) -> Result:
-    """Read a run back from its folder.
-
-    Raises
-    ------
-    UsageError : the folder holds no run.
-    """
-    folder = Path(folder)
-    try:
-        manifest = json.loads((folder / "manifest.json").read_text(encoding="utf-8"))
-        metrics = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))
-        with np.load(folder / "probes.npz", allow_pickle=False) as stored:
-            arrays = dict(stored)
-        names = ("graph.yaml", "graph.resolved.yaml")
-        texts = {name: (folder / name).read_text(encoding="utf-8") for name in names}
-        probes = {
-            name: Recorded(
-                name=name,
-                t=arrays[f"{name}.{TIME}"],
-                values=arrays[name],
-                labels=tuple(info["labels"]),
-                units=tuple(info["units"]),
-                kinds=tuple(info["kinds"]),
-                addresses={a: (span[0], span[1]) for a, span in info["addresses"].items()},
-                auto=info["auto"],
-            )
-            for name, info in manifest.pop("probes").items()
-        }
-        plots = [
-            PlotSpec(p["name"], p["kind"], tuple(p["of"]), p["title"], p.get("options", {}))
-            for p in manifest.pop("plots")
-        ]
-        # Runs written before there were worlds have none.
-        walls = manifest.pop("world", None)
-        world = None if walls is None else World(walls)
-        failures = manifest.pop("failures")
-        title, notes = manifest["graph"], manifest["notes"]
-    except (OSError, ValueError, KeyError, TypeError, EOFError) as error:
-        raise UsageError(f"'{folder}' holds no run that can be read: {error}") from None
-    return Result(title, probes, metrics, plots, manifest, texts, {}, notes, failures, world)
 
 
 def _json(path: Path, value: Any) -> None:

@@ -1,0 +1,171 @@
+"""A run read back from disk, with every way in which its files can be broken told in one line."""
+
+from __future__ import annotations
+
+import json
+import struct
+import warnings
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from blocks.signals import FloatArray
+from blocks.world import World
+from runtime.errors import UsageError
+from runtime.observe import PlotSpec
+from runtime.record import MANIFEST, METRICS, PROBES, RESOLVED, SCHEMA_VERSION, TIME, WRITTEN
+from runtime.result import Recorded, Result
+
+# What numpy and zipfile raise over a file that is cut off or overwritten.
+_BROKEN_ARRAYS = (
+    *(OSError, ValueError, TypeError, EOFError, KeyError, RuntimeError, MemoryError, OverflowError),
+    *(zipfile.BadZipFile, zlib.error, struct.error, Warning),
+)
+
+
+def run_folder(path: str | Path) -> Path:
+    """The folder of a run.
+
+    Parameters
+    ----------
+    path : the folder, a link to it, or its manifest.json.
+
+    Raises
+    ------
+    UsageError : there is no run; the message says what is there instead.
+    """
+    path = Path(path)
+    folder = path.parent if path.name == MANIFEST else path
+    if (folder / MANIFEST).is_file():
+        return folder
+    if not path.exists():
+        raise UsageError(f"there is no '{path}'; expected a run folder, as in runs/<graph>/latest")
+    if not folder.is_dir():
+        raise UsageError(f"'{path}' is a file; expected a run folder, as in runs/<graph>/latest")
+    inside = sorted(child.parent for child in folder.glob(f"*/{MANIFEST}"))
+    latest = folder / "latest"
+    found = latest if latest in inside else inside[-1] if inside else None
+    mend = f"; did you mean '{found}'?" if found else ", as in runs/<graph>/latest"
+    raise UsageError(f"'{folder}' holds no run (no {MANIFEST} in it); expected a run folder{mend}")
+
+
+def open_run(path: str | Path) -> Result:
+    """Read a run back.
+
+    Parameters
+    ----------
+    path : the run's folder, a link to it, or its manifest.json.
+
+    Raises
+    ------
+    UsageError : there is no run, or one of its files is missing, damaged, or of a newer version.
+    """
+    folder = run_folder(path)
+    manifest = _mapping(folder / MANIFEST)
+    version = manifest.get("schema_version")
+    if isinstance(version, int) and version > SCHEMA_VERSION:
+        said = f"written by a newer version (schema {version}, this one reads {SCHEMA_VERSION})"
+        raise UsageError(f"'{folder / MANIFEST}' was {said}; upgrade spikeblocks")
+    metrics = _mapping(folder / METRICS)
+    if any(v is not None and not _is_number(v) for v in metrics.values()):
+        raise _damaged(folder / METRICS, "expected a number or null for each metric")
+    arrays = _arrays(folder / PROBES)
+    texts = {name: _text(folder / name) for name in (WRITTEN, RESOLVED)}
+    try:
+        probes = {
+            name: _recorded(name, info, arrays) for name, info in manifest.pop("probes").items()
+        }
+        plots = [
+            PlotSpec(p["name"], p["kind"], tuple(p["of"]), p["title"], dict(p.get("options", {})))
+            for p in manifest.pop("plots")
+        ]
+        # Runs written before there were worlds have none.
+        walls = manifest.pop("world", None)
+        world = None if walls is None else World(walls)
+        failures = [str(text) for text in manifest.pop("failures")]
+        notes = [str(text) for text in manifest["notes"]]
+        _check_facts(manifest)
+    except KeyError as error:
+        raise _damaged(folder / MANIFEST, f"{error} is missing") from None
+    except (ValueError, TypeError, AttributeError, IndexError) as error:
+        raise _damaged(folder / MANIFEST, str(error)) from None
+    return Result(
+        *(str(manifest["graph"]), probes, metrics, plots, manifest),
+        *(texts, {}, notes, failures, world),
+    )
+
+
+def _recorded(name: str, info: dict[str, Any], arrays: dict[str, FloatArray]) -> Recorded:
+    """One probe, its columns held against what the manifest says of them."""
+    for wanted in (name, f"{name}.{TIME}"):
+        if wanted not in arrays:
+            raise ValueError(f"probe '{name}': there is no array '{wanted}' in {PROBES}")
+    values, t = arrays[name], arrays[f"{name}.{TIME}"]
+    if t.ndim != 1 or not values.ndim or len(values) != len(t):
+        raise ValueError(f"probe '{name}': {len(t)} times for values of shape {values.shape}")
+    labels, units, kinds = (tuple(map(str, info[key])) for key in ("labels", "units", "kinds"))
+    addresses = {str(a): (int(span[0]), int(span[1])) for a, span in info["addresses"].items()}
+    if values.ndim <= 2 and len(labels) != (values.shape[1] if values.ndim == 2 else 1):
+        raise ValueError(f"probe '{name}': {len(labels)} labels for values of {values.shape}")
+    if any(not 0 <= start <= stop <= len(labels) for start, stop in addresses.values()):
+        raise ValueError(f"probe '{name}': its addresses name columns that it does not have")
+    return Recorded(name, t, values, labels, units, kinds, addresses, bool(info["auto"]))
+
+
+def _check_facts(manifest: dict[str, Any]) -> None:
+    """What everything that reads a run relies on."""
+    for key in ("graph", "status"):
+        if not isinstance(manifest[key], str):
+            raise ValueError(f"{key}: expected a text, got {manifest[key]!r}")
+    for key in ("seed", "dt", "until", "ticks", "wall_s", "us_per_tick"):
+        if not _is_number(manifest[key]):
+            raise ValueError(f"{key}: expected a number, got {manifest[key]!r}")
+    for key, kind in (("overrides", list), ("removed", dict), ("versions", dict), ("argv", list)):
+        if not isinstance(manifest[key], kind):
+            raise ValueError(f"{key}: expected a {kind.__name__}, got {manifest[key]!r}")
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"cannot read '{path}': {error.strerror or error}") from None
+    except UnicodeDecodeError:
+        raise _damaged(path, "it is no UTF-8 text") from None
+
+
+def _mapping(path: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(_text(path))
+    except (ValueError, RecursionError) as error:
+        raise _damaged(path, f"no JSON ({error})") from None
+    if not isinstance(found, dict):
+        raise _damaged(path, f"expected an object, got {type(found).__name__}")
+    return found
+
+
+def _arrays(path: Path) -> dict[str, FloatArray]:
+    try:
+        # Opened here, since numpy leaves a file open that is no archive.
+        with warnings.catch_warnings(), path.open("rb") as file:
+            warnings.simplefilter("error")
+            arrays = dict(np.load(file, allow_pickle=False))
+    except FileNotFoundError:
+        raise UsageError(f"cannot read '{path}': No such file or directory") from None
+    except _BROKEN_ARRAYS as error:
+        raise _damaged(path, str(error) or type(error).__name__) from None
+    for name, array in arrays.items():
+        if array.dtype != np.float64:
+            raise _damaged(path, f"array '{name}' is {array.dtype}, expected float64")
+    return arrays
+
+
+def _damaged(path: Path, said: str) -> UsageError:
+    return UsageError(f"'{path}' is damaged: {' '.join(said.split())}")
