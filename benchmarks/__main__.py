@@ -6,11 +6,12 @@ import sys
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from benchmarks import case_a, chains
+from benchmarks import case_a, case_c, chains
 from benchmarks.timing import Timing, machine, process_seconds, take_turns
 
 PAGE = Path(__file__).parent.parent / "docs" / "performance.md"
 SECONDS = 10.0
+FOLLOWING = 30.0
 
 HEAD = """# Performance
 
@@ -62,6 +63,25 @@ def against_nengo(rounds: int) -> str:
     )
 
 
+def wall_following(rounds: int) -> str:
+    parts = case_c.Parts()
+    timings = take_turns(
+        {"scan": parts.scan_seconds, "fit": parts.fit_seconds}, rounds, case_c.PLACES
+    )
+    whole = take_turns({"whole": lambda: case_c.run_seconds(FOLLOWING)}, rounds)["whole"]
+    per_tick = Timing(whole.seconds, round(FOLLOWING / case_c.DT))
+    return (
+        f"\n## Case C by parts\n\nScans of the paper's room from {case_c.PLACES} places along the "
+        f"walls; the whole graph with both ensembles at 1 kHz over {FOLLOWING:g} s by the Python "
+        "engine.\n\n| | per call |\n|---|---|\n"
+        f"| a scan of 360 beams | {figure(timings['scan'], 1e6, 'us')} |\n"
+        f"| a path from a scan: fit, offset, trim, fillet, refit | "
+        f"{figure(timings['fit'], 1e3, 'ms', 2)} |\n"
+        f"| a tick of the whole graph | {figure(per_tick, 1e6, 'us')} |\n\n"
+        f"The whole graph runs at {FOLLOWING / whole.median:.1f} times real time.\n"
+    )
+
+
 def chain_table(rounds: int) -> str:
     rows = ""
     for length in (10, 100, 1000, 2000):
@@ -106,7 +126,13 @@ def start_up(rounds: int) -> str:
 def page(rounds: int) -> str:
     """docs/performance.md, measured now."""
     head = HEAD.format(rounds=rounds, machine=machine(), packages=packages())
-    return head + against_nengo(rounds) + chain_table(rounds) + start_up(rounds)
+    return (
+        head
+        + against_nengo(rounds)
+        + wall_following(rounds)
+        + chain_table(rounds)
+        + start_up(rounds)
+    )
 
 
 if __name__ == "__main__":
