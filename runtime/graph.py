@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from runtime.edits import add_names, set_entry, set_wire
 from runtime.errors import UsageError
 from runtime.loader import load_document, merge
 from runtime.network import Network
+from runtime.replacement import replace_block
 
 SECTION_ORDER = (
     *("graph", "run", "params", "blocks", "wires", "without", "bypass"),
@@ -23,8 +25,8 @@ SECTION_ORDER = (
 
 
 class Graph:
-    """A block diagram. ``set``, ``wire``, ``without`` and ``bypass`` return changed copies;
-    ``add``, ``connect``, ``probe``, ``plot`` and ``metric`` build one up in place.
+    """A block diagram. ``set``, ``wire``, ``without``, ``bypass`` and ``replace`` return
+    changed copies; ``add``, ``connect``, ``probe``, ``plot`` and ``metric`` build one up in place.
 
     Parameters
     ----------
@@ -42,6 +44,7 @@ class Graph:
         self._classes: dict[str, type[Block]] = {}
         self.source: Path | None = None
         self.overrides: tuple[str, ...] = ()
+        self.notes: tuple[str, ...] = ()
 
     @classmethod
     def _of(
@@ -56,10 +59,13 @@ class Graph:
         graph._classes = dict(classes or {})
         graph.source = source
         graph.overrides = overrides
+        graph.notes = ()
         return graph
 
     def _changed(self, document: Node, *overrides: str) -> Graph:
-        return Graph._of(document, self._classes, self.source, (*self.overrides, *overrides))
+        changed = Graph._of(document, self._classes, self.source, (*self.overrides, *overrides))
+        changed.notes = self.notes
+        return changed
 
     @property
     def document(self) -> Node:
@@ -190,6 +196,24 @@ class Graph:
         changed = add_names(self._document, "bypass", names, origin)
         return self._changed(changed, *(f"bypass {name}" for name in names))
 
+    def replace(self, name: str, kind: str, *, origin: str = "") -> Graph:
+        """A copy with a block of another type in a block's place, as in ``replace("lqr", "PID")``.
+
+        Parameters and wires that the new type has as well stay; ``notes`` says what fell away.
+        """
+        changed, notes = replace_block(self._document, name, kind, self._classes, origin)
+        graph = self._changed(changed, f"replace {name}={kind}")
+        graph.notes = (*self.notes, *notes)
+        return graph
+
+    def with_seed(self, seed: int) -> Graph:
+        """A copy with another seed, which shares the checked network if that is built already."""
+        changed = self.set("run.seed", seed)
+        network = self.__dict__.get("network")
+        if network is not None and type(seed) is int and seed >= 0:
+            changed.__dict__["network"] = replace(network, seed=seed)
+        return changed
+
     def run(
         self,
         *,
@@ -208,7 +232,7 @@ class Graph:
 
         graph = self
         if seed is not None:
-            graph = graph.set("run.seed", seed)
+            graph = graph.with_seed(seed)
         if until is not None:
             graph = graph.set("run.until", until)
         return simulate(graph, progress)

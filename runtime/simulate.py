@@ -39,7 +39,7 @@ def simulate(graph: Graph, progress: Callable[[int, int], None] | None = None) -
         manifest=_manifest(graph, outcome, observation, began),
         texts={"graph.yaml": text, "graph.resolved.yaml": dump_yaml(resolved)},
         files=files,
-        notes=observation.notes,
+        notes=[*graph.notes, *observation.notes],
         failures=failures,
         world=network.world,
     )
@@ -95,7 +95,7 @@ def _manifest(
         "argv": sys.argv,
         "overrides": list(graph.overrides),
         "removed": dict(network.removed),
-        "notes": list(observation.notes),
+        "notes": [*graph.notes, *observation.notes],
         "versions": versions(),
     }
 

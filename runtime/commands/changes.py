@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class _Change(Action):
-    """Collects --with, --set, --wire, --without, --bypass in the order they were written."""
+    """Collects the changes in the order in which they were written."""
 
     def __call__(self, parser, namespace, values, option_string=None):  # type: ignore[no-untyped-def]
         changes = [*(namespace.changes or []), (self.option_strings[0].lstrip("-"), values)]
@@ -34,6 +34,7 @@ def add_changes(parser: ArgumentParser) -> None:
         ("--wire", "INPUT=OUTPUT", "wire an input: lqr.error=error.state"),
         ("--without", "NAME[,NAME]", "leave out blocks with their wires"),
         ("--bypass", "NAME[,NAME]", "wire the through-pair of blocks straight"),
+        ("--replace", "NAME=TYPE[,...]", "put a block of another type in a block's place"),
     ):
         change.add_argument(flag, action=_Change, metavar=form, help=text, dest="changes")
     change.add_argument("--seed", type=int, help="the run's seed")
@@ -62,6 +63,13 @@ def apply(graph: Graph, kind: str, text: str) -> Graph:
         names = [name.strip() for name in text.split(",") if name.strip()]
         without: Graph = getattr(graph, kind)(*names, origin=origin)
         return without
+    if kind == "replace":
+        for item in text.split(","):
+            name, equals, typed = item.partition("=")
+            if not (equals and name.strip() and typed.strip()):
+                raise UsageError(f"{origin}: expected NAME=TYPE, as in lqr=PID")
+            graph = graph.replace(name.strip(), typed.strip(), origin=origin)
+        return graph
     path, equals, value = text.partition("=")
     if not equals:
         raise UsageError(f"{origin}: expected PATH=VALUE")
