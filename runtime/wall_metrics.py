@@ -18,9 +18,14 @@ NEAR = 0.4
 
 
 def since_reached(world: World, xy: FloatArray, d: float) -> FloatArray:
-    """The places from the first one on that is within 2 cm of the contour at ``d``, (k, 2)."""
-    close = np.abs(world.distance(xy) - d) <= REACHED
-    return xy[int(np.argmax(close)) :] if close.any() else xy[:0]
+    """The places from the first one on that is on the contour at ``d``, (k, 2).
+
+    On it is within 2 cm, or within twice the smallest error of a robot that keeps further off: its
+    error must not drop out of the figures. What never comes within ``d`` has no such place.
+    """
+    error = np.abs(world.distance(xy) - d)
+    best = float(error.min(initial=math.inf))
+    return xy[int(np.argmax(error <= max(REACHED, 2.0 * best))) :] if best <= d else xy[:0]
 
 
 def distance_mae(world: World, xy: FloatArray, options: Mapping[str, Any]) -> float:
@@ -62,7 +67,7 @@ def distance_mae_cylinders(world: World, xy: FloatArray, options: Mapping[str, A
 
 def loops(world: World, xy: FloatArray, options: Mapping[str, Any]) -> float:
     """Turns around the loop of the contour that was reached first."""
-    places, contour = _first_loop(world, xy, float(options["distance"]))
+    places, contour = first_loop(world, xy, float(options["distance"]))
     if len(places) < 2:
         return 0.0
     nearest, _ = _on_loop(contour, places)
@@ -73,7 +78,7 @@ def loops(world: World, xy: FloatArray, options: Mapping[str, Any]) -> float:
 
 def strayed(world: World, xy: FloatArray, options: Mapping[str, Any]) -> float:
     """Largest distance (m) from the loop of the contour that was reached first, from then on."""
-    places, contour = _first_loop(world, xy, float(options["distance"]))
+    places, contour = first_loop(world, xy, float(options["distance"]))
     return float(_on_loop(contour, places)[1].max()) if len(places) else math.nan
 
 
@@ -83,7 +88,7 @@ def distance_floor(world: World, xy: FloatArray, options: Mapping[str, Any]) -> 
     return world.kink_floor(float(options["distance"]), float(options["turning_radius"]), start)
 
 
-def _first_loop(world: World, xy: FloatArray, d: float) -> tuple[FloatArray, FloatArray]:
+def first_loop(world: World, xy: FloatArray, d: float) -> tuple[FloatArray, FloatArray]:
     """The places from when the contour is reached, and the loop (k, 2) of it that they are on."""
     places = since_reached(world, xy, d)
     contours = world.offset_contour(d)

@@ -49,6 +49,19 @@ def test_turns_around_a_post(turns: float) -> None:
     assert sorted(counted.values()) == pytest.approx([-turns, turns], abs=0.02)
 
 
+@pytest.mark.parametrize("error", [0.03, 0.1, -0.05])
+def test_a_robot_that_always_keeps_off_the_contour_has_its_error(error: float) -> None:
+    way = around(POST, 1.0, error)[50:]
+    assert wall_metrics.distance_mae(POST, way, {"distance": D}) == pytest.approx(abs(error))
+    assert abs(wall_metrics.loops(POST, way, {"distance": D})) == pytest.approx(1.0, abs=0.02)
+    # An approach counts from twice that on.
+    far = np.column_stack((np.linspace(4.0, way[0, 0], 1000), np.full(1000, way[0, 1])))
+    counted = wall_metrics.since_reached(POST, np.vstack((far, way)), D)
+    if error > 0.0:
+        assert POST.distance(counted[:1])[0] - D == pytest.approx(2.0 * error, abs=4e-3)
+    assert wall_metrics.since_reached(POST, way[:0], D).shape == (0, 2)
+
+
 def test_what_never_reaches_the_contour_has_no_error_and_no_turns() -> None:
     far = np.column_stack((np.linspace(4.0, 5.0, 50), np.zeros(50)))
     assert math.isnan(wall_metrics.distance_mae(POST, far, {"distance": D}))

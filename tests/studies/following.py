@@ -1,0 +1,81 @@
+"""Runs of case C over worlds, conditions, controllers and seeds."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+
+import numpy as np
+
+import runtime
+from runtime.loader import SHIPPED
+from runtime.wall_metrics import first_loop
+
+WORKERS = 2
+CONDITIONS = {
+    "ideal": (),
+    "turn rate -35 %": ("turn_loss_35",),
+    "turn rate -50 %": ("turn_loss_50",),
+    "turn bias 0.15 rad/s": ("turn_bias",),
+    "pose noise 5 cm, 0.1 rad": ("pose_noise",),
+    "mixed": ("mixed",),
+}
+LQR, FEEDFORWARD, PRINTED, ROBUST = (
+    "LQR",
+    "LQR + feedforward",
+    "+ SNN as printed",
+    "+ robust SNN",
+)
+CONTROLLERS = (LQR, FEEDFORWARD, PRINTED, ROBUST)
+
+
+@dataclass(frozen=True)
+class Job:
+    """One run; ``world`` and ``until`` (s) are the graph's own if not given."""
+
+    controller: str
+    condition: str
+    seed: int
+    world: str = ""
+    until: float | None = None
+
+
+def graph_of(job: Job) -> runtime.Graph:
+    """A controller's graph under a condition, without pictures."""
+    graph = runtime.load("wall_following" + ("_robust" if job.controller == ROBUST else ""))
+    if job.controller in (LQR, FEEDFORWARD):
+        graph = graph.without("adaptive")
+    if job.controller == LQR:
+        graph = graph.set("blocks.match.alpha", 0.0)
+    for name in CONDITIONS[job.condition]:
+        graph = graph.overlay(SHIPPED / "conditions" / f"{name}.yaml")
+    if job.world:
+        graph = graph.overlay({"world": str(SHIPPED / "worlds" / f"{job.world}.yaml")})
+    return graph.set("plots", {})
+
+
+def length_of(loop: np.ndarray) -> float:
+    """Length (m) of a closed loop, (k, 2)."""
+    return float(np.hypot(*(np.roll(loop, -1, axis=0) - loop).T).sum())
+
+
+def measure(job: Job) -> dict[str, float]:
+    """One run's metrics, NaN where one has no value, and the ``length`` (m) of its loop."""
+    graph = graph_of(job)
+    result = graph.run(seed=job.seed, until=job.until)
+    metrics = {k: np.nan if v is None else float(v) for k, v in result.metrics.items()}
+    fitter = graph.network.entries["fitter"].made
+    _, loop = first_loop(graph.network.world, result["pose"][:, :2], fitter.distance)
+    return {**metrics, "length": length_of(loop) if len(loop) else np.nan}
+
+
+def measure_all(jobs: Iterable[Job]) -> dict[Job, dict[str, float]]:
+    """All of them, two at a time."""
+    jobs = list(jobs)
+    # The matrices are small: threads of the linear algebra would only fight over the cores.
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"
+    with ProcessPoolExecutor(WORKERS, get_context("spawn")) as pool:
+        return dict(zip(jobs, pool.map(measure, jobs), strict=True))
