@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -34,6 +34,14 @@ class Observation:
     plots: list[PlotSpec] = field(default_factory=list)
     metrics: list[Metric] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+
+    def reduced(self, kinds: Container[str]) -> Observation:
+        """What metrics and plots of these kinds need, and nothing else."""
+        plots = [plot for plot in self.plots if plot.kind in kinds]
+        used = {name for plot in plots for name in (*plot.of, plot.options.get("engaged"))}
+        used |= {name for metric in self.metrics for name in metric.inputs.values()}
+        probes = {name: probe for name, probe in self.probes.items() if name in used}
+        return Observation(probes, plots, self.metrics, self.notes)
 
 
 def observe(network: Network) -> Observation:

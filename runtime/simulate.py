@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import platform
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from datetime import datetime
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
@@ -19,10 +19,19 @@ from runtime.result import Recorded, Result, evaluate, times
 PACKAGES = ("spikeblocks", "numpy", "scipy", "networkx", "pyyaml", "matplotlib")
 
 
-def simulate(graph: Graph, progress: Callable[[int, int], None] | None = None) -> Result:
-    """Run a graph; see :meth:`runtime.graph.Graph.run`."""
+def simulate(
+    graph: Graph,
+    progress: Callable[[int, int], None] | None = None,
+    plots: Container[str] | None = None,
+) -> Result:
+    """Run a graph; see :meth:`runtime.graph.Graph.run`.
+
+    ``plots`` limits what is recorded to the metrics' probes and those of plots of these kinds.
+    """
     network = graph.network
     observation = observe(network)
+    if plots is not None:
+        observation = observation.reduced(plots)
     began = datetime.now().astimezone()
     outcome = Engine(network, observation).run(progress)
     probes = {

@@ -2,19 +2,36 @@
 
 from __future__ import annotations
 
+import json
 import math
+import re
 from typing import Any
 
 import yaml
 
 from runtime.scalars import is_text
 
+_PLAIN = re.compile(r"[A-Za-z_$][A-Za-z0-9_$./-]*")
 _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 
 def dump_yaml(value: Any) -> str:
     """Write plain values as YAML that :func:`runtime.document.parse_yaml` reads back equal."""
     return _Writer.text(value)
+
+
+def flow_yaml(value: Any) -> str:
+    """Write plain values as YAML in one line that reads back equal."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{flow_yaml(k)}: {flow_yaml(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(map(flow_yaml, value)) + "]"
+    if isinstance(value, float):
+        return _float_text(value)
+    if isinstance(value, str) and _PLAIN.fullmatch(value) and is_text(value):
+        return value
+    # What JSON writes of texts, integers, true and null is YAML.
+    return json.dumps(value, ensure_ascii=True)
 
 
 class _Writer(_DUMPER):  # type: ignore[misc, valid-type]
@@ -43,14 +60,16 @@ def _represent_text(dumper: Any, text: str) -> Any:
 
 
 def _represent_float(dumper: Any, number: float) -> Any:
+    return dumper.represent_scalar("tag:yaml.org,2002:float", _float_text(number))
+
+
+def _float_text(number: float) -> str:
     if math.isnan(number):
-        text = ".nan"
-    elif math.isinf(number):
-        text = ".inf" if number > 0 else "-.inf"
-    else:
-        mantissa, e, exponent = repr(number).partition("e")
-        text = mantissa + (".0" if "." not in mantissa else "") + e + exponent
-    return dumper.represent_scalar("tag:yaml.org,2002:float", text)
+        return ".nan"
+    if math.isinf(number):
+        return ".inf" if number > 0 else "-.inf"
+    mantissa, e, exponent = repr(number).partition("e")
+    return mantissa + (".0" if "." not in mantissa else "") + e + exponent
 
 
 _Writer.add_representer(str, _represent_text)

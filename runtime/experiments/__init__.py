@@ -1,0 +1,1 @@
+"""Experiments over graphs: sweeps of knobs and ablations of blocks, in parallel and resumable."""

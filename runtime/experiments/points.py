@@ -1,0 +1,90 @@
+"""What is run: settings of a graph, each with every seed, as data that can travel."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from runtime.document import dump_yaml, parse_yaml
+from runtime.experiments.seeds import Seeds
+from runtime.writer import flow_yaml
+
+if TYPE_CHECKING:
+    from runtime.graph import Graph
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """A graph as it travels: its resolved text, and the modules of blocks of one's own.
+
+    Whoever has the package can run it.
+    """
+
+    text: str
+    modules: tuple[tuple[str, str], ...] = ()
+
+    @classmethod
+    def of(cls, graph: Graph) -> Recipe:
+        """Resolve a graph.
+
+        Raises
+        ------
+        UsageError : a block type is defined in no file.
+        """
+        from runtime.record import portable_modules
+
+        plain, files = portable_modules(parse_yaml(graph.to_yaml(), "graph").plain())
+        modules = {name: Path(path).read_text(encoding="utf-8") for name, path in files.items()}
+        return cls(dump_yaml(plain), tuple(sorted(modules.items())))
+
+    @property
+    def digest(self) -> str:
+        content = json.dumps([self.text, self.modules])
+        return hashlib.sha256(content.encode()).hexdigest()
+
+
+@dataclass(frozen=True)
+class Setting:
+    """One of the things to compare: a graph with the values of some knobs.
+
+    Parameters
+    ----------
+    number : counted from 0.
+    cells : what the index says of it, one text a column.
+    recipe : the graph.
+    edits : (path, value as YAML) to set in it.
+    """
+
+    number: int
+    cells: tuple[str, ...]
+    recipe: Recipe
+    edits: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True)
+class Point:
+    """One run: a setting with a seed. ``number`` counts the points of the whole plan."""
+
+    number: int
+    setting: Setting
+    seed: int
+
+
+def points_of(settings: Iterable[Setting], seeds: Seeds) -> Iterator[Point]:
+    """Every setting with every seed, one setting after the other."""
+    for setting in settings:
+        for i, seed in enumerate(seeds):
+            yield Point(setting.number * len(seeds) + i, setting, seed)
+
+
+def varied(
+    recipe: Recipe, paths: tuple[str, ...], design: Iterable[tuple[Any, ...]]
+) -> Iterator[Setting]:
+    """The settings of a sweep."""
+    for number, values in enumerate(design):
+        cells = tuple(map(flow_yaml, values))
+        yield Setting(number, cells, recipe, tuple(zip(paths, cells, strict=True)))
