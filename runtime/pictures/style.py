@@ -67,9 +67,14 @@ def look(i: int) -> dict[str, Any]:
 
 def set_title(axes: Axes, title: str, result: Result) -> None:
     """Write a plot's title, and below it in small what was run."""
+    head(axes, title, subtitle(result))
+
+
+def head(axes: Axes, title: str, small: str) -> None:
+    """Write a title above an axes, and a line in small between the two."""
     axes.set_title(title, pad=17.0)
     axes.annotate(
-        subtitle(result),
+        small,
         xy=(0.0, 1.0),
         xytext=(0.0, 6.0),
         xycoords="axes fraction",
