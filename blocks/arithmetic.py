@@ -86,11 +86,21 @@ class Sum(Block):
             terms = tuple(scaled(v, s) for s, v in zip(state.signs, terms, strict=True))
         total = terms[0]
         for term in terms[1:]:
-            if isinstance(total, tuple):
-                total = tuple([a + b for a, b in zip(total, term, strict=True)])
-            else:
-                total = total + term
+            total = added(total, term)
         return total
+
+    def loop_output(self, state: BlockState, t: float, terms: tuple[Any, ...]) -> Any:
+        total = state.zero
+        for sign, term in zip(state.signs, terms, strict=True):
+            total = added(total, scaled(term, sign))
+        return total
+
+
+def added(a: Any, b: Any) -> Any:
+    """The sum of two values of one signal type, in the signal's own form."""
+    if isinstance(a, tuple):
+        return tuple([x + y for x, y in zip(a, b, strict=True)])
+    return a + b
 
 
 def scaled(value: Any, factor: float) -> Any:

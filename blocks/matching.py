@@ -64,6 +64,14 @@ class MatchingPoint(Block):
         near = path[window]
         found = _nearest(near, pose[0], pose[1])
         index = low + found if isinstance(window, slice) else int(window[found])
+        return self._matched(state, path, begin, index)
+
+    def _matched(
+        self, state: BlockState, path: FloatArray, begin: int, index: int
+    ) -> tuple[PoseValue, TwistValue, float, float, float]:
+        """The outputs at a sample, having searched around another one."""
+        n = len(path)
+        closed, spacing = _geometry(path)
         step = index - begin
         if closed and abs(step) > n // 2:
             step -= int(math.copysign(n, step))
@@ -72,6 +80,24 @@ class MatchingPoint(Block):
             kappa = abs(kappa)
         progress = float(state.way[0]) + step * spacing
         return (x, y, theta), (self.v_r, self.alpha * kappa), kappa, float(index), progress
+
+    def loop_output(
+        self, state: BlockState, t: float, pose: PoseValue, path: FloatArray
+    ) -> tuple[PoseValue, TwistValue, float, float, float]:
+        n = len(path)
+        closed, spacing = _geometry(path)
+        begin = self._begin(state, pose, path)
+        reach = max(1, round(self.window / spacing))
+        first, last = max(0, begin - reach), min(n, begin + reach + 1)
+        if closed:
+            first, last = (0, n) if 2 * reach >= n else (begin - reach, begin + reach + 1)
+        index, least = first, math.inf
+        for i in range(first, last):
+            dx, dy = path[i % n, 0] - pose[0], path[i % n, 1] - pose[1]
+            square = dx * dx + dy * dy
+            if square < least:
+                index, least = i % n, square
+        return self._matched(state, path, begin, index)
 
     def _begin(self, state: BlockState, pose: PoseValue, path: FloatArray) -> int:
         """The sample around which to search."""
@@ -98,6 +124,22 @@ def _nearest(path: FloatArray, x: float, y: float) -> int:
     dy *= dy
     dx += dy
     return int(dx.argmin())
+
+
+def _loop_nearest(path: FloatArray, x: float, y: float) -> int:
+    index, least = 0, math.inf
+    for i in range(len(path)):
+        dx, dy = path[i, 0] - x, path[i, 1] - y
+        square = dx * dx + dy * dy
+        if square < least:
+            index, least = i, square
+    return index
+
+
+def _loop_geometry(path: FloatArray) -> tuple[bool, float]:
+    spacing = math.hypot(path[1, 0] - path[0, 0], path[1, 1] - path[0, 1])
+    apart = math.hypot(path[-1, 0] - path[0, 0], path[-1, 1] - path[0, 1])
+    return len(path) > 3 and apart < 1.5 * spacing, spacing
 
 
 def _geometry(path: FloatArray) -> tuple[bool, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import final
 
 import numpy as np
@@ -71,6 +72,7 @@ class AdaptiveEnsemble(LearningEnsemble):
         state.voltage[:] = voltage if self.voltage is None else self.voltage
         state.height = 1.0 / state.dt
         state.kick = state.pass_on * state.height
+        state.silence = self.tau_ref + state.dt
         state.step, state.decay = np.full(n, state.dt), np.full(n, -self.tau_rc)
         state.zeros, state.ones = np.zeros(n), np.ones(n)
         state.rise = np.empty(n)
@@ -94,24 +96,45 @@ class AdaptiveEnsemble(LearningEnsemble):
         voltage -= awake
         spiking = (voltage > state.ones).nonzero()[0]
         # The spike lies inside the step: the rest of the step counts to the refractory time.
-        over = voltage[spiking]
-        over -= 1.0
         drive = current[spiking]
         drive -= 1.0
-        over /= drive
-        since = np.log1p(np.negative(over, out=over), out=over)
+        since = voltage[spiking]
+        np.subtract(1.0, since, out=since)
+        since /= drive
+        np.log1p(since, out=since)
         since *= self.tau_rc
-        since += state.dt
-        since += self.tau_ref
+        since += state.silence
         refractory[spiking] = since
         np.maximum(voltage, state.zeros, out=voltage)
         voltage[spiking] = 0.0
         state.spikes.fill(0.0)
         state.spikes[spiking] = state.height
-        activity, passed = state.activity, state.scratch
-        np.multiply(activity, state.pass_on, out=passed)
-        activity -= passed
+        activity = state.activity
+        activity *= state.fade
         activity[spiking] += state.kick
+
+    def _loop_respond(self, state: BlockState) -> None:
+        voltage, refractory, activity = state.voltage, state.refractory, state.activity
+        current, dt = state.current, state.dt
+        # First what most neurons do, without a branch: to be awake, or asleep, for the whole step.
+        full = math.expm1(-dt / self.tau_rc)
+        for i in range(len(voltage)):
+            refractory[i] -= dt
+            rise = full if refractory[i] <= 0.0 else 0.0
+            voltage[i] = max(voltage[i] - (current[i] - voltage[i]) * rise, 0.0)
+            activity[i] *= state.fade
+            state.spikes[i] = 0.0
+        for i in range(len(voltage)):
+            left = refractory[i]
+            if 0.0 < left < dt:
+                rise = math.expm1(-(dt - left) / self.tau_rc)
+                voltage[i] = max(voltage[i] - (current[i] - voltage[i]) * rise, 0.0)
+            if voltage[i] > 1.0:
+                since = math.log1p((1.0 - voltage[i]) / (current[i] - 1.0))
+                refractory[i] = state.silence + self.tau_rc * since
+                voltage[i] = 0.0
+                state.spikes[i] = state.height
+                activity[i] += state.kick
 
 
 @final
@@ -139,3 +162,12 @@ class RateEnsemble(LearningEnsemble):
         np.subtract(state.rates, state.activity, out=state.scratch)
         state.scratch *= state.pass_on
         state.activity += state.scratch
+
+    def _loop_respond(self, state: BlockState) -> None:
+        for i in range(len(state.rates)):
+            above = state.current[i] - 1.0
+            rate = 0.0
+            if above > 0.0:
+                rate = 1.0 / (self.tau_ref + self.tau_rc * math.log1p(1.0 / above))
+            state.rates[i] = rate
+            state.activity[i] += state.pass_on * (rate - state.activity[i])

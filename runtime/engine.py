@@ -6,23 +6,39 @@ import hashlib
 import math
 import time
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, NoReturn
+from typing import Any, NoReturn, Protocol
 
 import numpy as np
 
 from blocks.block import BlockState
-from blocks.signals import FloatArray, SignalType
+from blocks.signals import FloatArray
 from runtime.errors import SimulationError
 from runtime.network import Network
 from runtime.observe import Observation, Probe, state_shape
 from runtime.plan import GLOBALS, Emitter, Plan, Recording, make_plan
+from runtime.values import brief, form, has_form, is_bad
 
 CHUNK_SECONDS = 0.1
 FILENAME = "<the plan>"
 Progress = Callable[[int, int], None]
+Held = tuple[Any, ...]
+Run = Callable[[int, int, Held], Held]
+
+
+class Runner(Protocol):
+    """What runs ticks: ``held`` are the variables that go into each call and come out of it."""
+
+    held: list[str]
+    run: Run
+
+    def adopt(self, held: Held) -> Held:
+        """The variables after the first tick, in the form that ``run`` takes."""
+
+    def locate(self, error: BaseException) -> tuple[int, str] | None:
+        """The tick and the block that an exception came from."""
 
 
 def seed_of(seed: int, name: str) -> np.random.SeedSequence:
@@ -58,14 +74,19 @@ class Engine:
     ----------
     network : the checked graph.
     observation : what to record.
+    compiled : take the plan and its blocks through numba.
+    note : called with a line of text for people, when something takes a while.
     """
 
     network: Network
     observation: Observation
+    compiled: bool = False
+    note: Callable[[str], None] = print
     plan: Plan = field(init=False)
     states: dict[str, BlockState] = field(init=False, default_factory=dict)
     arrays: dict[str, FloatArray] = field(init=False, default_factory=dict)
     tick: int = field(init=False, default=0)
+    runner: Runner | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         self.plan = make_plan(self.network)
@@ -85,7 +106,7 @@ class Engine:
             self._start()
             self._loop(progress)
         except KeyboardInterrupt as error:
-            self._locate(error)
+            self.locate(error)
             outcome.status = "interrupted"
         except SimulationError as error:
             outcome.status, outcome.error = "failed", error
@@ -97,14 +118,16 @@ class Engine:
     def _loop(self, progress: Progress | None) -> None:
         total = self.network.ticks
         try:
-            held = self._compile(checked=True)(0, 1, self._held())
+            self.runner = self._runner()
+            # The first tick is Python's in any case: there every value is looked at.
+            first = self._compile(checked=True, held=self.runner.held)
+            held = self.runner.adopt(first(0, 1, self._held()))
             self.tick = 1
-            run = self._compile(checked=False)
             chunk = 16
             while self.tick < total:
                 stop = min(total, self.tick + chunk)
                 began = time.perf_counter()
-                held = run(self.tick, stop, held)
+                held = self.runner.run(self.tick, stop, held)
                 took = time.perf_counter() - began
                 self.tick = stop
                 chunk = max(1, min(4 * chunk, int(chunk * CHUNK_SECONDS / max(took, 1e-6))))
@@ -113,9 +136,16 @@ class Engine:
         except SimulationError:
             raise
         except Exception as error:
-            block = self._locate(error)
+            block = self.locate(error)
             text = str(error) if isinstance(error, NotFiniteError) else _described(error)
             raise SimulationError(block, self.tick, self.tick * self.network.dt, text) from error
+
+    def _runner(self) -> Runner:
+        if self.compiled:
+            from runtime.compiled.runner import CompiledRunner
+
+            return CompiledRunner(self, self.note)
+        return PythonRunner(self.emitter, self._compile(checked=False))
 
     def _start(self) -> None:
         """Fill the states, and compute what never changes."""
@@ -123,7 +153,7 @@ class Engine:
             **dict(
                 zip(
                     GLOBALS,
-                    (math.isfinite, math.isnan, np.dot, np.array, self._checked, self._not_finite),
+                    (math.isfinite, math.isnan, np.dot, np.array, self._checked, self.not_finite),
                     strict=True,
                 )
             ),
@@ -150,24 +180,24 @@ class Engine:
         except Exception as error:
             raise SimulationError(block, 0, 0.0, _described(error)) from error
 
-    def _compile(self, checked: bool) -> Callable[[int, int, tuple[Any, ...]], tuple[Any, ...]]:
-        code = compile(self.emitter.emit(checked), FILENAME, "exec")
+    def _compile(self, checked: bool, held: Sequence[str] | None = None) -> Run:
+        code = compile(self.emitter.emit(checked, held), FILENAME, "exec")
         exec(code, self.namespace)
-        run: Callable[[int, int, tuple[Any, ...]], tuple[Any, ...]] = self.namespace["run"]
+        run: Run = self.namespace["run"]
         return run
 
-    def _held(self) -> tuple[Any, ...]:
+    def _held(self) -> Held:
         return (None,) * len(self.emitter.held())
 
-    def _locate(self, error: BaseException) -> str:
-        """Find the tick and the block that an exception came from."""
-        trace = error.__traceback__
-        while trace is not None and trace.tb_frame.f_code.co_filename != FILENAME:
-            trace = trace.tb_next
-        if trace is None:
+    def locate(self, error: BaseException) -> str:
+        """Set the tick to the one that an exception came from; returns the block."""
+        found = located(error, self.emitter.lines)
+        if found is None and self.runner is not None:
+            found = self.runner.locate(error)
+        if found is None:
             return ""
-        self.tick = int(trace.tb_frame.f_locals.get("k", self.tick))
-        return self.emitter.lines.get(trace.tb_lineno, "")
+        self.tick, block = found
+        return block
 
     def _state(self, name: str) -> BlockState:
         entry = self.network.entries[name]
@@ -228,7 +258,7 @@ class Engine:
             self._check_value(block, port, item)
         return value
 
-    def _not_finite(self, block: str, *values: Any) -> NoReturn:
+    def not_finite(self, block: str, *values: Any) -> NoReturn:
         """Called by the plan where an output holds a number that is none: say which."""
         ports = [
             step.evaluation.outputs
@@ -237,15 +267,15 @@ class Engine:
         ]
         for outputs in ports:
             for port, value in zip(outputs, values, strict=True):
-                if _bad(self.network.types[block, port], value):
-                    raise NotFiniteError(f"output '{port}' is not finite: {_brief(value)}")
-        raise NotFiniteError(f"an output is not finite: {_brief(values)}")
+                if is_bad(self.network.types[block, port], value):
+                    raise NotFiniteError(f"output '{port}' is not finite: {brief(value)}")
+        raise NotFiniteError(f"an output is not finite: {brief(values)}")
 
     def _check_value(self, block: str, port: str, value: Any) -> None:
         kind = self.network.types[block, port]
-        if not _has_form(kind, value):
+        if not has_form(kind, value):
             raise SimulationError(
-                *(block, 0, 0.0), f"output '{port}' must be {_form(kind)}, got {_brief(value)}"
+                *(block, 0, 0.0), f"output '{port}' must be {form(kind)}, got {brief(value)}"
             )
 
 
@@ -260,35 +290,27 @@ def _described(error: BaseException) -> str:
     return f"{type(error).__name__}: {error}{place}"
 
 
-def _has_form(kind: SignalType, value: Any) -> bool:
-    if kind.form == "scalar":
-        return isinstance(value, (int, float)) and not isinstance(value, bool)
-    if kind.form == "record":
-        return (
-            isinstance(value, tuple)
-            and len(value) == len(kind.components)
-            and all(isinstance(part, (int, float)) for part in value)
-        )
-    return isinstance(value, np.ndarray) and value.shape == kind.shape and value.dtype == np.float64
+class PythonRunner:
+    """Runs the plan's function as it is printed."""
+
+    def __init__(self, emitter: Emitter, run: Run) -> None:
+        self.held = emitter.held()
+        self.run = run
+
+    def adopt(self, held: Held) -> Held:
+        """The first tick's variables, as they are."""
+        return held
+
+    def locate(self, error: BaseException) -> tuple[int, str] | None:
+        """Nothing that the plan's own lines do not tell."""
+        return None
 
 
-def _bad(kind: SignalType, value: Any) -> bool:
-    numbers = np.asarray(value)
-    return bool(np.isnan(numbers).any() or (kind.finite and np.isinf(numbers).any()))
-
-
-def _form(kind: SignalType) -> str:
-    if kind.form == "scalar":
-        return "a float"
-    if kind.form == "record":
-        return f"a tuple of {len(kind.components)} floats ({', '.join(kind.components)})"
-    return f"a float64 array of shape {kind.shape}"
-
-
-def _brief(value: Any) -> str:
-    text = (
-        f"an array of shape {value.shape}, {value.dtype}"
-        if isinstance(value, np.ndarray)
-        else repr(value)
-    )
-    return text if len(text) < 80 else text[:77] + "..."
+def located(error: BaseException, lines: Mapping[int, str]) -> tuple[int, str] | None:
+    """The tick and the block of the line of the plan that an exception came through."""
+    trace = error.__traceback__
+    while trace is not None and trace.tb_frame.f_code.co_filename != FILENAME:
+        trace = trace.tb_next
+    if trace is None:
+        return None
+    return int(trace.tb_frame.f_locals.get("k", 0)), lines.get(trace.tb_lineno, "")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import keyword
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from blocks.block import Evaluation, Input
@@ -150,28 +151,31 @@ class Emitter:
         self.text: list[str] = []
         self.lines: dict[int, str] = {}
         self.rate = 0
+        self.depth = 2
 
-    def emit(self, checked: bool = False) -> str:
-        """The source; ``checked`` has every value looked at for its form, as on the first tick."""
+    def emit(self, checked: bool = False, held: Sequence[str] | None = None) -> str:
+        """The source; ``checked`` has every value looked at for its form, as on the first tick.
+
+        ``held`` are the variables that go in and come out; by default :meth:`held`.
+        """
         self.text, self.lines, self.rate = [], {}, 0
-        held = self.held()
+        incoming = self.held()
+        held = incoming if held is None else held
         self.line(0, "def run(first, last, held):")
         # The title is the user's text: nothing in it may end the docstring or continue a line.
         title = "".join(c for c in self.network.title if c.isprintable() and c not in '"\\')
         self.line(1, f'"""{title}: base step {self.network.dt!r} s."""')
-        if held:
-            self.line(1, f"({', '.join(held)},) = held")
+        if incoming:
+            self.line(1, f"({', '.join(incoming)},) = held")
         self.line(1, "for k in range(first, last):")
         self.line(2, f"t = k * {self.network.dt!r}")
         for step in self.plan.steps:
             if not step.constant:
                 self.step(step, checked)
         self.record(events=False)
-        for name, entry in sorted(self.network.entries.items(), key=lambda e: (e[1].every, e[0])):
-            update = entry.cls.spec.update
-            if update is not None:
-                self.at(entry.every)
-                self.call(name, update, "")
+        for name, every, update in self.updates():
+            self.at(every)
+            self.call(name, update, "")
         self.record(events=True)
         self.line(1, f"return ({', '.join(held)},)" if held else "return ()")
         return "\n".join(self.text) + "\n"
@@ -180,6 +184,12 @@ class Emitter:
         """Variables that must outlive a call: outputs of slow blocks."""
         slow = [s for s in self.plan.steps if s.every > 1 and not s.constant]
         return [self.variable(s.block, port) for s in slow for port in s.evaluation.outputs]
+
+    def updates(self) -> list[tuple[str, int, Evaluation]]:
+        """Every block with memory, in the order in which they are updated."""
+        entries = sorted(self.network.entries.items(), key=lambda e: (e[1].every, e[0]))
+        specs = [(name, entry.every, entry.cls.spec.update) for name, entry in entries]
+        return [(name, every, update) for name, every, update in specs if update is not None]
 
     def variable(self, block: str, port: str) -> str:
         return self.plan.variables[block, port]
@@ -195,11 +205,11 @@ class Emitter:
     def at(self, every: int) -> None:
         """Go on at a rate: what follows runs on every ``every``-th tick."""
         if every != self.rate and every > 1:
-            self.line(2, f"if k % {every} == 0:")
+            self.line(self.depth, f"if k % {every} == 0:")
         self.rate = every
 
     def code(self, text: str, block: str = "") -> None:
-        self.line(3 if self.rate > 1 else 2, text, block)
+        self.line(self.depth + (self.rate > 1), text, block)
 
     def step(self, step: Step, checked: bool) -> None:
         self.at(step.every)
@@ -211,17 +221,21 @@ class Emitter:
 
     def call(self, block: str, evaluation: Evaluation, targets: str, checked: bool = False) -> None:
         name = self.plan.names[block]
+        arguments = [self.state(block), "t", *self.arguments(block, evaluation)]
+        call = f"{name}.{evaluation.method}({', '.join(arguments)})"
+        if checked and targets:
+            call = f"checked({block!r}, {evaluation.outputs!r}, {call})"
+        self.code(targets + call, block)
+
+    def arguments(self, block: str, evaluation: Evaluation) -> list[str]:
+        """The expressions that an evaluation takes: inputs, and outputs of the block itself."""
         inputs = self.network.entries[block].cls.spec.inputs
-        arguments = [
+        return [
             self.argument(block, port, inputs[port])
             if port in inputs
             else self.variable(block, port)
             for port in evaluation.needs
         ]
-        call = f"{name}.{evaluation.method}({', '.join([self.state(block), 't', *arguments])})"
-        if checked and targets:
-            call = f"checked({block!r}, {evaluation.outputs!r}, {call})"
-        self.code(targets + call, block)
 
     def argument(self, block: str, port: str, declared: Input) -> str:
         """The expression that an input port reads."""
@@ -253,12 +267,16 @@ class Emitter:
             if recording.is_event != events or recording.constant:
                 continue
             self.at(recording.every)
-            row = "k" if recording.every == 1 else f"k // {recording.every}"
-            if recording.columns is not None:
-                row += f", {recording.columns.start}:{recording.columns.stop}"
-            end = recording.end
-            value = self.state_value(end) if recording.is_state else self.value(end)
-            self.code(f"{recording.array}[{row}] = {value}")
+            self.recorded(recording)
+
+    def recorded(self, recording: Recording) -> None:
+        """One row of one recording."""
+        row = "k" if recording.every == 1 else f"k // {recording.every}"
+        if recording.columns is not None:
+            row += f", {recording.columns.start}:{recording.columns.stop}"
+        end = recording.end
+        value = self.state_value(end) if recording.is_state else self.value(end)
+        self.code(f"{recording.array}[{row}] = {value}")
 
 
 def finite_test(signals: dict[str, SignalType]) -> str:

@@ -1,0 +1,112 @@
+"""Runs the compiled plan for the engine, and says where it stopped."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from runtime.compiled import cache
+from runtime.compiled.emit import CompiledEmitter, CompiledText
+from runtime.compiled.kernels import Kernels, make_kernels
+from runtime.compiled.translate import plain
+
+if TYPE_CHECKING:
+    from blocks.signals import FloatArray
+    from runtime.engine import Engine
+
+DRIVER = "<the loop around the compiled plan>"
+LARGEST_REPORT = 256
+
+
+class CompiledRunner:
+    """The compiled plan of one engine, ready to run.
+
+    Parameters
+    ----------
+    engine : after its start: states filled, constants computed.
+    note : called with a line of text when something is compiled.
+    """
+
+    def __init__(self, engine: Engine, note: Callable[[str], None]) -> None:
+        self.engine = engine
+        self.kernels: Kernels = make_kernels(engine.network, engine.states, note)
+        emitter = CompiledEmitter(engine.plan, engine.emitter.recordings, self.kernels.compiled)
+        self.text: CompiledText = emitter.compiled()
+        self.held = self.text.held
+        self.function = cache.module("plan", self.text.text).run
+        self.at = np.zeros(3, dtype=np.int64)
+        self.report = np.zeros(LARGEST_REPORT)
+        self.arguments = tuple(self._argument(name) for name in self.text.arguments)
+        self.run = self._driver() if self.text.driver else self._whole
+
+    def _argument(self, name: str) -> Any:
+        """What ``run`` is given under a name, see :class:`CompiledText`."""
+        engine = self.engine
+        for block, kernel in self.kernels.compiled.items():
+            if name == f"{engine.plan.names[block]}_b":
+                return kernel.fields
+        owner, dot, state = name.partition(".")
+        value = getattr(engine.namespace[owner], state) if dot else engine.namespace[name]
+        return plain(value, name)
+
+    def adopt(self, held: tuple[Any, ...]) -> tuple[Any, ...]:
+        """The first tick's variables, in exactly the form that compiled text takes."""
+        return tuple(normalised(value) for value in held)
+
+    def _whole(self, first: int, last: int, held: tuple[Any, ...]) -> tuple[Any, ...]:
+        """Run ticks, all of each."""
+        return self._part(first, last, 0, 1, held)
+
+    def _part(
+        self, first: int, last: int, low: int, high: int, held: tuple[Any, ...]
+    ) -> tuple[Any, ...]:
+        result: tuple[Any, ...] = self.function(
+            *(first, last, low, high, self.engine.network.dt),
+            *(self.at, self.report, held, *self.arguments),
+        )
+        if self.at[2]:
+            self._not_finite()
+        return result
+
+    def _driver(self) -> Callable[[int, int, tuple[Any, ...]], tuple[Any, ...]]:
+        scope = {**self.engine.namespace, "run": self._part, "own": own}
+        exec(compile(self.text.driver, DRIVER, "exec"), scope)
+        drive: Callable[[int, int, tuple[Any, ...]], tuple[Any, ...]] = scope["drive"]
+        return drive
+
+    def _not_finite(self) -> None:
+        block, evaluation = self.text.calls[self.at[0]]
+        values: list[Any] = []
+        entries = iter(self.report.tolist())
+        for port in evaluation.outputs:
+            kind = self.engine.network.types[block, port]
+            if kind.form == "record":
+                values.append(tuple(next(entries) for _ in kind.components))
+            else:
+                value = next(entries)
+                values.append(np.full(kind.shape, value) if kind.form == "array" else value)
+        self.engine.not_finite(block, *values)
+
+    def locate(self, error: BaseException) -> tuple[int, str]:
+        """The tick and the block that an exception came from."""
+        trace = error.__traceback__
+        while trace is not None:
+            if trace.tb_frame.f_code.co_filename == DRIVER and trace.tb_lineno in self.text.lines:
+                tick = int(trace.tb_frame.f_locals.get("k", self.at[1]))
+                return tick, self.text.lines[trace.tb_lineno]
+            trace = trace.tb_next
+        return int(self.at[1]), self.text.calls[self.at[0]][0] if self.text.calls else ""
+
+
+def own(array: FloatArray) -> FloatArray:
+    """An array in the one form that compiled text takes: contiguous and writeable."""
+    return array if array.flags.c_contiguous and array.flags.writeable else array.copy()
+
+
+def normalised(value: Any) -> Any:
+    """A signal's value from Python text in the form that compiled text takes."""
+    if isinstance(value, tuple):
+        return tuple(float(part) for part in value)
+    return own(value) if isinstance(value, np.ndarray) else float(value)
