@@ -41,6 +41,11 @@ def set_entry(document: Node, path: str, value: Any, origin: str = "") -> Node:
     return _set(document, _completed(document, names, SECTIONS), node, path, where)
 
 
+def full_path(document: Node, path: str) -> str:
+    """A path with every ``blocks.`` written out, so that two of one entry are equal."""
+    return ".".join(_completed(document, path.strip().split("."), SECTIONS))
+
+
 def _block_names(node: Node | None) -> list[str]:
     blocks = node.get("blocks") if node is not None else None
     return [name for name, _ in blocks.items()] if blocks is not None else []

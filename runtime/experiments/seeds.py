@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 from runtime.document import Node
 from runtime.errors import Problems
@@ -70,7 +71,7 @@ def _wrong(ranges: list[tuple[int, int]]) -> str:
         if last < first:
             return f"{first}..{last} is empty"
     ordered = sorted(ranges)
-    for (_, last), (first, _) in zip(ordered, ordered[1:], strict=False):
+    for (_, last), (first, _) in pairwise(ordered):
         if first <= last:
             return f"{first} stands twice"
     return ""
