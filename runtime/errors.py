@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import Any
 
 
 @dataclass(frozen=True, order=True)
@@ -45,6 +46,16 @@ class SpikeblocksError(Exception):
     """Base of all errors that people get to read; ``exit_code`` is what the CLI returns."""
 
     exit_code = 2
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Workers send their errors home; BaseException would call the class with the message.
+        return _remade, (type(self), self.args, self.__dict__)
+
+
+def _remade(cls: type[SpikeblocksError], args: tuple[Any, ...], known: dict[str, Any]) -> Any:
+    error = cls.__new__(cls, *args)
+    error.__dict__.update(known)
+    return error
 
 
 class UsageError(SpikeblocksError):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,17 @@ import pytest
 import runtime
 from blocks import Constant
 from blocks.registry import BUILTIN
-from runtime.errors import NOWHERE, GraphError, Problem, Problems, Where
+from runtime.errors import (
+    NOWHERE,
+    GraphError,
+    MissingExtraError,
+    Problem,
+    Problems,
+    SimulationError,
+    SpikeblocksError,
+    UsageError,
+    Where,
+)
 from runtime.metrics import KINDS
 from runtime.sections import SECTIONS
 from tests.runtime.broken import PART, SOUND, changed, problems, with_part
@@ -722,3 +733,19 @@ def test_any_title_runs(title: str) -> None:
 def test_a_title_is_one_line(title: str) -> None:
     with pytest.raises(GraphError, match="graph: expected a title, one line"):
         _ = runtime.Graph(title).network
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        GraphError([Problem(Where("g.yaml", 3, 4), "blocks.x", "is wrong")]),
+        SimulationError("plant", 7, 0.007, "output 'pose' is not finite"),
+        MissingExtraError("the compiled engine", "numba"),
+        UsageError("no such seed"),
+    ],
+)
+def test_errors_travel_between_processes(error: SpikeblocksError) -> None:
+    back = pickle.loads(pickle.dumps(error))
+    assert type(back) is type(error)
+    assert str(back) == str(error)
+    assert back.__dict__ == error.__dict__
