@@ -59,3 +59,15 @@ def test_a_robot_that_sees_nothing_searches_slowly() -> None:
     )
     assert (result["valid"] == 0.0).all()
     assert abs(result["v"][-1, 0]) == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("sighted", ["fitter.valid", "now.value"])
+def test_it_learns_nothing_of_a_path_that_it_does_not_see(sighted: str) -> None:
+    """Its errors are those of a path that was left standing, while it goes elsewhere."""
+    graph = runtime.load("wall_following_robust").set("plots", {}).set("metrics", {})
+    blind = graph.set("lidar.range_max", 0.06).set("blocks.now", {"type": "Constant", "value": 1})
+    for name in ("follow.select", "learning.select"):
+        blind = blind.wire(name, "now.value")
+    blind = blind.wire("learning.on", sighted).set("probes.weights", "adaptive.snn_omega.weights")
+    weights = blind.run(until=3.0)["weights"]
+    assert (weights == 0.0).all() == (sighted == "fitter.valid")
