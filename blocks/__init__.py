@@ -18,6 +18,7 @@ from blocks.lidar import Lidar
 from blocks.lqr import LQR
 from blocks.matching import MatchingPoint
 from blocks.memory import Lowpass, UnitDelay
+from blocks.mujoco_vacuum import MujocoVacuum
 from blocks.neurons import AdaptiveEnsemble, RateEnsemble
 from blocks.params import ParameterError, param
 from blocks.paths import CirclePath, LinePath, SinePath, WaypointPath
@@ -64,6 +65,7 @@ __all__ = [
     "LinePath",
     "Lowpass",
     "MatchingPoint",
+    "MujocoVacuum",
     "Mux",
     "Output",
     "ParameterError",

@@ -18,6 +18,7 @@ from blocks.lidar import Lidar
 from blocks.lqr import LQR
 from blocks.matching import MatchingPoint
 from blocks.memory import Lowpass, UnitDelay
+from blocks.mujoco_vacuum import MujocoVacuum
 from blocks.neurons import AdaptiveEnsemble, RateEnsemble
 from blocks.paths import CirclePath, LinePath, SinePath, WaypointPath
 from blocks.plants import DifferentialDrive
@@ -36,7 +37,7 @@ BUILTIN: Mapping[str, type[Block]] = {
         *(Lidar, WallFitter, Explorer),
         *(Constant, Sum, Mux, Gain, Switch, UnitDelay, Lowpass),
         *(Saturator, ActuatorFault, ActuatorLag, ActuatorDelay, WheelSlip),
-        *(PoseNoise, DifferentialDrive),
+        *(PoseNoise, DifferentialDrive, MujocoVacuum),
     )
 }
 

@@ -7,12 +7,13 @@ import re
 from collections.abc import Mapping
 
 from blocks.block import Block
+from blocks.extras import MissingExtraError as MissingPackageError
 from blocks.params import ParameterError, hint
 from blocks.world import World
 from runtime.addresses import Endpoint
 from runtime.block_types import block_class
 from runtime.document import Node
-from runtime.errors import Problems
+from runtime.errors import MissingExtraError, Problems
 from runtime.inference import infer_types, report_open
 from runtime.network import Entry, Network
 from runtime.observe import check_observation
@@ -37,6 +38,7 @@ def build(document: Node, classes: Mapping[str, type[Block]] | None = None) -> N
     Raises
     ------
     GraphError : with every problem that was found, in the order of the text.
+    MissingExtraError : all is well but for a package that a block needs.
     """
     problems = Problems()
     scope, document = expand(document, problems)
@@ -55,10 +57,11 @@ def build(document: Node, classes: Mapping[str, type[Block]] | None = None) -> N
     report_unwired(network, wiring, problems)
     if not problems.found:
         report_open(network, problems)
-    if can_run:
-        _check_settings(network, problems)
+    missing = _check_settings(network, problems) if can_run else None
     check_observation(network, problems)
     problems.raise_any()
+    if missing is not None:
+        raise MissingExtraError(missing.feature, missing.extra)
     return network
 
 
@@ -205,8 +208,12 @@ def _misshapen(network: Network, name: str) -> str:
     return ""
 
 
-def _check_settings(network: Network, problems: Problems) -> None:
-    """Let each block check its surroundings, once all its ports have types."""
+def _check_settings(network: Network, problems: Problems) -> MissingPackageError | None:
+    """Let each block check its surroundings, once all its ports have types.
+
+    Returns what one of them lacks to run, which is no fault of the graph.
+    """
+    missing: MissingPackageError | None = None
     for name, entry in network.entries.items():
         if entry.block is None or not network.is_typed(name):
             continue
@@ -222,5 +229,8 @@ def _check_settings(network: Network, problems: Problems) -> None:
                 item = entry.node.get(parameter)
                 where = item.where if item is not None else entry.node.key
                 problems.add(where, f"{entry.address}.{parameter}", text)
+        except MissingPackageError as error:
+            missing = error
         except Exception as error:  # noqa: BLE001 -- a user's block may raise anything
             problems.add(entry.node.key, entry.address, _failed(entry.cls, error))
+    return missing

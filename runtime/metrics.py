@@ -198,6 +198,11 @@ def first_time(series: Mapping[str, Series], options: Mapping[str, Any]) -> floa
     return float(series["of"].t[int(np.argmax(over))]) if over.any() else None
 
 
+def share_above(series: Mapping[str, Series], options: Mapping[str, Any]) -> float:
+    """Share of the recorded rows in which the signal is above ``level``."""
+    return float((_flat(series) > float(options.get("level", 0.5))).mean())
+
+
 def settling_time(series: Mapping[str, Series], options: Mapping[str, Any]) -> float | None:
     """First time (s) from which every column stays within +-band to the end; None if never."""
     s = series["of"]
@@ -255,6 +260,9 @@ KINDS: dict[str, Kind] = {
         first_time,
         "first time above level, 0.5 if not given (s); none if never",
         options=("level",),
+    ),
+    "share_above": Kind(
+        share_above, "share of the time above level, 0.5 if not given", options=("level",)
     ),
     "path_length": Kind(path_length, "length of the way gone by a pose (m)", forms=("place",)),
     "displacement": Kind(

@@ -19,6 +19,7 @@ REQUIRED: dict[str, dict[str, Any]] = {
     "Saturator": {"omega_max": 1.0},
     "ActuatorLag": {"tau": 0.1},
     "ActuatorDelay": {"delay": 0.03},
+    "MujocoVacuum": {"physics_step": 0.001},
 }
 
 

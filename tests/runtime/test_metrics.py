@@ -53,6 +53,15 @@ def test_settling_time_counts_from_after() -> None:
     assert value("settling_time", [0, 0, 5, 0], np.arange(4.0), band=1, after=3.0) == 3.0
 
 
+def test_share_above_a_level_of_a_sine() -> None:
+    sine = np.sin(2.0 * np.pi * T)[:-1]
+    # sin is above 1/2 for a third of its period, and above 0.9 for 1/2 - asin(0.9) / pi.
+    assert value("share_above", sine, T[:-1]) == pytest.approx(1.0 / 3.0, abs=0.02)
+    high = 0.5 - math.asin(0.9) / math.pi
+    assert value("share_above", sine, T[:-1], level=0.9) == pytest.approx(high, abs=0.02)
+    assert value("share_above", [0.5, 0.6, 0.5, 0.4], np.arange(4.0)) == 0.25
+
+
 def test_mean_rms_and_max_of_a_sine() -> None:
     sine = np.sin(2.0 * np.pi * T)[:-1]
     # Ten whole periods: mean |sin| = 2 / pi, mean sin^2 = 1/2; sampled 100 times a period.
