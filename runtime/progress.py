@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 import time
 
@@ -9,26 +10,52 @@ WIDTH = 28
 
 
 class Progress:
-    """Draws a bar on stderr; call it with ticks done and ticks in all."""
+    """Draws a bar on stderr; call it with what is done and how much there is in all.
+
+    Parameters
+    ----------
+    label : what is going on.
+    wanted : False draws nothing.
+    """
 
     def __init__(self, label: str, wanted: bool = True) -> None:
         self.label = label
         self.active = wanted and sys.stderr.isatty()
         self.began = time.monotonic()
+        self.before = 0
 
-    def __call__(self, done: int, total: int) -> None:
+    def resume(self, done: int) -> None:
+        """Start the clock anew where so much was done before."""
+        self.before, self.began = done, time.monotonic()
+
+    def __call__(self, done: int, total: int, note: str = "") -> None:
+        """Draw the bar, and below it a line that says how it goes."""
         if not self.active:
             return
         spent = time.monotonic() - self.began
-        left = spent * (total - done) / done
         filled = WIDTH * done // total
         bar = "█" * filled + "░" * (WIDTH - filled)
-        text = f"{self.label} {bar} {100 * done // total:3d} %  {left:.0f} s left"
-        sys.stderr.write(f"\r{text}\033[K")
+        text = f"{self.label} {bar} {100 * done // total:3d} %"
+        if done > self.before:
+            left = spent * (total - done) / (done - self.before)
+            text += f"  {duration(left)} left"
+        columns = shutil.get_terminal_size().columns - 1
+        below = f"\n{note[:columns]}\033[K\033[A" if note else ""
+        sys.stderr.write(f"\r{text[:columns]}\033[K{below}")
         sys.stderr.flush()
 
     def close(self) -> None:
-        """Wipe the bar."""
+        """Wipe the bar, and what is below."""
         if self.active:
-            sys.stderr.write("\r\033[K")
+            sys.stderr.write("\r\033[J")
             sys.stderr.flush()
+
+
+def duration(seconds: float) -> str:
+    """Seconds as people say them: ``42 s``, ``3 min 10 s``, ``2 h 5 min``."""
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60} s"
+    return f"{whole // 3600} h {whole % 3600 // 60} min"

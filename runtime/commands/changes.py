@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from argparse import Action, ArgumentParser, Namespace
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from runtime.errors import UsageError
@@ -25,8 +26,8 @@ def add_graph(parser: ArgumentParser) -> None:
     add_changes(parser)
 
 
-def add_changes(parser: ArgumentParser) -> None:
-    """Declare the changes alone."""
+def add_changes(parser: ArgumentParser, seed: bool = True, variants: bool = False) -> None:
+    """Declare the changes alone; with ``variants``, also what begins one with a name."""
     change = parser.add_argument_group("changes to the graph, applied in the order written")
     for flag, form, text in (
         ("--with", "GRAPH", "lay a graph, or part of one, on top, as 'extends' does"),
@@ -37,18 +38,31 @@ def add_changes(parser: ArgumentParser) -> None:
         ("--replace", "NAME=TYPE[,...]", "put a block of another type in a block's place"),
     ):
         change.add_argument(flag, action=_Change, metavar=form, help=text, dest="changes")
-    change.add_argument("--seed", type=int, help="the run's seed")
+    if variants:
+        said = "begin a variant, which the changes that follow are part of"
+        change.add_argument("--variant", action=_Change, metavar="NAME", help=said, dest="changes")
+    if seed:
+        change.add_argument("--seed", type=int, help="the run's seed")
     change.add_argument("--until", type=float, metavar="S", help="length of the run in seconds")
+    change.add_argument("--engine", help="python, compiled, or auto: compiled where that repays")
 
 
 def changed(graph: Graph, options: Namespace) -> Graph:
     """The graph with the changes of the command line, in the order they were written."""
-    for kind, text in options.changes or ():
-        graph = apply(graph, kind, text)
-    if options.seed is not None:
+    graph = with_changes(graph, options.changes or ())
+    if getattr(options, "seed", None) is not None:
         graph = graph.set("run.seed", options.seed, origin="--seed")
     if options.until is not None:
         graph = graph.set("run.until", options.until, origin="--until")
+    if options.engine is not None:
+        graph = graph.set("run.engine", options.engine, origin="--engine")
+    return graph
+
+
+def with_changes(graph: Graph, changes: Iterable[tuple[str, str]]) -> Graph:
+    """The graph with changes as they are written, (kind, text) each."""
+    for kind, text in changes:
+        graph = apply(graph, kind, text)
     return graph
 
 

@@ -220,7 +220,9 @@ def remaining(index: Index, points: Iterator[Point]) -> Iterator[Point]:
             passed = point.number
         found = ahead.pop(row.point, None)
         if found is None:
-            raise UsageError(f"'{index.path}': point {row.point} stands twice, or is not in the plan")
+            raise UsageError(
+                f"'{index.path}': point {row.point} stands twice, or is not in the plan"
+            )
         if (found.setting.cells, found.seed) != (row.cells, row.seed):
             raise UsageError(
                 f"'{index.path}' is of another plan: its point {row.point} is "

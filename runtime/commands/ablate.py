@@ -1,0 +1,137 @@
+"""``runtime ablate``: baseline and variants on the same seeds, in one table and one figure."""
+
+from __future__ import annotations
+
+import json
+import sys
+from argparse import ArgumentParser, Namespace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from runtime.commands.changes import add_changes, changed, with_changes
+from runtime.commands.workers import add_workers, chosen_seeds, crew_of
+from runtime.errors import UsageError
+
+if TYPE_CHECKING:
+    from runtime.experiments.ablation import Ablated
+    from runtime.experiments.experiment import Experiment
+    from runtime.experiments.variants import Variant
+
+HELP = "baseline and variants on the same seeds, in one table and one figure"
+DEFAULT_SEEDS = 10
+ABOUT = """
+Variants: --without, --bypass and --replace each begin one, and other changes belong to the variant
+that they follow; before the first, they change the baseline and with it all variants. --variant NAME
+begins one of that name, and all changes up to the next --variant are part of it. Without any variant,
+every block is tried alone: bypassed if it has a through-pair, left out if the graph can live without
+it, listed as essential otherwise.
+
+  runtime ablate G --without adaptive --replace lqr=PID --set lqr.kp=2
+  runtime ablate G --variant soft --set lqr.q='[0.01, 0.01, 0.01]' --seeds 0..19
+"""
+
+
+def add(parser: ArgumentParser) -> None:
+    """Declare the options."""
+    parser.description = ABOUT.strip()
+    parser.add_argument("graph", help="a graph, or an experiment.yaml with variants")
+    parser.add_argument(
+        "--out", default="ablations", metavar="DIR", help="where folders go (ablations)"
+    )
+    parser.add_argument(
+        "--test",
+        choices=("t", "bootstrap"),
+        default="t",
+        help="intervals and differences by Student's t (default), or by resampling",
+    )
+    add_workers(parser, f"0..{DEFAULT_SEEDS - 1}")
+    add_changes(parser, seed=False, variants=True)
+
+
+def run(options: Namespace) -> int:
+    """Run the variants; print the table and draw the figure."""
+    from runtime.experiments.ablation import ablate
+    from runtime.experiments.plan import ablation_plan
+    from runtime.experiments.seeds import Seeds
+    from runtime.progress import Progress
+    from runtime.record import link_latest, new_folder
+
+    experiment, variants, essential = _asked(options)
+    seeds = chosen_seeds(options) or experiment.seeds or Seeds(((0, DEFAULT_SEEDS - 1),))
+    plan = ablation_plan(experiment, variants, seeds)
+    if not plan.metrics:
+        raise UsageError("the graph measures nothing that variants could differ in; add 'metrics:'")
+    quiet = options.quiet or options.json
+    folder = new_folder(Path(options.out), plan.name)
+    done = ablate(
+        *(plan, variants, essential, folder, crew_of(options), options.test, options.timeout),
+        Progress(plan.name, wanted=not quiet),
+    )
+    link_latest(folder)
+    if done.is_interrupted:
+        print(f"interrupted; the rows so far are in {folder}", file=sys.stderr)
+        return 130
+    pictures = [] if options.no_plots else _pictures(done)
+    if options.json:
+        print(json.dumps({**done.to_dict(), "plots": [str(path) for path in pictures]}))
+    else:
+        _print(done, pictures, options.quiet)
+    return 3 if all(row.status != "ok" for rows in done.rows.values() for row in rows) else 0
+
+
+def _asked(options: Namespace) -> tuple[Experiment, list[Variant], dict[str, str]]:
+    """The experiment with its variants, those of the file first; or every block tried alone."""
+    from runtime.experiments.experiment import read_experiment
+    from runtime.experiments.variants import Variant, check_variants, each_alone, grouped
+
+    common, named = grouped(options.changes or ())
+    options.changes = common
+    experiment = read_experiment(options.graph, lambda graph: changed(graph, options))
+    graph = experiment.graph.check()
+    variants = [
+        *experiment.variants,
+        *(Variant.of(name, with_changes(graph, changes), graph) for name, changes in named),
+    ]
+    essential: dict[str, str] = {}
+    if variants:
+        check_variants(variants)
+    else:
+        variants, essential = each_alone(graph)
+    if not variants:
+        raise UsageError("no block of this graph can be taken out alone; name variants yourself")
+    return experiment, variants, essential
+
+
+def _pictures(done: Ablated) -> list[Path]:
+    from runtime.experiments.ablation_figures import save_ablation_figure
+
+    return [save_ablation_figure(done)]
+
+
+def _print(done: Ablated, pictures: list[Path], quiet: bool) -> None:
+    from runtime.experiments.comparison import table
+    from runtime.experiments.statistics import CORRECTION, TESTS
+
+    plan = done.plan
+    if not quiet:
+        for variant in done.variants.values():
+            for note in variant.graph.notes:
+                print(f"note: {variant.name}: {note}", file=sys.stderr)
+    print(f"{plan.name}: {len(plan.cases)} variants, seeds {plan.seeds}")
+    print(table(done.lines()))
+    print(
+        f"\nIntervals of 95 %, {TESTS[done.test]}; differences are paired by seed. "
+        f"'distinguishable': p < 0.05 after {CORRECTION}'s correction for all comparisons of the "
+        "table. n/N: only n of N seeds have a value, and means and differences are over those."
+    )
+    for name, rows in done.rows.items():
+        bad = [row for row in rows if row.status != "ok"]
+        if bad:
+            print(f"{name}: {len(bad)} of {len(rows)} runs not ok, first: {bad[0].reason}")
+    if done.essential:
+        print("\nessential, cannot be taken out alone:")
+        for name, reason in done.essential.items():
+            print(f"  {name}: {reason}")
+    print(f"\nablation folder: {done.folder}")
+    for path in pictures:
+        print(f"  {path.relative_to(done.folder)}")

@@ -1,0 +1,174 @@
+"""An ablation from its plan to its table."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from runtime.diagrams.diagram import diagram
+from runtime.errors import UsageError
+from runtime.experiments.comparison import Line, compare
+from runtime.experiments.index import Index, Row
+from runtime.experiments.plan import INDEX, SCHEMA_VERSION, VARIANTS, Case, Plan, create
+from runtime.experiments.points import Point
+from runtime.experiments.pool import Crew
+from runtime.experiments.runner import run_points
+from runtime.experiments.statistics import CONFIDENCE, CORRECTION, TESTS, Test
+from runtime.experiments.sweeping import write_json
+from runtime.experiments.variants import BASELINE, Variant
+from runtime.experiments.worker import Task
+from runtime.graph import Graph
+from runtime.progress import Progress
+from runtime.record import save
+
+TABLE, DIAGRAMS, RUNS = "ablation.json", "diagrams", "runs"
+KEPT = ("ok", "failed", "timeout")
+
+
+@dataclass
+class Ablated:
+    """An ablation that has ended: its rows by variant, and what they say."""
+
+    plan: Plan
+    folder: Path
+    variants: dict[str, Variant]
+    essential: dict[str, str]
+    test: Test
+    rows: dict[str, list[Row]] = field(default_factory=dict)
+    is_interrupted: bool = False
+
+    def lines(self) -> list[Line]:
+        """The lines of the table; a run that is not ok has no values."""
+        values = {
+            name: {
+                metric: [row.metrics[i] for row in rows]
+                for i, metric in enumerate(self.plan.metrics)
+            }
+            for name, rows in self.rows.items()
+        }
+        return compare(values, BASELINE, self.test)
+
+    def to_dict(self) -> dict[str, Any]:
+        """What ablation.json holds."""
+        plan = self.plan
+        return {
+            "schema_version": SCHEMA_VERSION,
+            "kind": "ablation",
+            "experiment": plan.name,
+            "graph": plan.graph.title,
+            "folder": str(self.folder),
+            "seeds": list(plan.seeds),
+            "metrics": list(plan.metrics),
+            "confidence": CONFIDENCE,
+            "test": TESTS[self.test],
+            "correction": CORRECTION,
+            "variants": [self._variant(case) for case in plan.cases],
+            "essential": self.essential,
+            "table": [line.to_dict() for line in self.lines()],
+        }
+
+    def _variant(self, case: Case) -> dict[str, Any]:
+        graph = self.variants[case.name].graph
+        rows = self.rows[case.name]
+        reasons = Counter(row.reason for row in rows if row.status != "ok")
+        return {
+            "name": case.name,
+            "slug": case.slug,
+            "changes": list(case.changes),
+            "removed": dict(graph.network.removed),
+            "notes": list(graph.notes),
+            "runs": len(rows),
+            "failed": sum(reasons.values()),
+            "reasons": [{"reason": r, "count": n} for r, n in reasons.most_common(5)],
+        }
+
+
+def ablate(
+    plan: Plan,
+    variants: list[Variant],
+    essential: dict[str, str],
+    folder: Path,
+    crew: Callable[[], Crew],
+    test: Test = "t",
+    timeout: float | None = None,
+    progress: Progress | None = None,
+) -> Ablated:
+    """Run the baseline and all variants with all seeds.
+
+    The way that the robot goes with the first seed is kept for each, under ``runs``.
+
+    Raises
+    ------
+    UsageError : the folder cannot be written.
+    """
+    everything = {BASELINE: Variant(BASELINE, plan.graph)} | {v.name: v for v in variants}
+    create(plan, folder)
+    with closing(Index(folder / INDEX, plan.columns)) as index:
+        finished = _run(plan, folder, index, crew, timeout, progress or Progress("", wanted=False))
+        rows: dict[str, list[Row]] = {case.name: [] for case in plan.cases}
+        for row in sorted(index.rows(), key=lambda row: row.point):
+            rows[row.cells[0]].append(row)
+    done = Ablated(plan, folder, everything, essential, test, rows, not finished)
+    if finished:
+        write_json(folder / TABLE, done.to_dict())
+        _draw_diagrams(plan, everything, folder)
+    return done
+
+
+def _run(
+    plan: Plan,
+    folder: Path,
+    index: Index,
+    make_crew: Callable[[], Crew],
+    timeout: float | None,
+    progress: Progress,
+) -> bool:
+    """Run all points; False if Ctrl-C ended it."""
+    first = next(iter(plan.seeds))
+    slugs = {case.name: case.slug for case in plan.cases}
+
+    def task(point: Point) -> Task:
+        if point.seed == first:
+            return Task(point, "ways", KEPT, timeout=timeout)
+        return Task(point, timeout=timeout)
+
+    finished = False
+    done = 0
+    crew = make_crew()
+    try:
+        for point, ended in run_points(plan.points(), crew, task):
+            name = point.setting.cells[0]
+            if ended.result is not None:
+                inside = folder if name == BASELINE else folder / VARIANTS / slugs[name]
+                modules = point.setting.recipe.modules
+                ended.result.files = {file: inside / file for file, _ in modules}
+                save(ended.result, folder / RUNS / slugs[name])
+            index.append(Row.of(point, ended, plan.metrics))
+            done += 1
+            progress(done, plan.total, name)
+        finished = True
+    except KeyboardInterrupt:
+        return False
+    finally:
+        crew.leave(finished)
+        progress.close()
+    return True
+
+
+def _draw_diagrams(plan: Plan, variants: dict[str, Variant], folder: Path) -> None:
+    target = folder / DIAGRAMS
+    try:
+        target.mkdir(exist_ok=True)
+        for case in plan.cases:
+            drawn = diagram(_graph(variants, case).network, "svg")
+            (target / f"{case.slug}.svg").write_text(str(drawn), encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"cannot write '{target}': {error.strerror}") from None
+
+
+def _graph(variants: dict[str, Variant], case: Case) -> Graph:
+    return variants[case.name].graph

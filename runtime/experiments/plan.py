@@ -1,0 +1,239 @@
+"""The plan of a sweep or an ablation: what fixes its numbers, and its folder."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any, Literal
+
+from runtime.document import dump_yaml, parse_yaml
+from runtime.errors import GraphError, UsageError
+from runtime.experiments.design import Design
+from runtime.experiments.experiment import Experiment
+from runtime.experiments.index import RESERVED, Columns, Index
+from runtime.experiments.objective import Objective
+from runtime.experiments.points import Point, Recipe, Setting, points_of, varied
+from runtime.experiments.seeds import Seeds
+from runtime.experiments.variants import BASELINE, Variant, slugs
+from runtime.graph import Graph
+from runtime.observe import observe
+
+SCHEMA_VERSION = 1
+PLAN, GRAPH, INDEX = "plan.yaml", "graph.resolved.yaml", "index.csv"
+VARIANTS = "variants"
+Kind = Literal["sweep", "ablation"]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A variant as it travels. ``slug`` is its name as a file's."""
+
+    name: str
+    slug: str
+    recipe: Recipe
+    changes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All that fixes the numbers of a sweep (``design``) or an ablation (``cases``)."""
+
+    kind: Kind
+    name: str
+    graph: Graph
+    recipe: Recipe
+    seeds: Seeds
+    metrics: tuple[str, ...]
+    design: Design
+    cases: tuple[Case, ...] = ()
+    objective: Objective | None = None
+
+    @property
+    def columns(self) -> Columns:
+        knobs = tuple(knob.path for knob in self.design.knobs)
+        return Columns(knobs if self.kind == "sweep" else ("variant",), self.metrics)
+
+    @property
+    def total(self) -> int:
+        """How many points there are."""
+        settings = len(self.design) if self.kind == "sweep" else len(self.cases)
+        return settings * len(self.seeds)
+
+    def settings(self) -> Iterator[Setting]:
+        """What is compared, one after the other."""
+        if self.kind == "sweep":
+            return varied(self.recipe, tuple(k.path for k in self.design.knobs), iter(self.design))
+        return (Setting(i, (case.name,), case.recipe) for i, case in enumerate(self.cases))
+
+    def points(self) -> Iterator[Point]:
+        """All points, in the order in which they are sent out."""
+        return points_of(self.settings(), self.seeds)
+
+    @property
+    def asked(self) -> dict[str, Any]:
+        """The plan in the words of an experiment file, but for its graph."""
+        asked: dict[str, Any] = {"seeds": str(self.seeds)}
+        if self.kind == "sweep":
+            asked["vary"] = {knob.path: knob.written for knob in self.design.knobs}
+            if self.design.method != "grid":
+                asked[self.design.method] = self.design.samples
+                asked["sampling_seed"] = self.design.seed
+        else:
+            asked["variants"] = {
+                case.name: {"graph": f"{VARIANTS}/{case.slug}/{GRAPH}", "changes": [*case.changes]}
+                for case in self.cases
+                if case.name != BASELINE
+            }
+        return asked
+
+    @property
+    def digest(self) -> str:
+        """A hash of all that fixes the numbers."""
+        recipes = [self.recipe.digest, *(case.recipe.digest for case in self.cases)]
+        content = json.dumps([self.kind, recipes, self.asked, self.metrics])
+        return hashlib.sha256(content.encode()).hexdigest()
+
+    def to_dict(self) -> dict[str, Any]:
+        """plan.yaml."""
+        from runtime.record import git_commit
+        from runtime.simulate import versions
+
+        goal: dict[str, Any] = {}
+        if self.objective is not None:
+            goal[self.objective.goal] = self.objective.metric
+        source = self.graph.source
+        return {
+            "schema_version": SCHEMA_VERSION,
+            "kind": self.kind,
+            "experiment": self.name,
+            "graph": GRAPH,
+            **self.asked,
+            **goal,
+            "metrics": list(self.metrics),
+            "points": self.total,
+            "digest": self.digest,
+            "made": {
+                "started": datetime.now().astimezone().isoformat(timespec="seconds"),
+                "argv": list(sys.argv),
+                "source": str(source) if source else None,
+                "changes": list(self.graph.overrides),
+                "versions": versions(),
+                "git": git_commit(),
+            },
+        }
+
+
+def sweep_plan(experiment: Experiment, seeds: Seeds) -> Plan:
+    """The plan of a sweep."""
+    metrics = metrics_of(experiment.graph)
+    objective = experiment.objective
+    if objective is None and metrics:
+        objective = Objective(metrics[0])
+    recipe = Recipe.of(experiment.graph)
+    plan = Plan(
+        *("sweep", experiment.name, experiment.graph, recipe, seeds, metrics, experiment.design),
+        objective=objective,
+    )
+    return _checked(plan)
+
+
+def ablation_plan(experiment: Experiment, variants: list[Variant], seeds: Seeds) -> Plan:
+    """The plan of an ablation; the baseline is its first case."""
+    graph = experiment.graph
+    recipe, metrics = Recipe.of(graph), metrics_of(graph)
+    names = slugs([BASELINE, *(variant.name for variant in variants)])
+    cases = [Case(BASELINE, names[BASELINE], recipe)]
+    for variant in variants:
+        travelling = Recipe.of(variant.graph)
+        cases.append(Case(variant.name, names[variant.name], travelling, variant.changes))
+    design = Design(())
+    return _checked(
+        Plan("ablation", experiment.name, graph, recipe, seeds, metrics, design, tuple(cases))
+    )
+
+
+def metrics_of(graph: Graph) -> tuple[str, ...]:
+    """Names of a graph's metrics."""
+    return tuple(metric.name for metric in observe(graph.network).metrics)
+
+
+def _checked(plan: Plan) -> Plan:
+    header = plan.columns.header
+    for name in plan.metrics:
+        if header.count(name) > 1:
+            taken = f"taken by a column of {INDEX}: {', '.join(RESERVED)}"
+            raise UsageError(f"metric '{name}': the name is {taken}; rename the metric")
+    return plan
+
+
+def create(plan: Plan, folder: Path) -> None:
+    """Make a plan's folder, which appears only when it is complete.
+
+    Raises
+    ------
+    UsageError : it cannot be written.
+    """
+    partial = folder.with_name(f".{folder.name}.partial")
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        shutil.rmtree(partial, ignore_errors=True)
+        partial.mkdir()
+        _write_recipe(plan.recipe, partial)
+        for case in plan.cases:
+            if case.name != BASELINE:
+                _write_recipe(case.recipe, partial / VARIANTS / case.slug)
+        (partial / PLAN).write_text(dump_yaml(plan.to_dict()), encoding="utf-8")
+        Index.create(partial / INDEX, plan.columns)
+        partial.rename(folder)
+    except OSError as error:
+        shutil.rmtree(partial, ignore_errors=True)
+        raise UsageError(f"cannot write '{folder}': {error.strerror or error}") from None
+
+
+def _write_recipe(recipe: Recipe, folder: Path) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / GRAPH).write_text(recipe.text, encoding="utf-8")
+    for name, text in recipe.modules:
+        (folder / name).write_text(text, encoding="utf-8")
+
+
+def check_same(plan: Plan, folder: Path) -> None:
+    """Check that a folder is of the same plan.
+
+    Raises
+    ------
+    UsageError : it is not; the message says in what they differ.
+    """
+    path = folder / PLAN
+    try:
+        stored = parse_yaml(path.read_text(encoding="utf-8"), str(path)).plain()
+        text = (folder / GRAPH).read_text(encoding="utf-8")
+        digest = stored["digest"]
+    except (OSError, ValueError, KeyError, TypeError, GraphError) as error:
+        raise UsageError(f"'{folder}' holds no plan that can be read: {error}") from None
+    if digest == plan.digest:
+        return
+    mine = {"kind": plan.kind, **plan.asked, "metrics": list(plan.metrics)}
+    keys = dict.fromkeys([*mine, *("vary", "random", "sobol", "sampling_seed", "variants")])
+    differing = [
+        f"{key}: {_short(stored.get(key))} there, {_short(mine.get(key))} here"
+        for key in keys
+        if stored.get(key) != mine.get(key)
+    ]
+    if text != plan.recipe.text or not differing:
+        differing.append("the graph")
+    raise UsageError(
+        f"'{folder}' is of another plan, which differs in {'; '.join(differing)}; "
+        "give this one another --name"
+    )
+
+
+def _short(value: Any) -> str:
+    text = "nothing" if value is None else str(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -1,0 +1,178 @@
+"""A sweep from its plan to its summary."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from runtime.errors import UsageError
+from runtime.experiments.groups import Tally
+from runtime.experiments.index import Index, Row, remaining
+from runtime.experiments.keeping import Keeper
+from runtime.experiments.plan import INDEX, SCHEMA_VERSION, Plan, check_same, create
+from runtime.experiments.pool import Crew
+from runtime.experiments.runner import run_points
+from runtime.progress import Progress
+
+SUMMARY = "summary.json"
+
+
+@dataclass(frozen=True)
+class Way:
+    """How a sweep is run, which changes none of its numbers.
+
+    Parameters
+    ----------
+    folder : where it is written.
+    resume : go on with what is there.
+    crew : makes the workers, once all else is known to be sound.
+    keep : which points leave a run folder.
+    timeout : seconds that a point may take.
+    """
+
+    folder: Path
+    resume: bool
+    crew: Callable[[], Crew]
+    keep: str = "none"
+    timeout: float | None = None
+
+
+@dataclass
+class Swept:
+    """A sweep that has ended, or was interrupted."""
+
+    plan: Plan
+    folder: Path
+    tally: Tally
+    wall_s: float
+    is_interrupted: bool = False
+
+    def summary(self) -> dict[str, Any]:
+        """What summary.json holds."""
+        plan, tally = self.plan, self.tally
+        knobs = [knob.path for knob in plan.design.knobs]
+        goal = plan.objective
+        return {
+            "schema_version": SCHEMA_VERSION,
+            "kind": "sweep",
+            "experiment": plan.name,
+            "graph": plan.graph.title,
+            "folder": str(self.folder),
+            "status": "interrupted" if self.is_interrupted else "complete",
+            "points": plan.total,
+            "counts": dict(tally.counts),
+            "knobs": knobs,
+            "seeds": str(plan.seeds),
+            "metrics": list(plan.metrics),
+            "objective": None if goal is None else {"metric": goal.metric, "goal": goal.goal},
+            "best": [
+                {
+                    "values": dict(zip(knobs, ranked.cells, strict=True)),
+                    "n": ranked.objective.n,
+                    "mean": ranked.objective.mean,
+                    "low": number(ranked.objective.low),
+                    "high": number(ranked.objective.high),
+                }
+                for ranked in tally.best
+            ],
+            "reasons": tally.told(),
+            "wall_s": round(self.wall_s, 3),
+        }
+
+
+def number(value: float) -> float | None:
+    """A number as JSON holds it: null for NaN."""
+    return None if value != value else value
+
+
+def sweep(plan: Plan, way: Way, progress: Progress) -> Swept:
+    """Run what is left of a plan.
+
+    Raises
+    ------
+    UsageError : the folder is of another plan, or there and not to be resumed, or full.
+    """
+    began = time.perf_counter()
+    column = None if plan.objective is None else plan.metrics.index(plan.objective.metric)
+    tally = Tally(len(plan.seeds), column, plan.objective)
+    keeper = Keeper(way.folder, way.keep, plan.objective, column, way.timeout)
+    _open_folder(plan, way)
+    with closing(Index(way.folder / INDEX, plan.columns)) as index:
+        points = remaining(index, plan.points())
+        keeper.resume(index.rows())
+        for row in index.rows():
+            tally.add(row)
+        progress.resume(tally.done)
+        swept = Swept(plan, way.folder, tally, 0.0)
+        if tally.done < plan.total:
+            swept.is_interrupted = not _run(plan, way, index, points, keeper, tally, progress)
+    swept.wall_s = time.perf_counter() - began
+    write_json(way.folder / SUMMARY, swept.summary())
+    return swept
+
+
+def _run(
+    plan: Plan,
+    way: Way,
+    index: Index,
+    points: Any,
+    keeper: Keeper,
+    tally: Tally,
+    progress: Progress,
+) -> bool:
+    """Run the remaining points; False if Ctrl-C ended it."""
+    knobs = plan.columns.knobs
+
+    def draw() -> None:
+        progress(tally.done, plan.total, tally.line(knobs))
+
+    finished = False
+    crew = way.crew()
+    try:
+        draw()
+        for point, done in run_points(points, crew, keeper.task, draw):
+            keeper.save(point, done)
+            row = Row.of(point, done, plan.metrics)
+            index.append(row)
+            keeper.settle(row)
+            tally.add(row)
+        finished = True
+    except KeyboardInterrupt:
+        return False
+    finally:
+        crew.leave(finished)
+        progress.close()
+    return True
+
+
+def _open_folder(plan: Plan, way: Way) -> None:
+    if not way.folder.exists():
+        # Also with resume: what is killed may be killed before it has begun.
+        create(plan, way.folder)
+        return
+    check_same(plan, way.folder)
+    if not way.resume:
+        raise UsageError(
+            f"'{way.folder}' exists already; --resume goes on with it, --name begins another"
+        )
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write a file that is there whole or not at all.
+
+    Raises
+    ------
+    UsageError : it cannot be written.
+    """
+    partial = path.with_name(f".{path.name}.partial")
+    try:
+        partial.write_text(json.dumps(value, indent=2) + "\n", encoding="utf-8")
+        partial.replace(path)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise UsageError(f"cannot write '{path}': {error.strerror}") from None
