@@ -21,11 +21,11 @@ def since_reached(world: World, xy: FloatArray, d: float) -> FloatArray:
     """The places from the first one on that is on the contour at ``d``, (k, 2).
 
     On it is within 2 cm, or within twice the smallest error of a robot that keeps further off: its
-    error must not drop out of the figures. What is never within 40 cm has no such place.
+    error must not drop out of the figures. What never comes within ``d`` has no such place.
     """
     error = np.abs(world.distance(xy) - d)
     best = float(error.min(initial=math.inf))
-    return xy[int(np.argmax(error <= max(REACHED, 2.0 * best))) :] if best <= NEAR else xy[:0]
+    return xy[int(np.argmax(error <= max(REACHED, 2.0 * best))) :] if best <= d else xy[:0]
 
 
 def distance_mae(world: World, xy: FloatArray, options: Mapping[str, Any]) -> float:
