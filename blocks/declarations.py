@@ -120,6 +120,10 @@ class BlockSpec:
         pairs = [(port.through, name) for name, port in self.outputs.items() if port.through]
         return pairs[0] if pairs else None
 
+    def is_constant(self, evaluation: Evaluation) -> bool:
+        """Whether an evaluation is done once, before the first tick."""
+        return all(self.outputs[port].constant for port in evaluation.outputs)
+
     @property
     def ports(self) -> dict[str, Input | Output]:
         """Inputs and outputs by name."""

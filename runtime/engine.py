@@ -6,10 +6,11 @@ import hashlib
 import math
 import time
 import traceback
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, NoReturn, Protocol
+from pathlib import Path
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -19,26 +20,11 @@ from runtime.errors import SimulationError
 from runtime.network import Network
 from runtime.observe import Observation, Probe, state_shape
 from runtime.plan import GLOBALS, Emitter, Plan, Recording, make_plan
+from runtime.profile import Profile, ProfilingEmitter
+from runtime.running import FILENAME, Held, Progress, PythonRunner, Run, Runner, located, silent
 from runtime.values import brief, form, has_form, is_bad
 
 CHUNK_SECONDS = 0.1
-FILENAME = "<the plan>"
-Progress = Callable[[int, int], None]
-Held = tuple[Any, ...]
-Run = Callable[[int, int, Held], Held]
-
-
-class Runner(Protocol):
-    """What runs ticks: ``held`` are the variables that go into each call and come out of it."""
-
-    held: list[str]
-    run: Run
-
-    def adopt(self, held: Held) -> Held:
-        """The variables after the first tick, in the form that ``run`` takes."""
-
-    def locate(self, error: BaseException) -> tuple[int, str] | None:
-        """The tick and the block that an exception came from."""
 
 
 def seed_of(seed: int, name: str) -> np.random.SeedSequence:
@@ -57,12 +43,17 @@ class NotFiniteError(ArithmeticError):
 
 @dataclass
 class Outcome:
-    """What a run left: recorded arrays, ticks done, how it ended, and the seconds it took."""
+    """What a run left: recorded arrays, ticks done, how it ended, and the seconds it took.
+
+    ``ready_s`` of these passed before the second tick: states filled, the plan compiled.
+    """
 
     arrays: dict[str, FloatArray]
     ticks: int
     status: str = "complete"
+    engine: str = "python"
     wall_s: float = 0.0
+    ready_s: float = 0.0
     error: SimulationError | None = None
 
 
@@ -76,22 +67,25 @@ class Engine:
     observation : what to record.
     compiled : take the plan and its blocks through numba.
     note : called with a line of text for people, when something takes a while.
+    profile : measures what each block takes; the Python engine's only.
     """
 
     network: Network
     observation: Observation
     compiled: bool = False
-    note: Callable[[str], None] = print
+    note: Callable[[str], None] = silent
+    profile: Profile | None = None
     plan: Plan = field(init=False)
     states: dict[str, BlockState] = field(init=False, default_factory=dict)
     arrays: dict[str, FloatArray] = field(init=False, default_factory=dict)
     tick: int = field(init=False, default=0)
-    runner: Runner | None = field(init=False, default=None)
+    runner: Runner = field(init=False)
 
     def __post_init__(self) -> None:
         self.plan = make_plan(self.network)
         recordings = self._recordings()
-        self.emitter = Emitter(self.plan, recordings)
+        emitter = Emitter if self.profile is None else ProfilingEmitter
+        self.emitter = emitter(self.plan, recordings)
         self.states = {name: self._state(name) for name in self.network.entries}
 
     def source(self) -> str:
@@ -101,10 +95,12 @@ class Engine:
     def run(self, progress: Progress | None = None) -> Outcome:
         """Run all ticks; an interrupt or a failure ends the run and keeps what was recorded."""
         began = time.perf_counter()
-        outcome = Outcome(self.arrays, 0)
+        outcome = Outcome(self.arrays, 0, engine="compiled" if self.compiled else "python")
         try:
             self._start()
-            self._loop(progress)
+            held = self._first_tick()
+            outcome.ready_s = time.perf_counter() - began
+            self._loop(held, progress)
         except KeyboardInterrupt as error:
             self.locate(error)
             outcome.status = "interrupted"
@@ -115,30 +111,40 @@ class Engine:
         outcome.arrays = self._recorded()
         return outcome
 
-    def _loop(self, progress: Progress | None) -> None:
-        total = self.network.ticks
+    def _first_tick(self) -> Held:
+        """The first tick is Python's in any case: there every value is looked at."""
         try:
             self.runner = self._runner()
-            # The first tick is Python's in any case: there every value is looked at.
             first = self._compile(checked=True, held=self.runner.held)
             held = self.runner.adopt(first(0, 1, self._held()))
-            self.tick = 1
-            chunk = 16
+        except SimulationError:
+            raise
+        except Exception as error:
+            raise self._failed(error) from error
+        self.tick = 1
+        return held
+
+    def _loop(self, held: Held, progress: Progress | None) -> None:
+        total, chunk = self.network.ticks, 16
+        run = self.runner.run
+        try:
             while self.tick < total:
                 stop = min(total, self.tick + chunk)
                 began = time.perf_counter()
-                held = self.runner.run(self.tick, stop, held)
+                held = run(self.tick, stop, held)
                 took = time.perf_counter() - began
                 self.tick = stop
                 chunk = max(1, min(4 * chunk, int(chunk * CHUNK_SECONDS / max(took, 1e-6))))
                 if progress is not None:
                     progress(self.tick, total)
-        except SimulationError:
-            raise
         except Exception as error:
-            block = self.locate(error)
-            text = str(error) if isinstance(error, NotFiniteError) else _described(error)
-            raise SimulationError(block, self.tick, self.tick * self.network.dt, text) from error
+            raise self._failed(error) from error
+
+    def _failed(self, error: Exception) -> SimulationError:
+        """What happened where, for people."""
+        block = self.locate(error)
+        text = str(error) if isinstance(error, NotFiniteError) else _described(error)
+        return SimulationError(block, self.tick, self.tick * self.network.dt, text)
 
     def _runner(self) -> Runner:
         if self.compiled:
@@ -158,6 +164,7 @@ class Engine:
                 )
             ),
             **{f"probe_{i}": array for i, array in enumerate(self.arrays.values())},
+            **({} if self.profile is None else self.profile.names()),
         }
         for name, entry in self.network.entries.items():
             identifier = self.plan.names[name]
@@ -192,7 +199,7 @@ class Engine:
     def locate(self, error: BaseException) -> str:
         """Set the tick to the one that an exception came from; returns the block."""
         found = located(error, self.emitter.lines)
-        if found is None and self.runner is not None:
+        if found is None and self.tick:
             found = self.runner.locate(error)
         if found is None:
             return ""
@@ -286,31 +293,7 @@ def _filled(probe: Probe, ticks: int) -> int:
 def _described(error: BaseException) -> str:
     """An exception in one line, with the place in the user's own code."""
     frames: Sequence[traceback.FrameSummary] = traceback.extract_tb(error.__traceback__)
-    place = f" ({frames[-1].filename}:{frames[-1].lineno})" if frames else ""
+    # What compiled text raises has no line of its own.
+    inside = bool(frames) and Path(frames[-1].filename).parent.name != "compiled"
+    place = f" ({frames[-1].filename}:{frames[-1].lineno})" if inside else ""
     return f"{type(error).__name__}: {error}{place}"
-
-
-class PythonRunner:
-    """Runs the plan's function as it is printed."""
-
-    def __init__(self, emitter: Emitter, run: Run) -> None:
-        self.held = emitter.held()
-        self.run = run
-
-    def adopt(self, held: Held) -> Held:
-        """The first tick's variables, as they are."""
-        return held
-
-    def locate(self, error: BaseException) -> tuple[int, str] | None:
-        """Nothing that the plan's own lines do not tell."""
-        return None
-
-
-def located(error: BaseException, lines: Mapping[int, str]) -> tuple[int, str] | None:
-    """The tick and the block of the line of the plan that an exception came through."""
-    trace = error.__traceback__
-    while trace is not None and trace.tb_frame.f_code.co_filename != FILENAME:
-        trace = trace.tb_next
-    if trace is None:
-        return None
-    return int(trace.tb_frame.f_locals.get("k", 0)), lines.get(trace.tb_lineno, "")

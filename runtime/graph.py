@@ -219,9 +219,12 @@ class Graph:
         *,
         seed: int | None = None,
         until: float | None = None,
+        engine: str | None = None,
         progress: Callable[[int, int], None] | None = None,
     ) -> Any:
         """Simulate; see :class:`runtime.result.Result`.
+
+        ``engine`` is "python", "compiled" or "auto", which compiles where that repays itself.
 
         Raises
         ------
@@ -235,6 +238,8 @@ class Graph:
             graph = graph.with_seed(seed)
         if until is not None:
             graph = graph.set("run.until", until)
+        if engine is not None:
+            graph = graph.set("run.engine", engine)
         return simulate(graph, progress)
 
     def to_dict(self) -> dict[str, Any]:

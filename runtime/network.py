@@ -95,6 +95,7 @@ class Network:
     ghost_wires: list[Wire] = field(default_factory=list)
     part_wires: list[Wire] = field(default_factory=list)
     declared: dict[str, SignalType] = field(default_factory=dict)
+    engine: str = "auto"
     world: World | None = None
     document: Node = field(default_factory=lambda: Node({}))
 

@@ -77,10 +77,9 @@ def _order(network: Network) -> list[Step]:
     steps: dict[tuple[str, int], Step] = {}
     graph = nx.DiGraph()
     for name, entry in network.entries.items():
-        outputs = entry.cls.spec.outputs
-        for i, evaluation in enumerate(entry.cls.spec.evaluations):
-            constant = all(outputs[port].constant for port in evaluation.outputs)
-            steps[name, i] = Step(name, evaluation, entry.every, constant)
+        spec = entry.cls.spec
+        for i, evaluation in enumerate(spec.evaluations):
+            steps[name, i] = Step(name, evaluation, entry.every, spec.is_constant(evaluation))
             graph.add_node((name, i))
             makes.update({(name, port): (name, i) for port in evaluation.outputs})
     for (name, i), step in steps.items():
@@ -122,7 +121,7 @@ def drivers(network: Network) -> dict[tuple[str, str], list[Wire]]:
 def _identifiers(network: Network) -> tuple[dict[str, str], dict[tuple[str, str], str]]:
     """Python names for blocks, outputs and states: ``plant``, ``plant_pose``, ``plant_s``."""
     taken = {*keyword.kwlist, *GLOBALS, "run", "first", "last", "held", "k", "t"}
-    taken |= {"range", "__builtins__"}
+    taken |= {"range", "__builtins__", "clock", "spent", "began"}
 
     def fresh(name: str) -> str:
         plain = name.replace(".", "_")

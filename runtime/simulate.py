@@ -9,36 +9,44 @@ from datetime import datetime
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
+from runtime.choice import take_compiled
 from runtime.document import dump_yaml
 from runtime.engine import Engine, Outcome
 from runtime.graph import Graph
 from runtime.observe import Observation, Probe, observe
+from runtime.profile import Profile
 from runtime.record import SCHEMA_VERSION, portable_modules
 from runtime.result import Recorded, Result, evaluate, times
+from runtime.running import silent
 
-PACKAGES = ("spikeblocks", "numpy", "scipy", "networkx", "pyyaml", "matplotlib")
+PACKAGES = ("spikeblocks", "numpy", "scipy", "networkx", "pyyaml", "matplotlib", "numba")
 
 
 def simulate(
     graph: Graph,
     progress: Callable[[int, int], None] | None = None,
     plots: Container[str] | None = None,
+    note: Callable[[str], None] = silent,
+    profile: Profile | None = None,
 ) -> Result:
     """Run a graph; see :meth:`runtime.graph.Graph.run`.
 
     ``plots`` limits what is recorded to the metrics' probes and those of plots of these kinds.
+    ``note`` is called with lines for people: what is compiled, and what is not. ``profile`` is
+    filled with what each block takes under the Python engine.
     """
     network = graph.network
     observation = observe(network)
     if plots is not None:
         observation = observation.reduced(plots)
     began = datetime.now().astimezone()
-    outcome = Engine(network, observation).run(progress)
+    compiled = take_compiled(network, 1, note) and profile is None
+    outcome = Engine(network, observation, compiled, note, profile).run(progress)
     probes = {
         name: _recorded(probe, outcome, network.dt) for name, probe in observation.probes.items()
     }
     metrics, failures = evaluate(observation.metrics, probes, network.world)
-    resolved, files = portable_modules(_resolved(graph))
+    resolved, files = portable_modules(_resolved(graph, outcome.engine))
     text = graph.source.read_text(encoding="utf-8") if graph.source else dump_yaml(resolved)
     result = Result(
         title=network.title,
@@ -77,10 +85,10 @@ def _recorded(probe: Probe, outcome: Outcome, dt: float) -> Recorded:
     )
 
 
-def _resolved(graph: Graph) -> dict[str, Any]:
+def _resolved(graph: Graph, engine: str) -> dict[str, Any]:
     """The document with everything about the run written out."""
     network = graph.network
-    run = {"dt": network.dt, "until": network.until, "seed": network.seed}
+    run = {"dt": network.dt, "until": network.until, "seed": network.seed, "engine": engine}
     return {**graph.to_dict(), "run": run}
 
 
@@ -98,8 +106,10 @@ def _manifest(
         "dt": network.dt,
         "until": network.until,
         "ticks": outcome.ticks,
+        "engine": outcome.engine,
         "wall_s": outcome.wall_s,
-        "us_per_tick": 1e6 * outcome.wall_s / max(1, outcome.ticks),
+        "ready_s": outcome.ready_s,
+        "us_per_tick": 1e6 * (outcome.wall_s - outcome.ready_s) / max(1, outcome.ticks - 1),
         "started": began.isoformat(timespec="seconds"),
         "argv": sys.argv,
         "overrides": list(graph.overrides),

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runtime.commands.changes import add_graph, changed
-from runtime.errors import SimulationError
+from runtime.errors import SimulationError, UsageError
 
 if TYPE_CHECKING:
     from runtime.graph import Graph
@@ -24,6 +24,7 @@ def add(parser: ArgumentParser) -> None:
     add_graph(parser)
     parser.add_argument("--out", default="runs", metavar="DIR", help="where run folders go (runs)")
     parser.add_argument("--no-plots", action="store_true", help="draw nothing")
+    parser.add_argument("--profile", action="store_true", help="show what each block takes")
     parser.add_argument("--animate", action="store_true", help="write plots/animation.gif, too")
     parser.add_argument(
         "--json", action="store_true", help="print one JSON object and nothing else"
@@ -34,18 +35,24 @@ def add(parser: ArgumentParser) -> None:
 def run(options: Namespace) -> int:
     """Simulate, write the run folder and its pictures, print the metrics."""
     from runtime.graph import load
+    from runtime.profile import Profile, profile_text
     from runtime.progress import Progress
     from runtime.record import link_latest, new_folder, save
     from runtime.result import Result
+    from runtime.running import silent
+    from runtime.simulate import simulate
 
     graph = changed(load(options.graph), options).check()
     if options.animate:
         _check_animation(graph)
+    if options.profile and graph.network.engine == "compiled":
+        raise UsageError("--profile times blocks one by one, which takes --engine python")
     quiet = options.quiet or options.json
+    profile = Profile() if options.profile else None
     progress = Progress(graph.title, wanted=not quiet)
     failure: SimulationError | None = None
     try:
-        result = graph.run(progress=progress)
+        result = simulate(graph, progress, note=silent if quiet else _note, profile=profile)
     except SimulationError as error:
         if not isinstance(error.result, Result):
             raise
@@ -55,10 +62,13 @@ def run(options: Namespace) -> int:
     folder = save(result, new_folder(Path(options.out), result.title))
     link_latest(folder)
     pictures = _pictures(result, folder, not options.no_plots, options.animate)
+    rows = profile.rows(result.manifest["ticks"], result.manifest["wall_s"]) if profile else []
     if options.json:
-        print(json.dumps(_summary(result, folder)))
+        print(json.dumps(_summary(result, folder) | ({"profile": rows} if rows else {})))
     else:
         _print_result(result, folder, pictures, options.quiet)
+    if rows and not options.json:
+        print(profile_text(rows))
     for text in ([str(failure)] if failure else []) + result.failures:
         print(text, file=sys.stderr)
     if failure is not None:
@@ -68,6 +78,10 @@ def run(options: Namespace) -> int:
         print(f"interrupted; what was recorded before is kept in {folder}", file=sys.stderr)
         return 130
     return 1 if result.failures else 0
+
+
+def _note(text: str) -> None:
+    print(text, file=sys.stderr)
 
 
 def _check_animation(graph: Graph) -> None:
@@ -99,10 +113,11 @@ def _summary(result: Result, folder: Path) -> dict[str, Any]:
         "run": str(folder),
         **{
             key: manifest[key]
-            for key in ("status", "error", "graph", "seed", "dt", "until", "ticks")
+            for key in ("status", "error", "graph", "seed", "dt", "until", "ticks", "engine")
         },
         "metrics": result.metrics,
         "wall_s": manifest["wall_s"],
+        "ready_s": manifest["ready_s"],
         "us_per_tick": manifest["us_per_tick"],
         "failures": result.failures,
         "notes": result.notes,
@@ -117,7 +132,8 @@ def _print_result(result: Result, folder: Path, pictures: list[Path], quiet: boo
     simulated = manifest["ticks"] * manifest["dt"]
     print(
         f"{result.title}: {simulated:g} s in {manifest['wall_s']:.2f} s "
-        f"({manifest['us_per_tick']:.1f} us a tick), seed {manifest['seed']}"
+        f"({manifest['us_per_tick']:.1f} us a tick, {manifest['engine']} engine), "
+        f"seed {manifest['seed']}"
     )
     width = max((len(name) for name in result.metrics), default=0)
     for name, value in result.metrics.items():

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from blocks.block import Block, BlockState, Evaluation
@@ -31,19 +33,25 @@ class Kernel:
 
 @dataclass
 class Kernels:
-    """The blocks of a graph: those that compile, and for the others why not."""
+    """The blocks of a graph: those that compile, and for the others why not.
+
+    ``broken`` are those of the others that are written to be compiled.
+    """
 
     compiled: dict[str, Kernel] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)
+    broken: set[str] = field(default_factory=set)
 
 
-class KernelError(Exception):
-    """A block that promises loops for the compiled engine, and does not compile."""
+@dataclass(frozen=True)
+class _Candidate:
+    """A block on its way to being compiled: its text, its functions' types, what is known of it."""
 
-
-def is_promised(cls: type[Block]) -> bool:
-    """Whether a block class is written to be compiled: the library's, or one with loops."""
-    return cls.__name__ in BUILTIN or any(name.startswith(("loop_", "_loop_")) for name in dir(cls))
+    name: str
+    calls: list[Evaluation]
+    made: Translated
+    signatures: dict[str, Signature]
+    verdict: Path
 
 
 def make_kernels(
@@ -57,81 +65,92 @@ def make_kernels(
     note : called with a line of text when something is compiled, and so takes a while.
     """
     kernels = Kernels()
+    candidates = []
     for name, entry in sorted(network.entries.items()):
-        calls = [e for e in entry.cls.spec.evaluations if not _constant(entry.cls, e)]
-        calls += [entry.cls.spec.update] if entry.cls.spec.update else []
+        spec = entry.cls.spec
+        calls = [e for e in spec.evaluations if not spec.is_constant(e)]
+        calls += [spec.update] if spec.update else []
         if not calls:
             continue
-        terms = {
-            port: sum(w.block == name and w.port == port for w in network.wires)
-            for port, declared in entry.cls.spec.inputs.items()
-            if declared.many
-        }
         try:
-            made = translate(
-                entry.made, states[name], terms, safe=entry.cls.__module__.split(".")[0] != "blocks"
-            )
-            kernels.compiled[name] = _kernel(network, name, calls, terms, made, note)
+            candidates.append(_candidate(network, name, calls, states[name]))
         except NotCompilableError as error:
             kernels.refused[name] = str(error)
+    fresh = {network.entries[c.name].cls.__name__ for c in candidates if not c.verdict.exists()}
+    if fresh:
+        note(f"compiling {', '.join(sorted(fresh))} (once: kept in {cache.folder()})")
+    for candidate in candidates:
+        try:
+            kernels.compiled[candidate.name] = _kernel(network, candidate)
+        except NotCompilableError as error:
+            kernels.refused[candidate.name] = str(error)
+            if is_promised(network.entries[candidate.name].cls):
+                kernels.broken.add(candidate.name)
     return kernels
 
 
-def _constant(cls: type[Block], evaluation: Evaluation) -> bool:
-    return all(cls.spec.outputs[port].constant for port in evaluation.outputs)
-
-
-def _kernel(
-    network: Network,
-    name: str,
-    calls: list[Evaluation],
-    terms: dict[str, int],
-    made: Translated,
-    note: Callable[[str], None],
-) -> Kernel:
-    """One block's kernel; what numba said of the same text and types before is looked up."""
+def _candidate(
+    network: Network, name: str, calls: list[Evaluation], state: BlockState
+) -> _Candidate:
+    """A block's text, and where the verdict on it is kept."""
     from numba import typeof
 
-    module = cache.module("block", made.text)
-    signatures = {call.method: tuple(_arguments(network, name, call, terms)) for call in calls}
-    fields = typeof(made.fields)
-    key = cache.digest(made.text, str(fields), repr(signatures))
-    path = cache.folder() / f"verdict_{key}.json"
-    if path.exists():
-        verdict = json.loads(path.read_text(encoding="utf-8"))
+    entry = network.entries[name]
+    terms = {
+        port: sum(w.block == name and w.port == port for w in network.wires)
+        for port, declared in entry.cls.spec.inputs.items()
+        if declared.many
+    }
+    made = translate(entry.made, state, terms, safe=not is_built_in(entry.cls))
+    signatures = {
+        call.method: (typeof(made.fields), *_arguments(network, name, call, terms))
+        for call in calls
+    }
+    key = cache.digest(made.text, repr(signatures))
+    return _Candidate(name, calls, made, signatures, cache.folder() / f"verdict_{key}.json")
+
+
+def _kernel(network: Network, candidate: _Candidate) -> Kernel:
+    """One block's kernel; what numba said of the same text and types before is looked up."""
+    module = cache.module("block", candidate.made.text)
+    if candidate.verdict.exists():
+        verdict = json.loads(candidate.verdict.read_text(encoding="utf-8"))
     else:
-        note(f"compiling {network.entries[name].cls.__name__} '{name}'")
-        verdict = _verdict(network, name, calls, made, module, fields, signatures)
-        cache.write(path.name, json.dumps(verdict))
+        verdict = _verdict(network, candidate, module)
+        cache.write(candidate.verdict.name, json.dumps(verdict))
     if "refused" in verdict:
         raise NotCompilableError(verdict["refused"])
+    made = candidate.made
     return Kernel(module.__name__, made.methods, made.fields, verdict["casts"])
 
 
-def _verdict(
-    network: Network,
-    name: str,
-    calls: list[Evaluation],
-    made: Translated,
-    module: Any,
-    fields: Any,
-    signatures: dict[str, Signature],
-) -> dict[str, Any]:
+def is_built_in(cls: type[Block]) -> bool:
+    """Whether a block class is one of the library's."""
+    return BUILTIN.get(cls.__name__) is cls
+
+
+def is_promised(cls: type[Block]) -> bool:
+    """Whether a block class is written to be compiled: it has loops for it."""
+    return any(name.startswith(("loop_", "_loop_")) for name in dir(cls))
+
+
+def _verdict(network: Network, candidate: _Candidate, module: ModuleType) -> dict[str, Any]:
     """Compile a block's functions; returns the casts that their results need, or why not."""
     from numba import types
     from numba.core.errors import NumbaError
 
     casts = {}
-    for call in calls:
-        function = getattr(module, made.methods[call.method])
-        signature = (fields, types.float64, *signatures[call.method])
+    for call in candidate.calls:
+        function = getattr(module, candidate.made.methods[call.method])
+        fields, *inputs = candidate.signatures[call.method]
+        signature = (fields, types.float64, *inputs)
         try:
             function.compile(signature)
         except (NumbaError, NotImplementedError) as error:
             return {"refused": f"{call.method}: {_reason(error)}"}
         if call.outputs:
             returned = function.overloads[signature].signature.return_type
-            kinds = [network.types[name, port] for port in call.outputs]
+            kinds = [network.types[candidate.name, port] for port in call.outputs]
             try:
                 casts[call.method] = list(_casts(kinds, returned))
             except NotCompilableError as error:

@@ -14,14 +14,14 @@ from blocks.arithmetic import added, scaled
 _remainder: Any = types.ExternalFunction("remainder", types.float64(types.float64, types.float64))
 
 
-@njit(cache=True)
+@njit(cache=True)  # type: ignore[untyped-decorator]
 def remainder(x: float, y: float) -> float:
     """IEEE 754 remainder, :func:`math.remainder`, from the C library."""
     result: float = _remainder(x, y)
     return result
 
 
-@njit(cache=True)
+@njit(cache=True)  # type: ignore[untyped-decorator]
 def all_finite(array: Any) -> bool:
     """Whether an array (any shape) holds finite numbers only."""
     for value in array.flat:  # noqa: SIM110 - a loop compiles faster
@@ -30,7 +30,7 @@ def all_finite(array: Any) -> bool:
     return True
 
 
-@njit(cache=True)
+@njit(cache=True)  # type: ignore[untyped-decorator]
 def no_nan(array: Any) -> bool:
     """Whether an array (any shape) holds no NaN."""
     for value in array.flat:  # noqa: SIM110

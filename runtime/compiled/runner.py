@@ -32,6 +32,9 @@ class CompiledRunner:
     def __init__(self, engine: Engine, note: Callable[[str], None]) -> None:
         self.engine = engine
         self.kernels: Kernels = make_kernels(engine.network, engine.states, note)
+        for name, reason in self.kernels.refused.items():
+            if name in self.kernels.broken:
+                note(f"block '{name}' is called from Python: {reason}")
         emitter = CompiledEmitter(engine.plan, engine.emitter.recordings, self.kernels.compiled)
         self.text: CompiledText = emitter.compiled()
         self.held = self.text.held
@@ -53,7 +56,10 @@ class CompiledRunner:
 
     def adopt(self, held: tuple[Any, ...]) -> tuple[Any, ...]:
         """The first tick's variables, in exactly the form that compiled text takes."""
-        return tuple(normalised(value) for value in held)
+        adopted = tuple(normalised(value) for value in held)
+        # No tick at all: compiles the plan, or loads it.
+        self._part(0, 0, 0, 0, adopted)
+        return adopted
 
     def _whole(self, first: int, last: int, held: tuple[Any, ...]) -> tuple[Any, ...]:
         """Run ticks, all of each."""

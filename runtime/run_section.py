@@ -1,0 +1,77 @@
+"""The ``run`` section of a graph: base step, length, seed and engine."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from blocks.params import hint
+from runtime.document import Node
+from runtime.errors import Problems
+from runtime.sections import RUN_KEYS, check_keys, section
+
+DEFAULT_UNTIL = 10.0
+MAX_TICKS = 10**12
+ENGINES = ("auto", "python", "compiled")
+
+
+@dataclass(frozen=True)
+class RunSection:
+    """What ``run`` says, with defaults in place: dt and until in s."""
+
+    dt: float
+    until: float
+    seed: int
+    engine: str
+
+
+def read_run(document: Node, problems: Problems) -> RunSection:
+    """Read the section; what is wrong with it is reported, and a default taken instead."""
+    run = section(document, "run", "run", problems)
+    check_keys(document.get("run") or Node({}), RUN_KEYS, "run", problems, "key")
+
+    def number(name: str, default: float) -> float:
+        node = run.get(name)
+        if node is None:
+            return default
+        return seconds(node, f"run.{name}", problems) or default
+
+    dt, until = number("dt", 0.001), number("until", DEFAULT_UNTIL)
+    if not 1 <= until / dt <= MAX_TICKS:
+        node = run.get("until") or run.get("dt")
+        where = document.where if node is None else node.where
+        said = f"{until:g} s are {until / dt:.3g} ticks of dt = {dt:g} s"
+        said += "; expected one or more" if until < dt else f"; at most {MAX_TICKS:.0e} can run"
+        problems.add(where, "run.until", said)
+        until = dt
+    return RunSection(dt, until, _seed(run, problems), _engine(run, problems))
+
+
+def _seed(run: dict[str, Node], problems: Problems) -> int:
+    node = run.get("seed")
+    value = 0 if node is None else node.value
+    if node is not None and (not isinstance(value, int) or isinstance(value, bool) or value < 0):
+        said = f"expected an integer from 0, got {Node(value).describe()}"
+        problems.add(node.where, "run.seed", said)
+        return 0
+    return int(value)
+
+
+def _engine(run: dict[str, Node], problems: Problems) -> str:
+    node = run.get("engine")
+    value = ENGINES[0] if node is None else node.value
+    if node is not None and value not in ENGINES:
+        mend = hint(str(value), ENGINES) or f"; expected {', '.join(ENGINES)}"
+        problems.add(node.where, "run.engine", f"no engine {node.describe()}{mend}")
+        return ENGINES[0]
+    return str(value)
+
+
+def seconds(node: Node, address: str, problems: Problems) -> float | None:
+    """A positive number of seconds; None, and a problem, if it is none."""
+    value = node.value
+    if isinstance(value, (int, float)) and not isinstance(value, bool) and 0 < value < math.inf:
+        return float(value)
+    said = f"expected a number of seconds above 0, got {node.describe()}"
+    problems.add(node.where, address, said)
+    return None

@@ -1,0 +1,56 @@
+"""What runs ticks: the interface between the engine and its two kinds of runner."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
+
+from runtime.plan import Emitter
+
+FILENAME = "<the plan>"
+Progress = Callable[[int, int], None]
+Held = tuple[Any, ...]
+Run = Callable[[int, int, Held], Held]
+
+
+def silent(text: str) -> None:
+    """Say nothing."""
+
+
+class Runner(Protocol):
+    """What runs ticks: ``held`` are the variables that go into each call and come out of it."""
+
+    held: list[str]
+    run: Run
+
+    def adopt(self, held: Held) -> Held:
+        """The variables after the first tick, in the form that ``run`` takes."""
+
+    def locate(self, error: BaseException) -> tuple[int, str] | None:
+        """The tick and the block that an exception came from."""
+
+
+class PythonRunner:
+    """Runs the plan's function as it is printed."""
+
+    def __init__(self, emitter: Emitter, run: Run) -> None:
+        self.held = emitter.held()
+        self.run = run
+
+    def adopt(self, held: Held) -> Held:
+        """The first tick's variables, as they are."""
+        return held
+
+    def locate(self, error: BaseException) -> tuple[int, str] | None:
+        """Nothing that the plan's own lines do not tell."""
+        return None
+
+
+def located(error: BaseException, lines: Mapping[int, str]) -> tuple[int, str] | None:
+    """The tick and the block of the line of the plan that an exception came through."""
+    trace = error.__traceback__
+    while trace is not None and trace.tb_frame.f_code.co_filename != FILENAME:
+        trace = trace.tb_next
+    if trace is None:
+        return None
+    return int(trace.tb_frame.f_locals.get("k", 0)), lines.get(trace.tb_lineno, "")
