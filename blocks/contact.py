@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from blocks.surfaces import nearest
+
 if TYPE_CHECKING:
     from blocks.world import World
 
@@ -67,7 +69,7 @@ def _free_place(
 ) -> Place | None:
     """The free place that pushing the body out of surfaces leads to, and its gap; None if none."""
     for pushes in range(PUSHES + 1):
-        distance, nx, ny = world.nearest(to_x, to_y)
+        distance, nx, ny = nearest(world, to_x, to_y)
         depth = radius - distance
         if depth <= DEPTH:
             # Pushed about in a narrow place, it could end on the other side of something.

@@ -35,6 +35,10 @@ class ActuatorLag(Block):
     def update(self, state: BlockState, t: float, command: TwistValue) -> None:
         state.reached -= state.share * (state.reached - command)
 
+    def loop_update(self, state: BlockState, t: float, command: TwistValue) -> None:
+        for i in range(2):
+            state.reached[i] -= state.share * (state.reached[i] - command[i])
+
 
 class ActuatorDelay(Block):
     """Motors that do what they were asked for a while ago.
@@ -75,6 +79,11 @@ class ActuatorDelay(Block):
     def update(self, state: BlockState, t: float, command: TwistValue) -> None:
         row = int(state.head[0])
         state.ring[row] = command
+        state.head[0] = (row + 1) % state.steps
+
+    def loop_update(self, state: BlockState, t: float, command: TwistValue) -> None:
+        row = int(state.head[0])
+        state.ring[row, 0], state.ring[row, 1] = command
         state.head[0] = (row + 1) % state.steps
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from blocks.block import Block, BlockState, Input, Output, Setting, State
 from blocks.params import ParameterError, param
 from blocks.signals import FloatArray, Pose, PoseValue, Scan
+from blocks.surfaces import loop_cast
 from blocks.world import World
 
 FULL_TURN = 2.0 * math.pi
@@ -86,6 +87,7 @@ class Lidar(Block):
 
     def start(self, state: BlockState) -> None:
         state.world = required_world(state.setting)
+        state.surfaces = state.world.arrays
         state.bearings = bearings(self.beams, self.angle_min, self.angle_max)
         self._draw(state)
 
@@ -95,12 +97,26 @@ class Lidar(Block):
         state.noise *= self.sigma
         state.lost[:] = state.rng.random(self.beams) < self.dropout
 
+    def _loop_draw(self, state: BlockState) -> None:
+        for i in range(len(state.noise)):
+            state.noise[i] = self.sigma * state.rng.standard_normal()
+        for i in range(len(state.lost)):
+            state.lost[i] = 1.0 if state.rng.random() < self.dropout else 0.0
+
     def output(self, state: BlockState, t: float, pose: PoseValue) -> FloatArray:
         x, y, theta = pose
         ranges: FloatArray = state.world.cast(x, y, state.bearings + theta)
         ranges += state.noise
         miss = (ranges < self.range_min) | (ranges > self.range_max) | (state.lost > 0.0)
         ranges[miss] = np.inf
+        return ranges
+
+    def loop_output(self, state: BlockState, t: float, pose: PoseValue) -> FloatArray:
+        ranges = loop_cast(state.surfaces, pose[0], pose[1], pose[2], state.bearings)
+        for i in range(len(ranges)):
+            found = ranges[i] + state.noise[i]
+            miss = found < self.range_min or found > self.range_max or state.lost[i] > 0.0
+            ranges[i] = math.inf if miss else found
         return ranges
 
     def update(self, state: BlockState, t: float) -> None:

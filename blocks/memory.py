@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from typing import Any
 
 from blocks.block import Block, BlockState, Input, Output, Setting, State
@@ -10,7 +11,7 @@ from blocks.params import ParameterError, param
 from blocks.signals import FloatArray, Same
 
 
-class _Memory(Block):
+class _Memory(Block, ABC):
     signal = Input(Same("T"), name="input", doc="any signal")
     out = Output(Same("T"), through="input", doc="the remembered value")
 
@@ -30,10 +31,27 @@ class _Memory(Block):
     def start(self, state: BlockState) -> None:
         if self.initial is not None:
             state.memory[...] = self.initial
-        state.pack = state.setting.types["out"].pack
+        kind = state.setting.types["out"]
+        state.pack, state.form = kind.pack, kind.form
+        state.cells = state.memory.reshape(-1)
 
     def output(self, state: BlockState, t: float) -> Any:
         return state.pack(state.memory)
+
+    def loop_update(self, state: BlockState, t: float, input: Any) -> None:
+        cells = state.cells
+        if state.form == "scalar":
+            cells[0] = self._renewed(state, cells[0], input)
+        elif state.form == "record":
+            for i in range(len(input)):
+                cells[i] = self._renewed(state, cells[i], input[i])
+        else:
+            for i, value in enumerate(input.flat):
+                cells[i] = self._renewed(state, cells[i], value)
+
+    @abstractmethod
+    def _renewed(self, state: BlockState, old: float, new: float) -> float:
+        """One component of the memory after this tick."""
 
 
 class UnitDelay(_Memory):
@@ -47,6 +65,9 @@ class UnitDelay(_Memory):
     def update(self, state: BlockState, t: float, input: Any) -> None:
         state.memory[...] = input
 
+    def _renewed(self, state: BlockState, old: float, new: float) -> float:
+        return new
+
 
 class Lowpass(_Memory):
     """First-order lowpass with unit gain; out lags input by one tick.
@@ -59,5 +80,13 @@ class Lowpass(_Memory):
 
     tau: float = param(unit="s", above=0.0, doc="time constant")
 
+    def start(self, state: BlockState) -> None:
+        super().start(state)
+        state.share = -math.expm1(-state.dt / self.tau)
+
     def update(self, state: BlockState, t: float, input: Any) -> None:
-        state.memory -= -math.expm1(-state.dt / self.tau) * (state.memory - input)
+        state.memory -= state.share * (state.memory - input)
+
+    def _renewed(self, state: BlockState, old: float, new: float) -> float:
+        renewed: float = old - state.share * (old - new)
+        return renewed

@@ -9,6 +9,8 @@ from blocks.block import Block, BlockState, Input, Output, Setting, State
 from blocks.contact import TOUCH, slide
 from blocks.params import ParameterError, param
 from blocks.signals import FloatArray, Pose, PoseValue, Scalar, Twist, TwistValue, WheelSpeeds
+from blocks.surfaces import Surfaces, nearest
+from blocks.world import World
 
 # What is nearest where there is nothing (m): signals are finite.
 NOTHING_NEAR = 1000.0
@@ -99,6 +101,7 @@ class DifferentialDrive(Block):
         state.pose_state[:] = self.x0
         state.step = INTEGRATORS[self.integrator]
         state.world = world = state.setting.world
+        state.surfaces = None if world is None else world.arrays
         x, y, _ = self.x0.tolist()
         near = NOTHING_NEAR if world is None else world.nearest(x, y)[0] - self.body_radius
         state.gap[0] = near
@@ -115,7 +118,7 @@ class DifferentialDrive(Block):
         return v - half, v + half
 
     def output(self, state: BlockState, t: float) -> tuple[float, float]:
-        if state.world is None:
+        if state.surfaces is None:
             return NOTHING_NEAR, 0.0
         gap = float(state.gap[0])
         return gap, 1.0 if gap <= TOUCH and self.body_radius else 0.0
@@ -123,7 +126,7 @@ class DifferentialDrive(Block):
     def update(self, state: BlockState, t: float, command: TwistValue) -> None:
         pose = tuple(state.pose_state.tolist())
         wanted = state.step(pose, command[0], command[1], state.dt)
-        if state.world is None:
+        if state.surfaces is None:
             state.pose_state[:] = wanted
         else:
             self._move(state, pose, wanted)
@@ -133,8 +136,16 @@ class DifferentialDrive(Block):
         x, y, theta = wanted
         if self.body_radius:
             dx, dy, gap = x - pose[0], y - pose[1], float(state.gap[0])
-            x, y, gap = slide(state.world, pose[0], pose[1], gap, dx, dy, self.body_radius)
+            x, y, gap = slide(self._walls(state), pose[0], pose[1], gap, dx, dy, self.body_radius)
         else:
-            gap = state.world.nearest(x, y)[0]
+            gap = nearest(self._walls(state), x, y)[0]
         state.pose_state[:] = x, y, theta
         state.gap[0] = gap
+
+    def _walls(self, state: BlockState) -> World:
+        world: World = state.world
+        return world
+
+    def _loop_walls(self, state: BlockState) -> Surfaces:
+        surfaces: Surfaces = state.surfaces
+        return surfaces

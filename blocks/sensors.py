@@ -31,6 +31,13 @@ class PoseNoise(Block):
         state.noise[:2] *= self.sigma_position
         state.noise[2] *= self.sigma_heading
 
+    def _loop_draw(self, state: BlockState) -> None:
+        for i in range(3):
+            state.noise[i] = state.rng.standard_normal()
+        state.noise[0] *= self.sigma_position
+        state.noise[1] *= self.sigma_position
+        state.noise[2] *= self.sigma_heading
+
     def output(self, state: BlockState, t: float, pose: PoseValue) -> PoseValue:
         nx, ny, ntheta = state.noise.tolist()
         return pose[0] + nx, pose[1] + ny, pose[2] + ntheta

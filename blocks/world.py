@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,14 +16,11 @@ from blocks.level_set import kinks, level_set, loops, sampled
 from blocks.params import ParameterError
 from blocks.rays import to_circles, to_edges
 from blocks.signals import FloatArray
+from blocks.surfaces import TOUCHING, Edge, Nearest, Surfaces, as_arrays, from_surface
 from blocks.world_reader import read_shapes
 
 BoolArray = npt.NDArray[np.bool_]
-Edge = tuple[float, float, float, float, float, float]
 Polygon = tuple[bool, tuple[Edge, ...], FloatArray, FloatArray]
-
-# Nearer than this (m), the direction to a surface says nothing about the side.
-TOUCHING = 1e-9
 
 
 class World:
@@ -82,6 +80,12 @@ class World:
         if not self.surfaces:
             raise ParameterError([("room", "the obstacles leave no free space in it")])
 
+    @cached_property
+    def arrays(self) -> Surfaces:
+        """All that :meth:`nearest` and :meth:`cast` know, for their forms in loops."""
+        polygons = [(is_room, edges) for is_room, edges, _, _ in self._polygons]
+        return as_arrays(polygons, self.circles, self.surfaces)
+
     def distance(self, points: FloatArray) -> FloatArray:
         """Signed distance to the nearest surface (m), (m,).
 
@@ -129,7 +133,7 @@ class World:
             solid |= inside != is_room
         return solid
 
-    def nearest(self, x: float, y: float) -> tuple[float, float, float]:
+    def nearest(self, x: float, y: float) -> Nearest:
         """Signed distance to the nearest surface (m), and the unit normal that leads from there
         into free space: :meth:`distance` for one point, on plain floats.
         """
@@ -154,21 +158,8 @@ class World:
             if from_centre - r < gap:
                 gap, span, bx, by = from_centre - r, from_centre, px, py
         if solid or gap < TOUCHING:
-            return self._from_surface(x, y, solid or gap < 0.0)
+            return from_surface(self.arrays[3], x, y, solid or gap < 0.0)
         return gap, bx / span, by / span
-
-    def _from_surface(self, x: float, y: float, solid: bool) -> tuple[float, float, float]:
-        """:meth:`nearest` on a surface or behind it, where free space is not straight away."""
-        z = complex(x, y)
-        feet = [complex(foot(curve, np.array([z]))[0]) for curve in self.surfaces]
-        k = min(range(len(feet)), key=lambda i: abs(feet[i] - z))
-        gap = abs(feet[k] - z)
-        if gap < TOUCHING:
-            curve = self.surfaces[k]
-            normal = 1j * complex(curve.tangent(np.array([curve.locate(feet[k])]))[0])
-        else:
-            normal = (feet[k] - z if solid else z - feet[k]) / gap
-        return -gap if solid else gap, normal.real, normal.imag
 
     def cast(self, x: float, y: float, angles: FloatArray) -> FloatArray:
         """Range (m) along each ray to the first surface, (n,); inf where there is none.
