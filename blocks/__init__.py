@@ -2,6 +2,7 @@
 
 from blocks.actuators import ActuatorFault, Saturator
 from blocks.arithmetic import Constant, Gain, Mux, Sum
+from blocks.bias import AdaptiveBias
 from blocks.block import (
     Block,
     BlockState,
@@ -40,15 +41,18 @@ from blocks.signals import (
     WheelSpeeds,
 )
 from blocks.switch import Switch
+from blocks.trackers import PID, PurePursuit, Stanley
 from blocks.tracking import TrackingError
 from blocks.wall_fitter import WallFitter
 from blocks.world import World
 
 __all__ = [
     "LQR",
+    "PID",
     "ActuatorDelay",
     "ActuatorFault",
     "ActuatorLag",
+    "AdaptiveBias",
     "AdaptiveEnsemble",
     "Block",
     "BlockState",
@@ -73,6 +77,7 @@ __all__ = [
     "PointCloud",
     "Pose",
     "PoseNoise",
+    "PurePursuit",
     "RateEnsemble",
     "Same",
     "Saturator",
@@ -82,6 +87,7 @@ __all__ = [
     "SignalType",
     "SinePath",
     "Spikes",
+    "Stanley",
     "State",
     "Sum",
     "Switch",

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 
 import numpy as np
 
-from blocks.block import Block, BlockState, Input, Output, Setting, State
+from blocks.block import BlockState, Setting, State
+from blocks.learner import Learner
 from blocks.lif import gain_and_bias
 from blocks.params import ParameterError, param
-from blocks.signals import FloatArray, Scalar, Vector
+from blocks.signals import FloatArray
 
 
-class LearningEnsemble(Block, ABC):
+class LearningEnsemble(Learner):
     """A population whose decoders learn by PES; which neurons it is made of, a subclass says.
 
         input, error, learn ─▶ [ LearningEnsemble ] ─▶ output
@@ -27,27 +28,8 @@ class LearningEnsemble(Block, ABC):
     of neuron can take another's place.
     """
 
-    x = Input(Vector("d"), name="input", doc="what the neurons represent, the paper's a")
-    error = Input(Vector("k"), doc="what PES descends; positive lowers the output")
-    learn = Input(Scalar, absent=1.0, doc="factor on the error: 0 pauses learning")
-
-    decoded = Output(Vector("k"), name="output", doc="W s")
-
     neurons: int = param(100, at_least=1, doc="number of neurons")
-    learning_rate: float = param(1e-4, at_least=0.0, doc="kappa of PES, as Nengo scales it")
-    leak: float = param(0.0, unit="1/s", at_least=0.0, doc="rate at which weights decay")
-    tau_rc: float = param(0.02, unit="s", above=0.0, doc="membrane time constant")
-    tau_ref: float = param(0.002, unit="s", above=0.0, doc="refractory time; spikes: at least dt")
     tau_syn: float = param(0.01, unit="s", above=0.0, doc="time constant of the synapse")
-    max_rates: FloatArray = param(
-        (200.0, 400.0), unit="Hz", above=0.0, shape=(2,), doc="range of the rates at input = radius"
-    )
-    intercepts: FloatArray = param(
-        (-1.0, 0.9), below=1.0, shape=(2,), doc="range of the inputs where firing sets in"
-    )
-    limit: float = param(
-        math.inf, above=0.0, finite=False, doc="largest size of each component of the output"
-    )
     radius: float = param(1.0, above=0.0, doc="largest input that is represented well")
     gain: FloatArray | None = param(None, shape=("neurons",), doc="gains, in place of drawn ones")
     bias: FloatArray | None = param(None, shape=("neurons",), doc="biases, in place of drawn ones")
@@ -66,14 +48,10 @@ class LearningEnsemble(Block, ABC):
         if (self.gain is None) != (self.bias is None):
             missing = "bias" if self.bias is None else "gain"
             problems.append((missing, "gain and bias go together; give both or neither"))
-        for name in ("max_rates", "intercepts"):
-            low, high = self.value(name)
-            if low > high:
-                problems.append((name, f"expected [low, high], got [{low:g}, {high:g}]"))
-        fastest = 1.0 / self.tau_ref
-        if self.max_rates[1] >= fastest:
-            said = f"a refractory time of {self.tau_ref:g} s allows less than {fastest:g} Hz"
-            problems.append(("max_rates", said))
+        try:
+            super().validate()
+        except ParameterError as error:
+            problems += error.problems
         if problems:
             raise ParameterError(problems)
 
@@ -103,7 +81,9 @@ class LearningEnsemble(Block, ABC):
         state.pass_on = -math.expm1(-state.dt / self.tau_syn)
         state.keep = math.exp(-self.leak * state.dt)
         state.gamma = self.learning_rate * state.dt / n
-        state.scratch = np.empty(n)
+        state.fade = 1.0 - state.pass_on
+        state.scratch, state.rows = np.empty(n), tuple(state.weights)
+        state.encoder_rows = np.ascontiguousarray(state.scaled_encoders.T)
 
     def output(self, state: BlockState, t: float) -> FloatArray:
         decoded: FloatArray = state.weights.dot(state.activity)
@@ -118,10 +98,56 @@ class LearningEnsemble(Block, ABC):
         activity, scratch = state.activity, state.scratch
         if state.keep != 1.0:
             state.weights *= state.keep
-        for row, slope in enumerate((state.gamma * learn * error).tolist()):
-            np.multiply(activity, slope, out=scratch)
-            state.weights[row] -= scratch
+        gamma = state.gamma * learn
+        for row, slope in zip(state.rows, error.tolist(), strict=True):
+            np.multiply(activity, gamma * slope, out=scratch)
+            np.subtract(row, scratch, out=row)
+
+    def loop_output(self, state: BlockState, t: float) -> FloatArray:
+        weights, activity = state.weights, state.activity
+        decoded = np.empty(len(weights))
+        for row in range(len(weights)):
+            total = dot(weights[row], activity)
+            decoded[row] = min(max(total, -self.limit), self.limit)
+        return decoded
+
+    def loop_update(
+        self, state: BlockState, t: float, input: FloatArray, error: FloatArray, learn: float
+    ) -> None:
+        current, activity, offset = state.current, state.activity, state.offset
+        first = state.encoder_rows[0]
+        for i in range(len(current)):
+            current[i] = first[i] * input[0]
+        for j in range(1, len(input)):
+            encoder = state.encoder_rows[j]
+            for i in range(len(current)):
+                current[i] += encoder[i] * input[j]
+        for i in range(len(current)):
+            current[i] += offset[i]
+        self._respond(state)
+        for row in range(len(error)):
+            weights = state.weights[row]
+            slope = state.gamma * learn * error[row]
+            for i in range(len(weights)):
+                weights[i] = state.keep * weights[i] - slope * activity[i]
 
     @abstractmethod
     def _respond(self, state: BlockState) -> None:
         """Advance neurons and synapses by one step: ``current`` in, ``activity`` out."""
+
+
+def dot(a: FloatArray, b: FloatArray) -> float:
+    """The inner product of two vectors (n,), added up in one order on every machine.
+
+    Four sums that do not wait for each other.
+    """
+    s0 = s1 = s2 = s3 = 0.0
+    last = len(a) - len(a) % 4
+    for i in range(0, last, 4):
+        s0 += a[i] * b[i]
+        s1 += a[i + 1] * b[i + 1]
+        s2 += a[i + 2] * b[i + 2]
+        s3 += a[i + 3] * b[i + 3]
+    for i in range(last, len(a)):
+        s0 += a[i] * b[i]
+    return (s0 + s1) + (s2 + s3)

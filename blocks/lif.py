@@ -24,3 +24,17 @@ def lif_rate(current: FloatArray, tau_rc: float, tau_ref: float) -> FloatArray:
     """Steady firing rate (Hz) of a LIF neuron: 1 / (tau_ref + tau_rc log1p(1 / (J - 1)))."""
     above = np.maximum(current - 1.0, 1e-300)
     return np.where(current > 1.0, 1.0 / (tau_ref + tau_rc * np.log1p(1.0 / above)), 0.0)
+
+
+def mean_squared_rate(
+    max_rates: FloatArray, intercepts: FloatArray, tau_rc: float, tau_ref: float, nodes: int = 100
+) -> float:
+    """Mean squared firing rate (Hz^2), at input 0, of a large population of LIF neurons.
+
+    Their maximum rates and intercepts are uniform over the two ranges. The midpoint rule, with
+    ``nodes`` squared neurons.
+    """
+    middles = (np.arange(nodes) + 0.5) / nodes
+    rates, starts = (low + (high - low) * middles for low, high in (max_rates, intercepts))
+    _, bias = gain_and_bias(rates[:, None], starts[None, :], tau_rc, tau_ref)
+    return float(np.mean(lif_rate(bias, tau_rc, tau_ref) ** 2))

@@ -10,6 +10,7 @@ import numpy as np
 from blocks.block import Block, BlockState, Input, Output, Setting, State
 from blocks.params import ParameterError, param
 from blocks.signals import FloatArray, Pose, PoseValue, TrackingState, Twist, TwistValue
+from blocks.tracking import offsets
 
 ROUNDING = 1e-12
 
@@ -209,9 +210,7 @@ class LQR(Block):
         heading = reference[2]
         if state.solved_at[0] != heading and not self.isotropic:
             self._remember(state, heading)
-        c, s = math.cos(heading), math.sin(heading)
-        along = c * error[0] + s * error[1]
-        lateral = c * error[1] - s * error[0]
+        along, lateral = offsets(error, heading)
         (k00, k01, k02), (k10, k11, k12) = state.gain.tolist()
         return (
             -(k00 * along + k01 * lateral + k02 * error[2]),

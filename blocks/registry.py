@@ -11,6 +11,7 @@ from pathlib import Path as FilePath
 
 from blocks.actuators import ActuatorFault, Saturator
 from blocks.arithmetic import Constant, Gain, Mux, Sum
+from blocks.bias import AdaptiveBias
 from blocks.block import Block
 from blocks.drivetrain import ActuatorDelay, ActuatorLag, WheelSlip
 from blocks.explorer import Explorer
@@ -24,6 +25,7 @@ from blocks.paths import CirclePath, LinePath, SinePath, WaypointPath
 from blocks.plants import DifferentialDrive
 from blocks.sensors import PoseNoise
 from blocks.switch import Switch
+from blocks.trackers import PID, PurePursuit, Stanley
 from blocks.tracking import TrackingError
 from blocks.wall_fitter import WallFitter
 
@@ -33,7 +35,8 @@ BUILTIN: Mapping[str, type[Block]] = {
     block.__name__: block
     for block in (
         *(LinePath, SinePath, CirclePath, WaypointPath),
-        *(MatchingPoint, TrackingError, LQR, AdaptiveEnsemble, RateEnsemble),
+        *(MatchingPoint, TrackingError, LQR, PID, PurePursuit, Stanley),
+        *(AdaptiveEnsemble, RateEnsemble, AdaptiveBias),
         *(Lidar, WallFitter, Explorer),
         *(Constant, Sum, Mux, Gain, Switch, UnitDelay, Lowpass),
         *(Saturator, ActuatorFault, ActuatorLag, ActuatorDelay, WheelSlip),

@@ -14,6 +14,12 @@ def wrap(angle: float) -> float:
     return math.pi if rest == -math.pi else rest
 
 
+def offsets(error: PoseValue, heading: float) -> tuple[float, float]:
+    """The along-track and lateral parts of an error, forward and left positive, about a heading."""
+    c, s = math.cos(heading), math.sin(heading)
+    return c * error[0] + s * error[1], c * error[1] - s * error[0]
+
+
 class TrackingError(Block):
     """Compare a pose with its reference (paper, section III-D).
 
@@ -38,6 +44,6 @@ class TrackingError(Block):
     ) -> tuple[PoseValue, float, float, float, float]:
         dx = pose[0] - reference[0]
         dy = pose[1] - reference[1]
-        heading = wrap(pose[2] - reference[2])
-        c, s = math.cos(reference[2]), math.sin(reference[2])
-        return (dx, dy, heading), math.hypot(dx, dy), heading, c * dy - s * dx, c * dx + s * dy
+        error = (dx, dy, wrap(pose[2] - reference[2]))
+        along, lateral = offsets(error, reference[2])
+        return error, math.hypot(dx, dy), error[2], lateral, along
