@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from argparse import ArgumentParser, Namespace
+from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,10 +21,10 @@ HELP = "baseline and variants on the same seeds, in one table and one figure"
 DEFAULT_SEEDS = 10
 ABOUT = """
 Variants: --without, --bypass and --replace each begin one, and other changes belong to the variant
-that they follow; before the first, they change the baseline and with it all variants. --variant NAME
-begins one of that name, and all changes up to the next --variant are part of it. Without any variant,
-every block is tried alone: bypassed if it has a through-pair, left out if the graph can live without
-it, listed as essential otherwise.
+that they follow; before the first, they change the baseline and with it all variants. --variant
+NAME begins one of that name, and all changes up to the next --variant are part of it. Without any
+variant, every block is tried alone: bypassed if it has a through-pair, left out if the graph can
+live without it, listed as essential otherwise.
 
   runtime ablate G --without adaptive --replace lqr=PID --set lqr.kp=2
   runtime ablate G --variant soft --set lqr.q='[0.01, 0.01, 0.01]' --seeds 0..19
@@ -34,6 +34,7 @@ it, listed as essential otherwise.
 def add(parser: ArgumentParser) -> None:
     """Declare the options."""
     parser.description = ABOUT.strip()
+    parser.formatter_class = RawDescriptionHelpFormatter
     parser.add_argument("graph", help="a graph, or an experiment.yaml with variants")
     parser.add_argument(
         "--out", default="ablations", metavar="DIR", help="where folders go (ablations)"
@@ -105,7 +106,7 @@ def _asked(options: Namespace) -> tuple[Experiment, list[Variant], dict[str, str
 def _pictures(done: Ablated) -> list[Path]:
     from runtime.experiments.ablation_figures import save_ablation_figure
 
-    return [save_ablation_figure(done)]
+    return [save_ablation_figure(done.folder)]
 
 
 def _print(done: Ablated, pictures: list[Path], quiet: bool) -> None:
@@ -122,7 +123,9 @@ def _print(done: Ablated, pictures: list[Path], quiet: bool) -> None:
     print(
         f"\nIntervals of 95 %, {TESTS[done.test]}; differences are paired by seed. "
         f"'distinguishable': p < 0.05 after {CORRECTION}'s correction for all comparisons of the "
-        "table. n/N: only n of N seeds have a value, and means and differences are over those."
+        "table. n/N: only n of N seeds have a value, and means and differences are over those. "
+        "'in seeds': another share of the seeds has a value at all. 'gone': what the metric "
+        "measures was taken out."
     )
     for name, rows in done.rows.items():
         bad = [row for row in rows if row.status != "ok"]

@@ -22,6 +22,7 @@ from runtime.experiments.sweeping import write_json
 from runtime.experiments.variants import BASELINE, Variant
 from runtime.experiments.worker import Task
 from runtime.graph import Graph
+from runtime.observe import observe
 from runtime.progress import Progress
 from runtime.record import save
 
@@ -50,7 +51,15 @@ class Ablated:
             }
             for name, rows in self.rows.items()
         }
-        return compare(values, BASELINE, self.test)
+        return compare(values, BASELINE, self.test, self._gone())
+
+    def _gone(self) -> set[tuple[str, str]]:
+        """Metrics of each variant that have lost what they measure."""
+        gone = set()
+        for name, variant in self.variants.items():
+            inputs = {m.name: m.inputs.values() for m in observe(variant.graph.network).metrics}
+            gone |= {(name, m) for m in self.plan.metrics if None in inputs.get(m, (None,))}
+        return gone
 
     def to_dict(self) -> dict[str, Any]:
         """What ablation.json holds."""

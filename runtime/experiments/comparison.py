@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -32,6 +32,7 @@ class Line:
     apart : the paired difference to the baseline; None for the baseline itself.
     p_adjusted : ``apart.p`` corrected for the number of comparisons in the table.
     p_presence : likewise, whether it has a value as often as the baseline has.
+    is_gone : the variant does not record what the metric measures.
     """
 
     variant: str
@@ -41,6 +42,7 @@ class Line:
     apart: Difference | None = None
     p_adjusted: float = math.nan
     p_presence: float = math.nan
+    is_gone: bool = False
 
     @property
     def is_distinguishable(self) -> bool | None:
@@ -61,6 +63,7 @@ class Line:
             "variant": self.variant,
             "metric": self.metric,
             "runs": self.runs,
+            "recorded": not self.is_gone,
             **_plain(self.own),
             "difference": None,
         }
@@ -76,13 +79,17 @@ class Line:
 
 
 def compare(
-    values: Mapping[str, Mapping[str, Values]], baseline: str, test: Test = "t"
+    values: Mapping[str, Mapping[str, Values]],
+    baseline: str,
+    test: Test = "t",
+    gone: Container[tuple[str, str]] = (),
 ) -> list[Line]:
     """The lines of the table, metric by metric, the baseline first.
 
     Parameters
     ----------
     values : for each variant and metric, one value a seed; all with the same seeds in one order.
+    gone : (variant, metric) where what the metric measures was taken out.
 
     Both kinds of p value, of differences and of missing values, are corrected together: a table
     of many comparisons would else find some by chance.
@@ -92,8 +99,8 @@ def compare(
         for variant, columns in values.items():
             mine = columns[metric]
             own = estimate([value for value in mine if value is not None], test)
-            line = Line(variant, metric, len(mine), own)
-            if variant != baseline:
+            line = Line(variant, metric, len(mine), own, is_gone=(variant, metric) in gone)
+            if variant != baseline and not line.is_gone:
                 differs = [a is None for a in mine] != [b is None for b in base]
                 line = replace(
                     line,
@@ -150,7 +157,9 @@ def table(lines: Sequence[Line]) -> str:
 def _cells(line: Line) -> tuple[str, ...]:
     seeds = f"{line.own.n}/{line.runs}" if line.own.n < line.runs else str(line.runs)
     cells = [f"  {line.variant}", seeds, _value(line.own.mean), _ends(line.own)]
-    if line.apart is not None:
+    if line.is_gone:
+        cells += ["", "", "gone"]
+    elif line.apart is not None:
         cells += [_value(line.apart.mean, "+"), _ends(line.apart, "+"), _verdict(line)]
     else:
         cells += ["", "", ""]
@@ -159,7 +168,7 @@ def _cells(line: Line) -> tuple[str, ...]:
 
 def _verdict(line: Line) -> str:
     if line.is_missing_differently:
-        return "yes: has a value on other seeds"
+        return "yes, in seeds"
     if line.apart is not None and line.apart.n and line.apart.mean == 0.0 and line.apart.p == 1.0:
         return "equal"
     return {True: "yes", False: "no", None: "-"}[line.is_distinguishable]
