@@ -10,7 +10,7 @@ from argparse import ArgumentParser, Namespace
 from importlib import import_module
 from typing import Protocol, cast
 
-NAMES = ("run", "validate", "draw", "explain", "blocks", "compare")
+NAMES = ("run", "validate", "draw", "explain", "blocks", "ablate", "sweep", "compare")
 
 
 class Command(Protocol):
