@@ -80,7 +80,7 @@ class Explorer(Block):
     def output(
         self, state: BlockState, t: float, scan: FloatArray, pose: PoseValue
     ) -> tuple[TwistValue, float]:
-        ranges = np.fmin(scan, np.inf)  # NaN becomes inf
+        ranges = _without_nan(scan)
         exploring = t < self.explore_time - 0.5 * state.dt
         near = float(ranges.min()) < self.engage_distance
         engaged = 1.0 if state.latch[0] > 0.0 or (near and not exploring) else 0.0
@@ -106,15 +106,37 @@ class Explorer(Block):
         nearest = int(np.where(inside, ranges, np.inf).argmin())
         return -1.0 if state.bearings[nearest] > 0.0 else 1.0
 
+    def _loop_blocked(self, state: BlockState, ranges: FloatArray) -> float:
+        nearest, least = -1, math.inf
+        for i in range(len(ranges)):
+            ahead, aside = ranges[i] * state.cos[i], ranges[i] * state.sin[i]
+            inside = 0.0 < ahead < self.stop_distance and abs(aside) < self.half_width
+            if inside and (nearest < 0 or ranges[i] < least):
+                nearest, least = i, ranges[i]
+        if nearest < 0:
+            return 0.0
+        if state.side[0] != 0.0:
+            return float(state.side[0])
+        return -1.0 if state.bearings[nearest] > 0.0 else 1.0
+
     def _wandering(self, state: BlockState, ranges: FloatArray) -> float:
         """The random turn rate, or away from what is near, the faster the nearer it is."""
         in_view = np.where(np.abs(state.bearings) < ASIDE, ranges, np.inf)
         nearest = int(in_view.argmin())
-        distance = float(in_view[nearest])
+        return self._turned(state, float(in_view[nearest]), float(state.bearings[nearest]))
+
+    def _loop_wandering(self, state: BlockState, ranges: FloatArray) -> float:
+        nearest, least = 0, math.inf
+        for i in range(len(ranges)):
+            if abs(state.bearings[i]) < ASIDE and ranges[i] < least:
+                nearest, least = i, ranges[i]
+        return self._turned(state, least, state.bearings[nearest])
+
+    def _turned(self, state: BlockState, distance: float, bearing: float) -> float:
         if distance >= self.avoid_distance:
             return self._limited(float(state.wander[0]))
         urgency = (self.avoid_distance - distance) / (self.avoid_distance - self.stop_distance)
-        away = -1.0 if state.bearings[nearest] > 0.0 else 1.0
+        away = -1.0 if bearing > 0.0 else 1.0
         return self._limited(away * urgency * self.omega_max)
 
     def _limited(self, omega: float) -> float:
@@ -131,3 +153,16 @@ class Explorer(Block):
             state.course[0] = pose[2]
         if t >= state.wander[1] - 0.5 * state.dt:
             self._draw(state, t)
+
+
+def _without_nan(scan: FloatArray) -> FloatArray:
+    """The scan with inf in place of NaN."""
+    ranges: FloatArray = np.fmin(scan, np.inf)
+    return ranges
+
+
+def _loop_without_nan(scan: FloatArray) -> FloatArray:
+    ranges = np.empty(len(scan))
+    for i in range(len(scan)):
+        ranges[i] = math.inf if math.isnan(scan[i]) else scan[i]
+    return ranges
