@@ -134,7 +134,7 @@ def _positive(number: int, flag: str, least: int = 1) -> int:
 def _pictures(swept: Swept) -> list[Path]:
     from runtime.experiments.sweep_figures import save_sweep_figures
 
-    return save_sweep_figures(swept.plan, swept.folder)
+    return save_sweep_figures(swept.folder)
 
 
 def _print(swept: Swept, pictures: list[Path]) -> None:

@@ -203,6 +203,23 @@ def _write_recipe(recipe: Recipe, folder: Path) -> None:
         (folder / name).write_text(text, encoding="utf-8")
 
 
+def read_plan(folder: Path) -> dict[str, Any]:
+    """The plan of a sweep or an ablation, as plain values.
+
+    Raises
+    ------
+    UsageError : there is none that can be read.
+    """
+    path = folder / PLAN
+    try:
+        stored = parse_yaml(path.read_text(encoding="utf-8"), str(path)).plain()
+    except (OSError, UnicodeDecodeError, GraphError) as error:
+        raise UsageError(f"'{folder}' holds no plan that can be read: {error}") from None
+    if not isinstance(stored, dict) or stored.get("schema_version") != SCHEMA_VERSION:
+        raise UsageError(f"'{path}' is no plan of this version of the program")
+    return stored
+
+
 def check_same(plan: Plan, folder: Path) -> None:
     """Check that a folder is of the same plan.
 
@@ -210,14 +227,12 @@ def check_same(plan: Plan, folder: Path) -> None:
     ------
     UsageError : it is not; the message says in what they differ.
     """
-    path = folder / PLAN
+    stored = read_plan(folder)
     try:
-        stored = parse_yaml(path.read_text(encoding="utf-8"), str(path)).plain()
         text = (folder / GRAPH).read_text(encoding="utf-8")
-        digest = stored["digest"]
-    except (OSError, ValueError, KeyError, TypeError, GraphError) as error:
-        raise UsageError(f"'{folder}' holds no plan that can be read: {error}") from None
-    if digest == plan.digest:
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(f"cannot read '{folder / GRAPH}': {error}") from None
+    if stored.get("digest") == plan.digest:
         return
     mine = {"kind": plan.kind, **plan.asked, "metrics": list(plan.metrics)}
     keys = dict.fromkeys([*mine, *("vary", "random", "sobol", "sampling_seed", "variants")])

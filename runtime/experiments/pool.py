@@ -88,8 +88,8 @@ class LocalPool(Executor):
         except BrokenExecutor:
             self.kill()
             raise UsageError(
-                "the worker processes cannot start; in a script of your own, put the call under "
-                "'if __name__ == \"__main__\":'"
+                "the worker processes cannot start, for the reason above; in a script of your own, "
+                "put the call under 'if __name__ == \"__main__\":'"
             ) from None
         return self
 

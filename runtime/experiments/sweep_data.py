@@ -1,0 +1,130 @@
+"""A sweep read back for drawing: as many settings as a page can show, however many there are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from blocks.signals import FloatArray
+from runtime.document import from_python, parse_yaml
+from runtime.errors import Problems, UsageError
+from runtime.experiments.groups import Group, gather
+from runtime.experiments.index import Columns, read_rows
+from runtime.experiments.knobs import Knob, Range, parse_knob
+from runtime.experiments.objective import Objective
+from runtime.experiments.plan import INDEX, read_plan
+from runtime.experiments.seeds import parse_seeds
+from runtime.experiments.statistics import Estimate, estimate
+from runtime.writer import flow_yaml
+
+MOST = 4000
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A knob as an axis: a number for each setting, and names where the values are no numbers."""
+
+    path: str
+    places: FloatArray
+    names: tuple[str, ...]
+    is_log: bool
+
+    @property
+    def distinct(self) -> FloatArray:
+        """The places that occur, in order."""
+        return np.unique(self.places)
+
+
+@dataclass(frozen=True)
+class SweepData:
+    """A sweep's settings: where each lies on each axis, and each metric's mean over the seeds.
+
+    ``metrics`` maps a metric to one estimate a setting. ``skipped`` settings were left out, evenly
+    over the whole, where there are more than a page can show.
+    """
+
+    name: str
+    method: str
+    seeds: int
+    axes: tuple[Axis, ...]
+    metrics: dict[str, list[Estimate]]
+    objective: Objective | None
+    skipped: int
+
+    def means(self, metric: str) -> FloatArray:
+        """One mean a setting; NaN where no run has a value."""
+        return np.array([found.mean for found in self.metrics[metric]])
+
+
+def read_sweep(folder: Path) -> SweepData:
+    """Read a sweep for drawing, complete or not.
+
+    Raises
+    ------
+    UsageError : its files cannot be read.
+    """
+    plan = read_plan(folder)
+    problems = Problems()
+    vary = from_python(plan.get("vary", {}))
+    knobs = [parse_knob(path, node, path, problems) for path, node in vary.items()]
+    seeds = parse_seeds(from_python(plan.get("seeds")), "seeds", problems)
+    if plan.get("kind") != "sweep" or problems.found or seeds is None:
+        raise UsageError(f"'{folder}' holds no sweep that can be read")
+    known = [knob for knob in knobs if knob is not None]
+    metrics = tuple(map(str, plan.get("metrics", ())))
+    columns = Columns(tuple(knob.path for knob in known), metrics)
+    groups, skipped = _some(gather(read_rows(folder / INDEX, columns), len(seeds)))
+    goals = ((plan.get(goal), goal) for goal in ("minimize", "maximize"))
+    chosen = next(((str(metric), goal) for metric, goal in goals if metric), None)
+    return SweepData(
+        name=str(plan.get("experiment")),
+        method=next((method for method in ("random", "sobol") if method in plan), "grid"),
+        seeds=len(seeds),
+        axes=tuple(
+            _axis(knob, [group.cells[i] for group in groups]) for i, knob in enumerate(known)
+        ),
+        metrics={
+            name: [estimate(group.values(i)) for group in groups] for i, name in enumerate(metrics)
+        },
+        objective=None if chosen is None else Objective(*chosen),  # type: ignore[arg-type]
+        skipped=skipped,
+    )
+
+
+def _some(groups: Iterable[Group]) -> tuple[list[Group], int]:
+    """Every n-th setting, with an n that lets at most ``MOST`` through."""
+    kept: list[Group] = []
+    every, count = 1, 0
+    for group in groups:
+        count += 1
+        if group.number % every == 0:
+            kept.append(group)
+        if len(kept) > MOST:
+            every *= 2
+            kept = [group for group in kept if group.number % every == 0]
+    kept.sort(key=lambda group: group.number)
+    return kept, count - len(kept)
+
+
+def _axis(knob: Knob, cells: list[str]) -> Axis:
+    values = [parse_yaml(cell, knob.path).plain() for cell in cells]
+    if all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in values):
+        is_log = isinstance(knob, Range) and knob.scale == "log"
+        places = np.array(values, dtype=float)
+        if np.isfinite(places).all():
+            return Axis(knob.path, places, (), is_log)
+    # In the order in which they were given; a sampled sweep meets them in another.
+    given = [flow_yaml(value) for value in knob.values] or sorted(set(cells))
+    order = {name: i for i, name in enumerate(dict.fromkeys([*given, *cells]))}
+    return Axis(knob.path, np.array([order[cell] for cell in cells], float), tuple(order), False)
+
+
+def spread(found: Estimate) -> tuple[float, float]:
+    """The ends of an interval; the mean itself where there is none."""
+    if math.isnan(found.low):
+        return found.mean, found.mean
+    return found.low, found.high
