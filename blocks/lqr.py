@@ -8,6 +8,9 @@ from functools import cached_property
 import numpy as np
 
 from blocks.block import Block, BlockState, Input, Output, Setting, State
+from blocks.loops.riccati import feedback_gain as loop_gain
+from blocks.loops.riccati import riccati as loop_riccati
+from blocks.loops.riccati import turned
 from blocks.params import ParameterError, param
 from blocks.signals import FloatArray, Pose, PoseValue, TrackingState, Twist, TwistValue
 from blocks.tracking import offsets
@@ -198,10 +201,25 @@ class LQR(Block):
         return p, feedback_gain(a, b, r, p)
 
     def start(self, state: BlockState) -> None:
+        state.model = linearised(self.v_r, 0.0, state.dt, self.model)
         self._remember(state, 0.0)
 
     def _remember(self, state: BlockState, heading: float) -> None:
         state.cost_to_go[:], state.gain[:] = self.solve(state.dt, heading)
+        state.solved_at[0] = heading
+
+    def _loop_remember(self, state: BlockState, heading: float) -> None:
+        (a, b), (q, r) = state.model, self.weights
+        if self.solver == "dare":
+            p, gain = self.solve(state.dt, heading)
+        else:
+            p = loop_riccati(a, b, turned(q, heading), r, self.tolerance, self.max_iterations)
+            gain = loop_gain(a, b, r, p)
+        for j in range(3):
+            for i in range(3):
+                state.cost_to_go[i, j] = p[i, j]
+            for i in range(2):
+                state.gain[i, j] = gain[i, j]
         state.solved_at[0] = heading
 
     def output(

@@ -238,7 +238,9 @@ class _Writer(Folding):
                 return self.entry(node, owner)
             module = self.function.__globals__.get(owner)
             if isinstance(module, types.ModuleType):
-                value = getattr(module, node.attr)
+                value = getattr(module, node.attr, None)
+                if value is None:
+                    raise self.refuse(node, f"'{owner}' has no '{node.attr}'")
                 if callable(value) and value in REPLACED:
                     return ast.Name(REPLACED[value], ast.Load())
                 if module not in MODULES:
@@ -339,6 +341,9 @@ class _Writer(Folding):
 
     def refused(self, node: ast.AST) -> Any:
         raise self.refuse(node, f"holds a {type(node).__name__}")
+
+    def visit_ImportFrom(self, node: ast.ImportFrom) -> Any:
+        raise self.refuse(node, f"imports '{node.module}'")
 
     visit_Lambda = refused
     visit_FunctionDef = refused
