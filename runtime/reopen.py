@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import struct
 import warnings
 import zipfile
@@ -19,6 +20,7 @@ from runtime.observe import PlotSpec
 from runtime.record import MANIFEST, METRICS, PROBES, RESOLVED, SCHEMA_VERSION, TIME, WRITTEN
 from runtime.result import Recorded, Result
 
+LARGEST = 1e308
 # What numpy and zipfile raise over a file that is cut off or overwritten.
 _BROKEN_ARRAYS = (
     *(OSError, ValueError, TypeError, EOFError, KeyError, RuntimeError, MemoryError, OverflowError),
@@ -121,15 +123,20 @@ def _check_facts(manifest: dict[str, Any]) -> None:
         if not isinstance(manifest[key], str):
             raise ValueError(f"{key}: expected a text, got {manifest[key]!r}")
     for key in ("seed", "dt", "until", "ticks", "wall_s", "us_per_tick"):
-        if not _is_number(manifest[key]):
+        if not _is_number(manifest[key]) or not math.isfinite(manifest[key]):
             raise ValueError(f"{key}: expected a number, got {manifest[key]!r}")
+    if manifest["dt"] <= 0.0 or manifest["ticks"] < 0:
+        raise ValueError("expected a step above 0 s, and ticks from 0")
     for key, kind in (("overrides", list), ("removed", dict), ("versions", dict), ("argv", list)):
         if not isinstance(manifest[key], kind):
             raise ValueError(f"{key}: expected a {kind.__name__}, got {manifest[key]!r}")
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
+    """Whether a value is a number that a float can hold."""
+    if isinstance(value, bool):
+        return False
+    return isinstance(value, float) or (isinstance(value, int) and abs(value) < LARGEST)
 
 
 def _text(path: Path) -> str:
@@ -144,6 +151,8 @@ def _text(path: Path) -> str:
 def _mapping(path: Path) -> dict[str, Any]:
     try:
         found = json.loads(_text(path))
+        # Half a character (a lone surrogate) can be read but not written.
+        json.dumps(found, ensure_ascii=False).encode()
     except (ValueError, RecursionError) as error:
         raise _damaged(path, f"no JSON ({error})") from None
     if not isinstance(found, dict):

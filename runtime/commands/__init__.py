@@ -10,7 +10,10 @@ from argparse import ArgumentParser, Namespace
 from importlib import import_module
 from typing import Protocol, cast
 
-NAMES = ("run", "validate", "draw", "explain", "blocks", "ablate", "sweep", "compare")
+NAMES = (
+    *("run", "validate", "draw", "explain", "blocks"),
+    *("ablate", "sweep", "compare", "report", "render"),
+)
 
 
 class Command(Protocol):

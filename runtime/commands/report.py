@@ -1,0 +1,47 @@
+"""``runtime report``: one HTML file on a run, a sweep or an ablation."""
+
+from __future__ import annotations
+
+import json
+import sys
+from argparse import ArgumentParser, Namespace
+from pathlib import Path
+
+HELP = "one self-contained HTML file on a run, a sweep or an ablation"
+
+
+def add(parser: ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument(
+        "path",
+        metavar="FOLDER",
+        help="of a run, a sweep or an ablation, as in runs/<graph>/latest",
+    )
+    parser.add_argument(
+        "-o", "--out", metavar="FILE", help="file to write (report.html in FOLDER); - is stdout"
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object and nothing else"
+    )
+
+
+def run(options: Namespace) -> int:
+    """Write the report and print where it is."""
+    from runtime.errors import UsageError
+    from runtime.reports.report import report
+
+    made = report(Path(options.path))
+    if options.out == "-":
+        sys.stdout.buffer.write(made.html.encode())
+        return 0
+    written = Path(options.out) if options.out else made.folder / "report.html"
+    try:
+        written.write_text(made.html, encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"cannot write '{written}': {error.strerror or error}") from None
+    if options.json:
+        found = {"schema_version": 1, "kind": made.kind, "folder": str(made.folder)}
+        print(json.dumps({**found, "report": str(written)}))
+    else:
+        print(written)
+    return 0

@@ -1,0 +1,1 @@
+"""Reports: a run, a sweep or an ablation as one HTML page that needs nothing else."""

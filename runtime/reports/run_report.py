@@ -1,0 +1,213 @@
+"""The report of one run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from runtime.comparing.documents import text_of
+from runtime.document import parse_yaml
+from runtime.errors import SpikeblocksError, UsageError
+from runtime.graph import load
+from runtime.record import RESOLVED
+from runtime.reopen import open_run, run_folder
+from runtime.reports import pieces
+from runtime.reports.html import Html, bullets, element, facts, join, table
+from runtime.reports.page import page
+from runtime.result import Recorded, Result
+
+STATUS = {"complete": "good", "interrupted": "warn", "failed": "bad"}
+
+
+def run_report(path: Path) -> str:
+    """The report of a run as an HTML document.
+
+    Parameters
+    ----------
+    path : the run's folder, a link to it, or its manifest.
+
+    Raises
+    ------
+    UsageError : there is no run, or it cannot be read.
+    """
+    folder = run_folder(path)
+    result = open_run(folder)
+    sections = {
+        "Metrics": _metrics(folder, result),
+        "Figures": join(*_figures(result)),
+        "Diagram": _diagram(folder),
+        "Recorded signals": _signals(result),
+        "Graph": _graph(folder, result),
+        "Provenance": _provenance(folder, result),
+    }
+    made_by = f"Made by runtime report from {folder.resolve().name}."
+    return page("Run", result.title, _lead(result), _facts(result), sections, made_by)
+
+
+def _lead(result: Result) -> str:
+    """What was run, when, and how it was changed."""
+    manifest = result.manifest
+    source = manifest.get("source")
+    changes = [str(text) for text in manifest["overrides"]]
+    what = f"From {Path(str(source)).name}" if source else "Built in Python"
+    what += f", changed: {'; '.join(changes)}" if changes else ", as written"
+    return f"{what}. Run on {pieces.moment(str(manifest.get('started', '')))}."
+
+
+def _facts(result: Result) -> Html:
+    manifest = result.manifest
+    dt, ticks = float(manifest["dt"]), result.ticks
+    return facts(
+        [
+            ("status", element("span", result.status, class_=STATUS.get(result.status, ""))),
+            ("seed", str(manifest["seed"])),
+            ("simulated", f"{ticks * dt:g} of {float(manifest['until']):g} s"),
+            ("base step", f"{dt:g} s"),
+            ("ticks", f"{ticks:,}".replace(",", "\u202f")),
+            ("wall time", f"{float(manifest['wall_s']):.3g} s"),
+        ]
+    )
+
+
+def _metrics(folder: Path, result: Result) -> Html:
+    wrong = [str(result.manifest["error"])] if result.manifest.get("error") else []
+    wrong += result.failures
+    parts = [bullets(wrong, "notes failed")] if wrong else []
+    if result.metrics:
+        parts.append(_metrics_table(folder, result))
+    else:
+        parts.append(element("p", "The graph has no metrics.", class_="soft"))
+    if result.notes:
+        parts += [element("h3", "Notes"), bullets(result.notes, "notes")]
+    return join(*parts)
+
+
+def _metrics_table(folder: Path, result: Result) -> Html:
+    entries = _metric_entries(result.texts[RESOLVED], str(folder / RESOLVED))
+    rows, expects = [], False
+    for name, value in result.metrics.items():
+        entry = entries.get(name, {})
+        expected = _expected(entry, value)
+        expects = expects or bool(expected)
+        rows.append([name, pieces.number(value), expected, _definition(entry)])
+    head = ["metric", "value", "expected", "definition"]
+    if not expects:
+        head, rows = [*head[:2], head[3]], [[*row[:2], row[3]] for row in rows]
+    return table(head, rows, [1], label="metrics", wraps=[len(head) - 1])
+
+
+def _metric_entries(text: str, file: str) -> dict[str, dict[str, Any]]:
+    """The section metrics of a resolved graph, its params filled in."""
+    plain = parse_yaml(text, file).plain()
+    sections = plain if isinstance(plain, dict) else {}
+    params, entries = (
+        found if isinstance(found, dict) else {}
+        for found in (sections.get("params"), sections.get("metrics"))
+    )
+
+    def filled(value: Any) -> Any:
+        is_param = isinstance(value, str) and value.startswith("$")
+        return params.get(value[1:], value) if is_param else value
+
+    return {
+        name: {key: filled(value) for key, value in entry.items()}
+        for name, entry in entries.items()
+        if isinstance(entry, dict)
+    }
+
+
+def _expected(entry: Mapping[str, Any], value: float | None) -> Html:
+    """A metric's bounds, and whether its value is within them."""
+    bounds = [(key, entry[key]) for key in ("above", "below") if _is_number(entry.get(key))]
+    if not bounds:
+        return Html("")
+    is_met = value is not None and all(
+        value > bound if key == "above" else value < bound for key, bound in bounds
+    )
+    said = " and ".join(f"{key} {bound:g}" for key, bound in bounds)
+    verdict = element("span", "met" if is_met else "failed", class_="good" if is_met else "bad")
+    return join(f"{said}: ", verdict)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def _definition(entry: Mapping[str, Any]) -> str:
+    """A metric's kind and options as its graph has them."""
+    left = {k: v for k, v in entry.items() if k not in ("kind", "of", "below", "above")}
+    said = [f"{entry.get('kind', '')} of {text_of(entry['of'])}" if "of" in entry else ""]
+    if "of" not in entry:
+        said = [str(entry.get("kind", ""))]
+    said += [f"{key} {text_of(value)}" for key, value in left.items()]
+    return ", ".join(part for part in said if part)
+
+
+def _figures(result: Result) -> Iterator[Html]:
+    from runtime.pictures.plots import draw
+
+    for i, spec in enumerate(result.plots):
+        shown = ", ".join(a for name in spec.of for a in _addresses(result, name))
+        try:
+            figure = draw(spec, result)
+        except UsageError as error:
+            yield element("p", f"{spec.name} is not drawn: {error}", class_="soft")
+            continue
+        yield pieces.plot(figure, f"figure-{i + 1}", f"{spec.kind} of {shown}")
+
+
+def _addresses(result: Result, probe: str) -> list[str]:
+    recorded = result.probes.get(probe)
+    return list(recorded.addresses) if recorded is not None else [probe]
+
+
+def _diagram(folder: Path) -> Html:
+    try:
+        graph = load(folder / RESOLVED)
+    except SpikeblocksError as error:
+        return element("p", f"The graph cannot be read: {error}", class_="soft")
+    return pieces.diagram(graph, "diagram")
+
+
+def _signals(result: Result) -> Html:
+    head = ["probe", "signals", "type", "unit", "rows", "every"]
+    rows = [_signal(recorded) for recorded in result.probes.values()]
+    return table(head, rows, [4, 5], label="recorded signals", wraps=[1]) if rows else Html("")
+
+
+def _signal(recorded: Recorded) -> list[str]:
+    every = f"{recorded.t[1] - recorded.t[0]:g} s" if len(recorded.t) > 1 else "once"
+    return [
+        recorded.name,
+        ", ".join(recorded.addresses),
+        ", ".join(dict.fromkeys(recorded.kinds)),
+        ", ".join(unit for unit in dict.fromkeys(recorded.units) if unit),
+        f"{len(recorded.t):,}".replace(",", "\u202f"),
+        every,
+    ]
+
+
+def _graph(folder: Path, result: Result) -> Html:
+    said = "As it ran, with everything it extends and all changes of the command line. "
+    again = element("code", f"runtime run {folder / RESOLVED}")
+    first = element("p", said, again, " gives the same bits.", class_="soft")
+    return join(first, pieces.source(result.texts[RESOLVED].rstrip(), "resolved graph"))
+
+
+def _provenance(folder: Path, result: Result) -> Html:
+    manifest = result.manifest
+    more = [
+        ("seed", str(manifest["seed"])),
+        ("changes", "; ".join(map(str, manifest["overrides"])) or "none"),
+        ("time a tick", f"{float(manifest['us_per_tick']):.3g} µs"),
+        ("folder", str(folder.resolve())),
+    ]
+    return join(pieces.provenance(manifest, more), *_hashes(manifest.get("hashes")))
+
+
+def _hashes(found: Any) -> Iterator[Html]:
+    if isinstance(found, dict) and found:
+        yield element("h3", "Files")
+        rows = [[str(name), element("code", str(digest))] for name, digest in found.items()]
+        yield table(["file", "SHA-256"], rows, label="hashes of files", wraps=[1])

@@ -1,0 +1,84 @@
+"""Figures and diagrams as SVG inside a page, beside others without a clash."""
+
+from __future__ import annotations
+
+import io
+import re
+from typing import Any
+from xml.etree import ElementTree
+
+import matplotlib
+from matplotlib.collections import PathCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from runtime.reports.html import Html
+
+SVG, XLINK = "http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"
+MANY_MARKS = 2_000  # from there on, marks are drawn as an image
+IMAGE_DPI = 200
+# Verdana has the widths of DejaVu Sans, where that is not installed.
+FONTS = "'DejaVu Sans', Verdana, sans-serif"
+# Any: the names of the settings are a literal type in some versions of matplotlib only.
+_SETTINGS: Any = {"svg.fonttype": "none", "svg.hashsalt": "report", "svg.image_inline": True}
+_UNPRINTABLE = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\ud800-\udfff\ufffe\uffff]")
+_LINK = f"{{{XLINK}}}href"
+
+
+def figure_svg(figure: Figure, name: str, label: str) -> Html:
+    """A matplotlib figure as an SVG element; the same figure gives the same text.
+
+    Parameters
+    ----------
+    figure : drawn by the functions that also make the pictures of a run.
+    name : put before all ids, so that figures of one page do not share any.
+    label : what the figure shows, for those who cannot see it.
+    """
+    for artist in figure.findobj(_is_dense):
+        artist.set_rasterized(True)
+    written = io.StringIO()
+    with matplotlib.rc_context(_SETTINGS):
+        figure.savefig(written, format="svg", dpi=IMAGE_DPI, metadata={"Date": None})
+    root = ElementTree.fromstring(_UNPRINTABLE.sub("\ufffd", written.getvalue()))
+    for child in list(root):
+        if child.tag == f"{{{SVG}}}metadata":
+            root.remove(child)
+    for parent in root.iter(f"{{{SVG}}}defs"):
+        for child in parent.findall(f"{{{SVG}}}style"):
+            # '*' would reach all that is on the page; what it says is inherited just as well.
+            parent.remove(child)
+    root.set("style", "stroke-linejoin: round; stroke-linecap: butt")
+    return _inline(root, name, label)
+
+
+def diagram_svg(drawn: str, name: str, label: str) -> Html:
+    """A block diagram, as :mod:`runtime.diagrams` draws it, as an SVG element."""
+    return _inline(ElementTree.fromstring(_UNPRINTABLE.sub("\ufffd", drawn)), name, label)
+
+
+def _is_dense(artist: object) -> bool:
+    """Whether an artist holds too many marks to be told apart, or to be worth their text."""
+    if isinstance(artist, PathCollection):
+        return len(artist.get_offsets()) > MANY_MARKS  # type: ignore[arg-type]
+    if not isinstance(artist, Line2D) or artist.get_marker() in ("None", None, "", " "):
+        return False
+    return len(artist.get_xydata()) > MANY_MARKS  # type: ignore[arg-type]
+
+
+def _inline(root: ElementTree.Element, name: str, label: str) -> Html:
+    """A parsed drawing as an element of a page."""
+    for node in root.iter():
+        for key, value in node.attrib.items():
+            if key == "id":
+                node.set(key, f"{name}-{value}")
+            elif key in (_LINK, "href") and value.startswith("#"):
+                node.set(key, f"#{name}-{value[1:]}")
+            elif "url(#" in value:
+                node.set(key, value.replace("url(#", f"url(#{name}-"))
+            elif "'DejaVu Sans'" in value:
+                node.set(key, re.sub(r"'DejaVu Sans'(, [\w' -]+)*", FONTS, value))
+    root.set("role", "img")
+    root.set("aria-label", label)
+    ElementTree.register_namespace("", SVG)
+    ElementTree.register_namespace("xlink", XLINK)
+    return Html(ElementTree.tostring(root, encoding="unicode"))
