@@ -28,10 +28,17 @@ def flow_yaml(value: Any) -> str:
         return "[" + ", ".join(map(flow_yaml, value)) + "]"
     if isinstance(value, float):
         return _float_text(value)
-    if isinstance(value, str) and _PLAIN.fullmatch(value) and is_text(value):
-        return value
-    # What JSON writes of texts, integers, true and null is YAML.
-    return json.dumps(value, ensure_ascii=True)
+    if isinstance(value, str):
+        plain = _PLAIN.fullmatch(value) and is_text(value)
+        return value if plain else f'"{"".join(map(_escaped, value))}"'
+    return json.dumps(value)  # integers, true, false and null read alike
+
+
+def _escaped(c: str) -> str:
+    """A character as it stands between double quotes."""
+    if c in '"\\':
+        return f"\\{c}"
+    return c if c.isprintable() else f"\\U{ord(c):08x}"
 
 
 class _Writer(_DUMPER):  # type: ignore[misc, valid-type]

@@ -93,6 +93,8 @@ class Range(Knob):
             number = self.low + u * (self.high - self.low)
         if self.scale == "int":
             return round(number)
+        if u in (0.0, 1.0):
+            return float(self.high if u else self.low)
         # 0.1..0.9:5 means 0.3, not 0.30000000000000004.
         number = float(f"{number:.{DIGITS}g}")
         return min(max(number, float(self.low)), float(self.high))
