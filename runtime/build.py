@@ -18,15 +18,14 @@ from runtime.inference import infer_types, report_open
 from runtime.network import Entry, Network
 from runtime.observe import check_observation
 from runtime.removal import remove
+from runtime.run_section import MAX_TICKS, read_run, seconds
 from runtime.scope import Scope, expand
-from runtime.sections import RUN_KEYS, check_keys, meant, section
+from runtime.sections import meant, section
 from runtime.signals import MAX_BYTES, whole_shape
 from runtime.unwired import report_unwired
 from runtime.wiring import Wiring
 
 BLOCK_KEYS = ("type", "module", "dt")
-DEFAULT_UNTIL = 10.0
-MAX_TICKS = 10**12
 MAX_TITLE = 120
 
 
@@ -66,30 +65,9 @@ def build(document: Node, classes: Mapping[str, type[Block]] | None = None) -> N
 
 
 def _empty_network(document: Node, scope: Scope, problems: Problems) -> Network:
-    run = section(document, "run", "run", problems)
-    check_keys(document.get("run") or Node({}), RUN_KEYS, "run", problems, "key")
-
-    def number(name: str, default: float) -> float:
-        node = run.get(name)
-        if node is None:
-            return default
-        return seconds(node, f"run.{name}", problems) or default
-
-    dt, until = number("dt", 0.001), number("until", DEFAULT_UNTIL)
-    if not 1 <= until / dt <= MAX_TICKS:
-        node = run.get("until") or run.get("dt")
-        where = document.where if node is None else node.where
-        said = f"{until:g} s are {until / dt:.3g} ticks of dt = {dt:g} s"
-        said += "; expected one or more" if until < dt else f"; at most {MAX_TICKS:.0e} can run"
-        problems.add(where, "run.until", said)
-        until = dt
-    seed = run.get("seed")
-    value = 0 if seed is None else seed.value
-    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
-        got = Node(value).describe()
-        problems.add(run["seed"].where, "run.seed", f"expected an integer from 0, got {got}")
-        value = 0
-    return Network(_title(document.get("graph"), problems), dt, until, value, scope)
+    run = read_run(document, problems)
+    title = _title(document.get("graph"), problems)
+    return Network(title, run.dt, run.until, run.seed, scope, engine=run.engine)
 
 
 def _world(document: Node, problems: Problems) -> World | None:
@@ -114,16 +92,6 @@ def _world(document: Node, problems: Problems) -> World | None:
                 found = found if inner is None else inner
             problems.add(found.where, f"world.{address}".rstrip("."), text)
         return None
-
-
-def seconds(node: Node, address: str, problems: Problems) -> float | None:
-    """A positive number of seconds; None, and a problem, if it is none."""
-    value = node.value
-    if isinstance(value, (int, float)) and not isinstance(value, bool) and 0 < value < math.inf:
-        return float(value)
-    said = f"expected a number of seconds above 0, got {node.describe()}"
-    problems.add(node.where, address, said)
-    return None
 
 
 def _title(node: Node | None, problems: Problems) -> str:

@@ -92,12 +92,17 @@ class Engine:
         """The straight-line function, as it is executed."""
         return self.emitter.emit()
 
+    def prepare(self) -> Runner:
+        """Fill the states and make what runs the ticks, without running any."""
+        self._start()
+        self.runner = self._runner()
+        return self.runner
+
     def run(self, progress: Progress | None = None) -> Outcome:
         """Run all ticks; an interrupt or a failure ends the run and keeps what was recorded."""
         began = time.perf_counter()
         outcome = Outcome(self.arrays, 0, engine="compiled" if self.compiled else "python")
         try:
-            self._start()
             held = self._first_tick()
             outcome.ready_s = time.perf_counter() - began
             self._loop(held, progress)
@@ -114,7 +119,7 @@ class Engine:
     def _first_tick(self) -> Held:
         """The first tick is Python's in any case: there every value is looked at."""
         try:
-            self.runner = self._runner()
+            self.prepare()
             first = self._compile(checked=True, held=self.runner.held)
             held = self.runner.adopt(first(0, 1, self._held()))
         except SimulationError:

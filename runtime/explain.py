@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from typing import Any
 
+from runtime.choice import python_seconds, take_compiled
 from runtime.engine import Engine
 from runtime.graph import Graph
 from runtime.observe import observe
+from runtime.running import silent
 
 
 def explain_json(graph: Graph) -> dict[str, Any]:
     """Order, rates, types and source as plain data."""
     network = graph.network
-    engine = Engine(network, observe(network))
+    compiled = take_compiled(network, 1, silent)
+    engine = Engine(network, observe(network), compiled)
     return {
         "schema_version": 1,
         "graph": network.title,
@@ -37,7 +40,24 @@ def explain_json(graph: Graph) -> dict[str, Any]:
             for w in network.wires
         ],
         "removed": dict(network.removed),
-        "source": engine.source(),
+        "engine": {"asked": network.engine, "python_s": python_seconds(network)}
+        | (_compiled(engine) if compiled else {"taken": "python", "source": engine.source()}),
+    }
+
+
+def _compiled(engine: Engine) -> dict[str, Any]:
+    """Which blocks compile, why the others do not, and the text that numba takes."""
+    from runtime.compiled.runner import CompiledRunner
+
+    runner = engine.prepare()
+    if not isinstance(runner, CompiledRunner):
+        raise TypeError("the engine is not the compiled one")
+    return {
+        "taken": "compiled",
+        "compiled": sorted(runner.kernels.compiled),
+        "from_python": dict(runner.kernels.refused),
+        "parts": runner.text.parts,
+        "source": runner.text.text + ("\n\n" + runner.text.driver if runner.text.driver else ""),
     }
 
 
@@ -58,10 +78,19 @@ def explain_text(graph: Graph) -> str:
         lines.append(f"  {i:>3}  {step['block']:<{width}}  {rate:>8}  {writes}{reads}")
     for name, how in facts["removed"].items():
         lines.append(f"       {name:<{width}}  {'removed' if how == 'without' else 'bypassed':>8}")
-    lines += [
-        "",
-        "The function that runs",
-        "",
-        facts["source"],
-    ]
+    lines += ["", *_engine_lines(facts["engine"]), "", facts["engine"]["source"]]
     return "\n".join(lines).rstrip()
+
+
+def _engine_lines(engine: dict[str, Any]) -> list[str]:
+    """Which engine, and what it makes of the blocks."""
+    asked = f" ({engine['asked']})" if engine["asked"] == "auto" else ""
+    if engine["taken"] == "python":
+        cost = f"about {engine['python_s']:.2g} s a run"
+        return [f"The function that runs: Python engine{asked}, {cost}"]
+    lines = [f"Compiled engine{asked}", f"  compiled     {', '.join(engine['compiled'])}"]
+    for name, reason in engine["from_python"].items():
+        lines.append(f"  from Python  {name}: {reason}")
+    if engine["parts"] > 1:
+        lines.append(f"  A tick with one of the latter is cut into {engine['parts']} parts.")
+    return [*lines, "", "The function that runs"]

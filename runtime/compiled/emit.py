@@ -44,7 +44,7 @@ class CompiledText:
     ``arguments`` are the names of what ``run`` takes after ``held``: ``block_b`` for a block's
     fields, a constant's variable, ``block_s.state`` for a recorded state, a probe's array.
     ``calls`` says which evaluation each number in ``at`` stands for. ``driver`` is the Python loop
-    around it, empty where there is nothing to call between; ``rates`` are those of its blocks.
+    around it, empty where there is nothing to call between its ``parts``.
     """
 
     text: str
@@ -52,6 +52,7 @@ class CompiledText:
     calls: list[Call]
     held: list[str]
     driver: str = ""
+    parts: int = 1
     lines: dict[int, str] = field(default_factory=dict)
 
 
@@ -113,7 +114,8 @@ class CompiledEmitter(Emitter):
             *body,
             f"{INDENT}return {packed}",
         ]
-        made = CompiledText("\n".join(lines) + "\n", arguments, self.calls, held)
+        text = "\n".join(lines) + "\n"
+        made = CompiledText(text, arguments, self.calls, held, parts=len(parts))
         if cut:
             self.drive(made, held)
         return made

@@ -42,6 +42,12 @@ class Kernels:
     refused: dict[str, str] = field(default_factory=dict)
     broken: set[str] = field(default_factory=set)
 
+    def refuse(self, name: str, cls: type[Block], error: Exception) -> None:
+        """Keep why a block is not compiled; one that has loops for it was meant to be."""
+        self.refused[name] = str(error)
+        if any(attribute.startswith(("loop_", "_loop_")) for attribute in dir(cls)):
+            self.broken.add(name)
+
 
 @dataclass(frozen=True)
 class _Candidate:
@@ -75,7 +81,7 @@ def make_kernels(
         try:
             candidates.append(_candidate(network, name, calls, states[name]))
         except NotCompilableError as error:
-            kernels.refused[name] = str(error)
+            kernels.refuse(name, entry.cls, error)
     fresh = {network.entries[c.name].cls.__name__ for c in candidates if not c.verdict.exists()}
     if fresh:
         note(f"compiling {', '.join(sorted(fresh))} (once: kept in {cache.folder()})")
@@ -83,9 +89,7 @@ def make_kernels(
         try:
             kernels.compiled[candidate.name] = _kernel(network, candidate)
         except NotCompilableError as error:
-            kernels.refused[candidate.name] = str(error)
-            if is_promised(network.entries[candidate.name].cls):
-                kernels.broken.add(candidate.name)
+            kernels.refuse(candidate.name, network.entries[candidate.name].cls, error)
     return kernels
 
 
@@ -119,7 +123,9 @@ def _kernel(network: Network, candidate: _Candidate) -> Kernel:
         verdict = _verdict(network, candidate, module)
         cache.write(candidate.verdict.name, json.dumps(verdict))
     if "refused" in verdict:
-        raise NotCompilableError(verdict["refused"])
+        code = getattr(network.entries[candidate.name].cls, verdict["method"]).__code__
+        place = f"{code.co_filename}:{code.co_firstlineno}"
+        raise NotCompilableError(f"{verdict['method']} ({place}): {verdict['refused']}")
     made = candidate.made
     return Kernel(module.__name__, made.methods, made.fields, verdict["casts"])
 
@@ -127,11 +133,6 @@ def _kernel(network: Network, candidate: _Candidate) -> Kernel:
 def is_built_in(cls: type[Block]) -> bool:
     """Whether a block class is one of the library's."""
     return BUILTIN.get(cls.__name__) is cls
-
-
-def is_promised(cls: type[Block]) -> bool:
-    """Whether a block class is written to be compiled: it has loops for it."""
-    return any(name.startswith(("loop_", "_loop_")) for name in dir(cls))
 
 
 def _verdict(network: Network, candidate: _Candidate, module: ModuleType) -> dict[str, Any]:
@@ -147,22 +148,23 @@ def _verdict(network: Network, candidate: _Candidate, module: ModuleType) -> dic
         try:
             function.compile(signature)
         except (NumbaError, NotImplementedError) as error:
-            return {"refused": f"{call.method}: {_reason(error)}"}
+            return {"method": call.method, "refused": _reason(error)}
         if call.outputs:
             returned = function.overloads[signature].signature.return_type
             kinds = [network.types[candidate.name, port] for port in call.outputs]
             try:
                 casts[call.method] = list(_casts(kinds, returned))
             except NotCompilableError as error:
-                return {"refused": f"{call.method}: {error}"}
+                return {"method": call.method, "refused": str(error)}
     return {"casts": casts}
 
 
 def _reason(error: Exception) -> str:
-    """What numba says, in one screen: its own words without the traces."""
+    """What numba says, in one screen: its own words, without the frames of its passes."""
     lines = [line.rstrip() for line in str(error).split("\n")]
-    kept = [line for line in lines if line and not line.startswith(("During:", "Failed in"))]
-    return "\n    ".join(kept[:12])
+    skipped = ("During:", "Failed in", "There are", " - Of which", "Overload", "Typing", "raised")
+    kept = [line for line in lines if line.strip() and not line.strip().startswith(skipped)]
+    return "\n    ".join(kept[:10])
 
 
 def numba_type(kind: SignalType) -> Any:
