@@ -34,18 +34,22 @@ class Beams:
         self.groups[group] = 1
         self.shapes = np.zeros(len(bearings), dtype=np.int32)
 
+    def ways(self) -> FloatArray:
+        """Where the beams point in the world, unit vectors, (n, 3)."""
+        turned: FloatArray = self.units @ self.site.xmat.reshape(3, 3).T
+        return turned
+
     def cast(self) -> FloatArray:
         """Range along each beam (m), (n,); inf where it meets nothing within reach."""
         # A step leaves the places of its begin behind.
         self.mujoco.mj_kinematics(self.model, self.data)
-        ways = self.units @ self.site.xmat.reshape(3, 3).T
         n = len(self.units)
         ranges = np.empty(n)
         self.mujoco.mj_multiRay(
             self.model,
             self.data,
             self.site.xpos,
-            ways.ravel(),
+            self.ways().ravel(),
             self.groups,
             True,
             -1,

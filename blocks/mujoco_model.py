@@ -64,8 +64,8 @@ def model_text(robot: MujocoVacuum, world: World) -> str:
   <option timestep="{robot.physics_step!r}" integrator="implicitfast" cone="elliptic"
     impratio="10"/>
   <visual>
-    <headlight ambient="0.35 0.35 0.35" diffuse="0.35 0.35 0.35" specular="0 0 0"/>
-    <quality shadowsize="4096"/>
+    <headlight ambient="0.3 0.3 0.3" diffuse="0.3 0.3 0.3" specular="0 0 0"/>
+    <map shadowclip="2"/>
     <global offwidth="4096" offheight="4096"/>
   </visual>
   <asset>
@@ -77,7 +77,7 @@ def model_text(robot: MujocoVacuum, world: World) -> str:
 {_lines(_mesh(i, piece) for i, piece in enumerate(pieces))}
   </asset>
   <worldbody>
-    <light pos="0 0 6" dir="0.25 0.2 -1" diffuse="0.5 0.5 0.5" specular="0 0 0"
+    <light pos="0 0 6" dir="0.25 0.2 -1" diffuse="0.4 0.4 0.4" specular="0 0 0"
       directional="true"/>
     <geom name="floor" type="plane" size="0 0 1" material="floor" conaffinity="0"/>
 {_lines(_wall(i) for i in range(len(pieces)))}

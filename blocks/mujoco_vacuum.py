@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -31,6 +32,11 @@ QUATERNION = slice(4, 8)
 WHEEL_ANGLES = slice(8, 10)
 WHEEL_RATES = slice(16, 18)
 SIZE = 26
+
+
+def state_parts(mujoco: Any) -> int:
+    """Which of MuJoCo's numbers the state holds: all that its next step hangs on."""
+    return int(mujoco.mjtState.mjSTATE_FULLPHYSICS | mujoco.mjtState.mjSTATE_WARMSTART)
 
 
 class MujocoVacuum(Block):
@@ -169,7 +175,7 @@ class MujocoVacuum(Block):
         mujoco = state.mujoco = engine()
         model = state.model = model_of(self, required_world(state.setting))
         data = state.data = mujoco.MjData(model)
-        state.parts = int(mujoco.mjtState.mjSTATE_FULLPHYSICS | mujoco.mjtState.mjSTATE_WARMSTART)
+        state.parts = state_parts(mujoco)
         size = mujoco.mj_stateSize(model, state.parts)
         if size != SIZE:
             raise RuntimeError(f"expected {SIZE} numbers of physics, this mujoco has {size}")

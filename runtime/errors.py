@@ -93,6 +93,12 @@ class MissingExtraError(SpikeblocksError):
         super().__init__(f"{feature} needs an optional extra: pip install 'spikeblocks[{extra}]'")
 
 
+class MissingLibraryError(SpikeblocksError):
+    """A feature needs a library of the system that is not there; the message says which."""
+
+    exit_code = 4
+
+
 @dataclass
 class Problems:
     """Collects problems, so that a reader sees them all at once.

@@ -1,0 +1,1 @@
+"""Pictures and films of a robot with physics, from the states that its run recorded."""

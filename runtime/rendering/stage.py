@@ -1,0 +1,105 @@
+"""Draws a robot's recorded states with OpenGL; lives in the process that MUJOCO_GL was set for."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import mujoco
+import numpy as np
+import numpy.typing as npt
+from PIL import Image, ImageDraw, ImageFont
+
+from blocks.lidar import bearings
+from blocks.mujoco_lidar import Beams
+from blocks.mujoco_model import SEEN_GROUP, model_of
+from blocks.mujoco_vacuum import POSITION, state_parts
+from blocks.signals import FloatArray
+from runtime.rendering.motion import Motion
+from runtime.rendering.views import (
+    SHAPES,
+    TRAIL_SEGMENTS,
+    draw_hits,
+    draw_trail,
+    extent_of,
+    place,
+)
+
+Picture = npt.NDArray[np.uint8]
+SHAPES_OF_MODEL = 500
+FONT = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
+
+
+class Stage:
+    """The scene of one run, seen from one or more views side by side.
+
+    Parameters
+    ----------
+    motion : what to draw.
+    views : names of views.
+    height : of a picture (pixels); even.
+    shadows : size of the map that shadows are drawn from (pixels); most of the time goes there.
+    """
+
+    def __init__(
+        self, motion: Motion, views: tuple[str, ...], height: int, shadows: int = 4096
+    ) -> None:
+        self.motion = motion
+        robot, model = motion.robot, model_of(motion.robot, motion.world)
+        self.model, self.data = model, mujoco.MjData(model)
+        model.vis.quality.shadowsize = shadows
+        self.parts = state_parts(mujoco)
+        around = bearings(robot.beams, -math.pi, math.pi)
+        self.beams = Beams(mujoco, model, self.data, around, SEEN_GROUP, robot.range_max)
+        self.way = motion.states[:, POSITION][:, :2]
+        room = SHAPES_OF_MODEL + TRAIL_SEGMENTS + robot.beams + model.ngeom
+        extent = extent_of(motion.world, self.way)
+        self.renderers, self.cameras, self.openings = [], [], []
+        for view in views:
+            width = 2 * round(0.5 * SHAPES[view] * height)
+            self.renderers.append(mujoco.Renderer(model, height, width, max_geom=room))
+            camera = mujoco.MjvCamera()
+            self.openings.append(place(camera, view, extent))
+            self.cameras.append(camera)
+        self.font = ImageFont.truetype(str(FONT), max(10, height // 32))
+
+    def row_at(self, t: float) -> int:
+        """The row of the last state that was recorded up to a time (s)."""
+        return max(0, int(np.searchsorted(self.motion.t, t + 1e-9, side="right")) - 1)
+
+    def picture(self, row: int) -> Picture:
+        """The views of one recorded state, side by side, (height, width, 3)."""
+        mujoco.mj_setState(self.model, self.data, self.motion.states[row], self.parts)
+        mujoco.mj_forward(self.model, self.data)
+        hits = self._hits()
+        shown = []
+        for renderer, camera, opening in zip(
+            self.renderers, self.cameras, self.openings, strict=True
+        ):
+            self.model.vis.global_.fovy = opening
+            renderer.update_scene(self.data, camera)
+            draw_trail(mujoco, renderer.scene, self.way[: row + 1])
+            draw_hits(mujoco, renderer.scene, hits)
+            shown.append(renderer.render())
+        shown[-1] = self._labelled(shown[-1], f"t = {self.motion.t[row]:.1f} s")
+        return np.hstack(shown)
+
+    def _hits(self) -> FloatArray:
+        """Where the beams end on something, (n, 3) in m."""
+        ranges = self.beams.cast()
+        seen = np.isfinite(ranges)
+        hits: FloatArray = self.beams.site.xpos + ranges[seen, None] * self.beams.ways()[seen]
+        return hits
+
+    def _labelled(self, pixels: Picture, text: str) -> Picture:
+        image: Any = Image.fromarray(pixels)
+        edge = self.font.size // 2
+        ImageDraw.Draw(image).text((edge, edge), text, fill=(40, 40, 40), font=self.font)
+        return np.asarray(image)
+
+    def close(self) -> None:
+        """Free what OpenGL holds."""
+        for renderer in self.renderers:
+            renderer.close()

@@ -1,0 +1,97 @@
+"""The process that draws: reads a wish from stdin, tells files or what is missing on stdout.
+
+It is started with MUJOCO_GL set. OpenGL libraries can take a process down with them; this one is
+there to be lost.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from runtime.progress import Progress
+from runtime.rendering.motion import recorded_motion
+from runtime.rendering.wish import Wish
+
+PICTURE = "render.png"
+FILM = "render.mp4"
+
+
+def make(wish: Wish) -> list[Path]:
+    """Draw the picture and the film; returns the files."""
+    from runtime.rendering.stage import Stage
+
+    motion = recorded_motion(wish.run, wish.block)
+    folder = Path(wish.folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    stage = Stage(motion, wish.views, wish.height)
+    files = [folder / PICTURE]
+    last = float(motion.t[-1])
+    _save(stage.picture(stage.row_at(last if wish.at is None else wish.at)), files[0])
+    stage.close()
+    if wish.film:
+        files.append(folder / FILM)
+        stage = Stage(motion, wish.views, wish.film_height, shadows=1024)
+        _film(stage, wish, min(last, last if wish.end is None else wish.end), files[1])
+        stage.close()
+    return files
+
+
+def _save(pixels: Any, path: Path) -> None:
+    from PIL import Image
+
+    Image.fromarray(pixels).save(path, optimize=True)
+
+
+def _film(stage: Any, wish: Wish, end: float, path: Path) -> None:
+    """Write an H.264 film in a mp4 file."""
+    import imageio_ffmpeg
+
+    moments = np.arange(wish.begin, end, wish.speed / wish.fps)
+    rows = [stage.row_at(t) for t in moments] or [stage.row_at(end)]
+    first = stage.picture(rows[0])
+    height, width, _ = first.shape
+    partial = path.with_name(f".{path.name}")
+    # yuv420p is what every player takes; it needs even sizes.
+    sink = imageio_ffmpeg.write_frames(
+        str(partial),
+        (width, height),
+        fps=wish.fps,
+        codec="libx264",
+        pix_fmt_out="yuv420p",
+        macro_block_size=2,
+        output_params=["-f", "mp4", "-movflags", "+faststart"],
+    )
+    progress = Progress("film")
+    sink.send(None)
+    for done, row in enumerate(rows):
+        sink.send(np.ascontiguousarray(stage.picture(row)))
+        progress(done + 1, len(rows))
+    sink.close()
+    progress.close()
+    partial.replace(path)
+
+
+def main() -> None:
+    """Draw what stdin asks for."""
+    # What libraries print must not end up between the answer's lines.
+    answer = sys.stdout
+    sys.stdout = sys.stderr
+    asked = json.load(sys.stdin)
+    wish = Wish(**{**asked, "views": tuple(asked["views"])})
+    try:
+        import mujoco
+
+        mujoco.GLContext(16, 16).make_current()
+    except Exception as error:  # noqa: BLE001 -- a missing library shows in many ways
+        json.dump({"missing": f"{type(error).__name__}: {error}".splitlines()[0]}, answer)
+        return
+    json.dump({"files": [str(path) for path in make(wish)]}, answer)
+
+
+if __name__ == "__main__":
+    main()
