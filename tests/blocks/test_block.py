@@ -56,6 +56,10 @@ PARAMETERS: dict[str, st.SearchStrategy[dict[str, Any]]] = {
             "max_iterations": st.integers(1, 2**60),
         },
     ),
+    "PID": st.fixed_dictionaries({}, optional={"kp": SIZES, "limit": SIZES, "v_r": SIZES}),
+    "PurePursuit": st.fixed_dictionaries({}, optional={"lookahead_time": SIZES, "v_r": SIZES}),
+    "Stanley": st.fixed_dictionaries({}, optional={"k": SIZES, "wheel_base": SIZES}),
+    "AdaptiveBias": st.fixed_dictionaries({}, optional={"power": SIZES, "leak": SIZES}),
     "AdaptiveEnsemble": st.fixed_dictionaries(
         {"neurons": st.just(3)},
         optional={
