@@ -74,8 +74,8 @@ class Explorer(Block):
         self._draw(state, 0.0)
 
     def _draw(self, state: BlockState, t: float) -> None:
-        state.wander[:] = state.rng.uniform(-self.wander_rate, self.wander_rate), t
-        state.wander[1] += self.wander_hold
+        state.wander[0] = state.rng.uniform(-self.wander_rate, self.wander_rate)
+        state.wander[1] = t + self.wander_hold
 
     def output(
         self, state: BlockState, t: float, scan: FloatArray, pose: PoseValue

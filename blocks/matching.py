@@ -112,7 +112,7 @@ class MatchingPoint(Block):
     def update(
         self, state: BlockState, t: float, reference: PoseValue, index: float, progress: float
     ) -> None:
-        state.anchor[:] = reference[:2]
+        state.anchor[0], state.anchor[1] = reference[0], reference[1]
         state.last_index[0] = index
         state.way[0] = progress
 

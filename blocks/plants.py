@@ -126,21 +126,21 @@ class DifferentialDrive(Block):
     def update(self, state: BlockState, t: float, command: TwistValue) -> None:
         pose = tuple(state.pose_state.tolist())
         wanted = state.step(pose, command[0], command[1], state.dt)
-        if state.surfaces is None:
-            state.pose_state[:] = wanted
-        else:
-            self._move(state, pose, wanted)
+        if state.surfaces is not None:
+            wanted = self._reached(state, pose, wanted)
+        for i in range(3):
+            state.pose_state[i] = wanted[i]
 
-    def _move(self, state: BlockState, pose: PoseValue, wanted: PoseValue) -> None:
-        """Go from one pose towards another, as far as the world lets the body."""
+    def _reached(self, state: BlockState, pose: PoseValue, wanted: PoseValue) -> PoseValue:
+        """Where the body gets from one pose towards another, as far as the world lets it."""
         x, y, theta = wanted
         if self.body_radius:
             dx, dy, gap = x - pose[0], y - pose[1], float(state.gap[0])
             x, y, gap = slide(self._walls(state), pose[0], pose[1], gap, dx, dy, self.body_radius)
         else:
             gap = nearest(self._walls(state), x, y)[0]
-        state.pose_state[:] = x, y, theta
         state.gap[0] = gap
+        return x, y, theta
 
     def _walls(self, state: BlockState) -> World:
         world: World = state.world
