@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from blocks.params import hint
 from runtime.edits import full_path
 from runtime.errors import GraphError, Problems, UsageError, Where
@@ -21,7 +23,11 @@ def check_knob(graph: Graph, knob: Knob, where: Where, problems: Problems) -> No
         try:
             graph.set(knob.path, value, origin=str(where)).check()
         except GraphError as error:
-            problems.found += error.problems
+            # A place that is only a text would not sort among the file's other places.
+            problems.found += [
+                replace(problem, where=where) if problem.where.file == str(where) else problem
+                for problem in error.problems
+            ]
             return
 
 

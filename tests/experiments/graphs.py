@@ -21,7 +21,7 @@ class Draw(blocks.Block):
     """A level and a random number, drawn once: out = level + slope + N(0, 1)."""
 
     out = blocks.Output(blocks.Scalar)
-    value = blocks.State()
+    held = blocks.State()
 
     level: float = blocks.param(0.0, doc="what the number is added to", at_most=100.0)
     count: int = blocks.param(0, doc="added as well")
@@ -29,7 +29,7 @@ class Draw(blocks.Block):
     mark: str = blocks.param("", doc="a file that tells a second try from the first")
 
     def start(self, state):
-        state.value[...] = self.level + self.count + state.rng.normal()
+        state.held[...] = self.level + self.count + state.rng.normal()
 
     def output(self, state, t):
         if self.how == "raise":
@@ -42,16 +42,16 @@ class Draw(blocks.Block):
             Path(self.mark).touch()
             os.kill(os.getpid(), signal.SIGKILL)
         if self.how in ("slow", "stuck"):
-            time.sleep(0.02 if self.how == "slow" else 600.0)
-        return float(state.value)
+            time.sleep(0.8 if self.how == "slow" else 600.0)
+        return float(state.held)
 '''
 GRAPH = """
 graph: draw
 run: {dt: 0.01, until: 0.05}
-params: {level: 1.0}
+params: {gain: 2.0}
 blocks:
-  draw: {type: Draw, module: own.py, level: $level}
-  twice: {type: Gain, gain: 2.0}
+  draw: {type: Draw, module: own.py, level: 1.0}
+  twice: {type: Gain, gain: $gain}
   half: {type: Gain, gain: 0.5}
   sum: {type: Sum}
 wires:
