@@ -8,8 +8,9 @@ from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable
 from pathlib import Path
 
+from runtime.rendering.wish import VIEWS, Wish
+
 HELP = "a picture and a film of a run of a robot with physics"
-VIEWS = ("top", "perspective")
 
 
 def add(parser: ArgumentParser) -> None:
@@ -23,13 +24,14 @@ def add(parser: ArgumentParser) -> None:
     )
     parser.add_argument("--no-film", action="store_true", help="the picture only")
     for flag, kind, value, text in (
-        ("--from", _number(0.0), 0.0, "where the film begins, s (0)"),
-        ("--until", _number(0.0), None, "where it ends, s (the end of the run)"),
-        ("--speed", _number(1e-3), 5.0, "how much faster than the robot it runs (5)"),
-        ("--fps", _whole(1, 240), 15, "pictures a second (15)"),
-        ("--height", _whole(64, 2160), 900, "of the picture, in pixels (900)"),
-        ("--film-height", _whole(64, 2160), 480, "of the film (480)"),
+        ("--from", _number(0.0), Wish.begin, "where the film begins, s"),
+        ("--until", _number(0.0), Wish.end, "where it ends, s (the end of the run)"),
+        ("--speed", _number(1e-3), Wish.speed, "how much faster than the robot it runs"),
+        ("--fps", _whole(1, 240), Wish.fps, "pictures a second"),
+        ("--height", _whole(64, 2160), Wish.height, "of the picture, in pixels"),
+        ("--film-height", _whole(64, 2160), Wish.film_height, "of the film, in pixels"),
     ):
+        text += "" if value is None else f" ({value:g})"
         parser.add_argument(flag, type=kind, default=value, metavar="N", help=text)
     parser.add_argument("--json", action="store_true", help="print one JSON object")
 
@@ -37,7 +39,6 @@ def add(parser: ArgumentParser) -> None:
 def run(options: Namespace) -> int:
     """Draw, and print the files."""
     from runtime.rendering.process import render
-    from runtime.rendering.wish import Wish
     from runtime.reopen import run_folder
 
     folder = run_folder(options.run)

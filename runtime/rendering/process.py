@@ -41,7 +41,9 @@ def render(wish: Wish) -> list[Path]:
             require(name, "runtime render", "render")
     except extras.MissingExtraError as error:
         raise MissingExtraError(error.feature, error.extra) from None
-    recorded_motion(wish.run, wish.block)
+    last = float(recorded_motion(wish.run, wish.block).t[-1])
+    if wish.film and wish.begin >= min(last, wish.end or last):
+        raise UsageError(f"no film begins at {wish.begin:g} s: the run was recorded to {last:g} s")
     tried = []
     for library in libraries:
         answer = _ask(wish, library)

@@ -12,7 +12,6 @@ import numpy as np
 from blocks.signals import FloatArray
 from blocks.world import World
 
-VIEWS = ("top", "perspective")
 MARGIN = 0.15
 # Width over height of a view.
 SHAPES = {"top": 1.0, "perspective": 4.0 / 3.0}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from runtime.rendering.views import VIEWS
+VIEWS = ("top", "perspective")
 
 
 @dataclass(frozen=True)

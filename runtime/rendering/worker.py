@@ -51,8 +51,7 @@ def _film(stage: Any, wish: Wish, end: float, path: Path) -> None:
     """Write an H.264 film in a mp4 file."""
     import imageio_ffmpeg
 
-    moments = np.arange(wish.begin, end, wish.speed / wish.fps)
-    rows = [stage.row_at(t) for t in moments] or [stage.row_at(end)]
+    rows = [stage.row_at(t) for t in np.arange(wish.begin, end, wish.speed / wish.fps)]
     first = stage.picture(rows[0])
     height, width, _ = first.shape
     partial = path.with_name(f".{path.name}")
@@ -67,13 +66,16 @@ def _film(stage: Any, wish: Wish, end: float, path: Path) -> None:
         output_params=["-f", "mp4", "-movflags", "+faststart"],
     )
     progress = Progress("film")
-    sink.send(None)
-    for done, row in enumerate(rows):
-        sink.send(np.ascontiguousarray(stage.picture(row)))
-        progress(done + 1, len(rows))
-    sink.close()
-    progress.close()
-    partial.replace(path)
+    try:
+        sink.send(None)
+        for done, row in enumerate(rows):
+            sink.send(np.ascontiguousarray(stage.picture(row)))
+            progress(done + 1, len(rows))
+        sink.close()
+        partial.replace(path)
+    finally:
+        progress.close()
+        partial.unlink(missing_ok=True)
 
 
 def main() -> None:

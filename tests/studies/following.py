@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Callable, Hashable, Iterable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
+from typing import TypeVar
 
 import numpy as np
 
@@ -15,6 +16,8 @@ from runtime.loader import SHIPPED
 from runtime.wall_metrics import first_loop
 
 WORKERS = 2
+J = TypeVar("J", bound=Hashable)
+R = TypeVar("R")
 CONDITIONS = {
     "ideal": (),
     "turn rate -35 %": ("turn_loss_35",),
@@ -73,9 +76,14 @@ def measure(job: Job) -> dict[str, float]:
 
 
 def measure_all(jobs: Iterable[Job]) -> dict[Job, dict[str, float]]:
-    """All of them, two at a time."""
+    """The metrics of all of them."""
+    return in_parallel(measure, jobs)
+
+
+def in_parallel(call: Callable[[J], R], jobs: Iterable[J]) -> dict[J, R]:
+    """What a function makes of each job, two at a time."""
     jobs = list(jobs)
     # The matrices are small: threads of the linear algebra would only fight over the cores.
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
     with ProcessPoolExecutor(WORKERS, get_context("spawn")) as pool:
-        return dict(zip(jobs, pool.map(measure, jobs), strict=True))
+        return dict(zip(jobs, pool.map(call, jobs), strict=True))
