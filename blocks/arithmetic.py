@@ -90,6 +90,8 @@ class Sum(Block):
         return total
 
     def loop_output(self, state: BlockState, t: float, terms: tuple[Any, ...]) -> Any:
+        if len(terms) == 0:
+            return state.zero
         total = state.zero
         for sign, term in zip(state.signs, terms, strict=True):
             total = added(total, scaled(term, sign))
