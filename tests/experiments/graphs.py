@@ -30,6 +30,9 @@ class Draw(blocks.Block):
 
     def start(self, state):
         state.held[...] = self.level + self.count + state.rng.normal()
+        if self.how == "brief" and self.mark:
+            with open(self.mark, "a") as log:
+                print(self.level, file=log)
 
     def output(self, state, t):
         if self.how == "raise":
@@ -41,8 +44,7 @@ class Draw(blocks.Block):
         if self.how == "die once" and not Path(self.mark).exists():
             Path(self.mark).touch()
             os.kill(os.getpid(), signal.SIGKILL)
-        if self.how in ("slow", "stuck"):
-            time.sleep(0.8 if self.how == "slow" else 600.0)
+        time.sleep({"brief": 0.004, "slow": 0.8}.get(self.how, 0.0))
         return float(state.held)
 '''
 GRAPH = """
