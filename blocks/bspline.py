@@ -17,6 +17,7 @@ from blocks.signals import FloatArray
 
 CACHED = 64
 LARGEST_CACHED = 50_000
+RIDGE = 1e-9  # keeps a smoothed fit regular where data decide nothing, not even a line
 
 
 @lru_cache(maxsize=CACHED)
@@ -226,8 +227,7 @@ def fit(
     design = basis(t, points, degree)
     if smoothing > 0.0 and points > 2:
         bends = _bends(points) * (smoothing * len(data) / points)
-        # The ridge keeps the system regular where the data decide nothing, not even a line.
-        normal = design.T @ design + bends + 1e-9 * np.eye(points)
+        normal = design.T @ design + bends + RIDGE * np.eye(points)
         found = np.linalg.solve(normal, design.T @ data)
     else:
         found = np.linalg.lstsq(design, data, rcond=None)[0]
@@ -244,7 +244,7 @@ def _bends(points: int) -> FloatArray:
 
 
 @lru_cache(maxsize=CACHED)
-def _projection(points: int, degree: int, samples: int) -> FloatArray:
+def projection(points: int, degree: int, samples: int) -> FloatArray:
     """(B'B)^-1 B' of the basis B at even parameters, shape (points, samples)."""
     # Not by pinv: B-splines are well conditioned, and threaded SVDs took up to 0.1 s here.
     at = basis_matrices(points, degree, samples)[0]
@@ -264,7 +264,7 @@ def fit_even(data: FloatArray, points: int, degree: int = 3) -> BSpline:
     """
     if len(data) < points:
         raise ValueError(f"{points} control points need as many data, got {len(data)}")
-    return BSpline(_projection(points, degree, len(data)) @ data, degree)
+    return BSpline(projection(points, degree, len(data)) @ data, degree)
 
 
 def control_points(length: float, spacing: float, degree: int) -> int:

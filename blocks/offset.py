@@ -18,6 +18,8 @@ from blocks.signals import FloatArray
 JOINT = 0.1
 SHARPEST = math.cos(math.radians(100.0))
 END = 0.08
+REACH = 8  # points either way from which a line's direction of progress is taken
+BLUR = 3  # the same before kinks are rounded
 
 
 def left(direction: FloatArray) -> FloatArray:
@@ -127,7 +129,7 @@ def gap(before: FloatArray, after: FloatArray, bridge: float) -> float:
     return math.inf if any(turns) else width
 
 
-def onward(line: FloatArray, reach: int = 8) -> FloatArray:
+def onward(line: FloatArray, reach: int = REACH) -> FloatArray:
     """A line without the points that step back behind an earlier one.
 
     Progress is measured along the direction over ``reach`` points either way. Offsets of a noisy
@@ -159,7 +161,7 @@ def filleted(line: FloatArray, radius: float, spacing: float, tolerance: float) 
     """
     if radius == 0.0 or len(line) < 3:
         return line
-    direction = tangents(line, 3)
+    direction = tangents(line, BLUR)
     centres = line + radius * left(direction)
     free = [
         run for run in runs(nearest(centres, line) >= radius - tolerance) if run[1] - run[0] > 3

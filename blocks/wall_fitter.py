@@ -7,8 +7,27 @@ import math
 import numpy as np
 
 from blocks.block import Block, BlockState, Input, Output, Setting, State
-from blocks.bspline import Samples, control_points, fit_even, way_along
-from blocks.contour import Beams, Returns, chain
+from blocks.bspline import Samples, control_points, fit_even, projection, way_along
+from blocks.contour import Beams, IntArray, Returns, chain
+from blocks.loops.bspline import (
+    banded_matrices,
+    even_basis,
+    loop_fit,
+    loop_sampled_evenly,
+    loop_way_along,
+    positions,
+    projected,
+)
+from blocks.loops.contour import loop_averages, loop_chain, loop_way, returned
+from blocks.loops.offset import loop_filleted, loop_followed, loop_onward, loop_stretch
+from blocks.loops.wall_curves import (
+    coarseness,
+    fitted_points,
+    loop_offset_pieces,
+    loop_wall_curves,
+    offset_rows,
+)
+from blocks.loops.wall_fitter import ahead, between, copied, nearest_row, placed, shown, sound
 from blocks.offset import filleted, followed, onward, resampled, stretch
 from blocks.params import ParameterError, param
 from blocks.signals import FloatArray, Path, PointCloud, Pose, PoseValue, Scalar, Scan
@@ -106,7 +125,14 @@ class WallFitter(Block):
             raise ParameterError(problems)
 
     def start(self, state: BlockState) -> None:
-        state.beams = self.beams(state.setting)
+        beams = self.beams(state.setting)
+        state.beams = beams
+        # What the loops take: of the beams, and of the reference spline, whose length is given.
+        state.order, state.bearing, state.direction = beams.order, beams.bearing, beams.direction
+        state.limit = beams.incidence(self.incidence)
+        n = control_points(self._length, self.spacing, self.degree)
+        state.projection = projection(n, self.degree, 6 * n)
+        state.first, state.bands = banded_matrices(n, self.degree, 2 * self.samples)
 
     def beams(self, setting: Setting) -> Beams:
         """The beams to use of the scans that are wired to the block."""
@@ -191,7 +217,7 @@ class WallFitter(Block):
         Where it turns about a point, as the fit to an offset that noise has folded may do, it
         ends and goes on straight; None if little is left of it near the robot.
         """
-        length = (self.samples - 1) * self.step + 2.0 * MARGIN
+        length = self._length
         n = control_points(length, self.spacing, self.degree)
         for _ in range(3):
             here = way_along(line)[int(np.einsum("ij,ij->i", line, line).argmin())]
@@ -212,6 +238,11 @@ class WallFitter(Block):
             line = sampled.position[low:high]
         return None
 
+    @property
+    def _length(self) -> float:
+        """The length (m) of the reference spline."""
+        return (self.samples - 1) * self.step + 2.0 * MARGIN
+
     def _rows(self, sampled: Samples, pose: PoseValue) -> FloatArray:
         mirror = -1.0 if self.side == "left" else 1.0
         heading = pose[2] + mirror * sampled.theta
@@ -226,3 +257,79 @@ class WallFitter(Block):
         mirror = -1.0 if self.side == "left" else 1.0
         turn = np.array([[c, s], [-mirror * s, mirror * c]])
         return np.asarray(points @ turn + np.array((x, y)))
+
+    def loop_output(
+        self, state: BlockState, t: float, scan: FloatArray, pose: PoseValue
+    ) -> tuple[FloatArray, FloatArray, float]:
+        returns = returned(scan, state.order, state.bearing, state.direction)
+        kept, bounds, edges = loop_chain(
+            returns, state.bearing, self.reach, self.sigma, state.limit
+        )
+        arc = loop_way(kept, bounds)
+        step = coarseness(arc, bounds)
+        shortest = 1.5 * max(self.bin, 2.0 * step)
+        if self.form == "least_squares":
+            control, first = fitted_points(
+                kept, bounds, arc, self.degree, self.wall_spacing, shortest
+            )
+            each = max(2, round(self.wall_spacing / step))
+        else:
+            gap = max(self.bin, 2.0 * step) if self.bin > 0.0 else 0.0
+            control, first = loop_averages(kept, bounds, arc, gap)
+            each = max(2, round(self.bin / step))
+        curves, ends = loop_wall_curves(
+            control, first, kept, bounds, arc, self.degree, each, shortest
+        )
+        rows, stops = offset_rows(curves, ends, edges, self.distance)
+        closest = self.distance - self.trim
+        pieces = loop_offset_pieces(rows, stops, curves, ends, returns, closest, state.limit)
+        path = self._loop_reference(state, self._loop_line(rows, pieces))
+        mirror = -1.0 if self.side == "left" else 1.0
+        if len(path) > 0:
+            return placed(path, pose, mirror), shown(curves, self.wall_points, pose, mirror), 1.0
+        if state.fitted[0] > 0.0:
+            return state.last_path.copy(), state.last_wall.copy(), 0.0
+        path = placed(ahead(self.samples, self.step, self.behind), pose, mirror)
+        return path, shown(np.zeros((1, 4)), self.wall_points, pose, mirror), 0.0
+
+    def _loop_line(self, rows: FloatArray, pieces: IntArray) -> FloatArray:
+        """Join the pieces (first and past-the-last of the rows) into a line; empty if too short."""
+        line = loop_onward(loop_followed(rows, pieces, self.bridge))
+        arc = loop_way_along(line)
+        here = arc[nearest_row(line)] if len(line) > 0 else 0.0
+        onward = self.samples * self.step - self.behind
+        line = between(line, arc, here - self.behind - BEYOND, here + onward + BEYOND)
+        arc = loop_way_along(line)
+        length = arc[-1] if len(line) > 0 else 0.0
+        if length < self.shortest:
+            return line[:0]
+        room = 2.0 * self.fillet
+        length += 2.0 * room
+        n = 4 * math.ceil(control_points(length, CALM, self.degree) / 4)
+        even = loop_stretch(line, arc, -room, length, 5 * n)
+        first, values = even_basis(n, self.degree, 5 * n)
+        calm = positions(first, values, loop_fit(first, values, even, n, 0.0))
+        arc = loop_way_along(calm)
+        even = loop_stretch(calm, arc, 0.0, arc[-1], max(4, round(length / STEP)))
+        return loop_filleted(even, self.fillet, STEP, FLAT)
+
+    def _loop_reference(self, state: BlockState, line: FloatArray) -> FloatArray:
+        """Rows of the reference spline along a line; none if little is left of it."""
+        nearby = round(self.behind / self.step)
+        for _ in range(3):
+            if len(line) == 0:
+                break
+            arc = loop_way_along(line)
+            start = arc[nearest_row(line)] - self.behind - MARGIN
+            data = loop_stretch(line, arc, start, self._length, state.projection.shape[1])
+            points = projected(state.projection, data)
+            rows = loop_sampled_evenly(
+                state.first, state.bands, points, self.step, self.samples, MARGIN
+            )
+            low, high = sound(rows, self.step, SHARP / self.spacing, nearby, CLEAR)
+            if low == 0 and high == self.samples:
+                return rows
+            if (high - low) * self.step < self.shortest:
+                break
+            line = copied(rows, low, high)
+        return np.zeros((0, 4))
