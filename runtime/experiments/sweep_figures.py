@@ -109,6 +109,10 @@ def _curve(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
     else:
         axes.fill_between(x, ends[:, 0], ends[:, 1], color=colour, alpha=0.2, linewidth=0.0)
         axes.plot(x, mean, color=colour)
+    # The axis holds all settings, those without a value too.
+    level = mean[np.isfinite(mean)][0]
+    axes.update_datalim(np.column_stack([x, np.full(len(x), level)]))
+    axes.autoscale_view()
     where: Any = ("data", "axes fraction")
     small: dict[str, Any] = {"fontsize": 7.0, "va": "top", "ha": "center", "color": style.GREY}
     for place, estimate in zip(x, found, strict=True):
