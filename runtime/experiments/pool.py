@@ -23,6 +23,7 @@ THREADS = tuple(
 )
 # A point ends itself when its time is up; only one that is stuck inside a block is killed.
 GRACE = 3.0
+PATIENCE = 10.0  # s; until a cluster's scheduler must have answered
 
 
 @dataclass
@@ -221,7 +222,7 @@ def cluster_crew(address: str) -> Crew:
     except ImportError:
         raise MissingExtraError("--scheduler", "cluster") from None
     try:
-        client = Client(address, timeout="10s", set_as_default=False)
+        client = Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         raise UsageError(f"--scheduler {address}: no scheduler answers there: {error}") from None
     executor: Executor = client.get_executor(pure=False)
