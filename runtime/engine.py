@@ -18,10 +18,11 @@ from blocks.block import BlockState
 from blocks.signals import FloatArray
 from runtime.errors import SimulationError
 from runtime.network import Network
-from runtime.observe import Observation, Probe, state_shape
-from runtime.plan import GLOBALS, Emitter, Plan, Recording, make_plan
-from runtime.profile import Profile, ProfilingEmitter
-from runtime.running import FILENAME, Held, Progress, PythonRunner, Run, Runner, located, silent
+from runtime.observe import Probe, state_shape
+from runtime.plan import GLOBALS, Plan
+from runtime.profile import Profile
+from runtime.program import Program
+from runtime.running import Held, Progress, PythonRunner, Run, Runner, located, silent
 from runtime.values import brief, form, has_form, is_bad
 
 CHUNK_SECONDS = 0.1
@@ -59,22 +60,23 @@ class Outcome:
 
 @dataclass
 class Engine:
-    """One run of one network. Make a new one for each run.
+    """One run of one program. Make a new one for each run.
 
     Parameters
     ----------
-    network : the checked graph.
-    observation : what to record.
+    program : the graph's plan, and what to record.
+    seed : of all noise and neurons.
     compiled : take the plan and its blocks through numba.
     note : called with a line of text for people, when something takes a while.
     profile : measures what each block takes; the Python engine's only.
     """
 
-    network: Network
-    observation: Observation
+    program: Program
+    seed: int
     compiled: bool = False
     note: Callable[[str], None] = silent
     profile: Profile | None = None
+    network: Network = field(init=False)
     plan: Plan = field(init=False)
     states: dict[str, BlockState] = field(init=False, default_factory=dict)
     arrays: dict[str, FloatArray] = field(init=False, default_factory=dict)
@@ -82,15 +84,11 @@ class Engine:
     runner: Runner = field(init=False)
 
     def __post_init__(self) -> None:
-        self.plan = make_plan(self.network)
-        recordings = self._recordings()
-        emitter = Emitter if self.profile is None else ProfilingEmitter
-        self.emitter = emitter(self.plan, recordings)
+        self.network, self.plan = self.program.network, self.program.plan
+        for probe in self.program.observation.probes.values():
+            shape = (probe.rows(self.network.ticks), *probe.shape)
+            self.arrays[probe.name] = np.full(shape, np.nan)
         self.states = {name: self._state(name) for name in self.network.entries}
-
-    def source(self) -> str:
-        """The straight-line function, as it is executed."""
-        return self.emitter.emit()
 
     def prepare(self) -> Runner:
         """Fill the states and make what runs the ticks, without running any."""
@@ -156,7 +154,7 @@ class Engine:
             from runtime.compiled.runner import CompiledRunner
 
             return CompiledRunner(self, self.note)
-        return PythonRunner(self.emitter, self._compile(checked=False))
+        return PythonRunner(self.program.emitter, self._compile(checked=False))
 
     def _start(self) -> None:
         """Fill the states, and compute what never changes."""
@@ -183,7 +181,7 @@ class Engine:
                 values = (value,) if len(step.evaluation.outputs) == 1 else value
                 for port, item in zip(step.evaluation.outputs, values, strict=True):
                     self._check_value(step.block, port, item)
-                    self.namespace[self.emitter.variable(step.block, port)] = item
+                    self.namespace[self.program.emitter.variable(step.block, port)] = item
                     self._record_constant(step.block, port, item)
 
     def _guard(self, block: str, call: Callable[[], Any]) -> Any:
@@ -193,17 +191,16 @@ class Engine:
             raise SimulationError(block, 0, 0.0, _described(error)) from error
 
     def _compile(self, checked: bool, held: Sequence[str] | None = None) -> Run:
-        code = compile(self.emitter.emit(checked, held), FILENAME, "exec")
-        exec(code, self.namespace)
+        exec(self.program.code(checked, held), self.namespace)
         run: Run = self.namespace["run"]
         return run
 
     def _held(self) -> Held:
-        return (None,) * len(self.emitter.held())
+        return (None,) * len(self.program.emitter.held())
 
     def locate(self, error: BaseException) -> str:
         """Set the tick to the one that an exception came from; returns the block."""
-        found = located(error, self.emitter.lines)
+        found = located(error, self.program.lines)
         if found is None and self.tick:
             found = self.runner.locate(error)
         if found is None:
@@ -220,36 +217,10 @@ class Engine:
             for key, declared in entry.cls.spec.states.items()
         }
         arrays = {key: np.zeros(shape) for key, shape in shapes.items()}
-        return BlockState(setting, seed_of(self.network.seed, name), arrays)
-
-    def _recordings(self) -> list[Recording]:
-        """Make the arrays that probes fill, and say which tick fills what."""
-        made = []
-        for i, probe in enumerate(self.observation.probes.values()):
-            array = f"probe_{i}"
-            self.arrays[probe.name] = np.full(
-                (probe.rows(self.network.ticks), *probe.shape), np.nan
-            )
-            start = 0
-            for signal in probe.signals:
-                width = signal.shape[0] if signal.shape else 1
-                columns = slice(start, start + width) if len(probe.signals) > 1 else None
-                start += width
-                made.append(
-                    Recording(
-                        array=array,
-                        end=signal.end,
-                        every=probe.every,
-                        columns=columns,
-                        is_state=signal.is_state,
-                        is_event=signal.is_event,
-                        constant=probe.constant,
-                    )
-                )
-        return made
+        return BlockState(setting, seed_of(self.seed, name), arrays)
 
     def _record_constant(self, block: str, port: str, value: Any) -> None:
-        for recording in self.emitter.recordings:
+        for recording in self.program.emitter.recordings:
             if recording.constant and (recording.end.block, recording.end.port) == (block, port):
                 kind = self.network.types[block, port]
                 array = self.namespace[recording.array]
@@ -259,7 +230,7 @@ class Engine:
 
     def _recorded(self) -> dict[str, FloatArray]:
         """The rows that were filled before the run ended."""
-        probes = self.observation.probes
+        probes = self.program.observation.probes
         return {name: a[: _filled(probes[name], self.tick)] for name, a in self.arrays.items()}
 
     def _checked(self, block: str, ports: tuple[str, ...], value: Any) -> Any:

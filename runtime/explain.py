@@ -7,7 +7,6 @@ from typing import Any
 from runtime.choice import python_seconds, take_compiled
 from runtime.engine import Engine
 from runtime.graph import Graph
-from runtime.observe import observe
 from runtime.running import silent
 
 
@@ -15,7 +14,7 @@ def explain_json(graph: Graph) -> dict[str, Any]:
     """Order, rates, types and source as plain data."""
     network = graph.network
     compiled = take_compiled(network, 1, silent)
-    engine = Engine(network, observe(network), compiled)
+    engine = Engine(graph.program(), network.seed, compiled)
     return {
         "schema_version": 1,
         "graph": network.title,
@@ -41,7 +40,11 @@ def explain_json(graph: Graph) -> dict[str, Any]:
         ],
         "removed": dict(network.removed),
         "engine": {"asked": network.engine, "python_s": python_seconds(network)}
-        | (_compiled(engine) if compiled else {"taken": "python", "source": engine.source()}),
+        | (
+            _compiled(engine)
+            if compiled
+            else {"taken": "python", "source": engine.program.source()}
+        ),
     }
 
 

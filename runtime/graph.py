@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from blocks.block import Block
 from blocks.registry import BUILTIN
@@ -17,6 +17,9 @@ from runtime.errors import UsageError
 from runtime.loader import load_document, merge
 from runtime.network import Network
 from runtime.replacement import replace_block
+
+if TYPE_CHECKING:
+    from runtime.program import Program
 
 SECTION_ORDER = (
     *("graph", "run", "params", "blocks", "wires", "without", "bypass"),
@@ -86,6 +89,23 @@ class Graph:
         """
         return build(self._document, self._classes)
 
+    def program(self, plots: Container[str] | None = None, profiled: bool = False) -> Program:
+        """What runs of this graph share, whatever their seeds.
+
+        ``plots`` limits what is recorded to the metrics' probes and those of plots of these kinds.
+        """
+        from runtime.observe import observe
+        from runtime.program import Program
+
+        programs = self.__dict__.setdefault("_programs", {})
+        key = (None if plots is None else repr(plots), profiled)
+        if key not in programs:
+            observation = observe(self.network)
+            observation = observation if plots is None else observation.reduced(plots)
+            programs[key] = Program(self.network, observation, profiled)
+        made: Program = programs[key]
+        return made
+
     def check(self) -> Graph:
         """Check everything that can be checked without running; returns the graph.
 
@@ -93,16 +113,13 @@ class Graph:
         ------
         GraphError : listing all that is wrong with blocks, wires, loops, probes and metrics.
         """
-        from runtime.observe import observe
-        from runtime.plan import make_plan
-
-        make_plan(self.network)
-        observe(self.network)
+        self.program()
         return self
 
     def _edit(self, document: Node) -> Graph:
         self._document = document
         self.__dict__.pop("network", None)
+        self.__dict__.pop("_programs", None)
         return self
 
     def add(self, name: str, block: Block, *, dt: float | None = None) -> Graph:
@@ -212,6 +229,7 @@ class Graph:
         network = self.__dict__.get("network")
         if network is not None and type(seed) is int and seed >= 0:
             changed.__dict__["network"] = replace(network, seed=seed)
+            changed.__dict__["_programs"] = self.__dict__.setdefault("_programs", {})
         return changed
 
     def run(

@@ -96,7 +96,7 @@ def open_run(path: str | Path) -> Result:
         raise _damaged(folder / MANIFEST, str(error)) from None
     return Result(
         *(str(manifest["graph"]), probes, metrics, plots, manifest),
-        *(texts, {}, notes, failures, world),
+        *(lambda: (texts, {}), notes, failures, world),
     )
 
 

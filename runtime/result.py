@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -45,12 +46,17 @@ class Recorded:
         return self.values[:, start] if stop == start + 1 else self.values[:, start:stop]
 
 
+def _made(texts: dict[str, str], files: dict[str, Path]) -> tuple[dict[str, str], dict[str, Path]]:
+    return texts, files
+
+
 @dataclass
 class Result:
     """A run: ``result["plant.pose"]`` is an array, ``result.metrics`` a dict.
 
     Names are those of probes, or the addresses that they record. ``world`` holds the walls that
-    the graph had, if any.
+    the graph had, if any. ``origin`` makes the graph's texts, and the files of its own blocks, by
+    name: a sweep's runs are hardly ever asked for them.
     """
 
     title: str
@@ -58,11 +64,24 @@ class Result:
     metrics: dict[str, float | None]
     plots: list[PlotSpec]
     manifest: dict[str, Any]
-    texts: dict[str, str] = field(default_factory=dict)
-    files: dict[str, Path] = field(default_factory=dict)
+    origin: Callable[[], tuple[dict[str, str], dict[str, Path]]] = lambda: ({}, {})
     notes: list[str] = field(default_factory=list)
     failures: list[str] = field(default_factory=list)
     world: World | None = None
+
+    @cached_property
+    def texts(self) -> dict[str, str]:
+        """The graph as it was written and as it was run, by file name."""
+        return self.origin()[0]
+
+    @cached_property
+    def files(self) -> dict[str, Path]:
+        """The files of the graph's own blocks, by the names that its text gives them."""
+        return self.origin()[1]
+
+    def __getstate__(self) -> dict[str, Any]:
+        texts, files = self.texts, self.files
+        return {**self.__dict__, "origin": partial(_made, texts, files)}
 
     @property
     def status(self) -> str:

@@ -6,16 +6,18 @@ import platform
 import sys
 from collections.abc import Callable, Container
 from datetime import datetime
+from functools import cache, partial
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Any
 
 from runtime.choice import take_compiled
 from runtime.document import dump_yaml
 from runtime.engine import Engine, Outcome
 from runtime.graph import Graph
-from runtime.observe import Observation, Probe, observe
+from runtime.observe import Observation, Probe
 from runtime.profile import Profile
-from runtime.record import SCHEMA_VERSION, portable_modules
+from runtime.record import RESOLVED, SCHEMA_VERSION, WRITTEN, portable_modules
 from runtime.result import Recorded, Result, evaluate, times
 from runtime.running import silent
 
@@ -36,26 +38,22 @@ def simulate(
     filled with what each block takes under the Python engine.
     """
     network = graph.network
-    observation = observe(network)
-    if plots is not None:
-        observation = observation.reduced(plots)
+    program = graph.program(plots, profiled=profile is not None)
+    observation = program.observation
     began = datetime.now().astimezone()
     compiled = take_compiled(network, 1, note) and profile is None
-    outcome = Engine(network, observation, compiled, note, profile).run(progress)
+    outcome = Engine(program, network.seed, compiled, note, profile).run(progress)
     probes = {
         name: _recorded(probe, outcome, network.dt) for name, probe in observation.probes.items()
     }
     metrics, failures = evaluate(observation.metrics, probes, network.world)
-    resolved, files = portable_modules(_resolved(graph, outcome.engine))
-    text = graph.source.read_text(encoding="utf-8") if graph.source else dump_yaml(resolved)
     result = Result(
         title=network.title,
         probes=probes,
         metrics=metrics,
         plots=observation.plots,
         manifest=_manifest(graph, outcome, observation, began),
-        texts={"graph.yaml": text, "graph.resolved.yaml": dump_yaml(resolved)},
-        files=files,
+        origin=partial(_origin, graph, outcome.engine),
         notes=[*graph.notes, *observation.notes],
         failures=failures,
         world=network.world,
@@ -83,6 +81,13 @@ def _recorded(probe: Probe, outcome: Outcome, dt: float) -> Recorded:
         addresses=addresses,
         auto=probe.auto,
     )
+
+
+def _origin(graph: Graph, engine: str) -> tuple[dict[str, str], dict[str, Path]]:
+    """The graph as it was written and as it was run, and the files of its own blocks."""
+    resolved, files = portable_modules(_resolved(graph, engine))
+    text = graph.source.read_text(encoding="utf-8") if graph.source else dump_yaml(resolved)
+    return {WRITTEN: text, RESOLVED: dump_yaml(resolved)}, files
 
 
 def _resolved(graph: Graph, engine: str) -> dict[str, Any]:
@@ -115,10 +120,11 @@ def _manifest(
         "overrides": list(graph.overrides),
         "removed": dict(network.removed),
         "notes": [*graph.notes, *observation.notes],
-        "versions": versions(),
+        "versions": dict(versions()),
     }
 
 
+@cache
 def versions() -> dict[str, str]:
     """Versions of Python and of the packages that a run's numbers hang on."""
     found = {"python": platform.python_version()}

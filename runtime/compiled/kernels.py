@@ -21,14 +21,26 @@ Signature = tuple[Any, ...]
 
 @dataclass(frozen=True)
 class Kernel:
-    """A compiled block: where its functions are, what goes into them, what must be made of
+    """A compiled block: where its functions are, the text they come from, what must be made of
     what comes out (statements with ``{0}``, ``{1}`` for the outputs, by method).
     """
 
     module: str
-    methods: dict[str, str]
-    fields: tuple[Any, ...]
+    made: Translated
     casts: dict[str, list[str]] = field(default_factory=dict)
+
+    @property
+    def methods(self) -> dict[str, str]:
+        """The name of each method's function in the module."""
+        return self.made.methods
+
+    def fields(self, block: Block, state: BlockState) -> tuple[Any, ...]:
+        """What the functions take as their first argument in one run."""
+        return self.made.fields(block, state)
+
+    def fits(self, block: Block, state: BlockState) -> bool:
+        """Whether what was taken for constant has the same values in this run."""
+        return self.made.fits(block, state)
 
 
 @dataclass
@@ -106,10 +118,8 @@ def _candidate(
         if declared.many
     }
     made = translate(entry.made, state, terms, safe=not is_built_in(entry.cls))
-    signatures = {
-        call.method: (typeof(made.fields), *_arguments(network, name, call, terms))
-        for call in calls
-    }
+    fields = typeof(made.fields(entry.made, state))
+    signatures = {call.method: (fields, *_arguments(network, name, call, terms)) for call in calls}
     key = cache.digest(made.text, repr(signatures))
     return _Candidate(name, calls, made, signatures, cache.folder() / f"verdict_{key}.json")
 
@@ -126,8 +136,7 @@ def _kernel(network: Network, candidate: _Candidate) -> Kernel:
         code = getattr(network.entries[candidate.name].cls, verdict["method"]).__code__
         place = f"{code.co_filename}:{code.co_firstlineno}"
         raise NotCompilableError(f"{verdict['method']} ({place}): {verdict['refused']}")
-    made = candidate.made
-    return Kernel(module.__name__, made.methods, made.fields, verdict["casts"])
+    return Kernel(module.__name__, candidate.made, verdict["casts"])
 
 
 def is_built_in(cls: type[Block]) -> bool:

@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from runtime.compiled import cache
-from runtime.compiled.emit import CompiledEmitter, CompiledText
-from runtime.compiled.kernels import Kernels, make_kernels
+from runtime.compiled.template import template
 from runtime.compiled.translate import plain
 
 if TYPE_CHECKING:
@@ -31,28 +29,26 @@ class CompiledRunner:
 
     def __init__(self, engine: Engine, note: Callable[[str], None]) -> None:
         self.engine = engine
-        self.kernels: Kernels = make_kernels(engine.network, engine.states, note)
-        for name, reason in self.kernels.refused.items():
-            if name in self.kernels.broken:
-                note(f"block '{name}' is called from Python: {reason}")
-        emitter = CompiledEmitter(engine.plan, engine.emitter.recordings, self.kernels.compiled)
-        self.text: CompiledText = emitter.compiled()
+        made = template(engine.program, engine.states, note)
+        self.kernels, self.text, self.function = made.kernels, made.text, made.function
         self.held = self.text.held
-        self.function = cache.module("plan", self.text.text).run
         self.at = np.zeros(3, dtype=np.int64)
         self.report = np.zeros(LARGEST_REPORT)
-        self.arguments = tuple(self._argument(name) for name in self.text.arguments)
+        self.arguments = tuple(
+            self._fields(made.owners[name]) if name in made.owners else self._argument(name)
+            for name in self.text.arguments
+        )
         self.run = self._driver() if self.text.driver else self._whole
 
+    def _fields(self, block: str) -> tuple[Any, ...]:
+        made = self.engine.network.entries[block].made
+        return self.kernels.compiled[block].fields(made, self.engine.states[block])
+
     def _argument(self, name: str) -> Any:
-        """What ``run`` is given under a name, see :class:`CompiledText`."""
-        engine = self.engine
-        for block, kernel in self.kernels.compiled.items():
-            if name == f"{engine.plan.names[block]}_b":
-                return kernel.fields
+        """A constant, a state or a probe's array by its name in the text."""
         owner, dot, state = name.partition(".")
-        value = getattr(engine.namespace[owner], state) if dot else engine.namespace[name]
-        return plain(value, name)
+        value = self.engine.namespace[owner]
+        return plain(getattr(value, state) if dot else value, name)
 
     def adopt(self, held: tuple[Any, ...]) -> tuple[Any, ...]:
         """The first tick's variables, in exactly the form that compiled text takes."""

@@ -26,6 +26,7 @@ from runtime.compiled.folding import Folding
 
 MODULES = {math: "math", np: "np"}
 LITERALS = (str, bool, type(None))
+Attribute = tuple[str, str]
 # Functions that numba does not know, or that do not compile as they are written.
 REPLACED: dict[Any, str] = {math.remainder: "remainder", scaled: "scaled", added: "added"}
 HEADER = """from __future__ import annotations
@@ -49,12 +50,24 @@ class Translated:
     """A block as compiled text.
 
     text : a Python module with one function for each of ``methods``.
-    fields : what the first argument of these functions holds.
+    entries : what the first argument of these functions holds, as ("self" or "state", attribute).
+    constants : attributes that stand in the text as they were, and what they were.
     """
 
     text: str
     methods: dict[str, str]
-    fields: tuple[Any, ...]
+    entries: tuple[Attribute, ...]
+    constants: dict[Attribute, Any]
+
+    def fields(self, made: Block, state: BlockState) -> tuple[Any, ...]:
+        """The first argument of the functions, for a block and its state."""
+        of = {"self": made, "state": state}
+        return tuple(plain(getattr(of[o], name), f"{o}.{name}") for o, name in self.entries)
+
+    def fits(self, made: Block, state: BlockState) -> bool:
+        """Whether the text's constants are those of this block and state."""
+        of = {"self": made, "state": state}
+        return all(getattr(of[o], name) == value for (o, name), value in self.constants.items())
 
 
 def translate(made: Block, state: BlockState, terms: dict[str, int], safe: bool) -> Translated:
@@ -76,10 +89,15 @@ def translate(made: Block, state: BlockState, terms: dict[str, int], safe: bool)
     wanted += [spec.update.method] if spec.update else []
     methods = {name: translator.method(name) for name in wanted}
     options = "error_model='python', cache=True" + (", boundscheck=True" if safe else "")
-    functions = [f"@njit({options})\n{text}" for text in translator.functions.values()]
-    return Translated(
-        "\n\n".join([HEADER, *functions]) + "\n", methods, tuple(translator.fields.values())
-    )
+    # Functions that only compiled text calls need no way in from Python.
+    inner = options + ", no_cpython_wrapper=True, no_cfunc_wrapper=True"
+    functions = [
+        f"@njit({options if name in methods.values() else inner})\n{text}"
+        for name, text in translator.functions.items()
+    ]
+    text = "\n\n".join([HEADER, *functions]) + "\n"
+    entries = tuple(translator.attributes.values())
+    return Translated(text, methods, entries, translator.constants)
 
 
 class _Translator:
@@ -88,6 +106,8 @@ class _Translator:
     def __init__(self, made: Block, state: BlockState, terms: dict[str, int]) -> None:
         self.made, self.state, self.terms = made, state, terms
         self.fields: dict[str, Any] = {}
+        self.attributes: dict[str, Attribute] = {}
+        self.constants: dict[Attribute, Any] = {}
         self.functions: dict[str, str] = {}
         self.names: dict[Any, str] = {}
 
@@ -120,6 +140,7 @@ class _Translator:
         key = f"{owner}_{name}"
         if key not in self.fields:
             self.fields[key] = plain(value, f"{owner}.{name}")
+            self.attributes[key] = (owner, name)
         return key
 
 
@@ -255,6 +276,8 @@ class _Writer(Folding):
             value = getattr(of, node.attr)
         except AttributeError:
             raise self.refuse(node, f"'{owner}.{node.attr}' is not set by start") from None
+        if isinstance(value, (*LITERALS, types.FunctionType)):
+            self.owner.constants[owner, node.attr] = value
         if isinstance(value, LITERALS):
             return ast.Constant(value)
         if isinstance(value, types.FunctionType):

@@ -1,0 +1,53 @@
+"""What compiled runs of one program share: kernels, the plan's text, its function."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from blocks.block import BlockState
+from runtime.compiled import cache
+from runtime.compiled.emit import CompiledEmitter, CompiledText
+from runtime.compiled.kernels import Kernels, make_kernels
+from runtime.program import Program
+
+
+@dataclass
+class Template:
+    """A program's compiled text.
+
+    ``owners`` says for each of the text's arguments that is a block's fields which block it is.
+    """
+
+    kernels: Kernels
+    text: CompiledText
+    function: Callable[..., tuple[Any, ...]]
+    owners: dict[str, str]
+
+
+def template(
+    program: Program, states: dict[str, BlockState], note: Callable[[str], None]
+) -> Template:
+    """The template of a program: the one it has, if it fits these states, or another one.
+
+    Parameters
+    ----------
+    states : after ``start``.
+    note : called with a line of text when something is compiled, and so takes a while.
+    """
+    known = program.template
+    entries = program.network.entries
+    if known is not None and all(
+        kernel.fits(entries[name].made, states[name])
+        for name, kernel in known.kernels.compiled.items()
+    ):
+        return known
+    kernels = make_kernels(program.network, states, note)
+    for name in sorted(kernels.broken):
+        note(f"block '{name}' is called from Python: {kernels.refused[name]}")
+    emitter = CompiledEmitter(program.plan, program.emitter.recordings, kernels.compiled)
+    text = emitter.compiled()
+    owners = {f"{program.plan.names[name]}_b": name for name in kernels.compiled}
+    program.template = Template(kernels, text, cache.module("plan", text.text).run, owners)
+    return program.template
