@@ -9,8 +9,8 @@ import numpy as np
 
 from blocks.block import Block, BlockState, Input, Output, Setting, State
 from blocks.loops.riccati import feedback_gain as loop_gain
+from blocks.loops.riccati import refined, turned
 from blocks.loops.riccati import riccati as loop_riccati
-from blocks.loops.riccati import turned
 from blocks.params import ParameterError, param
 from blocks.signals import FloatArray, Pose, PoseValue, TrackingState, Twist, TwistValue
 from blocks.tracking import offsets
@@ -213,7 +213,9 @@ class LQR(Block):
         if self.solver == "dare":
             p, gain = self.solve(state.dt, heading)
         else:
-            p = loop_riccati(a, b, turned(q, heading), r, self.tolerance, self.max_iterations)
+            q = turned(q, heading)
+            p = loop_riccati(a, b, q, r, self.tolerance, self.max_iterations)
+            p = refined(a, b, q, r, p)
             gain = loop_gain(a, b, r, p)
         for j in range(3):
             for i in range(3):

@@ -46,7 +46,7 @@ def riccati(
                 grown = max(grown, abs(change[i, j]))
         iterations *= 2
         if grown <= tolerance * greatest(p):
-            return refined(a, b, q, r, p)
+            return p
     raise ValueError("the Riccati equation has not settled at this heading")
 
 
@@ -90,7 +90,7 @@ def feedback_gain(a: FloatArray, b: FloatArray, r: FloatArray, p: FloatArray) ->
 
 
 def eliminate(matrix: FloatArray, sides: FloatArray) -> bool:
-    """Solve matrix x = sides (n, m) by Gauss with partial pivoting; x takes the place of sides.
+    """Solve matrix x = sides (n, m) by Gauss and Jordan; x takes the place of sides.
 
     Returns
     -------
@@ -107,26 +107,27 @@ def eliminate(matrix: FloatArray, sides: FloatArray) -> bool:
             return False
         exchange(matrix, best, column)
         exchange(sides, best, column)
-        for row in range(column + 1, n):
-            factor = matrix[row, column] / pivot
-            for j in range(column + 1, n):
-                matrix[row, j] -= factor * matrix[column, j]
-            for j in range(sides.shape[1]):
-                sides[row, j] -= factor * sides[column, j]
-    for j in range(sides.shape[1]):
-        for row in range(n - 1, -1, -1):
-            rest = sides[row, j]
-            for column in range(row + 1, n):
-                rest -= matrix[row, column] * sides[column, j]
-            sides[row, j] = rest / matrix[row, row]
+        for row in range(n):
+            if row != column:
+                factor = matrix[row, column] / pivot
+                reduce(matrix, row, column, factor)
+                reduce(sides, row, column, factor)
+    for row in range(n):
+        for j in range(sides.shape[1]):
+            sides[row, j] /= matrix[row, row]
     return True
+
+
+def reduce(matrix: FloatArray, row: int, by: int, factor: float) -> None:
+    """Take a multiple of one row from another, in place."""
+    for j in range(matrix.shape[1]):
+        matrix[row, j] -= factor * matrix[by, j]
 
 
 def exchange(matrix: FloatArray, first: int, second: int) -> None:
     """Exchange two rows in place."""
-    if first != second:
-        for j in range(matrix.shape[1]):
-            matrix[first, j], matrix[second, j] = matrix[second, j], matrix[first, j]
+    for j in range(matrix.shape[1]):
+        matrix[first, j], matrix[second, j] = matrix[second, j], matrix[first, j]
 
 
 def identity(n: int) -> FloatArray:
