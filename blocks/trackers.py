@@ -139,8 +139,9 @@ class Stanley(Block):
 
     Hence the law of the paper on a straight path, e_f' = -k e_f / sqrt(1 + (k e_f / v_r)^2): it
     converges from anywhere, and in the end like exp(-k t). The heading follows at the rate
-    v_r / l. (Autonomous Automobile Trajectory Tracking for Off-Road Driving, ACC 2007; without
-    its terms for tires, steering servo and low speeds.)
+    v_r / l. The robot never stops, since delta_max is less than a right angle. (Autonomous
+    Automobile Trajectory Tracking for Off-Road Driving, ACC 2007; without its terms for tires,
+    steering servo and low speeds.)
     """
 
     error = Input(TrackingState, doc="pose minus reference")
@@ -151,16 +152,16 @@ class Stanley(Block):
     v_r: float = param(1.0, unit="m/s", above=0.0, doc="reference speed, that of the front wheel")
     k: float = param(1.0, unit="1/s", above=0.0, doc="rate at which the cross-track error decays")
     wheel_base: float | None = param(
-        None, unit="m", above=0.0, doc="l; default v_r / k, where both rates are equal"
+        None, unit="m", above=0.0, doc="l; default v_r / (2 k): the heading is twice as fast"
     )
     delta_max: float = param(
-        QUARTER, unit="rad", above=0.0, at_most=QUARTER, doc="largest steering angle"
+        1.0, unit="rad", above=0.0, below=QUARTER, doc="largest steering angle"
     )
 
     def output(
         self, state: BlockState, t: float, error: PoseValue, reference: PoseValue
     ) -> TwistValue:
-        length = self.v_r / self.k if self.wheel_base is None else self.wheel_base
+        length = 0.5 * self.v_r / self.k if self.wheel_base is None else self.wheel_base
         _, lateral = offsets(error, reference[2])
         front = lateral + length * math.sin(error[2])
         delta = wrap(-error[2] - math.atan2(self.k * front, self.v_r))

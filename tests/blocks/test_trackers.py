@@ -239,7 +239,8 @@ class TestStanley:
     def test_the_cross_track_error_decays_as_in_the_paper(self, v_r: float, k: float) -> None:
         """e' = -k e / sqrt(1 + (k e / v)^2), from far away."""
         length = 0.4
-        pose = drive(Stanley(v_r=v_r, k=k, wheel_base=length), 2.0, -0.3, 8.0)["plant.pose"][::100]
+        stanley = Stanley(v_r=v_r, k=k, wheel_base=length, delta_max=1.5)
+        pose = drive(stanley, 2.0, -0.3, 8.0)["plant.pose"][::100]
         front = pose[:, 1] + length * np.sin(pose[:, 2])
 
         def law(t: float, e: FloatArray) -> FloatArray:
@@ -249,8 +250,14 @@ class TestStanley:
         expected = solve_ivp(law, (0.0, 8.0), [front[0]], t_eval=times, rtol=1e-9, atol=1e-12)
         np.testing.assert_allclose(front, expected.y[0], rtol=0.0, atol=2e-3)
 
-    def test_near_the_path_both_rates_are_k(self) -> None:
+    def test_near_the_path_the_rates_are_k_and_twice_that(self) -> None:
+        """From (e0, 0), s^2 + 3 k s + 2 k^2 gives 2 exp(-k t) - exp(-2 k t)."""
         pose = drive(Stanley(v_r=0.5, k=1.5), 0.004, 0.0, 5.0)["plant.pose"]
         t = 1e-3 * np.arange(len(pose))
-        expected = 0.004 * np.exp(-1.5 * t) * (1.0 + 1.5 * t)
+        expected = 0.004 * (2.0 * np.exp(-1.5 * t) - np.exp(-3.0 * t))
         np.testing.assert_allclose(pose[:, 1], expected, rtol=0.0, atol=1e-5)
+
+    @given(lateral=laterals, heading=st.floats(-3.1, 3.1))
+    def test_it_keeps_moving(self, lateral: float, heading: float) -> None:
+        dv, _ = command(Stanley(), 0.0, lateral, heading)
+        assert 1.0 + dv >= math.cos(1.0) - 1e-12
