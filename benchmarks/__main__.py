@@ -1,31 +1,87 @@
-"""All measurements in one run:  python -m benchmarks [rounds]  writes docs/performance.md."""
+"""All measurements in one run:  python -m benchmarks [rounds] [--quick]
+
+Writes docs/performance.md. First every implementation of a diagram must agree with the others to
+1e-9; where one does not, nothing is timed and nothing is written. ``--quick`` tries everything on
+few ticks and only prints: its figures mean nothing.
+"""
 
 from __future__ import annotations
 
+import argparse
 import sys
+import time
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from benchmarks import case_a, case_c, chains
-from benchmarks.timing import Timing, machine, process_seconds, take_turns
+from benchmarks import monte_carlo, per_tick, start_up
+from benchmarks.agreement import TOLERANCE, DisagreementError
+from benchmarks.contests import Contest, case_a_contest, tracking_contest
+from benchmarks.peers import PEERS
+from benchmarks.timing import machine
+from benchmarks.whole_loop import WholeLoop
 
 PAGE = Path(__file__).parent.parent / "docs" / "performance.md"
-SECONDS = 10.0
-FOLLOWING = 30.0
+PACKAGES = ("numpy", "networkx", "numba", "nengo", *(peer.package for peer in PEERS))
 
 HEAD = """# Performance
 
-Written by `python -m benchmarks`. Contestants take turns in one process on one machine, after a
-round that does not count; figures are medians of {rounds} rounds, with the smallest and largest in
-brackets. Building is left out of all per-tick figures.
+Written by `python -m benchmarks`; goals and misses included. Contestants take turns in one process
+on one machine, after a round that does not count; figures are medians of {rounds} rounds, with the
+smallest and largest in brackets. Building and compiling are left out of all per-tick figures.
+
+Before anything was timed, all implementations of each diagram went the same way: no pose differs by
+more than {apart:.1g} m or rad ({tolerance:g} is allowed).
 
 Machine: {machine}. Packages: {packages}.
 """
 
 
+@dataclass(frozen=True)
+class Sizes:
+    """How much of everything is run.
+
+    Parameters
+    ----------
+    case_a : ticks for each number of neurons.
+    tracking : ticks at each dt.
+    chains : numbers of blocks.
+    following : seconds of case C.
+    seeds, nengo_seeds, until : of the Monte Carlo, and the length of its runs.
+    """
+
+    case_a: dict[int, int]
+    tracking: dict[float, int]
+    chains: tuple[int, ...]
+    following: float
+    seeds: int
+    nengo_seeds: int
+    until: float
+
+
+FULL = Sizes(
+    case_a={100: 10_000, 1000: 4000, 10_000: 800},
+    tracking={0.01: 2000, 0.001: 2000},
+    chains=(10, 100, 1000),
+    following=20.0,
+    seeds=200,
+    nengo_seeds=6,
+    until=20.0,
+)
+QUICK = Sizes(
+    case_a={100: 300, 1000: 100},
+    tracking={0.01: 100, 0.001: 100},
+    chains=(10, 100),
+    following=12.0,
+    seeds=4,
+    nengo_seeds=2,
+    until=0.5,
+)
+
+
 def packages() -> str:
     found = []
-    for name in ("numpy", "networkx", "nengo"):
+    for name in PACKAGES:
         try:
             found.append(f"{name} {version(name)}")
         except PackageNotFoundError:
@@ -33,109 +89,68 @@ def packages() -> str:
     return ", ".join(found)
 
 
-def figure(timing: Timing, scale: float, unit: str, digits: int = 1) -> str:
-    """``33.1 us (32.9 to 34.0)``."""
-    low, high = timing.spread
-    values = [f"{scale * value:.{digits}f}" for value in (timing.median, low, high)]
-    return f"{values[0]} {unit} ({values[1]} to {values[2]})"
+def say(text: str) -> None:
+    print(f"{time.strftime('%H:%M:%S')} {text}", file=sys.stderr, flush=True)
 
 
-def against_nengo(rounds: int) -> str:
-    contestants = {"spikeblocks, Python engine": lambda: case_a.ours(SECONDS)}
+def page(rounds: int, sizes: Sizes) -> str:
+    """docs/performance.md, measured now.
+
+    Raises
+    ------
+    DisagreementError : two implementations went different ways; nothing was timed.
+    """
+    apart = [0.0]
+
+    def checked(found: tuple[Contest, float]) -> Contest:
+        apart.append(found[1])
+        say(f"{found[0].subject}: all agree to {found[1]:.1g}")
+        return found[0]
+
+    tracked = {dt: checked(tracking_contest(dt, n)) for dt, n in sizes.tracking.items()}
+    case_a = {n: checked(case_a_contest(n, ticks)) for n, ticks in sizes.case_a.items()}
+    loop = WholeLoop(sizes.following)
+    say(f"case C: the engines agree to {loop.apart:.1g}")
+    head = HEAD.format(
+        rounds=rounds,
+        apart=max(*apart, loop.apart),
+        tolerance=TOLERANCE,
+        machine=machine(),
+        packages=packages(),
+    )
+    sections = (
+        lambda: per_tick.case_a_section(case_a, rounds),
+        lambda: per_tick.tracking_section(tracked, rounds),
+        lambda: loop.section(rounds),
+        lambda: per_tick.parts_section(rounds),
+        lambda: per_tick.chain_section(sizes.chains, rounds),
+        lambda: monte_carlo.section(sizes.seeds, sizes.nengo_seeds, sizes.until, rounds),
+        lambda: start_up.section(rounds),
+    )
+    text = head
+    for section in sections:
+        text += section()
+        say(text[text.rindex("\n## ") :].split("\n")[1])
+    return text
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks")
+    parser.add_argument("rounds", nargs="?", type=int, default=3)
+    parser.add_argument("--quick", action="store_true", help="few ticks; print, write nothing")
+    options = parser.parse_args()
+    if options.rounds < 1:
+        parser.error(f"rounds must be 1 or more, got {options.rounds}")
     try:
-        import nengo  # noqa: F401
-
-        contestants["nengo"] = lambda: case_a.nengo_run(SECONDS)
-        note = ""
-    except ImportError:
-        note = "\nnengo is not installed: pip install -e '.[bench]'\n"
-    timings = take_turns(contestants, rounds, round(SECONDS / case_a.DT))
-    ours = timings["spikeblocks, Python engine"].median
-    rows = "".join(
-        f"| {name} | {figure(t, 1e6, 'us')} | {t.median / ours:.2f} |\n"
-        for name, t in timings.items()
-    )
-    return (
-        "\n## Case A as one graph\n\nTwo learning ensembles of 100 neurons at 1 kHz, plant, fault "
-        "and saturation at 1 kHz, matching point, error and LQR at 100 Hz. In nengo the latter "
-        "are Nodes that call the same block code.\n\n"
-        f"| | per tick | against ours |\n|---|---|---|\n{rows}{note}"
-    )
-
-
-def wall_following(rounds: int) -> str:
-    parts = case_c.Parts()
-    timings = take_turns(
-        {"scan": parts.scan_seconds, "fit": parts.fit_seconds}, rounds, case_c.PLACES
-    )
-    whole = take_turns({"whole": lambda: case_c.run_seconds(FOLLOWING)}, rounds)["whole"]
-    per_tick = Timing(whole.seconds, round(FOLLOWING / case_c.DT))
-    return (
-        f"\n## Case C by parts\n\nScans of the paper's room from {case_c.PLACES} places along the "
-        f"walls; the whole graph with both ensembles at 1 kHz over {FOLLOWING:g} s by the Python "
-        "engine.\n\n| | per call |\n|---|---|\n"
-        f"| a scan of 360 beams | {figure(timings['scan'], 1e6, 'us')} |\n"
-        f"| a path from a scan: fit, offset, trim, fillet, refit | "
-        f"{figure(timings['fit'], 1e3, 'ms', 2)} |\n"
-        f"| a tick of the whole graph | {figure(per_tick, 1e6, 'us')} |\n\n"
-        f"The whole graph runs at {FOLLOWING / whole.median:.1f} times real time.\n"
-    )
-
-
-def chain_table(rounds: int) -> str:
-    rows = ""
-    for length in (10, 100, 1000, 2000):
-        timings = take_turns(
-            {
-                "build": lambda n=length: chains.build_seconds(n),
-                "run": lambda n=length: chains.run_seconds(n),
-            },
-            rounds,
-        )
-        build, run = timings["build"], timings["run"]
-        per_block = Timing(run.seconds, length * chains.TICKS)
-        rows += f"| {length} | {figure(per_block, 1e9, 'ns', 0)} | {figure(build, 1e3, 'ms')} |\n"
-    return (
-        "\n## Chains of Gain blocks\n\n"
-        f"| blocks | per block and tick, over {chains.TICKS} ticks | read, check and plan |\n"
-        f"|---|---|---|\n{rows}"
-    )
-
-
-def start_up(rounds: int) -> str:
-    script = "import sys; from runtime.cli import main; main()"
-    calls = {
-        "`import runtime`": ("-c", "import runtime"),
-        "`runtime --help`": ("-c", script, "--help"),
-        "`runtime validate line_actuator_failure`": (
-            "-c",
-            script,
-            "validate",
-            "line_actuator_failure",
-        ),
-        "an empty Python process": ("-c", "pass"),
-    }
-    timings = take_turns(
-        {name: (lambda a=arguments: process_seconds(*a)) for name, arguments in calls.items()},
-        rounds,
-    )
-    rows = "".join(f"| {name} | {figure(t, 1.0, 's', 2)} |\n" for name, t in timings.items())
-    return f"\n## Start-up\n\n| process | wall time |\n|---|---|\n{rows}"
-
-
-def page(rounds: int) -> str:
-    """docs/performance.md, measured now."""
-    head = HEAD.format(rounds=rounds, machine=machine(), packages=packages())
-    return (
-        head
-        + against_nengo(rounds)
-        + wall_following(rounds)
-        + chain_table(rounds)
-        + start_up(rounds)
-    )
+        text = page(options.rounds, QUICK if options.quick else FULL)
+    except DisagreementError as error:
+        print(f"no table: {error}", file=sys.stderr)
+        return 1
+    if not options.quick:
+        PAGE.write_text(text, encoding="utf-8")
+    print(text)
+    return 0
 
 
 if __name__ == "__main__":
-    text = page(int(sys.argv[1]) if len(sys.argv) > 1 else 5)
-    PAGE.write_text(text, encoding="utf-8")
-    print(text)
+    sys.exit(main())

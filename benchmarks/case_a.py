@@ -1,35 +1,74 @@
-"""Case A as one graph against nengo: the same two ensembles, plant and LQR as Nodes, dt 1 ms."""
+"""Case A as one graph: ours, nengo's, and what by-hand loops need; dt 1 ms, control at 100 Hz."""
 
 from __future__ import annotations
 
 import math
 import time
+from typing import Any
 
 import numpy as np
 
 import runtime
+from benchmarks.agreement import Run
+from benchmarks.by_hand import CaseA
+from benchmarks.tracking import run_of
 from blocks import LQR, LinePath, MatchingPoint, TrackingError
 from blocks.block import BlockState, Setting
 from blocks.signals import FloatArray, Path
 
 DT = 0.001
 EVERY = 10
+RADIUS = 2.0
+KAPPA = (1e-8, 6e-6)
 X0 = (math.pi / 2, 1.2, math.pi / 2)
+ENSEMBLES = ("adaptive.snn_v", "adaptive.snn_omega")
 
 
-def graph(until: float) -> runtime.Graph:
+def graph(neurons: int, ticks: int, engine: str) -> runtime.Graph:
     """The shipped graph, without probes and pictures beyond the pose."""
-    loaded = runtime.load("line_actuator_failure").set("run.until", until)
+    loaded = runtime.load("line_actuator_failure").set("run.until", ticks * DT)
+    loaded = loaded.set("blocks.adaptive.params.neurons", neurons).set("run.engine", engine)
     for section in ("plots", "metrics", "probes"):
         loaded = loaded.set(section, {})
     return loaded.set("probes.pose", {"of": "plant.pose", "every": EVERY})
 
 
-def ours(until: float) -> float:
-    """Seconds of one run, building left out."""
-    prepared = graph(until)
-    prepared.check()
-    return float(prepared.run().manifest["wall_s"])
+class Ours:
+    """The shipped graph, built once and run as often as wanted."""
+
+    def __init__(self, neurons: int, ticks: int, engine: str) -> None:
+        self.graph = graph(neurons, ticks, engine).check()
+
+    def __call__(self) -> Run:
+        return run_of(self.graph)
+
+
+def numbers(neurons: int) -> CaseA:
+    """What a loop by hand needs: the neurons that our graph draws, the path and the gains."""
+    drawn = graph(neurons, 1, "python").set("probes", {})
+    for name in ENSEMBLES:
+        for state in ("scaled_encoders", "offset", "voltage"):
+            drawn = drawn.probe(f"{name}.{state}", every=1)
+    first = drawn.run()
+
+    def both(state: str) -> FloatArray:
+        return np.array([first[f"{name}.{state}"][0].ravel() for name in ENSEMBLES])
+
+    path = LinePath(y=1.0, x_end=40.0, samples=4001).sampled
+    _, gain = LQR(q=[0.03, 0.03, 0.03], r=[1, 1]).solve(DT * EVERY, 0.0)
+    return CaseA(
+        x0=X0,
+        dt=DT,
+        every=EVERY,
+        path=np.ascontiguousarray(path[:, :3]),
+        window=200,
+        forward=1.0,
+        k=np.ascontiguousarray(gain),
+        kappa=KAPPA,
+        encoders=both("scaled_encoders"),
+        bias=both("offset"),
+        voltage=both("voltage"),
+    )
 
 
 class Controller:
@@ -69,13 +108,16 @@ class Controller:
 
 
 class Plant:
-    """Saturation, fault and unicycle for a nengo Node; returns the pose before the step."""
+    """Saturation, fault and unicycle, to be sensed by one nengo Node and moved by another."""
 
     def __init__(self) -> None:
         self.pose = X0
 
-    def __call__(self, t: float, command: FloatArray) -> tuple[float, float, float]:
-        x, y, theta = now = self.pose
+    def sense(self, t: float) -> tuple[float, float, float]:
+        return self.pose
+
+    def move(self, t: float, command: FloatArray) -> None:
+        x, y, theta = self.pose
         v, omega = float(command[0]), float(command[1])
         if abs(omega) > 1.0:
             v, omega = v / abs(omega), math.copysign(1.0, omega)
@@ -86,35 +128,58 @@ class Plant:
             y + chord * math.sin(theta + half),
             theta + 2.0 * half,
         )
-        return now
 
 
-def nengo_run(until: float) -> float:
-    """Seconds of one run of the same diagram in nengo, building left out."""
+def nengo_model(neurons: int, seed: int = 0, fixed: CaseA | None = None) -> tuple[Any, Any]:
+    """The diagram in nengo, and its probe of the pose; ``fixed`` puts in our own neurons."""
     import nengo
 
-    with nengo.Network(seed=0) as model:
-        plant = nengo.Node(Plant(), size_in=2, size_out=3)
+    with nengo.Network(seed=seed) as model:
+        plant = Plant()
+        sense = nengo.Node(plant.sense, size_out=3)
         controller = nengo.Node(Controller(), size_in=3, size_out=4)
-        nengo.Connection(plant, controller, synapse=0)
-        nengo.Connection(controller[:2], plant, synapse=None)
-        for axis, (kappa, signal) in enumerate(((1e-8, 2), (6e-6, 3))):
-            ensemble = nengo.Ensemble(100, 1, radius=2.0, intercepts=nengo.dists.Uniform(-1, 0.9))
+        move = nengo.Node(plant.move, size_in=2)
+        nengo.Connection(sense, controller, synapse=None)
+        nengo.Connection(controller[:2], move, synapse=None)
+        for axis, (kappa, signal) in enumerate(zip(KAPPA, (2, 3), strict=True)):
+            ensemble = nengo.Ensemble(neurons, 1, radius=RADIUS, **_neurons(fixed, axis))
             nengo.Connection(controller[signal], ensemble, synapse=None)
             learnt = nengo.Connection(
                 ensemble,
-                plant[axis],
+                move[axis],
                 synapse=0.01,
-                solver=nengo.solvers.NoSolver(np.zeros((100, 1))),
+                solver=nengo.solvers.NoSolver(np.zeros((neurons, 1))),
                 learning_rule_type=nengo.PES(kappa, pre_synapse=nengo.Lowpass(0.01)),
             )
             nengo.Connection(controller[signal], learnt.learning_rule, synapse=None)
-        probe = nengo.Probe(plant, sample_every=DT * EVERY)
+        return model, nengo.Probe(sense, sample_every=DT * EVERY)
+
+
+def _neurons(fixed: CaseA | None, axis: int) -> dict[str, Any]:
+    import nengo
+
+    if fixed is None:
+        return {"intercepts": nengo.dists.Uniform(-1, 0.9)}
+    scaled = fixed.encoders[axis]
+    voltage = nengo.dists.Samples(fixed.voltage[axis])
+    return {
+        "gain": np.abs(scaled) * RADIUS,
+        "bias": fixed.bias[axis],
+        "encoders": np.sign(scaled)[:, None],
+        "neuron_type": nengo.LIF(initial_state={"voltage": voltage}),
+    }
+
+
+def nengo_run(fixed: CaseA, ticks: int) -> Run:
+    """The same diagram in nengo, building left out.
+
+    Nengo samples at the end of every tenth step: its row i is the pose at tick 10 i + 9.
+    """
+    import nengo
+
+    model, probe = nengo_model(fixed.bias.shape[1], fixed=fixed)
     with nengo.Simulator(model, dt=DT, progress_bar=False) as simulator:
         began = time.perf_counter()
-        simulator.run(until)
+        simulator.run_steps(ticks)
         took = time.perf_counter() - began
-        final = simulator.data[probe][-1]
-    if not (np.isfinite(final).all() and final[0] > X0[0] + 0.5 * (until - 5.0)):
-        raise RuntimeError(f"nengo's robot went astray, to {final}; the comparison is void")
-    return took
+        return Run(took, np.array(simulator.data[probe]))

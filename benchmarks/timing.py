@@ -8,7 +8,7 @@ import statistics
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,7 +30,7 @@ class Timing:
 
 
 def take_turns(
-    contestants: dict[str, Callable[[], float]], rounds: int, units: int = 1
+    contestants: Mapping[str, Callable[[], float]], rounds: int, units: int = 1
 ) -> dict[str, Timing]:
     """Let every contestant run once per round, after one round that does not count.
 
@@ -52,6 +52,11 @@ def process_seconds(*arguments: str) -> float:
     return time.perf_counter() - began
 
 
+def cores() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def machine() -> str:
     """The machine in one line: processor, cores, Python."""
     model = platform.processor() or platform.machine()
@@ -60,4 +65,4 @@ def machine() -> str:
             model = next(line.split(":")[1].strip() for line in lines if "model name" in line)
     except (OSError, StopIteration):
         pass
-    return f"{model}, {os.cpu_count()} cores, Python {platform.python_version()}"
+    return f"{model}, {cores()} cores, Python {platform.python_version()}"
