@@ -82,6 +82,16 @@ def test_the_examples_run(name: str) -> None:
     assert done.stdout
 
 
+def test_the_example_with_physics_runs(tmp_path: Path) -> None:
+    script = str(ROOT / "examples" / "physics.py")
+    done = subprocess.run(
+        [sys.executable, script, "2"], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    folder = done.stdout.split()[-1]
+    assert (tmp_path / folder / "manifest.json").is_file()
+
+
 def test_the_example_block_runs_from_its_graph() -> None:
     result = runtime.load(ROOT / "examples" / "slippery_patch.yaml").run(until=2.0)
     turned = result["limit.limited"][:, 1]
