@@ -21,7 +21,10 @@ from runtime.record import RESOLVED, SCHEMA_VERSION, WRITTEN, portable_modules
 from runtime.result import Recorded, Result, evaluate, times
 from runtime.running import silent
 
-PACKAGES = ("spikeblocks", "numpy", "scipy", "networkx", "pyyaml", "matplotlib", "numba")
+PACKAGES = (
+    *("spikeblocks", "numpy", "scipy", "networkx", "pyyaml", "matplotlib"),
+    *("numba", "mujoco-core"),
+)
 
 
 def simulate(
