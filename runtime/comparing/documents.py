@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, Final
 
-from runtime.writer import dump_yaml
+from runtime.writer import flow_yaml
 
 LONG = 60  # letters: from there on, lists of one length are compared item by item
 
@@ -94,19 +94,6 @@ def same(a: Any, b: Any) -> bool:
 
 
 def text_of(value: Any, most: int = 0) -> str:
-    """A value as it would stand in a graph, in one line; cut to ``most`` letters if given.
-
-    For people: several spaces in a text become one.
-    """
-    text = "" if value is ABSENT else _flow(value)
+    """A value as it would stand in a graph, in one line; cut to ``most`` letters if given."""
+    text = "" if value is ABSENT else flow_yaml(value)
     return f"{text[: most - 1]}…" if most and len(text) > most else text
-
-
-def _flow(value: Any) -> str:
-    if isinstance(value, dict):
-        return f"{{{', '.join(f'{key}: {_flow(item)}' for key, item in value.items())}}}"
-    if isinstance(value, list):
-        return f"[{', '.join(map(_flow, value))}]"
-    # Inside a list, YAML writes a scalar without a document's end after it.
-    listed = " ".join(dump_yaml([value]).split())
-    return listed.removeprefix("- ") if listed.startswith("- ") else listed[1:-1]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
 
 VOID = ("br", "hr", "link", "meta")
@@ -54,20 +54,44 @@ def table(
     label : what the table shows, for those who cannot see it.
     wraps : columns whose texts may take several lines.
     """
+    kinds = _kinds(len(head), numbers, wraps)
+    return _table(head, element("tbody", *_rows(rows, kinds)), kinds, label)
 
-    def kind(i: int) -> dict[str, str]:
-        name = "number" if i in numbers else "wrap" if i in wraps else ""
-        return {"class_": name} if name else {}
 
-    titles = [element("th", title, scope="col", **kind(i)) for i, title in enumerate(head)]
-    body = []
+def grouped_table(
+    head: Sequence[str],
+    groups: Mapping[str, Iterable[Sequence[str]]],
+    numbers: Sequence[int] = (),
+    *,
+    label: str,
+) -> Html:
+    """A table whose rows stand under the names of their groups."""
+    kinds = _kinds(len(head), numbers, ())
+    bodies = []
+    for name, rows in groups.items():
+        title = element("th", name, scope="rowgroup", colspan=str(len(head)))
+        bodies.append(element("tbody", element("tr", title, class_="group"), *_rows(rows, kinds)))
+    return _table(head, join(*bodies), kinds, label)
+
+
+def _kinds(count: int, numbers: Sequence[int], wraps: Sequence[int]) -> list[dict[str, str]]:
+    """The attributes of the cells of each column."""
+    names = ["number" if i in numbers else "wrap" if i in wraps else "" for i in range(count)]
+    return [{"class_": name} if name else {} for name in names]
+
+
+def _rows(rows: Iterable[Sequence[str]], kinds: Sequence[dict[str, str]]) -> Iterator[Html]:
     for first, *others in rows:
-        cells = [element("th", first, scope="row", **kind(0))]
-        cells += [element("td", cell, **kind(i)) for i, cell in enumerate(others, start=1)]
-        body.append(element("tr", *cells))
-    whole = element(
-        "table", element("thead", element("tr", *titles)), "\n", element("tbody", *body)
-    )
+        cells = [element("th", first, scope="row", **kinds[0])]
+        cells += [element("td", cell, **kind) for cell, kind in zip(others, kinds[1:], strict=True)]
+        yield element("tr", *cells)
+
+
+def _table(head: Sequence[str], body: Html, kinds: Sequence[dict[str, str]], label: str) -> Html:
+    titles = [
+        element("th", title, scope="col", **kind) for title, kind in zip(head, kinds, strict=True)
+    ]
+    whole = element("table", element("thead", element("tr", *titles)), "\n", body)
     return scrolling(whole, label)
 
 

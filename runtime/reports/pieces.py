@@ -8,6 +8,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree
 
 from runtime.errors import SpikeblocksError
 from runtime.reports.html import Html, element, facts, join, scrolling, table
@@ -16,26 +17,42 @@ from runtime.reports.svg import diagram_svg, figure_svg
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from runtime.graph import Graph
-
 LEGIBLE = 0.62  # of a diagram's natural width: narrower, its letters are too small to read
+WIDE = 800.0  # pixels: a wider diagram stands out of the column of text
 BROAD = 1200.0  # pixels: a wider diagram is printed on a page of its own, lengthwise
 
 
-def number(value: float | None) -> Html:
+def number(value: float | None, *, signed: bool = False) -> Html:
     """A number in four digits, all of them in its tooltip; a dash where there is none."""
     if value is None or math.isnan(value):
         return element("span", "–", title="no value")
-    shown = f"{value:.4g}".replace("-", "−")
-    return element("span", shown, title=repr(value))
+    return element("span", _digits(value, signed), title=repr(value))
 
 
-def plot(figure: Figure, name: str, caption: str) -> Html:
-    """A figure with what it shows below it."""
+def _digits(value: float, signed: bool) -> str:
+    sign = "+" if signed and value else ""
+    return f"{value:{sign}.4g}".replace("-", "−")
+
+
+def interval(low: float | None, high: float | None, *, signed: bool = False) -> str:
+    """The ends of an interval; a dash where there is none."""
+    if low is None or high is None or math.isnan(low) or math.isnan(high):
+        return "–"
+    return f"[{_digits(low, signed)}, {_digits(high, signed)}]"
+
+
+def probability(p: float | None) -> str:
+    """A p value in two digits; those that are very small by a bound."""
+    if p is None or math.isnan(p):
+        return "–"
+    return "< 0.0001" if p < 1e-4 else f"{p:.2g}"
+
+
+def plot(figure: Figure, name: str, caption: str, *, wide: bool = False) -> Html:
+    """A figure with what it shows below it; a wide one takes all of the page's width."""
     drawn = figure_svg(figure, identifier(name), caption)
-    return element(
-        "figure", scrolling(drawn, caption, "plot"), element("figcaption", caption), id=name
-    )
+    frame = scrolling(drawn, caption, "plot full" if wide else "plot")
+    return element("figure", frame, element("figcaption", caption), id=name)
 
 
 def identifier(name: str) -> str:
@@ -43,14 +60,25 @@ def identifier(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9_-]+", "_", name)
 
 
-def diagram(graph: Graph, name: str) -> Html:
-    """The block diagram of a graph; what cannot be built here is told in its place."""
+def diagram_of(file: Path) -> Html:
+    """The block diagram of a resolved graph; what cannot be built here is told in its place."""
+    from runtime.graph import load
+
     try:
+        graph = load(file)
         drawn = str(graph.diagram("svg"))
     except SpikeblocksError as error:
         said = f"The graph cannot be built here, so that there is no diagram: {error}"
         return element("p", said, class_="soft")
-    return diagram_frame(drawn, name, f"block diagram of {graph.title}")
+    return diagram_frame(drawn, "diagram", f"block diagram of {graph.title}")
+
+
+def diagram_file(file: Path, name: str, label: str) -> Html:
+    """A block diagram that was drawn before."""
+    try:
+        return diagram_frame(file.read_text(encoding="utf-8"), name, label)
+    except (OSError, ValueError, ElementTree.ParseError) as error:
+        return element("p", f"The diagram cannot be read: {error}", class_="soft")
 
 
 def diagram_frame(drawn: str, name: str, label: str) -> Html:
@@ -60,7 +88,19 @@ def diagram_frame(drawn: str, name: str, label: str) -> Html:
     width = float(found.group(1)) if found else 0.0
     how = f"min-width: {LEGIBLE * width:.0f}px; max-width: {width:.0f}px"
     styled = Html(svg.replace("<svg ", f'<svg style="{how}" ', 1))
-    return scrolling(styled, label, "diagram wide broad" if width > BROAD else "diagram wide")
+    kind = "diagram" + " wide" * (width > WIDE) + " broad" * (width > BROAD)
+    return scrolling(styled, label, kind)
+
+
+def graph_file(file: Path, said: str) -> Html:
+    """The text of a resolved graph, with the command that runs it."""
+    try:
+        text = file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        return element("p", f"The graph cannot be read: {error}", class_="soft")
+    again = element("code", f"runtime run {file}")
+    first = element("p", said, " ", again, " runs it.", class_="soft")
+    return join(first, source(text.rstrip(), "resolved graph"))
 
 
 def source(text: str, label: str) -> Html:
@@ -68,15 +108,16 @@ def source(text: str, label: str) -> Html:
     return scrolling(element("pre", element("code", text)), label, "source")
 
 
-def command(argv: Sequence[Any]) -> Html:
+def command(argv: Any) -> Html:
     """A command line as it can be typed again."""
-    words = [Path(str(argv[0])).name, *map(str, argv[1:])] if argv else []
-    return element("code", shlex.join(words))
+    words = [str(word) for word in argv] if isinstance(argv, list) else []
+    return element("code", shlex.join([Path(words[0]).name, *words[1:]])) if words else Html("")
 
 
-def versions(found: Mapping[str, Any]) -> Html:
+def versions(found: Any) -> Html:
     """Names and versions of packages."""
-    rows = [[str(name), str(version)] for name, version in found.items()]
+    known = found if isinstance(found, Mapping) else {}
+    rows = [[str(name), str(version)] for name, version in known.items()]
     return table(["package", "version"], rows, label="versions")
 
 
@@ -85,14 +126,37 @@ def moment(stamp: str) -> str:
     return stamp[:16].replace("T", " ")
 
 
+def plan_provenance(folder: Path, plan: Mapping[str, Any]) -> Html:
+    """Where the numbers of a sweep or an ablation come from."""
+    found = plan.get("made")
+    made = found if isinstance(found, Mapping) else {}
+    changes = made.get("changes")
+    more = [
+        ("seeds", str(plan.get("seeds", ""))),
+        ("changes", "; ".join(map(str, changes)) if isinstance(changes, list) else ""),
+        ("sampling", _sampling(plan)),
+        ("digest", str(plan.get("digest", ""))),
+        ("folder", str(folder.resolve())),
+    ]
+    return provenance(made, more)
+
+
+def _sampling(plan: Mapping[str, Any]) -> str:
+    """How the settings of a sweep were chosen."""
+    for method in ("random", "sobol"):
+        if method in plan:
+            return f"{plan[method]} points, {method}, seed {plan.get('sampling_seed', 0)}"
+    return "all combinations" if plan.get("kind") == "sweep" else ""
+
+
 def provenance(made: Mapping[str, Any], more: Sequence[tuple[str, str]]) -> Html:
     """Where numbers come from: the command, the commit, when, and what else is known."""
     pairs = [
-        ("command", command(made.get("argv") or [])),
+        ("command", command(made.get("argv"))),
         ("source", str(made.get("source") or "built in Python")),
         ("git commit", str(made.get("git") or "none")),
         ("started", str(made.get("started", ""))),
         *more,
     ]
     listed = facts([(name, value) for name, value in pairs if value], "list")
-    return join(listed, element("h3", "Versions"), versions(made.get("versions") or {}))
+    return join(listed, element("h3", "Versions"), versions(made.get("versions")))

@@ -5,7 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from runtime.errors import UsageError
+from runtime.experiments.plan import PLAN, read_plan
+from runtime.record import MANIFEST
 from runtime.reopen import run_folder
+from runtime.reports.schema import check
+
+_PLAN = {"kind": str, "experiment": str, "points": int, "metrics": [str]}
 
 
 @dataclass(frozen=True)
@@ -17,14 +23,46 @@ class Report:
     html: str
 
 
-def report(path: Path) -> Report:
+def report(path: str | Path) -> Report:
     """Report on a run, a sweep or an ablation.
+
+    Parameters
+    ----------
+    path : the folder, a link to it, or one of the files that say what it is.
 
     Raises
     ------
     UsageError : there is none of them, or its files are missing or damaged.
     """
+    folder = Path(path)
+    if folder.name in (MANIFEST, PLAN):
+        folder = folder.parent
+    if not (folder / PLAN).is_file():
+        return _of_run(folder)
+    plan = read_plan(folder)
+    try:
+        check(plan, _PLAN)
+    except ValueError as error:
+        raise UsageError(f"'{folder / PLAN}' is damaged: {error}") from None
+    kind = plan["kind"]
+    if kind == "ablation":
+        from runtime.reports.ablation_report import ablation_report
+
+        return Report("ablation", folder, ablation_report(folder))
+    if kind == "sweep":
+        from runtime.reports.sweep_report import sweep_report
+
+        return Report("sweep", folder, sweep_report(folder))
+    raise UsageError(f"'{folder / PLAN}': expected the kind sweep or ablation, got {kind!r}")
+
+
+def _of_run(folder: Path) -> Report:
     from runtime.reports.run_report import run_report
 
-    folder = run_folder(path)
-    return Report("run", folder, run_report(folder))
+    inside = sorted(plan.parent for plan in folder.glob(f"*/{PLAN}"))
+    if inside and not (folder / MANIFEST).is_file():
+        found = folder / "latest" if folder / "latest" in inside else inside[-1]
+        said = "holds no run, sweep or ablation itself"
+        raise UsageError(f"'{folder}' {said}; did you mean '{found}'?")
+    found = run_folder(folder)
+    return Report("run", found, run_report(found))

@@ -8,8 +8,7 @@ from typing import Any
 
 from runtime.comparing.documents import text_of
 from runtime.document import parse_yaml
-from runtime.errors import SpikeblocksError, UsageError
-from runtime.graph import load
+from runtime.errors import UsageError
 from runtime.record import RESOLVED
 from runtime.reopen import open_run, run_folder
 from runtime.reports import pieces
@@ -36,7 +35,7 @@ def run_report(path: Path) -> str:
     sections = {
         "Metrics": _metrics(folder, result),
         "Figures": join(*_figures(result)),
-        "Diagram": _diagram(folder),
+        "Diagram": pieces.diagram_of(folder / RESOLVED),
         "Recorded signals": _signals(result),
         "Graph": _graph(folder, result),
         "Provenance": _provenance(folder, result),
@@ -160,14 +159,6 @@ def _figures(result: Result) -> Iterator[Html]:
 def _addresses(result: Result, probe: str) -> list[str]:
     recorded = result.probes.get(probe)
     return list(recorded.addresses) if recorded is not None else [probe]
-
-
-def _diagram(folder: Path) -> Html:
-    try:
-        graph = load(folder / RESOLVED)
-    except SpikeblocksError as error:
-        return element("p", f"The graph cannot be read: {error}", class_="soft")
-    return pieces.diagram(graph, "diagram")
 
 
 def _signals(result: Result) -> Html:

@@ -24,7 +24,7 @@ from runtime.result import Recorded
 
 KEYS = st.sampled_from(["a", "b", "c", "long_name"])
 SCALARS = st.one_of(
-    *(st.none(), st.booleans(), st.integers(-9, 9), st.floats(), st.text("ab0:#'", max_size=5)),
+    *(st.none(), st.booleans(), st.integers(-9, 9), st.floats(), st.text("ab0: #'", max_size=5)),
 )
 VALUES = st.recursive(
     SCALARS,

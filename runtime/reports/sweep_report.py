@@ -1,0 +1,187 @@
+"""The report of a sweep: the best settings, how each knob matters, and what failed."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from runtime.experiments.groups import Group, Tally, gather
+from runtime.experiments.index import Columns, Row, read_rows
+from runtime.experiments.plan import GRAPH, INDEX, read_plan
+from runtime.experiments.statistics import Estimate, estimate
+from runtime.experiments.sweep_data import SweepData, read_sweep
+from runtime.experiments.sweep_figures import sweep_figures
+from runtime.experiments.sweeping import SUMMARY
+from runtime.reports import pieces
+from runtime.reports.html import Html, element, facts, join, table
+from runtime.reports.page import page
+
+FEW = 60  # settings that are all listed
+
+
+@dataclass(frozen=True)
+class _Sweep:
+    """A sweep as it is on disk: its plan, what figures show of it, and what was counted."""
+
+    folder: Path
+    plan: Mapping[str, Any]
+    data: SweepData
+    tally: Tally
+    total: int
+
+    @property
+    def knobs(self) -> list[str]:
+        return [axis.path for axis in self.data.axes]
+
+    @property
+    def metrics(self) -> list[str]:
+        """The metrics as the index has them."""
+        return list(self.data.metrics)
+
+    @property
+    def shown(self) -> list[str]:
+        """The metrics as tables have them: the objective first."""
+        goal = self.data.objective
+        return sorted(self.metrics, key=lambda name: goal is None or name != goal.metric)
+
+    def rows(self) -> Iterator[Row]:
+        """The rows of the index, in the order in which they ended."""
+        columns = Columns(tuple(self.knobs), tuple(self.metrics))
+        return read_rows(self.folder / INDEX, columns)
+
+
+def sweep_report(folder: Path) -> str:
+    """The report of a sweep as an HTML document.
+
+    Parameters
+    ----------
+    folder : of a sweep, complete or not.
+
+    Raises
+    ------
+    UsageError : its files cannot be read.
+    """
+    swept = _read(folder)
+    settings = swept.total // max(1, swept.data.seeds)
+    best = {ranked.cells: i for i, ranked in enumerate(swept.tally.best)}
+    is_few = len(best) < settings <= FEW
+    sections = {
+        "Best settings": _settings(swept, best, "best settings") if best else Html(""),
+        "Figures": join(*_figures(swept)),
+        "All settings": _settings(swept, None, "all settings") if is_few else Html(""),
+        "What did not end well": _failures(swept),
+        "Diagram": pieces.diagram_of(folder / GRAPH),
+        "Graph": pieces.graph_file(folder / GRAPH, "As it was before the knobs were turned."),
+        "Provenance": pieces.plan_provenance(folder, swept.plan),
+    }
+    made_by = f"Made by runtime report from {folder.resolve().name}."
+    return page("Sweep", swept.data.name, _lead(swept), _facts(swept, settings), sections, made_by)
+
+
+def _read(folder: Path) -> _Sweep:
+    plan = read_plan(folder)
+    data = read_sweep(folder)
+    column = None
+    if data.objective is not None and data.objective.metric in data.metrics:
+        column = list(data.metrics).index(data.objective.metric)
+    swept = _Sweep(folder, plan, data, Tally(data.seeds, column, data.objective), plan["points"])
+    for row in swept.rows():
+        swept.tally.add(row)
+    return swept
+
+
+def _lead(swept: _Sweep) -> str:
+    """The knobs with their ranges, and what is sought."""
+    vary, goal = swept.plan.get("vary"), swept.data.objective
+    knobs = vary.items() if isinstance(vary, Mapping) else ()
+    said = f"Sweep over {', '.join(f'{path} = {values}' for path, values in knobs)}"
+    if goal is None:
+        return f"{said}."
+    return f"{said}, to {goal.goal} {goal.metric}."
+
+
+def _facts(swept: _Sweep, settings: int) -> Html:
+    tally = swept.tally
+    is_whole = tally.done >= swept.total
+    status = f"{tally.done} of {swept.total}" if not is_whole else str(swept.total)
+    bad = tally.done - tally.counts["ok"]
+    return facts(
+        [
+            ("points", status if is_whole else element("span", status, class_="warn")),
+            ("settings", str(settings)),
+            ("seeds", str(swept.plan.get("seeds", ""))),
+            ("not ok", element("span", str(bad), class_="bad") if bad else "none"),
+            ("sampling", swept.data.method),
+            ("wall time", _wall(swept.folder)),
+        ]
+    )
+
+
+def _wall(folder: Path) -> str:
+    """How long the last part of the sweep took, if it came to its end."""
+    try:
+        seconds = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))["wall_s"]
+        return f"{float(seconds):.3g} s"
+    except (OSError, ValueError, KeyError, TypeError):
+        return "unknown"
+
+
+def _settings(swept: _Sweep, best: Mapping[tuple[str, ...], int] | None, label: str) -> Html:
+    """Settings with the mean and the interval of each metric; the best in their order, or all."""
+    groups = gather(swept.rows(), swept.data.seeds)
+    if best is None:
+        chosen = sorted(groups, key=lambda group: group.number)
+    else:
+        found = [group for group in groups if group.cells in best]
+        chosen = sorted(found, key=lambda group: best[group.cells])[: len(best)]
+    head = [*swept.knobs, "ok"]
+    for metric in swept.shown:
+        head += [metric, "95 % interval"]
+    rows = [_setting(swept, group) for group in chosen]
+    numbers = range(len(swept.knobs), len(head))
+    told = element("p", "Means and intervals are over the seeds.", class_="soft small")
+    return join(table(head, rows, numbers, label=label), told)
+
+
+def _setting(swept: _Sweep, group: Group) -> list[str]:
+    ok = sum(row.status == "ok" for row in group.rows)
+    cells = [*group.cells, f"{ok}/{swept.data.seeds}"]
+    for metric in swept.shown:
+        found = estimate(group.values(swept.metrics.index(metric)))
+        cells += [_mean(found, len(group.rows)), pieces.interval(found.low, found.high)]
+    return cells
+
+
+def _mean(found: Estimate, runs: int) -> Html:
+    """A mean, and of how many runs where some have no value."""
+    if 0 < found.n < runs:
+        share = element("span", f" {found.n}/{runs}", class_="soft")
+        return join(pieces.number(found.mean), share)
+    return pieces.number(found.mean)
+
+
+def _figures(swept: _Sweep) -> Iterator[Html]:
+    seeds = "means over the seeds" if swept.data.seeds > 1 else "one seed"
+    captions = {
+        "curves": f"Each metric along the knob: {seeds}, with 95 % intervals.",
+        "maps": f"Each metric over the two knobs: {seeds}.",
+    }
+    for i, (name, figure) in enumerate(sweep_figures(swept.folder)):
+        other = f"Each line is a setting: {name.removeprefix('parallel_')}, {seeds}."
+        yield pieces.plot(figure, f"figure-{i + 1}", captions.get(name, other), wide=True)
+
+
+def _failures(swept: _Sweep) -> Html:
+    counts = swept.tally.counts
+    if counts["ok"] == swept.tally.done:
+        return Html("")
+    rows = [[status, str(count)] for status, count in sorted(counts.items())]
+    parts = [table(["status", "points"], rows, [1], label="points by status")]
+    reasons = [[str(told["reason"]), str(told["count"])] for told in swept.tally.told()]
+    if reasons:
+        parts.append(element("h3", "Reasons, the most frequent first"))
+        parts.append(table(["reason", "points"], reasons, [1], label="reasons", wraps=[0]))
+    return join(*parts)
