@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from runtime.commands.changes import add_changes, changed, with_changes
-from runtime.commands.workers import add_workers, chosen_seeds, crew_of
+from runtime.commands.workers import add_workers, chosen_seeds, crew_of, noted
 from runtime.errors import UsageError
 
 if TYPE_CHECKING:
@@ -59,10 +59,10 @@ def run(options: Namespace) -> int:
 
     experiment, variants, essential = _asked(options)
     seeds = chosen_seeds(options) or experiment.seeds or Seeds(((0, DEFAULT_SEEDS - 1),))
-    plan = ablation_plan(experiment, variants, seeds)
+    quiet = options.quiet or options.json
+    plan = ablation_plan(experiment, variants, seeds, noted(quiet))
     if not plan.metrics:
         raise UsageError("the graph measures nothing that variants could differ in; add 'metrics:'")
-    quiet = options.quiet or options.json
     folder = new_folder(Path(options.out), plan.name)
     done = ablate(
         *(plan, variants, essential, folder, crew_of(options), options.test, options.timeout),

@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from runtime.commands.changes import add_changes, changed
-from runtime.commands.workers import add_workers, chosen_seeds, crew_of
+from runtime.commands.workers import add_workers, chosen_seeds, crew_of, noted
 from runtime.errors import NOWHERE, Problems, UsageError, Where
 
 if TYPE_CHECKING:
     from runtime.experiments.experiment import Experiment
+    from runtime.experiments.seeds import Seeds
     from runtime.experiments.sweeping import Swept
 
 HELP = "turn knobs: grids, samples, seeds; parallel and resumable"
@@ -60,11 +61,11 @@ def run(options: Namespace) -> int:
     from runtime.progress import Progress
 
     experiment = read_experiment(options.graph, lambda graph: changed(graph, options))
-    experiment = _completed(experiment, options)
-    own = experiment.graph.network.seed
+    own = experiment.graph.check().network.seed
     seeds = chosen_seeds(options) or experiment.seeds or Seeds(((own, own),))
-    plan = sweep_plan(experiment, seeds)
+    experiment = _completed(experiment, options, seeds)
     quiet = options.quiet or options.json
+    plan = sweep_plan(experiment, seeds, noted(quiet))
     way = Way(
         *(Path(options.out) / plan.name, options.resume, crew_of(options)),
         *(options.keep, options.timeout),
@@ -82,7 +83,7 @@ def run(options: Namespace) -> int:
     return 3 if swept.tally.counts["ok"] == 0 else 0
 
 
-def _completed(experiment: Experiment, options: Namespace) -> Experiment:
+def _completed(experiment: Experiment, options: Namespace, seeds: Seeds) -> Experiment:
     """An experiment with what the command line adds, checked."""
     from runtime.document import parse_yaml
     from runtime.experiments.checks import check_design, check_knob, check_objective
@@ -91,7 +92,7 @@ def _completed(experiment: Experiment, options: Namespace) -> Experiment:
     from runtime.experiments.objective import Objective
 
     problems = Problems()
-    graph = experiment.graph.check()
+    graph = experiment.graph
     knobs = []
     for text in options.vary:
         path, equals, values = text.partition("=")
@@ -118,7 +119,7 @@ def _completed(experiment: Experiment, options: Namespace) -> Experiment:
             objective = Objective(metric, goal)
             check_objective(graph, objective, NOWHERE, problems)
     problems.raise_any()
-    check_design(graph, design)
+    check_design(graph, design, seeds)
     name = options.name or experiment.name
     if slug(name) != name:
         raise UsageError(f"--name {name}: expected letters, digits, '_', '-' and '.'")
@@ -145,14 +146,17 @@ def _print(swept: Swept, pictures: list[Path]) -> None:
         f"{plan.name}: {tally.done} of {plan.total} points ({settings} settings, seeds "
         f"{plan.seeds}): {counts}; {swept.wall_s:.1f} s"
     )
-    if plan.objective is not None and tally.best:
+    if plan.objective is not None and not tally.best:
+        print(f"no setting has a value of {plan.objective.metric} for every seed")
+    elif plan.objective is not None:
         goal = "smallest" if plan.objective.goal == "minimize" else "largest"
         print(f"{goal} {plan.objective.metric}, mean and 95 % interval over seeds:")
         for ranked in tally.best:
             found = ranked.objective
             ends = f"  [{found.low:.4g}, {found.high:.4g}]" if found.n > 1 else ""
             values = zip(plan.columns.knobs, ranked.cells, strict=True)
-            print(f"  {found.mean:<10.4g}{ends}  {', '.join(f'{k}={v}' for k, v in values)}")
+            setting = ", ".join(f"{knob}={value}" for knob, value in values)
+            print(f"  {found.mean:<10.4g}{ends}  {setting}".rstrip())
     for told in tally.told():
         print(f"  {told['count']} x {told['reason']}", file=sys.stderr)
     print(f"sweep folder: {swept.folder}")

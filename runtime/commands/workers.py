@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -71,6 +72,11 @@ def chosen_seeds(options: Namespace) -> Seeds | None:
     seeds = parse_seeds(parse_yaml(options.seeds, origin), "", problems)
     problems.raise_any()
     return seeds
+
+
+def noted(quiet: bool) -> Callable[[str], None]:
+    """What takes lines for people."""
+    return (lambda text: None) if quiet else (lambda text: print(text, file=sys.stderr))
 
 
 def crew_of(options: Namespace) -> Callable[[], Crew]:

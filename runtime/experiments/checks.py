@@ -10,6 +10,7 @@ from runtime.errors import GraphError, Problems, UsageError, Where
 from runtime.experiments.design import Design
 from runtime.experiments.knobs import Knob
 from runtime.experiments.objective import Objective
+from runtime.experiments.seeds import Seeds
 from runtime.graph import Graph
 from runtime.observe import observe
 
@@ -31,15 +32,17 @@ def check_knob(graph: Graph, knob: Knob, where: Where, problems: Problems) -> No
             return
 
 
-def check_design(graph: Graph, design: Design) -> None:
+def check_design(graph: Graph, design: Design, seeds: Seeds) -> None:
     """Check that a design can be run.
 
     Raises
     ------
     UsageError : there is nothing to vary, an axis stands twice, or a range has no steps.
     """
-    if not design.knobs:
-        raise UsageError("there is nothing to vary; add --vary PATH=VALUES, or 'vary:' to the file")
+    if not design.knobs and len(seeds) < 2:
+        raise UsageError("there is nothing to vary; add --vary PATH=VALUES, or more --seeds")
+    if not design.knobs and design.method != "grid":
+        raise UsageError(f"there is nothing to sample for --{design.method}; add --vary PATH=RANGE")
     paths = [full_path(graph.document, knob.path) for knob in design.knobs]
     for i, path in enumerate(paths):
         if path in paths[:i]:

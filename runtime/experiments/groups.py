@@ -135,7 +135,8 @@ class Tally:
         if not best or self.objective is None:
             return f"{self.done} done{bad}"
         values = ", ".join(f"{k}={c}" for k, c in zip(knobs, best[0].cells, strict=True))
-        return f"best {self.objective.metric} {best[0].objective.mean:.4g} at {values}{bad}"
+        place = f" at {values}" if values else ""
+        return f"best {self.objective.metric} {best[0].objective.mean:.4g}{place}{bad}"
 
     def told(self) -> list[dict[str, Any]]:
         """The most frequent reasons with their counts."""

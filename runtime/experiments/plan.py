@@ -6,12 +6,13 @@ import hashlib
 import json
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
 
+from runtime.choice import take_compiled
 from runtime.document import dump_yaml, parse_yaml
 from runtime.errors import GraphError, UsageError
 from runtime.experiments.design import Design
@@ -23,11 +24,13 @@ from runtime.experiments.seeds import Seeds
 from runtime.experiments.variants import BASELINE, Variant, slugs
 from runtime.graph import Graph
 from runtime.observe import observe
+from runtime.running import silent
 
 SCHEMA_VERSION = 1
 PLAN, GRAPH, INDEX = "plan.yaml", "graph.resolved.yaml", "index.csv"
 VARIANTS = "variants"
 Kind = Literal["sweep", "ablation"]
+Note = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -129,33 +132,47 @@ class Plan:
         }
 
 
-def sweep_plan(experiment: Experiment, seeds: Seeds) -> Plan:
-    """The plan of a sweep."""
-    metrics = metrics_of(experiment.graph)
+def sweep_plan(experiment: Experiment, seeds: Seeds, note: Note = silent) -> Plan:
+    """The plan of a sweep; ``note`` is told what would make it faster."""
+    graph, design = experiment.graph, experiment.design
+    metrics = metrics_of(graph)
     objective = experiment.objective
     if objective is None and metrics:
         objective = Objective(metrics[0])
-    recipe = Recipe.of(experiment.graph)
+    engine = _engine(graph, len(design) * len(seeds), note)
     plan = Plan(
-        *("sweep", experiment.name, experiment.graph, recipe, seeds, metrics, experiment.design),
+        *("sweep", experiment.name, graph, _recipe(graph, engine), seeds, metrics, design),
         objective=objective,
     )
     return _checked(plan)
 
 
-def ablation_plan(experiment: Experiment, variants: list[Variant], seeds: Seeds) -> Plan:
+def ablation_plan(
+    experiment: Experiment, variants: list[Variant], seeds: Seeds, note: Note = silent
+) -> Plan:
     """The plan of an ablation; the baseline is its first case."""
     graph = experiment.graph
-    recipe, metrics = Recipe.of(graph), metrics_of(graph)
+    engine = _engine(graph, (1 + len(variants)) * len(seeds), note)
+    recipe, metrics = _recipe(graph, engine), metrics_of(graph)
     names = slugs([BASELINE, *(variant.name for variant in variants)])
     cases = [Case(BASELINE, names[BASELINE], recipe)]
     for variant in variants:
-        travelling = Recipe.of(variant.graph)
+        travelling = _recipe(variant.graph, engine)
         cases.append(Case(variant.name, names[variant.name], travelling, variant.changes))
     design = Design(())
     return _checked(
         Plan("ablation", experiment.name, graph, recipe, seeds, metrics, design, tuple(cases))
     )
+
+
+def _engine(graph: Graph, runs: int, note: Note) -> str:
+    """The engine of all points, decided once: rows of two engines are not to be compared."""
+    return "compiled" if take_compiled(graph.network, runs, note) else "python"
+
+
+def _recipe(graph: Graph, engine: str) -> Recipe:
+    is_open = graph.network.engine == "auto"
+    return Recipe.of(graph.set("run.engine", engine) if is_open else graph)
 
 
 def metrics_of(graph: Graph) -> tuple[str, ...]:

@@ -58,7 +58,7 @@ def sweep_figures(folder: Path) -> Iterator[tuple[str, Figure]]:
     """
     data = read_sweep(folder)
     shown = [name for name in data.metrics if np.isfinite(data.means(name)).any()]
-    if not shown or not len(data.axes[0].places):
+    if not shown or not data.axes or not len(data.axes[0].places):
         return
     with matplotlib.rc_context(style.STYLE):
         if len(data.axes) == 1:

@@ -12,7 +12,11 @@ from pathlib import Path
 import pytest
 
 import runtime
-from runtime.document import parse_yaml
+from runtime.document import from_python, parse_yaml
+from runtime.errors import Problems
+from runtime.experiments.experiment import read_experiment
+from runtime.experiments.plan import sweep_plan
+from runtime.experiments.seeds import Seeds, parse_seeds
 from tests.conftest import Run
 from tests.experiments.graphs import normal
 
@@ -48,6 +52,33 @@ def test_a_grid_with_seeds_has_a_row_a_point(cli: Run, draw: Path, tmp_path: Pat
         assert (row["status"], row["reason"]) == ("ok", "")
     assert (tmp_path / "sweeps" / "draw" / "plots" / "maps.png").read_bytes()[1:4] == b"PNG"
     assert "smallest drawn, mean and 95 % interval over seeds" in done.stdout
+
+
+def test_seeds_alone_are_a_sweep(here: Run, draw: Path, tmp_path: Path) -> None:
+    done = here(*TWO, "--seeds", "0..7", "--json")
+    assert done.returncode == 0, done.stderr
+    summary = json.loads(done.stdout)
+    assert (summary["knobs"], summary["plots"]) == ([], [])
+    [best] = summary["best"]
+    assert best["n"] == 8
+    assert best["mean"] == pytest.approx(1.0 + sum(map(normal, range(8))) / 8)
+    assert [row["seed"] for row in rows(tmp_path / "sweeps" / "draw")] == list("01234567")
+
+
+def test_all_points_have_one_engine() -> None:
+    # Two points repay no compilation; as many as would take minutes do.
+    for seeds, engine in (("0..1", "python"), ("0..9999999", "compiled")):
+        plan = sweep_plan(read_experiment("line_actuator_failure"), seeds_of(seeds))
+        assert parse_yaml(plan.recipe.text, "g").plain()["run"]["engine"] == engine
+    asked = read_experiment("line_actuator_failure", lambda g: g.set("run.engine", "python"))
+    plan = sweep_plan(asked, seeds_of("0..9999999"))
+    assert parse_yaml(plan.recipe.text, "g").plain()["run"]["engine"] == "python"
+
+
+def seeds_of(text: str) -> Seeds:
+    found = parse_seeds(from_python(text), "seeds", Problems())
+    assert found is not None
+    return found
 
 
 def test_the_plan_is_an_experiment_that_gives_the_same_rows(
@@ -147,7 +178,8 @@ def test_values_that_do_not_go_together_are_rows(here: Run, draw: Path, tmp_path
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ([], "there is nothing to vary; add --vary PATH=VALUES"),
+        ([], "there is nothing to vary; add --vary PATH=VALUES, or more --seeds"),
+        (["--seeds", "0..3", "--random", "4"], "there is nothing to sample for --random"),
         (["--vary", "draw.levl=[1]"], "unknown parameter, did you mean 'level'?"),
         (["--vary", "drw.level=[1]"], "there is no 'drw' in the graph, did you mean 'draw'?"),
         (["--vary", "params.nosuch=[1]"], "params.nosuch: nothing reads $nosuch"),
