@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from runtime.commands.changes import add_changes, changed, with_changes
-from runtime.commands.workers import add_workers, chosen_seeds, crew_of, noted
+from runtime.commands.workers import add_workers, chosen_seeds, crew_of, noted, start_early
 from runtime.errors import UsageError
 
 if TYPE_CHECKING:
@@ -51,6 +51,7 @@ def add(parser: ArgumentParser) -> None:
 
 def run(options: Namespace) -> int:
     """Run the variants; print the table and draw the figure."""
+    start_early(options)
     from runtime.experiments.ablation import ablate
     from runtime.experiments.plan import ablation_plan
     from runtime.experiments.seeds import Seeds

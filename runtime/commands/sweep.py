@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from runtime.commands.changes import add_changes, changed
-from runtime.commands.workers import add_workers, chosen_seeds, crew_of, noted
+from runtime.commands.workers import add_workers, chosen_seeds, crew_of, noted, start_early
 from runtime.errors import NOWHERE, Problems, UsageError, Where
 
 if TYPE_CHECKING:
@@ -54,6 +54,7 @@ def add(parser: ArgumentParser) -> None:
 
 def run(options: Namespace) -> int:
     """Run the points that have no row yet; print and draw what came out."""
+    start_early(options)
     from runtime.experiments.experiment import read_experiment
     from runtime.experiments.plan import sweep_plan
     from runtime.experiments.seeds import Seeds

@@ -79,6 +79,14 @@ def noted(quiet: bool) -> Callable[[str], None]:
     return (lambda text: None) if quiet else (lambda text: print(text, file=sys.stderr))
 
 
+def start_early(options: Namespace) -> None:
+    """Let the workers' imports begin while the graph is read and checked."""
+    if options.scheduler is None:
+        from runtime.experiments.nursery import worker_context
+
+        worker_context()
+
+
 def crew_of(options: Namespace) -> Callable[[], Crew]:
     """What makes the workers that the command line asks for."""
     from runtime.experiments.pool import cluster_crew, local_crew

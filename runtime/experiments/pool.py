@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 import contextlib
-import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor
 from dataclasses import dataclass, field
 from typing import Any, ParamSpec, TypeVar
 
 from runtime.errors import MissingExtraError, UsageError
+from runtime.experiments.nursery import single_threaded, worker_context
 from runtime.experiments.worker import prepare
 
 P = ParamSpec("P")
 T = TypeVar("T")
-THREADS = tuple(
-    f"{library}_NUM_THREADS"
-    for library in ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM", "NUMEXPR", "NUMBA")
-)
 # A point ends itself when its time is up; only one that is stuck inside a block is killed.
 GRACE = 3.0
 PATIENCE = 10.0  # s; until a cluster's scheduler must have answered
@@ -62,13 +58,7 @@ class LocalPool(Executor):
     _busy: dict[Future[Any], _Slot] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
-        methods = multiprocessing.get_all_start_methods()
-        self._context = multiprocessing.get_context(
-            "forkserver" if "forkserver" in methods else "spawn"
-        )
-        if "forkserver" in methods:
-            # Imported once; workers are forked from there in milliseconds.
-            self._context.set_forkserver_preload(["runtime.experiments.worker"])
+        self._context = worker_context()
         self._idle = [self._slot() for _ in range(self.jobs)]
 
     def _slot(self) -> _Slot:
@@ -157,25 +147,6 @@ class LocalPool(Executor):
             self._idle = []
             self._freed.notify_all()
         return slots
-
-
-@contextlib.contextmanager
-def single_threaded() -> Iterator[None]:
-    """Processes that start meanwhile get one thread each for linear algebra.
-
-    The workers are as many as are to run side by side; each with as many threads again would
-    only stand in each other's way.
-    """
-    before = {name: os.environ.get(name) for name in THREADS}
-    os.environ.update(dict.fromkeys(THREADS, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
 
 
 @dataclass(frozen=True)

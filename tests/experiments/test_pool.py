@@ -13,8 +13,9 @@ import pytest
 
 from runtime.errors import UsageError
 from runtime.experiments import pool as pools
+from runtime.experiments.nursery import THREADS
 from runtime.experiments.points import Point, Recipe, Setting
-from runtime.experiments.pool import THREADS, Crew, LocalPool, local_crew
+from runtime.experiments.pool import Crew, LocalPool, local_crew
 from runtime.experiments.runner import run_points
 from runtime.experiments.worker import Done, Task
 
