@@ -11,6 +11,7 @@ from pathlib import Path
 from runtime.simulate import versions
 from tests.studies import physics, rooms, walls
 from tests.studies.claims import Claim, beyond, case_a, case_b
+from tests.studies.following import ENGINE
 
 PAGE = Path(__file__).parent.parent.parent / "docs" / "reproduction.md"
 FIRST_SEED = 10
@@ -49,7 +50,8 @@ counts where the robot's projection onto a cylinder's contour is 10 cm clear of 
 "off the kinks" what is further than 0.2 m from the contour's concave kinks, "floor" is what a robot
 with a turning radius of 0.2 m gets over the whole way that makes no other error. "Closed" are the
 runs that went all the way round, "contact" is the share of the run in which the body touches
-something, exploring included, "clearance" the smallest of all runs in mm.
+something, exploring included, "clearance" the smallest of all runs in mm. Runs are by the {engine}
+engine.
 """
 
 AIMS = """
@@ -108,7 +110,7 @@ def page(seeds: int, seeds_c: int) -> str:
                 ("case", "gains", "controller", "settled", "at", "position error", "distance"),
                 beyond(seeds),
             ),
-            CASE_C.format(**span),
+            CASE_C.format(engine=ENGINE, **span),
             table(walls.COLUMNS, followed.rows()),
             AIMS,
             table(("aim", "measured", "verdict"), verdicts(followed.aims())),

@@ -6,6 +6,8 @@ import os
 from collections.abc import Callable, Hashable, Iterable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from functools import cache
+from importlib.util import find_spec
 from multiprocessing import get_context
 from typing import TypeVar
 
@@ -16,6 +18,7 @@ from runtime.loader import SHIPPED
 from runtime.wall_metrics import first_loop
 
 WORKERS = 2
+ENGINE = "compiled" if find_spec("numba") else "python"
 J = TypeVar("J", bound=Hashable)
 R = TypeVar("R")
 CONDITIONS = {
@@ -46,18 +49,25 @@ class Job:
     until: float | None = None
 
 
-def graph_of(job: Job) -> runtime.Graph:
-    """A controller's graph under a condition, without pictures."""
-    graph = runtime.load("wall_following" + ("_robust" if job.controller == ROBUST else ""))
-    if job.controller in (LQR, FEEDFORWARD):
+@cache
+def graph_of(
+    controller: str, condition: str = "ideal", world: str = "", until: float | None = None
+) -> runtime.Graph:
+    """A controller's graph under a condition, without pictures; see :class:`Job`."""
+    graph = runtime.load("wall_following" + ("_robust" if controller == ROBUST else ""))
+    if controller in (LQR, FEEDFORWARD):
         graph = graph.without("adaptive")
-    if job.controller == LQR:
+    if controller == LQR:
         graph = graph.set("blocks.match.alpha", 0.0)
-    for name in CONDITIONS[job.condition]:
+    for name in CONDITIONS[condition]:
         graph = graph.overlay(SHIPPED / "conditions" / f"{name}.yaml")
-    if job.world:
-        graph = graph.overlay({"world": str(SHIPPED / "worlds" / f"{job.world}.yaml")})
-    return graph.set("plots", {})
+    if world:
+        graph = graph.overlay({"world": str(SHIPPED / "worlds" / f"{world}.yaml")})
+    if until is not None:
+        graph = graph.set("run.until", until)
+    graph = graph.set("plots", {}).set("run.engine", ENGINE)
+    graph.check()  # once for all seeds
+    return graph
 
 
 def length_of(loop: np.ndarray) -> float:
@@ -67,8 +77,8 @@ def length_of(loop: np.ndarray) -> float:
 
 def measure(job: Job) -> dict[str, float]:
     """One run's metrics, NaN where one has no value, and the ``length`` (m) of its loop."""
-    graph = graph_of(job)
-    result = graph.run(seed=job.seed, until=job.until)
+    graph = graph_of(job.controller, job.condition, job.world, job.until)
+    result = graph.run(seed=job.seed)
     metrics = {k: np.nan if v is None else float(v) for k, v in result.metrics.items()}
     fitter = graph.network.entries["fitter"].made
     _, loop = first_loop(graph.network.world, result["pose"][:, :2], fitter.distance)

@@ -30,7 +30,7 @@ def loops_of(room: str) -> tuple[list[float], float]:
     """Lengths (m) of the loops that a room has at the stand-off, the longest first; and a time (s)
     in which to find a wall and go round the longest, with a quarter to spare.
     """
-    network = graph_of(Job(ROBUST, "ideal", 0, room)).network
+    network = graph_of(ROBUST, world=room).network
     distance, speed = network.entries["fitter"].made.distance, network.entries["match"].made.v_r
     lengths = [length_of(loop[:-1]) for loop in network.world.offset_contour(distance)]
     return lengths, math.ceil(40.0 + 1.25 * lengths[0] / speed)
