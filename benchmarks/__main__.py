@@ -27,8 +27,8 @@ PACKAGES = ("numpy", "networkx", "numba", "nengo", *(peer.package for peer in PE
 HEAD = """# Performance
 
 Written by `python -m benchmarks`; goals and misses included. Contestants take turns in one process
-on one machine, after a round that does not count; figures are medians of {rounds} rounds, with the
-smallest and largest in brackets. Building and compiling are left out of all per-tick figures.
+on one machine, after a round that does not count; figures are medians, with the smallest and
+largest in brackets; rounds: {rounds}. Building and compiling are left out of all per-tick figures.
 
 Before anything was timed, all implementations of each diagram went the same way: no pose differs by
 more than {apart:.1g} m or rad ({tolerance:g} is allowed).
@@ -104,13 +104,13 @@ def page(rounds: int, sizes: Sizes) -> str:
 
     def checked(found: tuple[Contest, float]) -> Contest:
         apart.append(found[1])
-        say(f"{found[0].subject}: all agree to {found[1]:.1g}")
+        say(f"{found[0].subject}: no pose apart by more than {found[1]:.1g}")
         return found[0]
 
     tracked = {dt: checked(tracking_contest(dt, n)) for dt, n in sizes.tracking.items()}
     case_a = {n: checked(case_a_contest(n, ticks)) for n, ticks in sizes.case_a.items()}
     loop = WholeLoop(sizes.following)
-    say(f"case C: the engines agree to {loop.apart:.1g}")
+    say(f"case C: no pose apart by more than {loop.apart:.1g}")
     head = HEAD.format(
         rounds=rounds,
         apart=max(*apart, loop.apart),

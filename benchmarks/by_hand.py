@@ -76,7 +76,7 @@ def numpy_case_a(a: CaseA, ticks: int, filtered: str = "spikes") -> Run:
             omega_held = -(k10 * along + k11 * lateral + k12 * heading)
             signals[0], signals[1] = math.hypot(dx, dy), heading
         if filtered == "spikes":
-            np.einsum("ij,ij->i", weights, activity, out=decoded)
+            decoded[0], decoded[1] = weights[0].dot(activity[0]), weights[1].dot(activity[1])
         v, omega = v_held + decoded.item(0), omega_held + decoded.item(1)
         if abs(omega) > 1.0:
             v, omega = v / abs(omega), math.copysign(1.0, omega)

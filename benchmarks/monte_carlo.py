@@ -26,6 +26,7 @@ TIMES = 20.0
 def sweep_seconds(seeds: int, until: float) -> float:
     """Wall seconds of the whole command, from its start to its end."""
     with tempfile.TemporaryDirectory() as folder:
+        # A sweep wants a knob: here one that has a single value, the graph's own.
         command = [
             *(sys.executable, "-c", CLI, "sweep", "line_actuator_failure"),
             *("--seeds", f"0..{seeds - 1}", "--vary", "limit.omega_max=[1.0]"),

@@ -14,7 +14,7 @@ from benchmarks.agreement import Run
 with contextlib.redirect_stdout(io.StringIO()):  # it lists the toolboxes that it does not find
     import bdsim
 
-    SIMULATOR = bdsim.BDSim(graphics=False, quiet=True, progress=False, banner=False)
+    SIMULATOR = bdsim.BDSim(sysargs=False, graphics=False, quiet=True, progress=False, banner=False)
 
 
 def poses(steps: int, dt: float) -> Run:
