@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from runtime.comparing.documents import Difference, differences
 from runtime.comparing.probes import Pair, Place, pair
 from runtime.comparing.runs import Run
 from runtime.errors import SpikeblocksError, UsageError
-from runtime.record import RESOLVED
+from runtime.record import METRICS, PROBES, RESOLVED, WRITTEN
 
-CIRCUMSTANCES = ("status", "error", "ticks", "git", "versions")
+CIRCUMSTANCES = ("status", "error", "ticks", "engine", "git", "versions")
+# What a run folder holds in any case; the other files are modules of own blocks.
+COMMON_FILES = (WRITTEN, RESOLVED, METRICS, PROBES)
 
 
 @dataclass(frozen=True)
@@ -42,8 +45,9 @@ class Compared:
 class Comparison:
     """Runs side by side; ``others`` holds each but the first against the first.
 
-    graph : where the resolved graphs differ. circumstances : where status, length, commit and
-    versions do. metrics : each metric's value in each run; absent where a run has none of the name.
+    graph : where the resolved graphs differ. circumstances : where status, length, commit,
+    versions and modules of own blocks do. metrics : each metric's value in each run; None where a
+    run has none.
     """
 
     runs: list[Run]
@@ -81,17 +85,23 @@ def compare(
         order = _order(first, names)
         names = sorted(names, key=lambda name: order.get(name, len(order)))
     metrics = dict.fromkeys(name for run in runs for name in run.result.metrics)
-    facts = [
-        {key: run.result.manifest.get(key) for key in CIRCUMSTANCES if key in run.result.manifest}
-        for run in runs
-    ]
     return Comparison(
         runs=list(runs),
         graph=differences([run.document for run in runs]),
-        circumstances=differences(facts),
+        circumstances=differences([_circumstances(run) for run in runs]),
         metrics={name: [run.result.metrics.get(name) for run in runs] for name in metrics},
         others=[_compared(first, run, names) for run in rest],
     )
+
+
+def _circumstances(run: Run) -> dict[str, Any]:
+    """What a run's numbers may hang on beside its graph, and how it ended."""
+    manifest = run.result.manifest
+    hashes = manifest.get("hashes")
+    files = hashes.items() if isinstance(hashes, dict) else ()
+    modules = {name: str(digest)[:12] for name, digest in files if name not in COMMON_FILES}
+    known = {key: manifest[key] for key in CIRCUMSTANCES if key in manifest}
+    return known | ({"modules": modules} if modules else {})
 
 
 def _probes(runs: Sequence[Run], wanted: Sequence[str]) -> list[str]:

@@ -191,6 +191,7 @@ def _provenance(folder: Path, result: Result) -> Html:
     more = [
         ("seed", str(manifest["seed"])),
         ("changes", "; ".join(map(str, manifest["overrides"])) or "none"),
+        ("engine", str(manifest.get("engine") or "")),
         ("time a tick", f"{float(manifest['us_per_tick']):.3g} µs"),
         ("folder", str(folder.resolve())),
     ]

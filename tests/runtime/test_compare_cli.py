@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import shutil
@@ -11,6 +12,8 @@ import numpy as np
 import pytest
 
 import runtime
+from runtime.comparing.comparison import compare
+from runtime.comparing.runs import open_runs
 from tests.conftest import Run
 
 GRAPH = """
@@ -96,6 +99,18 @@ def test_a_run_run_again_is_equal_to_the_bit(cli: Run, runs: list[str], tmp_path
     manifests = ["a/manifest.json", str(Path(again).parent / "latest")]
     found = json.loads(cli("compare", *manifests, "--exact", "--no-plots", "--json").stdout)
     assert all(probes["identical"] for probes in found["probes"].values())
+
+
+def test_code_that_changed_is_told(runs: list[str], tmp_path: Path) -> None:
+    path = tmp_path / "nudge.py"
+    path.write_text(NUDGE.replace("v, omega = command", "v, omega = 2.0 * command[0], command[1]"))
+    runtime.load(tmp_path / "nudged.yaml").run().save(tmp_path / "c")
+    found = compare(open_runs([tmp_path / "a", tmp_path / "c"]))
+    assert found.graph == []
+    (item,) = [item for item in found.circumstances if item.path.startswith("modules")]
+    assert (item.path, item.change) == ("modules.nudge.py", "changed")
+    digests = [hashlib.sha256(text.encode()).hexdigest() for text in (NUDGE, path.read_text())]
+    assert list(item.values) == [digest[:12] for digest in digests]
 
 
 def test_by_tolerance(cli: Run, runs: list[str], tmp_path: Path) -> None:
