@@ -45,6 +45,9 @@ def add(parser: ArgumentParser) -> None:
         default="t",
         help="intervals and differences by Student's t (default), or by resampling",
     )
+    parser.add_argument(
+        "--resume", metavar="FOLDER", help="go on with an ablation that was interrupted"
+    )
     add_workers(parser, f"0..{DEFAULT_SEEDS - 1}")
     add_changes(parser, seed=False, variants=True)
 
@@ -65,13 +68,17 @@ def run(options: Namespace) -> int:
     if not plan.metrics:
         raise UsageError("the graph measures nothing that variants could differ in; add 'metrics:'")
     folder = new_folder(Path(options.out), plan.name)
+    if options.resume is not None:
+        folder = Path(options.resume).resolve()
+        if not folder.is_dir():
+            raise UsageError(f"--resume {options.resume}: there is no such folder")
     done = ablate(
         *(plan, variants, essential, folder, crew_of(options), options.test, options.timeout),
         Progress(plan.name, wanted=not quiet),
     )
     link_latest(folder)
     if done.is_interrupted:
-        print(f"interrupted; the rows so far are in {folder}", file=sys.stderr)
+        print(f"interrupted; --resume {folder} goes on", file=sys.stderr)
         return 130
     pictures = [] if options.no_plots else _pictures(done)
     if options.json:

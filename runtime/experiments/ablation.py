@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections import Counter
 from collections.abc import Callable
 from contextlib import closing
@@ -12,8 +13,8 @@ from typing import Any
 from runtime.diagrams.diagram import diagram
 from runtime.errors import UsageError
 from runtime.experiments.comparison import Line, compare
-from runtime.experiments.index import Index, Row
-from runtime.experiments.plan import INDEX, SCHEMA_VERSION, VARIANTS, Case, Plan, create
+from runtime.experiments.index import Index, Row, remaining
+from runtime.experiments.plan import INDEX, SCHEMA_VERSION, VARIANTS, Case, Plan, check_same, create
 from runtime.experiments.points import Point
 from runtime.experiments.pool import Crew
 from runtime.experiments.runner import run_points
@@ -106,16 +107,23 @@ def ablate(
     timeout: float | None = None,
     progress: Progress | None = None,
 ) -> Ablated:
-    """Run the baseline and all variants with all seeds.
+    """Run the baseline and all variants with all seeds, or what of them has no row yet.
 
     The way that the robot goes with the first seed is kept for each, under ``runs``.
 
+    Parameters
+    ----------
+    folder : a new one, or that of an ablation by the same plan which was interrupted.
+
     Raises
     ------
-    UsageError : the folder cannot be written.
+    UsageError : the folder cannot be written, or is of another plan.
     """
     everything = {BASELINE: Variant(BASELINE, plan.graph)} | {v.name: v for v in variants}
-    create(plan, folder)
+    if folder.exists():
+        check_same(plan, folder)
+    else:
+        create(plan, folder)
     with closing(Index(folder / INDEX, plan.columns)) as index:
         finished = _run(plan, folder, index, crew, timeout, progress or Progress("", wanted=False))
         rows: dict[str, list[Row]] = {case.name: [] for case in plan.cases}
@@ -145,17 +153,23 @@ def _run(
             return Task(point, "ways", KEPT, timeout=timeout)
         return Task(point, timeout=timeout)
 
+    points = remaining(index, plan.points())
+    done = sum(1 for _ in index.rows())
+    if done == plan.total:
+        return True
+    progress.resume(done)
     finished = False
-    done = 0
     crew = make_crew()
     try:
-        for point, ended in run_points(plan.points(), crew, task):
+        for point, ended in run_points(points, crew, task):
             name = point.setting.cells[0]
             if ended.result is not None:
                 inside = folder if name == BASELINE else folder / VARIANTS / slugs[name]
                 modules = point.setting.recipe.modules
                 ended.result.files = {file: inside / file for file, _ in modules}
-                save(ended.result, folder / RUNS / slugs[name])
+                kept = folder / RUNS / slugs[name]
+                shutil.rmtree(kept, ignore_errors=True)
+                save(ended.result, kept)
             index.append(Row.of(point, ended, plan.metrics))
             done += 1
             progress(done, plan.total, name)

@@ -262,7 +262,7 @@ def check_same(plan: Plan, folder: Path) -> None:
         differing.append("the graph")
     raise UsageError(
         f"'{folder}' is of another plan, which differs in {'; '.join(differing)}; "
-        "give this one another --name"
+        "begin another folder for this one"
     )
 
 

@@ -209,6 +209,31 @@ def test_variants_see_the_same_noise_and_neurons(here: Run, tmp_path: Path) -> N
     assert not np.allclose(noise["baseline", "1"], noise["baseline", "4"])
 
 
+def test_an_interrupted_ablation_goes_on(here: Run, draw: Path, tmp_path: Path) -> None:
+    variants = ("ablate", "draw.yaml", *SEEDS, "--no-plots", "--bypass", "half")
+    assert here(*variants).returncode == 0
+    folder = folder_of(tmp_path)
+    whole = values(folder)
+    index = folder / "index.csv"
+    # As a kill would leave it: no table, a torn row, a run folder without its row.
+    (folder / "ablation.json").unlink()
+    kept = index.read_bytes().splitlines(keepends=True)
+    index.write_bytes(b"".join(kept[:6]) + kept[6][:9])
+    done = here(*variants, "--resume", str(folder), "--json")
+    assert done.returncode == 0, done.stderr
+    assert len(json.loads(done.stdout)["table"]) == 6
+    numbers = ("status", "drawn", "total", "above_two")
+    again = values(folder)
+    assert {key: [row[n] for n in numbers] for key, row in again.items()} == {
+        key: [row[n] for n in numbers] for key, row in whole.items()
+    }
+    other = here(*variants, "--bypass", "twice", "--resume", str(folder))
+    assert other.returncode == 2
+    assert "is of another plan, which differs in variants" in other.stderr
+    missing = here(*variants, "--resume", "nosuch")
+    assert "--resume nosuch: there is no such folder" in missing.stderr
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
