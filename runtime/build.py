@@ -67,7 +67,9 @@ def build(document: Node, classes: Mapping[str, type[Block]] | None = None) -> N
 def _empty_network(document: Node, scope: Scope, problems: Problems) -> Network:
     run = read_run(document, problems)
     title = _title(document.get("graph"), problems)
-    return Network(title, run.dt, run.until, run.seed, scope, engine=run.engine)
+    network = Network(title, run.dt, run.until, run.seed, scope)
+    network.engine, network.memory = run.engine, run.memory
+    return network
 
 
 def _world(document: Node, problems: Problems) -> World | None:

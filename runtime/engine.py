@@ -16,12 +16,13 @@ import numpy as np
 
 from blocks.block import BlockState
 from blocks.signals import FloatArray
-from runtime.errors import SimulationError
+from runtime.errors import SimulationError, UsageError
 from runtime.network import Network
-from runtime.observe import Probe, state_shape
+from runtime.observe import state_shape
 from runtime.plan import GLOBALS, Plan
 from runtime.profile import Profile
 from runtime.program import Program
+from runtime.recorder import Recorder
 from runtime.running import Held, Progress, PythonRunner, Run, Runner, located, silent
 from runtime.values import brief, form, has_form, is_bad
 
@@ -69,6 +70,7 @@ class Engine:
     compiled : take the plan and its blocks through numba.
     note : called with a line of text for people, when something takes a while.
     profile : measures what each block takes; the Python engine's only.
+    folder : for recordings that are too large for memory; a temporary one by default.
     """
 
     program: Program
@@ -76,18 +78,20 @@ class Engine:
     compiled: bool = False
     note: Callable[[str], None] = silent
     profile: Profile | None = None
+    folder: Path | None = None
     network: Network = field(init=False)
     plan: Plan = field(init=False)
     states: dict[str, BlockState] = field(init=False, default_factory=dict)
-    arrays: dict[str, FloatArray] = field(init=False, default_factory=dict)
+    recorder: Recorder = field(init=False)
+    arrays: dict[str, FloatArray] = field(init=False)
     tick: int = field(init=False, default=0)
     runner: Runner = field(init=False)
 
     def __post_init__(self) -> None:
         self.network, self.plan = self.program.network, self.program.plan
-        for probe in self.program.observation.probes.values():
-            shape = (probe.rows(self.network.ticks), *probe.shape)
-            self.arrays[probe.name] = np.full(shape, np.nan)
+        probes, ticks = self.program.observation.probes, self.network.ticks
+        self.recorder = Recorder(probes, ticks, self.program.gathered, self.folder)
+        self.arrays = self.recorder.arrays
         self.states = {name: self._state(name) for name in self.network.entries}
 
     def prepare(self) -> Runner:
@@ -111,7 +115,7 @@ class Engine:
             outcome.status, outcome.error = "failed", error
         outcome.ticks = self.tick
         outcome.wall_s = time.perf_counter() - began
-        outcome.arrays = self._recorded()
+        outcome.arrays = self.recorder.finish(self.tick)
         return outcome
 
     def _first_tick(self) -> Held:
@@ -129,15 +133,16 @@ class Engine:
 
     def _loop(self, held: Held, progress: Progress | None) -> None:
         total, chunk = self.network.ticks, 16
-        run = self.runner.run
+        run, recorder = self.runner.run, self.recorder
         try:
             while self.tick < total:
-                stop = min(total, self.tick + chunk)
+                stop = min(total, self.tick + chunk, recorder.boundary())
                 began = time.perf_counter()
                 held = run(self.tick, stop, held)
                 took = time.perf_counter() - began
-                self.tick = stop
-                chunk = max(1, min(4 * chunk, int(chunk * CHUNK_SECONDS / max(took, 1e-6))))
+                ran, self.tick = stop - self.tick, stop
+                recorder.flush(stop)
+                chunk = max(1, min(4 * chunk, int(ran * CHUNK_SECONDS / max(took, 1e-6))))
                 if progress is not None:
                     progress(self.tick, total)
         except Exception as error:
@@ -146,7 +151,8 @@ class Engine:
     def _failed(self, error: Exception) -> SimulationError:
         """What happened where, for people."""
         block = self.locate(error)
-        text = str(error) if isinstance(error, NotFiniteError) else _described(error)
+        told = isinstance(error, (NotFiniteError, UsageError))
+        text = str(error) if told else _described(error)
         return SimulationError(block, self.tick, self.tick * self.network.dt, text)
 
     def _runner(self) -> Runner:
@@ -228,11 +234,6 @@ class Engine:
                 item = value if column is None else value[column]
                 array[0 if recording.columns is None else (0, recording.columns)] = item
 
-    def _recorded(self) -> dict[str, FloatArray]:
-        """The rows that were filled before the run ended."""
-        probes = self.program.observation.probes
-        return {name: a[: _filled(probes[name], self.tick)] for name, a in self.arrays.items()}
-
     def _checked(self, block: str, ports: tuple[str, ...], value: Any) -> Any:
         """Hold what a block returned on its first tick against what it declares."""
         if len(ports) > 1 and (not isinstance(value, tuple) or len(value) != len(ports)):
@@ -260,10 +261,6 @@ class Engine:
             raise SimulationError(
                 *(block, 0, 0.0), f"output '{port}' must be {form(kind)}, got {brief(value)}"
             )
-
-
-def _filled(probe: Probe, ticks: int) -> int:
-    return probe.rows(ticks) if not probe.constant else min(1, ticks)
 
 
 def _described(error: BaseException) -> str:

@@ -96,6 +96,7 @@ class Network:
     part_wires: list[Wire] = field(default_factory=list)
     declared: dict[str, SignalType] = field(default_factory=dict)
     engine: str = "auto"
+    memory: int = 0
     world: World | None = None
     document: Node = field(default_factory=lambda: Node({}))
 

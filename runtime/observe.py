@@ -18,7 +18,15 @@ from runtime.plot_specs import COMMON, check_options, offered, plot_keys, source
 from runtime.plot_specs import PlotSpec as PlotSpec
 from runtime.removal import follow, lost
 from runtime.sections import SECTIONS, check_keys, expected, misnamed, misspelt, section, texts
-from runtime.signals import MAX_BYTES, Signal, make_signal, no_component, whole_shape
+from runtime.signals import (
+    MAX_BYTES,
+    MAX_RECORDING,
+    Signal,
+    make_signal,
+    no_component,
+    readable_bytes,
+    whole_shape,
+)
 from runtime.signals import Probe as Probe
 from runtime.signals import state_shape as state_shape
 
@@ -56,9 +64,9 @@ def observe(network: Network) -> Observation:
     reader.read(network.document)
     probes = reader.seen.probes.values()
     total = sum(probe.size(network.ticks) for probe in probes)
-    if total > MAX_BYTES:
+    if total > MAX_RECORDING:
         worst = max(probes, key=lambda probe: probe.size(network.ticks))
-        said = f"recording takes {total / 1024**3:.4g} GiB, most of it '{worst.name}'; record it "
+        said = f"recording takes {readable_bytes(total)}, most of it '{worst.name}'; record it "
         said += f"less often, {{of: {worst.signals[0].end}, every: 100}}, or run shorter"
         problems.add(*reader.places[worst.name], said)
     problems.raise_any()

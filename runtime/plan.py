@@ -33,6 +33,7 @@ class Recording:
     """One recorded column group: the rows of an array that a tick fills.
 
     ``array`` names the array in the function; ``columns`` is the slice it fills, None for all.
+    With ``rows``, the array is a buffer of that many, filled again and again.
     """
 
     array: str
@@ -42,6 +43,13 @@ class Recording:
     is_state: bool = False
     is_event: bool = False
     constant: bool = False
+    rows: int = 0
+
+    @property
+    def row(self) -> str:
+        """The row that tick k fills, as an expression."""
+        row = "k" if self.every == 1 else f"k // {self.every}"
+        return f"{row} % {self.rows}" if self.rows else row
 
 
 @dataclass
@@ -270,7 +278,7 @@ class Emitter:
 
     def recorded(self, recording: Recording) -> None:
         """One row of one recording."""
-        row = "k" if recording.every == 1 else f"k // {recording.every}"
+        row = recording.row
         if recording.columns is not None:
             row += f", {recording.columns.start}:{recording.columns.stop}"
         end = recording.end

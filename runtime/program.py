@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import CodeType
 from typing import TYPE_CHECKING
@@ -11,6 +11,7 @@ from runtime.network import Network
 from runtime.observe import Observation
 from runtime.plan import Emitter, Plan, Recording, make_plan
 from runtime.profile import ProfilingEmitter
+from runtime.recorder import buffer_rows
 from runtime.running import FILENAME
 
 if TYPE_CHECKING:
@@ -24,7 +25,8 @@ class Program:
     Parameters
     ----------
     network : the checked graph.
-    observation : what to record.
+    observation : what to record; ``gathered`` are the rows that are gathered in memory of those
+        probes that go to disk.
     profiled : with a clock around each call of a block.
 
     Raises
@@ -36,6 +38,7 @@ class Program:
     observation: Observation
     profiled: bool = False
     plan: Plan = field(init=False)
+    gathered: dict[str, int] = field(init=False)
     emitter: Emitter = field(init=False)
     lines: dict[int, str] = field(init=False, default_factory=dict)
     template: Template | None = field(init=False, default=None)
@@ -45,8 +48,10 @@ class Program:
 
     def __post_init__(self) -> None:
         self.plan = make_plan(self.network)
+        network, probes = self.network, self.observation.probes
+        self.gathered = buffer_rows(probes, network.ticks, network.memory)
         emitter = ProfilingEmitter if self.profiled else Emitter
-        self.emitter = emitter(self.plan, recordings(self.observation))
+        self.emitter = emitter(self.plan, recordings(self.observation, self.gathered))
 
     def source(self) -> str:
         """The straight-line function, as it is executed."""
@@ -62,8 +67,11 @@ class Program:
         return self._codes[key]
 
 
-def recordings(observation: Observation) -> list[Recording]:
-    """Which tick fills what of the arrays ``probe_0``, ``probe_1``, ... of the probes."""
+def recordings(observation: Observation, gathered: Mapping[str, int]) -> list[Recording]:
+    """Which tick fills what of the arrays ``probe_0``, ``probe_1``, ... of the probes.
+
+    ``gathered`` are the rows of those that are buffers.
+    """
     made = []
     for i, probe in enumerate(observation.probes.values()):
         start = 0
@@ -80,6 +88,7 @@ def recordings(observation: Observation) -> list[Recording]:
                     is_state=signal.is_state,
                     is_event=signal.is_event,
                     constant=probe.constant,
+                    rows=gathered.get(probe.name, 0),
                 )
             )
     return made

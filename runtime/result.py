@@ -8,8 +8,6 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from blocks.params import hint
 from blocks.signals import FloatArray
 from blocks.world import World
@@ -158,8 +156,3 @@ def evaluate(
     values = {metric.name: metric.value(series, world) for metric in metrics}
     failures = [text for m in metrics if (text := m.expectation(values[m.name]))]
     return values, failures
-
-
-def times(rows: int, every: int, dt: float) -> FloatArray:
-    """The times of a probe's rows: k * every * dt, computed, not accumulated."""
-    return np.arange(rows, dtype=np.float64) * (every * dt)

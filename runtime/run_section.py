@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 
 from blocks.params import hint
@@ -13,16 +14,19 @@ from runtime.sections import RUN_KEYS, check_keys, section
 DEFAULT_UNTIL = 10.0
 MAX_TICKS = 10**12
 ENGINES = ("auto", "python", "compiled")
+DEFAULT_MEMORY = 1024**3
+UNITS = {"": 1, "K": 1024, "M": 1024**2, "G": 1024**3}
 
 
 @dataclass(frozen=True)
 class RunSection:
-    """What ``run`` says, with defaults in place: dt and until in s."""
+    """What ``run`` says, with defaults in place: dt and until in s, memory in bytes."""
 
     dt: float
     until: float
     seed: int
     engine: str
+    memory: int
 
 
 def read_run(document: Node, problems: Problems) -> RunSection:
@@ -44,7 +48,8 @@ def read_run(document: Node, problems: Problems) -> RunSection:
         said += "; expected one or more" if until < dt else f"; at most {MAX_TICKS:.0e} can run"
         problems.add(where, "run.until", said)
         until = dt
-    return RunSection(dt, until, _seed(run, problems), _engine(run, problems))
+    seed, engine = _seed(run, problems), _engine(run, problems)
+    return RunSection(dt, until, seed, engine, _memory(run, problems))
 
 
 def _seed(run: dict[str, Node], problems: Problems) -> int:
@@ -65,6 +70,18 @@ def _engine(run: dict[str, Node], problems: Problems) -> str:
         problems.add(node.where, "run.engine", f"no engine {node.describe()}{mend}")
         return ENGINES[0]
     return str(value)
+
+
+def _memory(run: dict[str, Node], problems: Problems) -> int:
+    node = run.get("memory")
+    if node is None:
+        return DEFAULT_MEMORY
+    written = re.fullmatch(r"([1-9][0-9]*)([KMG]?)", str(node.value))
+    if written is None or isinstance(node.value, bool):
+        said = "expected bytes that recordings may take, such as 512M or 2G"
+        problems.add(node.where, "run.memory", f"{said}, got {node.describe()}")
+        return DEFAULT_MEMORY
+    return int(written[1]) * UNITS[written[2]]
 
 
 def seconds(node: Node, address: str, problems: Problems) -> float | None:

@@ -11,7 +11,7 @@ from runtime.errors import Problems
 
 SECTIONS = {
     "graph": "the title",
-    "run": "dt, until, seed and engine",
+    "run": "dt, until, seed, engine and memory",
     "params": "values for $names",
     "world": "walls and obstacles",
     "blocks": "the boxes",
@@ -35,7 +35,7 @@ EXAMPLES = {
     "inputs": "speed: Scalar",
     "outputs": "command: join.out",
 }
-RUN_KEYS = ("dt", "until", "seed", "engine")
+RUN_KEYS = ("dt", "until", "seed", "engine", "memory")
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,99}")
 # numpy.savez would take probes of these names for arguments of its own.
 _RESERVED = ("file", "allow_pickle")

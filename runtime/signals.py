@@ -13,6 +13,7 @@ from runtime.inference import component_type, unknown_component
 from runtime.network import Network
 
 MAX_BYTES = 4 * 1024**3
+MAX_RECORDING = 1024**4
 
 
 @dataclass(frozen=True)
@@ -87,9 +88,23 @@ class Probe:
     def rows(self, ticks: int) -> int:
         return 1 if self.constant else -(-ticks // self.every)
 
+    @property
+    def row_bytes(self) -> int:
+        """Bytes of one row."""
+        return 8 * math.prod(self.shape)
+
     def size(self, ticks: int) -> int:
         """Bytes that its recording takes."""
-        return 8 * math.prod(self.shape) * self.rows(ticks)
+        return self.row_bytes * self.rows(ticks)
+
+
+def readable_bytes(size: float) -> str:
+    """A number of bytes for people: 512 MiB."""
+    for unit in ("B", "KiB", "MiB", "GiB"):
+        if size < 1024:
+            return f"{size:.4g} {unit}"
+        size /= 1024
+    return f"{size:.4g} TiB"
 
 
 def whole_shape(network: Network, end: Endpoint) -> tuple[int, ...] | None:

@@ -11,6 +11,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from blocks.signals import FloatArray
 from runtime.choice import take_compiled
 from runtime.document import dump_yaml
 from runtime.engine import Engine, Outcome
@@ -18,8 +19,11 @@ from runtime.graph import Graph
 from runtime.observe import Observation, Probe
 from runtime.profile import Profile
 from runtime.record import RESOLVED, SCHEMA_VERSION, WRITTEN, portable_modules
-from runtime.result import Recorded, Result, evaluate, times
+from runtime.recorder import Recorder
+from runtime.result import Recorded, Result, evaluate
+from runtime.run_section import DEFAULT_MEMORY
 from runtime.running import silent
+from runtime.signals import readable_bytes
 
 PACKAGES = (
     *("spikeblocks", "numpy", "scipy", "networkx", "pyyaml", "matplotlib"),
@@ -33,21 +37,27 @@ def simulate(
     plots: Container[str] | None = None,
     note: Callable[[str], None] = silent,
     profile: Profile | None = None,
+    folder: Path | None = None,
 ) -> Result:
     """Run a graph; see :meth:`runtime.graph.Graph.run`.
 
     ``plots`` limits what is recorded to the metrics' probes and those of plots of these kinds.
     ``note`` is called with lines for people: what is compiled, and what is not. ``profile`` is
-    filled with what each block takes under the Python engine.
+    filled with what each block takes under the Python engine. ``folder`` takes recordings that
+    are larger than the graph's ``run.memory``; by default a temporary one.
     """
     network = graph.network
     program = graph.program(plots, profiled=profile is not None)
     observation = program.observation
     began = datetime.now().astimezone()
     compiled = take_compiled(network, 1, note) and profile is None
-    outcome = Engine(program, network.seed, compiled, note, profile).run(progress)
+    engine = Engine(program, network.seed, compiled, note, profile, folder)
+    if program.gathered:
+        note(f"recording to disk, since it takes more than {readable_bytes(network.memory)}")
+    outcome = engine.run(progress)
     probes = {
-        name: _recorded(probe, outcome, network.dt) for name, probe in observation.probes.items()
+        name: _recorded(probe, outcome.arrays[name], engine.recorder, network.dt)
+        for name, probe in observation.probes.items()
     }
     metrics, failures = evaluate(observation.metrics, probes, network.world)
     result = Result(
@@ -67,8 +77,7 @@ def simulate(
     return result
 
 
-def _recorded(probe: Probe, outcome: Outcome, dt: float) -> Recorded:
-    values = outcome.arrays[probe.name]
+def _recorded(probe: Probe, values: FloatArray, recorder: Recorder, dt: float) -> Recorded:
     addresses, start = {}, 0
     for signal in probe.signals:
         width = len(signal.labels)
@@ -76,7 +85,7 @@ def _recorded(probe: Probe, outcome: Outcome, dt: float) -> Recorded:
         start += width
     return Recorded(
         name=probe.name,
-        t=times(len(values), probe.every, dt),
+        t=recorder.times(probe.name, len(values), dt),
         values=values,
         labels=probe.labels,
         units=probe.units,
@@ -97,6 +106,8 @@ def _resolved(graph: Graph, engine: str) -> dict[str, Any]:
     """The document with everything about the run written out."""
     network = graph.network
     run = {"dt": network.dt, "until": network.until, "seed": network.seed, "engine": engine}
+    if network.memory != DEFAULT_MEMORY:
+        run["memory"] = network.memory
     return {**graph.to_dict(), "run": run}
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
@@ -51,15 +52,24 @@ def run(options: Namespace) -> int:
     profile = Profile() if options.profile else None
     progress = Progress(graph.title, wanted=not quiet)
     failure: SimulationError | None = None
+    folder = new_folder(Path(options.out), graph.title)
+    # What does not fit into memory lies beside the run's folder until that is written.
+    recordings = folder.with_name(f".{folder.name}.recording")
     try:
-        result = simulate(graph, progress, note=silent if quiet else _note, profile=profile)
+        result = simulate(
+            *(graph, progress),
+            note=silent if quiet else _note,
+            profile=profile,
+            folder=recordings,
+        )
     except SimulationError as error:
         if not isinstance(error.result, Result):
             raise
         failure, result = error, error.result
     finally:
         progress.close()
-    folder = save(result, new_folder(Path(options.out), result.title))
+    save(result, folder)
+    shutil.rmtree(recordings, ignore_errors=True)
     link_latest(folder)
     pictures = _pictures(result, folder, not options.no_plots, options.animate)
     rows = profile.rows(result.manifest["ticks"], result.manifest["wall_s"]) if profile else []

@@ -226,7 +226,7 @@ class CompiledEmitter(Emitter):
         if recording.is_state or kind is None or kind.form != "record" or end.component:
             super().recorded(recording)
             return
-        row = "k" if recording.every == 1 else f"k // {recording.every}"
+        row = recording.row
         first = recording.columns.start if recording.columns is not None else 0
         value = self.value(end)
         for i in range(len(kind.components)):

@@ -75,7 +75,7 @@ CASES = {
     ],
     "memory": [
         ("until: 0.1", "until: 1e9"),
-        "g.yaml:17:9: probes.pose: recording takes 2235 GiB, most of it 'pose'; record it less "
+        "g.yaml:17:9: probes.pose: recording takes 2.183 TiB, most of it 'pose'; record it less "
         "often, {of: plant.pose, every: 100}, or run shorter",
     ],
     "seed": [
