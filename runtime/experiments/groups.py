@@ -95,7 +95,7 @@ class Tally:
 
     def __post_init__(self) -> None:
         self._gathering = Gathering(self.seeds)
-        self._heap: list[tuple[float, int, Ranked]] = []
+        self._heap: list[tuple[float, int, Group]] = []
         self._order = itertools.count()
 
     def add(self, row: Row) -> None:
@@ -118,25 +118,26 @@ class Tally:
         # A heap's first is its smallest: here the worst of the best.
         if len(self._heap) == BEST and -self.objective.of(mean) <= self._heap[0][0]:
             return
-        ranked = Ranked(group.cells, estimate(values))
         push = heapq.heappush if len(self._heap) < BEST else heapq.heappushpop
-        push(self._heap, (-self.objective.of(mean), -next(self._order), ranked))
+        push(self._heap, (-self.objective.of(mean), -next(self._order), group))
 
     @property
     def best(self) -> list[Ranked]:
         """The best settings, the best first."""
-        return [ranked for _, _, ranked in sorted(self._heap, reverse=True)]
+        groups = [group for _, _, group in sorted(self._heap, reverse=True)]
+        column = self.column or 0
+        return [Ranked(group.cells, estimate(group.values(column))) for group in groups]
 
     def line(self, knobs: Sequence[str]) -> str:
         """The best so far, in one line."""
-        best = self.best
         failed = self.done - self.counts["ok"]
         bad = f"  ({failed} not ok)" if failed else ""
-        if not best or self.objective is None:
+        if not self._heap or self.objective is None:
             return f"{self.done} done{bad}"
-        values = ", ".join(f"{k}={c}" for k, c in zip(knobs, best[0].cells, strict=True))
+        cost, _, group = max(self._heap)
+        values = ", ".join(f"{k}={c}" for k, c in zip(knobs, group.cells, strict=True))
         place = f" at {values}" if values else ""
-        return f"best {self.objective.metric} {best[0].objective.mean:.4g}{place}{bad}"
+        return f"best {self.objective.metric} {self.objective.of(-cost):.4g}{place}{bad}"
 
     def told(self) -> list[dict[str, Any]]:
         """The most frequent reasons with their counts."""
