@@ -118,8 +118,7 @@ def _pictures(done: Ablated) -> list[Path]:
 
 
 def _print(done: Ablated, pictures: list[Path], quiet: bool) -> None:
-    from runtime.experiments.comparison import table
-    from runtime.experiments.statistics import CORRECTION, TESTS
+    from runtime.experiments.comparison import legend, table
 
     plan = done.plan
     if not quiet:
@@ -127,14 +126,8 @@ def _print(done: Ablated, pictures: list[Path], quiet: bool) -> None:
             for note in variant.graph.notes:
                 print(f"note: {variant.name}: {note}", file=sys.stderr)
     print(f"{plan.name}: {len(plan.cases)} variants, seeds {plan.seeds}")
-    print(table(done.lines()))
-    print(
-        f"\nIntervals of 95 %, {TESTS[done.test]}; differences are paired by seed. "
-        f"'distinguishable': p < 0.05 after {CORRECTION}'s correction for all comparisons of the "
-        "table. n/N: only n of N seeds have a value, and means and differences are over those. "
-        "'in seeds': another share of the seeds has a value at all. 'gone': what the metric "
-        "measures was taken out."
-    )
+    lines = done.lines()
+    print(f"{table(lines)}\n\n{legend(lines, done.test)}")
     for name, rows in done.rows.items():
         bad = [row for row in rows if row.status != "ok"]
         if bad:

@@ -9,6 +9,8 @@ from typing import Any
 
 from runtime.experiments.statistics import (
     CONFIDENCE,
+    CORRECTION,
+    TESTS,
     Difference,
     Estimate,
     Test,
@@ -151,6 +153,21 @@ def table(lines: Sequence[Line]) -> str:
             *(c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=False)),
         ]
         said.append("  ".join(cells).rstrip())
+    return "\n".join(said)
+
+
+def legend(lines: Sequence[Line], test: Test) -> str:
+    """What the table's columns mean, as far as they need it."""
+    said = [
+        f"Intervals: 95 %, {TESTS[test]}. Differences are to the baseline on the same seed.",
+        f"distinguishable: p < {LEVEL:.2g}, corrected by {CORRECTION} for all comparisons here.",
+    ]
+    if any(line.own.n < line.runs for line in lines):
+        said.append("n/N: n of N seeds have a value; means and differences are over those.")
+    if any(line.is_missing_differently for line in lines):
+        said.append("in seeds: another share of the seeds has a value at all (McNemar's test).")
+    if any(line.is_gone for line in lines):
+        said.append("gone: what the metric measures was taken out.")
     return "\n".join(said)
 
 
