@@ -36,7 +36,7 @@ def run(options: Namespace) -> int:
         return 0
     written = Path(options.out) if options.out else made.folder / "report.html"
     try:
-        written.write_text(made.html, encoding="utf-8")
+        _write(written.resolve(), made.html)
     except OSError as error:
         raise UsageError(f"cannot write '{written}': {error.strerror or error}") from None
     if options.json:
@@ -45,3 +45,17 @@ def run(options: Namespace) -> int:
     else:
         print(written)
     return 0
+
+
+def _write(path: Path, text: str) -> None:
+    """Write a file that is there whole or not at all; what is no file, as a pipe, is written to."""
+    if path.exists() and not path.is_file():
+        path.write_text(text, encoding="utf-8")
+        return
+    partial = path.with_name(f".{path.name}.partial")
+    try:
+        partial.write_text(text, encoding="utf-8")
+        partial.replace(path)
+    except OSError:
+        partial.unlink(missing_ok=True)
+        raise

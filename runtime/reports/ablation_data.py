@@ -44,8 +44,8 @@ def read_ablation(folder: Path) -> dict[str, Any]:
     """
     path = folder / TABLE
     if not path.is_file():
-        said = "it was interrupted, or is still running"
-        raise UsageError(f"'{folder}' holds an ablation without results ({said}); run it again")
+        said = "it was interrupted, or is still running; 'runtime ablate --resume' goes on with it"
+        raise UsageError(f"'{folder}' holds an ablation without results: {said}")
     facts = read_facts(folder)
     try:
         check(facts, _FACTS)

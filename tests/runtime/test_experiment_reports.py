@@ -215,7 +215,7 @@ def test_an_ablation_without_results_is_refused(folders: dict[str, Path], tmp_pa
         with pytest.raises(UsageError, match=f"ablation.json' is damaged: .*({said})"):
             report(folder)
     (folder / "ablation.json").unlink()
-    with pytest.raises(UsageError, match="without results.*run it again"):
+    with pytest.raises(UsageError, match="without results.*--resume"):
         report(folder)
     with pytest.raises(UsageError, match="did you mean '.*/x'"):
         report(tmp_path)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import stat
 import subprocess
 import sys
 from pathlib import Path
@@ -272,6 +273,16 @@ def test_through_the_console_script(cli: Run, broken: Path, tmp_path: Path) -> N
     assert (tmp_path / "r.html").read_text(encoding="utf-8").startswith("<!doctype html>")
     assert cli("report", "run").stdout == "run/report.html\n"
     assert (broken / "report.html").is_file()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
+def test_a_report_that_does_not_fit_is_told(cli: Run, broken: Path, tmp_path: Path) -> None:
+    done = cli("report", "run", "-o", "/dev/full")
+    assert done.returncode == 2
+    assert done.stderr == "cannot write '/dev/full': No space left on device\n"
+    assert stat.S_ISCHR(Path("/dev/full").stat().st_mode)
+    (tmp_path / "there.html").mkdir()
+    assert "Is a directory" in cli("report", "run", "-o", "there.html").stderr
 
 
 @pytest.mark.parametrize(
