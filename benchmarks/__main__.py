@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from benchmarks import monte_carlo, per_tick, start_up
+from benchmarks import monte_carlo, per_tick, start_up, sweeps
 from benchmarks.agreement import TOLERANCE, DisagreementError
 from benchmarks.contests import Contest, case_a_contest, tracking_contest
 from benchmarks.peers import PEERS
@@ -125,6 +125,7 @@ def page(rounds: int, sizes: Sizes) -> str:
         lambda: per_tick.parts_section(rounds),
         lambda: per_tick.chain_section(sizes.chains, rounds),
         lambda: monte_carlo.section(sizes.seeds, sizes.nengo_seeds, sizes.until, rounds),
+        lambda: sweeps.section(min(sizes.seeds, sweeps.SEEDS), sizes.until, 1),
         lambda: start_up.section(rounds),
     )
     text = head
