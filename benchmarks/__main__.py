@@ -64,7 +64,7 @@ FULL = Sizes(
     tracking={0.01: 2000, 0.001: 2000},
     chains=(10, 100, 1000),
     following=20.0,
-    seeds=200,
+    seeds=400,
     nengo_seeds=6,
     until=20.0,
 )
