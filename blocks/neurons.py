@@ -75,7 +75,7 @@ class AdaptiveEnsemble(LearningEnsemble):
         state.silence = self.tau_ref + state.dt
         state.step, state.decay = np.full(n, state.dt), np.full(n, -self.tau_rc)
         state.zeros, state.ones = np.zeros(n), np.ones(n)
-        state.rise = np.empty(n)
+        state.rise, state.few = np.empty(n), np.empty(n, dtype=np.int64)
 
     def _respond(self, state: BlockState) -> None:
         """LIF neurons and their synapses.
@@ -124,7 +124,12 @@ class AdaptiveEnsemble(LearningEnsemble):
             voltage[i] = max(voltage[i] - (current[i] - voltage[i]) * rise, 0.0)
             activity[i] *= state.fade
             state.spikes[i] = 0.0
+        # Then the few that wake up or spike in it, listed without a branch, too.
+        few, count = state.few, 0
         for i in range(len(voltage)):
+            few[count] = i
+            count += (voltage[i] > 1.0) | ((refractory[i] > 0.0) & (refractory[i] < dt))
+        for i in few[:count]:
             left = refractory[i]
             if 0.0 < left < dt:
                 rise = math.expm1(-(dt - left) / self.tau_rc)

@@ -12,8 +12,9 @@ from runtime.observe import state_shape
 # Rough costs in Python (s), as measured on case A: a call of a block, and each number that an
 # update may move.
 CALL, NUMBER = 1.2e-6, 1.5e-8
-# What the Python engine has to take (s) before a first compilation repays itself.
-REPAID = 15.0
+# What the Python engine has to take (s) before a first compilation repays itself. The plan's
+# compilation grows faster than the plan: 2,000 evaluations are not worth waiting for.
+REPAID, REPAID_PER_SQUARE = 15.0, 1e-3
 EXTRA = "fast"
 
 
@@ -34,7 +35,8 @@ def take_compiled(network: Network, runs: int, note: Callable[[str], None]) -> b
         if not installed:
             raise MissingExtraError("the compiled engine", EXTRA)
         return True
-    wanted = runs * python_seconds(network) > REPAID
+    calls = sum(len(entry.cls.spec.evaluations) for entry in network.entries.values())
+    wanted = runs * python_seconds(network) > REPAID + REPAID_PER_SQUARE * calls**2
     if wanted and not installed:
         note(f"faster with the compiled engine: pip install 'spikeblocks[{EXTRA}]'")
     return wanted and installed
