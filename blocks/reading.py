@@ -85,6 +85,10 @@ def _check_name(cls: type, attribute: str, name: str, kind: type, origins: dict[
     label = f"{cls.__name__}.{attribute}"
     if not name.isidentifier():
         raise DeclarationError(f"{label}: '{name}' is no name; use letters, digits and _")
+    base = next(c for c in reversed(cls.__mro__) if "spec" in vars(c))
+    if attribute in vars(base):
+        mend = f"call it something else, with name='{name}' if graphs should know it as that"
+        raise DeclarationError(f"{label}: hides {base.__name__}.{attribute}; {mend}")
     if kind is Param:
         if name in RESERVED_PARAMETERS:
             raise DeclarationError(f"{label}: every graph gives '{name}' a meaning; rename it")
