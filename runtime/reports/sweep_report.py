@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from runtime.comparing.documents import text_of
 from runtime.experiments.groups import Group, Tally, gather
 from runtime.experiments.index import Columns, Row, read_rows
 from runtime.experiments.plan import GRAPH, INDEX, read_plan
@@ -97,7 +98,8 @@ def _lead(swept: _Sweep) -> str:
     """The knobs with their ranges, and what is sought."""
     vary, goal = swept.plan.get("vary"), swept.data.objective
     knobs = vary.items() if isinstance(vary, Mapping) else ()
-    said = f"Sweep over {', '.join(f'{path} = {values}' for path, values in knobs)}"
+    ranges = [f"{path} = {v if isinstance(v, str) else text_of(v)}" for path, v in knobs]
+    said = f"Sweep over {', '.join(ranges)}"
     if goal is None:
         return f"{said}."
     return f"{said}, to {goal.goal} {goal.metric}."

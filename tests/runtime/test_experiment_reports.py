@@ -167,6 +167,8 @@ def test_a_sweeps_tables_say_what_its_index_says(
 
 def test_points_that_failed_are_counted_with_their_reason(pages: dict[str, Path]) -> None:
     html = pages["three"].read_text(encoding="utf-8")
+    (lead,) = find(html, "p", class_="lead")
+    assert lead.text.endswith("draw.how = [fine, raise], to minimize drawn.")
     assert rows(html, "points by status") == [["failed", "24"], ["ok", "24"]]
     reasons = rows(html, "reasons")
     assert all("it broke, on purpose" in reason for reason, _ in reasons)
