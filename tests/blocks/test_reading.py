@@ -365,7 +365,7 @@ def state_like_nothing() -> Any:
         (input_and_output, "Bad.v: the name 'u' is taken by the attribute 'u'"),
         (output_and_state, "Bad.kept: the name 'out' is taken by the attribute 'out'"),
         (reserved_state, "Bad.dt: every state has a 'dt' already; rename it"),
-        (hidden_method, "Bad.value: hides Block.value; call it something else, with name='value' if"),
+        (hidden_method, "Bad.value: hides Block.value; call it something else, with name='value'"),
         (reserved_parameter, "Bad.kind: every graph gives 'type' a meaning; rename it"),
         (dotted, "Bad.u: 'a.b' is no name; use letters, digits and _"),
         (constant_with_inputs, "Bad.out: a constant output cannot need inputs (u)"),
