@@ -142,7 +142,7 @@ def loop_way_along(line: FloatArray) -> FloatArray:
     arc = np.zeros(len(line))
     for i in range(1, len(line)):
         dx, dy = line[i, 0] - line[i - 1, 0], line[i, 1] - line[i - 1, 1]
-        arc[i] = arc[i - 1] + math.sqrt(dx * dx + dy * dy)
+        arc[i] = arc[i - 1] + math.hypot(dx, dy)
     return arc
 
 
@@ -216,7 +216,7 @@ def directed(samples: FloatArray) -> FloatArray:
                 turn = math.pi
             turns += turn - (theta - before)
         before = theta
-        speed = math.sqrt(dx * dx + dy * dy)
+        speed = math.hypot(dx, dy)
         rows[i, 0], rows[i, 1], rows[i, 2] = samples[i, 0], samples[i, 1], theta + turns
         rows[i, 3] = (dx * ddy - ddx * dy) / (speed * speed * speed) if speed > 0.0 else 0.0
     return rows

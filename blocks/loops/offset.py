@@ -14,7 +14,7 @@ from blocks.signals import FloatArray
 
 def unit(x: float, y: float) -> tuple[float, float]:
     """A vector made unit length; zero stays zero."""
-    length = math.sqrt(x * x + y * y)
+    length = math.hypot(x, y)
     return (x / length, y / length) if length > 0.0 else (0.0, 0.0)
 
 

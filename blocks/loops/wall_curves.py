@@ -180,4 +180,4 @@ def is_hidden(x: float, y: float, returns: FloatArray, incidence: float) -> bool
     if phi < before or phi > behind or behind - before >= incidence:
         return False
     front = max(returns[after - 1, 0], returns[after, 0])
-    return bool(math.sqrt(x * x + y * y) > front)
+    return bool(math.hypot(x, y) > front)
