@@ -13,6 +13,8 @@ from runtime.sections import meant
 from runtime.syntax import place
 
 SHIPPED = Path(__file__).resolve().parent.parent / "graphs"
+# The texts of a run's, a sweep's or an ablation's folder that can be run again.
+TEXTS = ("plan.yaml", "graph.resolved.yaml")
 SUFFIX = ".yaml"
 Place = tuple[Where, str]
 TYPED = ("blocks", "plots", "metrics")
@@ -97,6 +99,7 @@ def find_file(name: str, at: Place, folder: Path, noun: str = "graph") -> Path:
             if candidate.is_file():
                 return candidate
         is_folder = bool(name) and (folder / written).is_dir()
+        inside = [n for n in TEXTS if is_folder and (folder / written / n).is_file()]
         near = [path.name for path in (folder / written).parent.glob(f"*{SUFFIX}")]
     except OSError as error:
         raise GraphError([Problem(*at, f"'{name[:60]}': {error.strerror}")]) from None
@@ -107,7 +110,9 @@ def find_file(name: str, at: Place, folder: Path, noun: str = "graph") -> Path:
     known |= {Path(n).stem: str(written.parent / n) for n in near if n != Path(at[0].file).name}
     close = meant(written.stem, known)
     mend = f"; shipped {noun}s: {', '.join(shipped)}"
-    mend = f", did you mean '{known[close]}'?" if close else mend
+    candidates = [str(written / n) for n in inside] or ([known[close]] if close else [])
+    if candidates:
+        mend = f", did you mean {' or '.join(map(repr, candidates))}?"
     said = "is a folder" if is_folder else f"no such {noun}"
     raise GraphError([Problem(*at, f"'{name}': {said}{mend}")])
 

@@ -95,6 +95,8 @@ def run_task(task: Task) -> Done:
         reached = "" if result is None else f", {result.ticks} ticks done"
         status, reason = "timeout", f"stopped after {task.timeout:g} s{reached}"
     metrics = result.metrics if result is not None and status == "ok" else {}
+    # Modules lie in a folder of the worker's own, which says nothing and is gone afterwards.
+    reason = reason.replace(f"{_module_folder(task.point.setting.recipe)}/", "")
     return Done(
         status=status,
         reason=one_line(reason.strip().replace("\n", "; ")),
@@ -123,7 +125,7 @@ def _simulated(task: Task, deadline: Deadline) -> Result:
 def _loaded(recipe: Recipe) -> Graph:
     plain: Any = parse_yaml(recipe.text, "graph.resolved.yaml").plain()
     if recipe.modules:
-        folder = _module_folder(recipe)
+        folder = _written_modules(recipe)
         _place_modules(plain["blocks"], folder)
     return load(plain)
 
@@ -138,7 +140,11 @@ def _built(recipe: Recipe, edits: tuple[tuple[str, str], ...]) -> Graph:
 
 
 def _module_folder(recipe: Recipe) -> Path:
-    folder = Path(get_temp_dir()) / recipe.digest[:16]
+    return Path(get_temp_dir()) / recipe.digest[:16]
+
+
+def _written_modules(recipe: Recipe) -> Path:
+    folder = _module_folder(recipe)
     folder.mkdir(exist_ok=True)
     for name, text in recipe.modules:
         target = folder / name
