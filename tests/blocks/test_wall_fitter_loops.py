@@ -36,10 +36,10 @@ def same(found: np.ndarray, expected: np.ndarray, tolerance: float = 1e-13) -> N
 def same_fit(found: Fit, expected: Fit) -> None:
     """Second derivatives make of a rounding what they make of any other noise."""
     assert found[2] == expected[2]
-    same(found[1], expected[1], 1e-12)
-    same(found[0][:, :3], expected[0][:, :3], 1e-12)
+    same(found[1], expected[1], 1e-11)
+    same(found[0][:, :3], expected[0][:, :3], 1e-11)
     scale = max(1.0, float(np.abs(expected[0][:, 3]).max()))
-    same(found[0][:, 3] / scale, expected[0][:, 3] / scale, 1e-11)
+    same(found[0][:, 3] / scale, expected[0][:, 3] / scale, 1e-10)
 
 
 def views(seed: int, noise: float, lost: float) -> Iterator[tuple[np.ndarray, Pose]]:
