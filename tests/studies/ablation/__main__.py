@@ -1,0 +1,49 @@
+"""Ask where the spiking adaptive term helps, and write docs/ablation.md.
+
+python -m tests.studies.ablation [seeds] [folder]
+
+Seeds are those of the experiments if not given. What the folder holds is not run again.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+from pathlib import Path
+
+from runtime.document import parse_yaml
+from runtime.errors import Problems
+from runtime.experiments.seeds import Seeds, parse_seeds
+from tests.studies.ablation.judge import Judged
+from tests.studies.ablation.page import page
+from tests.studies.ablation.runs import RULES, SETTINGS, measure
+
+PAGE = Path(__file__).parents[3] / "docs" / "ablation.md"
+
+
+def main(arguments: list[str]) -> None:
+    """Run what the folder does not hold yet; write and print the page."""
+    seeds = read_seeds(arguments[0]) if arguments else None
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(arguments[1] if len(arguments) > 1 else scratch)
+        folder.mkdir(parents=True, exist_ok=True)
+        results = {}
+        for setting in SETTINGS:
+            for rule in RULES:
+                print(f"{setting.label}, {rule}", file=sys.stderr, flush=True)
+                results[setting, rule] = measure(setting, rule, folder, seeds)
+    text = page(Judged(results), Judged(results, "bootstrap"))
+    PAGE.write_text(text, encoding="utf-8")
+    print(text)
+
+
+def read_seeds(text: str) -> Seeds | None:
+    """Seeds as the command line writes them: 20..39."""
+    problems = Problems()
+    seeds = parse_seeds(parse_yaml(text, "seeds"), "", problems)
+    problems.raise_any()
+    return seeds
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

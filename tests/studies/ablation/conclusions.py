@@ -1,0 +1,112 @@
+"""The answers in short: sentences, and one table of all questions about the error."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from runtime.experiments.variants import BASELINE
+from tests.studies.ablation.judge import ALONE, APART, BARE, EXACT, TRACKERS, TUNED, Effect, Judged
+from tests.studies.ablation.runs import PRINTED, ROBUST, RULES, SETTINGS
+from tests.studies.ablation.words import Word, grouped, markdown, share, stands_in, tally, verdict
+
+RATES, INTEGRATOR = "rate neurons", "integrator"
+SPEED, TURN = "no adaptive speed", "no adaptive turn rate"
+BLIND = "no feedforward"
+
+
+@dataclass(frozen=True)
+class Question:
+    """What ``variant`` does to the error of ``against``, in a word for each setting."""
+
+    title: str
+    rule: str
+    variant: str
+    against: str
+    word: Word = verdict
+
+    def answers(self, judged: Judged) -> list[Effect | None]:
+        """One for each setting; None where there is no such variant."""
+        return [
+            judged(setting, self.rule, self.variant, self.against)
+            if self.variant in judged.results[setting, self.rule].values
+            else None
+            for setting in SETTINGS
+        ]
+
+    def said(self, judged: Judged, numbers: bool = False) -> str:
+        """The settings by answer: 'helps in A; hurts in B'."""
+        return grouped([e for e in self.answers(judged) if e is not None], self.word, numbers)
+
+
+def _both(title: str, variant: str, against: str, word: Word = verdict) -> list[Question]:
+    return [Question(f"{title}, {rule}", rule, variant, against, word) for rule in RULES]
+
+
+ADDED = _both("SNN", BASELINE, ALONE)
+TUNED_TOO = _both("SNN beside a well-tuned LQR", TUNED, TUNED + APART)
+UNAIDED = _both("SNN without feedforward", BLIND, BARE)
+UNSPIKED = _both("rate neurons for spikes", RATES, BASELINE, stands_in)
+INTEGRATED = _both("integrator for the SNN", INTEGRATOR, BASELINE, stands_in)
+STILL = _both("without the speed's half", SPEED, BASELINE, stands_in)
+UNTURNED = _both("without the turn rate's half", TURN, BASELINE, stands_in)
+FORWARD = Question("feedforward, no SNN", PRINTED, ALONE, BARE)
+EXACTLY = Question("exact feedforward, no SNN", PRINTED, EXACT, BARE)
+WITH_EXACT = _both("SNN beside exact feedforward", EXACT.removesuffix(APART), EXACT)
+INSTEAD = [
+    Question(
+        f"{name} without SNN for LQR with it, our rule", ROBUST, name + APART, BASELINE, stands_in
+    )
+    for name in (TUNED, *TRACKERS)
+]
+ALL = [
+    *(*ADDED, *TUNED_TOO, *UNAIDED, *WITH_EXACT, FORWARD, EXACTLY),
+    *(*UNSPIKED, *INTEGRATED, *STILL, *UNTURNED, *INSTEAD),
+]
+
+
+def overview(judged: Judged) -> str:
+    """All questions and settings in one table."""
+    rows = []
+    for question in ALL:
+        found = question.answers(judged)
+        rows.append(
+            [question.title, *("" if e is None else share(e, question.word) for e in found)]
+        )
+    return markdown(["", *(setting.label for setting in SETTINGS)], rows)
+
+
+def conclusions(judged: Judged) -> list[str]:
+    """The page's first sentences."""
+
+    def told(questions: Sequence[Question]) -> str:
+        printed, ours = (question.said(judged) for question in questions)
+        if printed == ours:
+            return f"{printed}, with either rule"
+        return f"as printed, {printed}. With our rule, {ours}"
+
+    rivals = ". ".join(f"{q.variant.removesuffix(APART)}: {q.said(judged)}" for q in INSTEAD)
+    return [
+        f"**The printed rule**, beside the graph's LQR and feedforward: "
+        f"{ADDED[0].said(judged, numbers=True)}.",
+        f"**Our rule**, likewise: {ADDED[1].said(judged, numbers=True)}.",
+        f"**Beside a well-tuned LQR**: {told(TUNED_TOO)}.",
+        f"**Beside PID, PurePursuit and Stanley**: {_trackers(judged)}.",
+        f"**Do spikes matter?** Rate neurons in their place: {told(UNSPIKED)}.",
+        f"**Does a network matter?** A plain integrator in its place: {told(INTEGRATED)}.",
+        f"**Which half?** Without the speed's: {told(STILL)}. Without the turn rate's: "
+        f"{told(UNTURNED)}.",
+        f"**Feedforward alone**, beside the LQR: {FORWARD.said(judged, numbers=True)}. The network "
+        f"without it: {told(UNAIDED)}.",
+        f"**Exact feedforward alone** (alpha = v_r where the graph has less): "
+        f"{EXACTLY.said(judged, numbers=True)}. The network beside it: {told(WITH_EXACT)}.",
+        f"**In place of learning**, against the graph's LQR with our rule. {rivals}.",
+    ]
+
+
+def _trackers(judged: Judged) -> str:
+    said = []
+    for rule in RULES:
+        asked = (Question("", rule, name, name + APART) for name in TRACKERS)
+        said.append(tally([e for q in asked for e in q.answers(judged) if e is not None]))
+    return f"as printed, {said[0]}. With our rule, {said[1]}"

@@ -1,0 +1,195 @@
+"""What is compared with what, and the verdict that the numbers give."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+from runtime.experiments.comparison import LEVEL
+from runtime.experiments.statistics import (
+    Difference,
+    Estimate,
+    Test,
+    adjusted,
+    difference,
+    estimate,
+    presence,
+)
+from runtime.experiments.variants import BASELINE
+from tests.studies.ablation.runs import PRINTED, RULES, SETTINGS, Measured, Setting
+
+ALONE, APART = "no adaptive part", ", not adaptive"
+BARE, EXACT = f"no feedforward{APART}", f"exact feedforward{APART}"
+TUNED, TRACKERS = "well-tuned LQR", ("PID", "PurePursuit", "Stanley")
+PARTS = ("no adaptive speed", "no adaptive turn rate", "integrator", "rate neurons")
+MARGIN = 0.1  # a stand-in does as well if it is within this part of the error
+ROUNDING = 1e-9
+HELPS, HURTS, UNTOLD, EQUAL = "helps", "hurts", "no difference told", "equal"
+MORE, LESS = "more", "less"
+BETTER, WORSE, AS_WELL = "better", "worse", "as well"
+
+
+@dataclass(frozen=True)
+class Metric:
+    """What is measured, and how it is written. ``is_error`` is False where more is not worse."""
+
+    name: str
+    title: str
+    unit: str
+    scale: float = 1.0
+    digits: int = 3
+    is_error: bool = True
+
+
+METRICS = {
+    "A": (
+        Metric("position_mae", "mean lateral error", "m"),
+        Metric("converged_at", "converged at", "s", digits=1),
+    ),
+    "B": (
+        Metric("position_mae", "mean distance to the path after 10 s", "m"),
+        Metric("distance", "progress along the path in 35 s", "m", 1.0, 2, False),
+    ),
+    "C": (
+        Metric("distance_mae", "mean distance error over the whole way", "mm", 1e3, 1),
+        Metric("distance_mae_cylinders", "mean distance error along the cylinders", "mm", 1e3, 1),
+    ),
+}
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A question: what becomes of a metric if ``against`` is changed into ``variant``?"""
+
+    setting: Setting
+    rule: str
+    variant: str
+    against: str
+    metric: Metric
+
+
+@dataclass(frozen=True)
+class Effect:
+    """Its answer. ``p`` and ``p_presence`` are corrected for all questions together."""
+
+    asked: Asked
+    own: Estimate
+    base: Estimate
+    apart: Difference
+    p: float
+    p_presence: float
+
+    @property
+    def is_equal(self) -> bool:
+        """Whether nothing differs but rounding."""
+        ends = max(abs(self.apart.low), abs(self.apart.high))
+        return self.own.n == self.base.n and ends <= ROUNDING * abs(self.base.mean)
+
+    @property
+    def is_told(self) -> bool:
+        """Whether means, or how often there is a value at all, are told apart."""
+        return not self.is_equal and (self.p < LEVEL or self.p_presence < LEVEL)
+
+    @property
+    def is_within_margin(self) -> bool:
+        """Whether the whole interval is small beside the error."""
+        low, high = self.share[1:]
+        return self.own.n == self.base.n and low >= -MARGIN and high <= MARGIN
+
+    @property
+    def is_improvement(self) -> bool:
+        """The direction. A metric that is reached on more seeds is the better one."""
+        if self.p_presence < LEVEL:
+            return self.own.n > self.base.n
+        return self.apart.mean < 0.0
+
+    @property
+    def share(self) -> tuple[float, float, float]:
+        """The difference and its interval as parts of the mean that it is held against."""
+        mean = abs(self.base.mean)
+        return self.apart.mean / mean, self.apart.low / mean, self.apart.high / mean
+
+    @property
+    def verdict(self) -> str:
+        """What a change does."""
+        if self.is_equal:
+            return EQUAL
+        if not self.is_told:
+            return UNTOLD
+        if not self.asked.metric.is_error:
+            return MORE if self.apart.mean > 0.0 else LESS
+        return HELPS if self.is_improvement else HURTS
+
+    @property
+    def stands_in(self) -> str:
+        """How what takes a place does there."""
+        if self.is_equal or self.is_within_margin:
+            return AS_WELL
+        if not self.is_told:
+            return UNTOLD
+        return BETTER if self.is_improvement else WORSE
+
+
+Results = Mapping[tuple[Setting, str], Measured]
+
+
+def controllers(measured: Measured) -> dict[str, tuple[str, str]]:
+    """For each controller the variants with and without the adaptive part; the graph's first."""
+    pairs = {BASELINE: (BASELINE, ALONE)}
+    for name in measured.values:
+        if name.endswith(APART):
+            controller = name.removesuffix(APART)
+            pairs[controller] = (controller, name)
+    return pairs
+
+
+class Judged:
+    """All questions with their answers."""
+
+    def __init__(self, results: Results, test: Test = "t") -> None:
+        self.results = results
+        effects = [self._effect(asked, test) for asked in self._asked()]
+        p = adjusted([*(e.p for e in effects), *(e.p_presence for e in effects)])
+        found = zip(effects, p[: len(effects)], p[len(effects) :], strict=True)
+        self.effects = {e.asked: replace(e, p=a, p_presence=b) for e, a, b in found}
+
+    def __call__(
+        self, setting: Setting, rule: str, variant: str, against: str, metric: int = 0
+    ) -> Effect:
+        """An answer; ``metric`` 0 is the error."""
+        return self.effects[Asked(setting, rule, variant, against, METRICS[setting.case][metric])]
+
+    def mean(self, setting: Setting, rule: str, variant: str, metric: Metric) -> Estimate:
+        """A variant's own mean."""
+        values = self.results[setting, rule](variant, metric.name)
+        return estimate([value for value in values if value is not None])
+
+    def _asked(self) -> Iterator[Asked]:
+        for setting in SETTINGS:
+            for metric in METRICS[setting.case]:
+                for rule in RULES:
+                    measured = self.results[setting, rule]
+                    pairs = controllers(measured)
+                    asked = [*pairs.values(), *((part, BASELINE) for part in PARTS)]
+                    # Without the adaptive part both rules leave the same graph.
+                    if rule == PRINTED:
+                        asked += [(a, BARE) for a in (ALONE, EXACT) if a in measured.values]
+                    else:
+                        asked += [(a, BASELINE) for _, a in pairs.values() if a != ALONE]
+                    for variant, against in asked:
+                        yield Asked(setting, rule, variant, against, metric)
+
+    def _effect(self, asked: Asked, test: Test) -> Effect:
+        measured, name = self.results[asked.setting, asked.rule], asked.metric.name
+        own, base = measured(asked.variant, name), measured(asked.against, name)
+        differs = [a is None for a in own] != [b is None for b in base]
+        apart = difference(own, base, test)
+        return Effect(
+            asked,
+            estimate([v for v in own if v is not None], test),
+            estimate([v for v in base if v is not None], test),
+            apart,
+            apart.p,
+            presence(own, base) if differs else math.nan,
+        )

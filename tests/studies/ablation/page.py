@@ -1,0 +1,98 @@
+"""docs/ablation.md: the answers at its top, then the tables they are taken from."""
+
+from __future__ import annotations
+
+from runtime.experiments.comparison import LEVEL
+from runtime.experiments.statistics import CORRECTION
+from runtime.simulate import versions
+from tests.studies.ablation.conclusions import conclusions, overview
+from tests.studies.ablation.judge import MARGIN, Judged
+from tests.studies.ablation.tables import worth
+from tests.studies.following import ENGINE
+
+HEAD = """# Does the spiking adaptive term help?
+
+Written by `python -m tests.studies.ablation` from the experiments in `graphs/experiments`: {runs}
+runs with seeds {seeds}, on which nothing was tuned, by the {engine} engine. One of these
+experiments is `runtime ablate experiments/walls --with conditions/mixed.yaml`.
+
+* **A**: a line, half of the turn rate lost. **B**: y = sin x, pose noise of 5 cm and 0.1 rad.
+  **C**: along the walls of the paper's room; *turn loss*: half of the turn rate lost; *turn bias*:
+  0.15 rad/s; *mixed*: 30 % of the turn rate lost, lag, delay, slip and noise.
+* **As printed** is the paper's learning rule, **our rule** that of `graphs/*_robust.yaml`.
+
+## In short
+
+The answers are chosen from the numbers, by the rules [below](#how-to-read-this). They are about the
+mean error: the distance to the line, to the path, or to the contour 180 mm from the walls.
+"""
+
+WORTH = """
+## What the adaptive part adds to each controller
+
+Each controller alone, then the difference that the adaptive part makes to it, with 95 % intervals
+where the seeds differ. No word: no difference told.
+"""
+
+COUNTS = """"Closed" is on how many seeds the robot went all the way round, "contact" the part of
+the run in which it touched something: alone, as printed, with our rule.
+"""
+
+OVERVIEW = """
+All answers about the mean error, in percent of the error without what is asked about, or with what
+is replaced, with 95 % intervals. No word: no difference told.
+"""
+
+READING = """
+## How to read this
+
+* A seed draws the noise and the neurons. Differences are paired: to the run with the same seed,
+  and so with the same noise and neurons. Intervals are Student's t, 95 %.
+* A change **helps** or **hurts** where its difference is told from zero: p < {level:.2g}, corrected
+  by {correction} for all {asked} comparisons of this page. "No difference told" does not say that
+  there is none: the interval says how large it may be.
+* What takes the place of something else does **as well** where the whole interval is within
+  {margin:.0%} of the error of what it replaces, else **better** or **worse** where told.
+* By a permutation test that flips signs, in place of Student's t, {other} of the {asked} verdicts
+  are others.
+* Gains and learning rates of LQR and ensembles were chosen on other seeds of the same paths and
+  room; PID, PurePursuit and Stanley have their blocks' defaults. The integrator's gain is that of
+  the network in whose place it stands, worked out, not tuned.
+* Case C is chaotic: single runs differ between machines and engines, while means agree.
+
+Versions: {versions}.
+"""
+
+
+def page(judged: Judged, otherwise: Judged) -> str:
+    """The whole page.
+
+    Parameters
+    ----------
+    otherwise : the same questions, answered by another test.
+    """
+    results, effects = judged.results, judged.effects
+    first = next(iter(results.values())).seeds
+    head = HEAD.format(
+        runs=sum(len(measured.values) * len(measured.seeds) for measured in results.values()),
+        seeds=f"{first[0]} to {first[-1]}",
+        engine=ENGINE,
+    )
+    reading = READING.format(
+        level=LEVEL,
+        correction=CORRECTION,
+        asked=len(effects),
+        margin=MARGIN,
+        other=sum(e.verdict != otherwise.effects[asked].verdict for asked, e in effects.items()),
+        versions=", ".join(f"{name} {number}" for name, number in versions().items()),
+    )
+    answers = [f"{i}. {line}" for i, line in enumerate(conclusions(judged), start=1)]
+    parts = [head, *answers, *_failures(judged), OVERVIEW, overview(judged)]
+    parts += [WORTH, *worth(judged), COUNTS, reading]
+    return "\n".join(parts)
+
+
+def _failures(judged: Judged) -> list[str]:
+    """Runs that did not end as they should."""
+    broken = [f"* {line}" for measured in judged.results.values() for line in measured.broken]
+    return ["\nRuns that failed, and have no values:\n", *broken] if broken else []

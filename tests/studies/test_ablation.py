@@ -1,0 +1,220 @@
+"""The committed experiments; verdicts and page on numbers whose answers are known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import runtime
+from runtime.experiments.seeds import Seeds
+from runtime.experiments.variants import BASELINE
+from runtime.loader import SHIPPED
+from tests.studies.ablation import runs
+from tests.studies.ablation.judge import (
+    ALONE,
+    APART,
+    AS_WELL,
+    BARE,
+    EQUAL,
+    HELPS,
+    HURTS,
+    METRICS,
+    MORE,
+    PARTS,
+    TUNED,
+    UNTOLD,
+    WORSE,
+    Judged,
+    controllers,
+)
+from tests.studies.ablation.page import page
+from tests.studies.ablation.runs import PRINTED, ROBUST, RULES, SETTINGS, Measured, Setting
+
+EXPERIMENTS = sorted((SHIPPED / "experiments").glob("*.yaml"))
+LINE, SINE, IDEAL = SETTINGS[:3]
+SEEDS = tuple(range(20))
+# The mean error of a variant, by setting and rule.
+Error = Callable[[Setting, str, str], float]
+
+
+@pytest.mark.parametrize("file", EXPERIMENTS, ids=lambda file: file.stem)
+def test_every_experiment_is_part_of_the_study(file: Path) -> None:
+    used = {setting.file(rule) for setting in SETTINGS for rule in RULES}
+    assert file.stem in used
+
+
+@pytest.mark.parametrize("rule", RULES)
+@pytest.mark.parametrize("setting", SETTINGS, ids=lambda setting: setting.label)
+def test_all_variants_build_and_can_be_compared(setting: Setting, rule: str) -> None:
+    experiment = runs.read(setting, rule)
+    graphs = {variant.name: variant.graph for variant in experiment.variants}
+    assert {ALONE, BARE, *PARTS, TUNED, TUNED + APART} <= set(graphs)
+    for name, graph in graphs.items():
+        network = graph.check().network
+        assert network.entries, name
+        is_without = name.endswith(APART) or name == ALONE
+        assert is_without != any(block.startswith("adaptive.") for block in network.entries), name
+        if name.endswith(APART):
+            assert name.removesuffix(APART) in graphs
+    # The gains of the graphs were chosen on seeds 0 to 9.
+    assert experiment.seeds is not None
+    assert min(experiment.seeds) > 9
+    assert len(experiment.seeds) == len(SEEDS)
+    if setting.condition:
+        plain = runs.read(Setting(setting.case, "", setting.experiment), rule)
+        found = {v.name: v.graph.to_dict() for v in plain.variants}
+        assert all(graph.to_dict() != found[name] for name, graph in graphs.items())
+
+
+@cache
+def variants_of(experiment: str, rule: str) -> list[str]:
+    """All names, the baseline's first."""
+    return [BASELINE, *(v.name for v in runs.read(Setting("", "", experiment), rule).variants)]
+
+
+def made_up(
+    error: Error, spread: float = 0.02, seed: int = 1
+) -> dict[tuple[Setting, str], Measured]:
+    """Numbers in place of runs: each with noise of its own, in part of the mean."""
+    rng = np.random.default_rng(seed)
+    results = {}
+    for setting in SETTINGS:
+        for rule in RULES:
+            values = {
+                name: {
+                    metric.name: list(
+                        error(setting, rule, name)
+                        * (1.0 + spread * rng.standard_normal(len(SEEDS)))
+                    )
+                    for metric in METRICS[setting.case]
+                }
+                | {"loops": [1.2] * len(SEEDS), "contacts": [0.0] * len(SEEDS)}
+                for name in variants_of(setting.experiment, rule)
+            }
+            results[setting, rule] = Measured(values, SEEDS)
+    return results
+
+
+@pytest.fixture(scope="module")
+def judged() -> Judged:
+    """As printed it halves the error in A, doubles it in B; nothing else matters much."""
+
+    def error(setting: Setting, rule: str, name: str) -> float:
+        if rule == PRINTED and name == BASELINE:
+            return {"A": 0.5, "B": 2.0}.get(setting.case, 1.0)
+        if rule == ROBUST and name == "integrator":
+            return {"A": 1.3, "B": 1.03}.get(setting.case, 1.0)
+        return 1.0
+
+    return Judged(made_up(error))
+
+
+def test_verdicts_are_those_of_the_numbers(judged: Judged) -> None:
+    found = judged(LINE, PRINTED, BASELINE, ALONE)
+    assert found.verdict == HELPS
+    assert found.share[0] == pytest.approx(-0.5, abs=0.03)
+    assert found.share[1] < -0.5 < found.share[2]
+    assert judged(SINE, PRINTED, BASELINE, ALONE).verdict == HURTS
+    assert judged(IDEAL, PRINTED, BASELINE, ALONE).verdict == UNTOLD
+    # Progress along the path: who cuts the bends makes more of it, so it is no merit.
+    assert METRICS["B"][1].name == "distance"
+    assert judged(SINE, PRINTED, BASELINE, ALONE, 1).verdict == MORE
+
+
+def test_what_stands_in_is_held_against_a_margin(judged: Judged) -> None:
+    assert judged(LINE, ROBUST, "integrator", BASELINE).stands_in == WORSE
+    # Told apart from what it replaces, but by 3 %.
+    small = judged(SINE, ROBUST, "integrator", BASELINE)
+    assert (small.verdict, small.stands_in) == (HURTS, AS_WELL)
+
+
+def test_no_difference_told_is_not_as_well() -> None:
+    """With much noise, equal means are neither told apart nor shown to be alike."""
+    noisy = Judged(made_up(lambda *_: 1.0, spread=0.5))
+    found = [e for e in noisy.effects.values() if e.asked.variant == "integrator"]
+    assert {e.stands_in for e in found} == {UNTOLD}
+
+
+def test_without_an_effect_few_are_found() -> None:
+    """The correction holds the share of false finds down: 0.05 alone would find about 17."""
+    nothing = Judged(made_up(lambda *_: 1.0, spread=0.1, seed=3))
+    assert len(nothing.effects) > 300
+    assert sum(e.is_told for e in nothing.effects.values()) <= 2
+
+
+def test_equal_but_for_rounding_is_equal() -> None:
+    results = made_up(lambda *_: 1.0)
+    values = results[LINE, PRINTED].values
+    values["no feedforward"]["position_mae"] = list(
+        values["no feedforward, not adaptive"]["position_mae"]
+    )
+    values["no feedforward"]["position_mae"][3] += 1e-15  # type: ignore[operator]
+    effect = Judged(results)(LINE, PRINTED, "no feedforward", BARE)
+    assert (effect.verdict, effect.stands_in) == (EQUAL, AS_WELL)
+
+
+def test_a_value_on_more_seeds_is_better_even_if_later() -> None:
+    results = made_up(lambda *_: 10.0)
+    values = results[LINE, PRINTED].values
+    values[ALONE]["converged_at"] = [None] * 18 + [5.0, 5.1]
+    effect = Judged(results)(LINE, PRINTED, BASELINE, ALONE, 1)
+    assert (effect.own.n, effect.base.n, effect.apart.n) == (20, 2, 2)
+    assert effect.apart.mean > 0.0
+    assert effect.verdict == HELPS
+
+
+def test_the_page_says_what_the_numbers_say(judged: Judged) -> None:
+    text = page(judged, judged)
+    first = next(line for line in text.splitlines() if line.startswith("1. "))
+    helped = judged(LINE, PRINTED, BASELINE, ALONE).share[0]
+    assert f"**helps** in A (−{abs(100 * helped):.0f} % [" in first
+    assert "**hurts** in B (+" in first
+    assert first.index(UNTOLD) < first.index("C ideal")
+    assert "0 of the" in text  # no verdict differs from that of the same test
+    assert "nan" not in text
+    rows = [line for line in text.splitlines() if line.startswith("|")]
+    assert len({line.count("|") for line in rows}) <= 4
+    both = sum(len(controllers(judged.results[s, PRINTED])) for s in SETTINGS) * 2
+    assert sum(line.startswith("| ---") for line in rows) * 2 + both + 3 * len(SETTINGS) == len(
+        rows
+    )
+
+
+def test_a_run_that_failed_is_told() -> None:
+    results = made_up(lambda *_: 1.0)
+    bad = results[LINE, PRINTED]
+    bad.values[ALONE]["position_mae"][4] = None
+    results[LINE, PRINTED] = Measured(
+        bad.values, SEEDS, ("line: no adaptive part, seed 4: it fell",)
+    )
+    judged = Judged(results)
+    text = page(judged, judged)
+    assert "* line: no adaptive part, seed 4: it fell" in text
+    assert "(19 of 20)" in text
+
+
+def test_measured_is_what_the_graph_gives(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Through files, workers and index, and again from the folder without running anything."""
+    (tmp_path / "line.yaml").write_text(
+        "experiment: line\ngraph: line_actuator_failure\nseeds: 20..21\nuntil: 0.5\n"
+        "variants: {no adaptive part: {without: adaptive}}\n"
+    )
+    monkeypatch.setattr(runs, "EXPERIMENTS", tmp_path)
+    found = runs.measure(LINE, PRINTED, tmp_path, engine="python")
+    assert found.seeds == (20, 21)
+    graph = runtime.load("line_actuator_failure").set("run.until", 0.5)
+    for name, variant in ((BASELINE, graph), (ALONE, graph.without("adaptive"))):
+        direct = [variant.run(seed=seed).metrics["position_mae"] for seed in (20, 21)]
+        assert found(name, "position_mae") == direct
+
+    def refused() -> None:
+        raise AssertionError("it was run again")
+
+    monkeypatch.setattr(runs, "_crew", refused)
+    assert runs.measure(LINE, PRINTED, tmp_path, engine="python") == found
+    with pytest.raises(runtime.UsageError, match="another plan"):
+        runs.measure(LINE, PRINTED, tmp_path, Seeds(((1, 2),)), "python")
