@@ -13,7 +13,8 @@ from blocks.block import Block, BlockState, Evaluation
 from blocks.registry import BUILTIN
 from blocks.signals import SignalType
 from runtime.compiled import cache
-from runtime.compiled.translate import NotCompilableError, Translated, translate
+from runtime.compiled.translate import Translated, translate
+from runtime.compiled.writing import NotCompilableError
 from runtime.network import Network
 
 Signature = tuple[Any, ...]

@@ -25,7 +25,8 @@ from blocks.surfaces import from_surface, loop_cast, loop_nearest
 from blocks.world import World
 from runtime.compiled import cache
 from runtime.compiled.primitives import remainder
-from runtime.compiled.translate import NotCompilableError, Translated, translate
+from runtime.compiled.translate import Translated, translate
+from runtime.compiled.writing import NotCompilableError
 from tests.blocks.worlds import OVERLAPPING, SHIPPED, worlds
 
 Draw = Callable[[np.random.Generator], Any]
