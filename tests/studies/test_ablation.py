@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -14,6 +15,7 @@ from runtime.experiments.seeds import Seeds
 from runtime.experiments.variants import BASELINE
 from runtime.loader import SHIPPED
 from tests.studies.ablation import runs
+from tests.studies.ablation.conclusions import ALL
 from tests.studies.ablation.judge import (
     ALONE,
     APART,
@@ -176,12 +178,13 @@ def test_the_page_says_what_the_numbers_say(judged: Judged) -> None:
     assert first.index(UNTOLD) < first.index("C ideal")
     assert "0 of the" in text  # no verdict differs from that of the same test
     assert "nan" not in text
-    rows = [line for line in text.splitlines() if line.startswith("|")]
-    assert len({line.count("|") for line in rows}) <= 4
+    # Every table is whole: a row for each question, and for each controller and metric.
+    for table in re.findall(r"(?:^\|.*\n)+", text, re.M):
+        assert len({row.count("|") for row in table.splitlines()}) == 1
+    rows = sum(line.startswith("|") for line in text.splitlines())
     both = sum(len(controllers(judged.results[s, PRINTED])) for s in SETTINGS) * 2
-    assert sum(line.startswith("| ---") for line in rows) * 2 + both + 3 * len(SETTINGS) == len(
-        rows
-    )
+    tables = 1 + sum(map(len, METRICS.values()))
+    assert rows == 2 * tables + both + len(ALL)
 
 
 def test_a_run_that_failed_is_told() -> None:
