@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import pty
 import subprocess
 import sys
 from collections.abc import Callable
@@ -20,6 +22,31 @@ def script() -> Path:
     if not path.exists():
         pytest.fail(f"{path} is missing; install the project: pip install -e '.[test]'")
     return path
+
+
+@pytest.fixture
+def terminal(script: Path, tmp_path: Path) -> Callable[..., bytes]:
+    """Runs the console script on a terminal, in an empty folder; returns all that is shown."""
+
+    def run(*arguments: str) -> bytes:
+        parent, child = pty.openpty()
+        command = [str(script), *arguments]
+        with subprocess.Popen(command, stdout=child, stderr=child, cwd=tmp_path) as process:
+            os.close(child)
+            seen = b""
+            while True:
+                try:
+                    block = os.read(parent, 65536)
+                except OSError:  # the other end is closed
+                    break
+                if not block:
+                    break
+                seen += block
+            assert process.wait() == 0, seen
+        os.close(parent)
+        return seen
+
+    return run
 
 
 @pytest.fixture

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
-import os
-import pty
 import re
-import subprocess
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -313,22 +311,10 @@ def test_keep(here: Run, draw: Path, tmp_path: Path, keep: str, numbers: list[st
         assert json.loads(again.stdout)["metrics"] == result.metrics
 
 
-def test_a_bar_and_the_best_so_far_on_a_terminal(script: Path, draw: Path) -> None:
-    parent, child = pty.openpty()
-    command = [script, *TWO, "--vary", "draw.level=0..1:12", "--no-plots"]
-    with subprocess.Popen(command, stdout=child, stderr=child, cwd=draw.parent) as process:
-        os.close(child)
-        seen = b""
-        while True:
-            try:
-                block = os.read(parent, 65536)
-            except OSError:
-                break
-            if not block:
-                break
-            seen += block
-        assert process.wait() == 0
-    os.close(parent)
+def test_a_bar_and_the_best_so_far_on_a_terminal(
+    terminal: Callable[..., bytes], draw: Path
+) -> None:
+    seen = terminal(*TWO, "--vary", "draw.level=0..1:12", "--no-plots")
     assert "█".encode() in seen
     assert b" left" in seen
     assert f"best drawn {normal(0):.4g} at draw.level=0.0".encode() in seen
