@@ -189,24 +189,21 @@ class MujocoVacuum(Block):
         state.reckoned[:] = self.x0
         self._scan(state)
 
-    def output_pose(self, state: BlockState, t: float) -> PoseValue:
+    def output(
+        self, state: BlockState, t: float
+    ) -> tuple[PoseValue, PoseValue, FloatArray, tuple[float, float], float, float]:
         x, y, _ = state.physics[POSITION].tolist()
-        return x, y, float(state.heading[0])
-
-    def output_odometry(self, state: BlockState, t: float) -> PoseValue:
-        x, y, theta = state.reckoned.tolist()
-        return x, y, theta
-
-    def output_scan(self, state: BlockState, t: float) -> FloatArray:
-        held: FloatArray = state.ranges.copy()
-        return held
-
-    def output(self, state: BlockState, t: float) -> tuple[tuple[float, float], float, float]:
         left, right = state.physics[WHEEL_RATES].tolist()
         _, qx, qy, _ = state.physics[QUATERNION].tolist()
         upright = 1.0 - 2.0 * (qx * qx + qy * qy)
-        rims = self.wheel_radius * left, self.wheel_radius * right
-        return rims, float(state.force[0]), math.acos(min(1.0, upright))
+        return (
+            (x, y, float(state.heading[0])),
+            tuple(state.reckoned.tolist()),
+            state.ranges.copy(),
+            (self.wheel_radius * left, self.wheel_radius * right),
+            float(state.force[0]),
+            math.acos(min(1.0, upright)),
+        )
 
     def update(self, state: BlockState, t: float, command: TwistValue) -> None:
         mujoco, model, data = state.mujoco, state.model, state.data

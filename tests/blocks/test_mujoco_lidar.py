@@ -16,6 +16,7 @@ from blocks.mujoco_lidar import Beams
 from blocks.mujoco_model import SEEN_GROUP, WALL_HEIGHT, model_of, model_text
 from blocks.mujoco_vacuum import MujocoVacuum
 from blocks.signals import FloatArray
+from tests.blocks.told import told
 from tests.blocks.worlds import OVERLAPPING, SHIPPED, is_free, started, worlds
 
 DT = 0.01
@@ -48,8 +49,8 @@ def test_a_moving_robot_scans_from_where_it_is(name: str) -> None:
     for k in range(150):
         robot.update(state, k * DT, (0.3, 0.8))
         if k % 10 == 9:
-            pose = np.array(robot.output_pose(state, 0.0))
-            assert between(world, pose, robot.output_scan(state, 0.0), 2e-4).all()
+            pose = np.array(told(robot, state).pose)
+            assert between(world, pose, told(robot, state).scan, 2e-4).all()
 
 
 @settings(max_examples=40)
@@ -75,7 +76,7 @@ def test_noise_has_its_deviation_and_limits_hold() -> None:
     exact = world.cast(0.0, 0.0, AROUND)
     scans = []
     for k in range(60):
-        scans.append(robot.output_scan(state, 0.0))
+        scans.append(told(robot, state).scan)
         robot.update(state, k * DT, (0.0, 0.0))
     found = np.array(scans)
     clear = (exact > 3.2) & (exact < 3.8)
@@ -93,7 +94,7 @@ def test_a_scan_holds_until_the_next_one() -> None:
     state = started(robot, World(SHIPPED["paper_room"]), dt=DT)
     scans = []
     for k in range(20):
-        scans.append(robot.output_scan(state, k * DT).tobytes())
+        scans.append(told(robot, state).scan.tobytes())
         robot.update(state, k * DT, (0.3, 0.5))
     for k, scan in enumerate(scans):
         assert scan == scans[k - k % 5]

@@ -1,0 +1,14 @@
+"""The outputs of a block by name."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+from blocks import Block, BlockState
+
+
+def told(block: Block, state: BlockState, t: float = 0.0) -> SimpleNamespace:
+    """What a block without inputs that are needed at once puts out, in one call."""
+    (evaluation,) = block.spec.evaluations
+    values = getattr(block, evaluation.method)(state, t)
+    return SimpleNamespace(**dict(zip(evaluation.outputs, values, strict=True)))
