@@ -158,6 +158,12 @@ def _colour(i: int) -> str:
     return "black" if i == 0 else style.COLOURS[(i - 1) % (len(style.COLOURS) - 1)]
 
 
+def _dashes(i: int) -> str:
+    """A line for the baseline; where colours run out, they begin again with other dashes."""
+    turn = max(0, i - 1) // (len(style.COLOURS) - 1)
+    return style.LINESTYLES[turn % len(style.LINESTYLES)]
+
+
 def _ways(
     folder: Path, variants: Sequence[dict[str, Any]]
 ) -> Iterator[tuple[int, str, Result, FloatArray]]:
@@ -196,7 +202,7 @@ def _plane(
     for i, name, _, xy in ways:
         # The baseline lies below and is wider: what it coincides with shows all the same.
         look: dict[str, Any] = {"color": _colour(i), "linewidth": 1.2 if i else 2.8}
-        look["linestyle"] = "--" if i >= len(style.COLOURS) else "-"
+        look["linestyle"] = _dashes(i)
         handles += axes.plot(*xy.T, label=name, **look)
     for path in _shown(result, "Path"):
         handles += axes.plot(*path.values[-1][:, :2].T, label=path.name, **PATH)

@@ -22,7 +22,7 @@ GREY = "0.4"
 LONG_NAME = 20  # letters, about what fits beside the lowest axes
 # Okabe and Ito's palette, told apart by colour-blind eyes too; its yellow is too pale for lines.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
-LINESTYLES = ("-", "--")
+LINESTYLES = ("-", "--", ":", "-.")
 # Any: the names of the settings are a literal type in some versions of matplotlib only.
 STYLE: Any = {
     "font.family": "sans-serif",
