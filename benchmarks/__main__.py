@@ -11,18 +11,18 @@ import argparse
 import sys
 import time
 from dataclasses import dataclass
+from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from benchmarks import monte_carlo, per_tick, start_up, sweeps
+from benchmarks import monte_carlo, per_tick, physics, start_up, sweeps, whole_loop
 from benchmarks.agreement import TOLERANCE, DisagreementError
 from benchmarks.contests import Contest, case_a_contest, tracking_contest
 from benchmarks.peers import PEERS
 from benchmarks.timing import machine
-from benchmarks.whole_loop import WholeLoop
 
 PAGE = Path(__file__).parent.parent / "docs" / "performance.md"
-PACKAGES = ("numpy", "networkx", "numba", "nengo", *(peer.package for peer in PEERS))
+PACKAGES = ("numpy", "networkx", "numba", "mujoco-core", "nengo", *(peer.package for peer in PEERS))
 
 HEAD = """# Performance
 
@@ -109,11 +109,12 @@ def page(rounds: int, sizes: Sizes) -> str:
 
     tracked = {dt: checked(tracking_contest(dt, n)) for dt, n in sizes.tracking.items()}
     case_a = {n: checked(case_a_contest(n, ticks)) for n, ticks in sizes.case_a.items()}
-    loop = WholeLoop(sizes.following)
-    say(f"case C: no pose apart by more than {loop.apart:.1g}")
+    loops = [whole_loop.planar(sizes.following), whole_loop.physics(sizes.following)]
+    for loop in loops:
+        say(f"{loop.title}: no pose apart by more than {loop.apart:.1g}")
     head = HEAD.format(
         rounds=rounds,
-        apart=max(*apart, loop.apart),
+        apart=max(*apart, *(loop.apart for loop in loops)),
         tolerance=TOLERANCE,
         machine=machine(),
         packages=packages(),
@@ -121,8 +122,9 @@ def page(rounds: int, sizes: Sizes) -> str:
     sections = (
         lambda: per_tick.case_a_section(case_a, rounds),
         lambda: per_tick.tracking_section(tracked, rounds),
-        lambda: loop.section(rounds),
+        *(partial(loop.section, rounds) for loop in loops),
         lambda: per_tick.parts_section(rounds),
+        lambda: physics.section(rounds),
         lambda: per_tick.chain_section(sizes.chains, rounds),
         lambda: monte_carlo.section(sizes.seeds, sizes.nengo_seeds, sizes.until, rounds),
         lambda: sweeps.section(min(sizes.seeds, sweeps.SEEDS), sizes.until, 1),

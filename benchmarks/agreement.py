@@ -26,14 +26,12 @@ class DisagreementError(Exception):
     """Two implementations of one diagram went different ways."""
 
 
-def largest_difference(
-    subject: str, runs: Mapping[str, Run], tolerance: float = TOLERANCE
-) -> float:
+def largest_difference(subject: str, runs: Mapping[str, Run]) -> float:
     """The largest difference of any pose from the first run's (m, rad).
 
     Raises
     ------
-    DisagreementError : it is more than ``tolerance``, or a run has not moved at all.
+    DisagreementError : it is more than ``TOLERANCE``, or a run has not moved at all.
     """
     (first, reference), *others = runs.items()
     if not np.ptp(reference.poses, axis=0).max() > 0.0:
@@ -45,9 +43,9 @@ def largest_difference(
             raise DisagreementError(f"{subject}: {name} gave {said}")
         apart = np.abs(run.poses - reference.poses).max(axis=1)
         # NaN compares false: it is a disagreement, too.
-        if not (apart <= tolerance).all():
-            row = int(np.argmin(apart <= tolerance))
-            said = f"part at row {row} by {apart[row]:.3g}; at most {tolerance:g} is allowed"
+        if not (apart <= TOLERANCE).all():
+            row = int(np.argmin(apart <= TOLERANCE))
+            said = f"part at row {row} by {apart[row]:.3g}; at most {TOLERANCE:g} is allowed"
             raise DisagreementError(f"{subject}: {name} and {first} {said}")
         largest = max(largest, float(apart.max()))
     return largest

@@ -12,8 +12,6 @@ from benchmarks.contests import ENGINES
 from benchmarks.tables import Goal, figure, goals, table
 from benchmarks.timing import take_turns
 
-GRAPHS = ("wall_following", "wall_following_robust")
-LEAST = 150.0
 EVERY = 100
 # Up to here (s) the engines must agree. Past it the robot steers by curves fitted to its scans,
 # which make a rounding error a hundred times larger each second: either engine has its own path.
@@ -39,22 +37,31 @@ def run(checked: runtime.Graph) -> Run:
 
 
 class WholeLoop:
-    """Both graphs under both engines, held against each other where that makes sense.
+    """Graphs under both engines, held against each other where that makes sense.
+
+    Parameters
+    ----------
+    until : seconds to run.
+    title, what : of the section, and what it measures.
+    names : of shipped graphs.
+    least : times real time that the compiled engine should reach.
 
     Raises
     ------
     DisagreementError : the engines went different ways.
     """
 
-    def __init__(self, until: float) -> None:
-        self.until = until
+    def __init__(
+        self, until: float, title: str, what: str, names: tuple[str, ...], least: float
+    ) -> None:
+        self.until, self.title, self.what, self.least = until, title, what, least
         self.graphs = {
             (name, label): graph(name, until, engine)
-            for name in GRAPHS
+            for name in names
             for label, engine in ENGINES.items()
         }
         self.apart, self.apart_at_end = 0.0, 0.0
-        for name in GRAPHS:
+        for name in names:
             runs = {label: run(self.graphs[name, label]) for label in ENGINES}
             rows = round(HELD / (EVERY * DT))
             early = {label: Run(ran.seconds, ran.poses[:rows]) for label, ran in runs.items()}
@@ -81,19 +88,33 @@ class WholeLoop:
         ]
         reached = [
             Goal(
-                f"`{name}` compiled at least {LEAST:g} times real time",
+                f"`{name}` compiled at least {self.least:g} times real time",
                 self.until / times[name, label].median,
-                least=LEAST,
+                least=self.least,
                 unit=" times",
             )
             for name, label in times
             if ENGINES[label] == "compiled"
         ]
         return (
-            "\n## Case C, the whole loop\n\nExploring, then following the walls, ensembles at "
-            f"1 kHz, {self.until:g} s on one core. The engines were held against each other for "
-            f"the first {HELD:g} s; at the end they are {1e3 * self.apart_at_end:.1g} mm apart, "
+            f"\n## {self.title}\n\n{self.what}, ensembles at 1 kHz, {self.until:g} s on one core. "
+            f"The engines were held against each other for the first {HELD:g} s; at the end they "
+            f"are {1e3 * self.apart_at_end:.1g} mm apart, "
             "since following fitted curves makes rounding errors grow.\n\n"
             + table(["graph", "", "per simulated second", "times real time"], rows)
             + goals(reached)
         )
+
+
+def planar(until: float) -> WholeLoop:
+    """Case C in the plane."""
+    what = "Exploring, then following the walls"
+    names = ("wall_following", "wall_following_robust")
+    return WholeLoop(until, "Case C, the whole loop", what, names, 150.0)
+
+
+def physics(until: float) -> WholeLoop:
+    """Case C in MuJoCo."""
+    what = "The same with rigid-body physics, five steps of 2 ms a tick of the plant"
+    names = ("wall_following_mujoco", "wall_following_mujoco_robust")
+    return WholeLoop(until, "Case C with physics, the whole loop", what, names, 50.0)
