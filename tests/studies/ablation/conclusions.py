@@ -6,7 +6,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from runtime.experiments.variants import BASELINE
-from tests.studies.ablation.judge import ALONE, APART, BARE, EXACT, TRACKERS, TUNED, Effect, Judged
+from tests.studies.ablation.judge import (
+    ALONE,
+    APART,
+    AS_WELL,
+    BARE,
+    BETTER,
+    EXACT,
+    HELPS,
+    HURTS,
+    TRACKERS,
+    TUNED,
+    Effect,
+    Judged,
+)
 from tests.studies.ablation.runs import PRINTED, ROBUST, RULES, SETTINGS
 from tests.studies.ablation.words import Word, grouped, markdown, share, stands_in, tally, verdict
 
@@ -76,6 +89,26 @@ def overview(judged: Judged) -> str:
     return markdown(["", *(setting.label for setting in SETTINGS)], rows)
 
 
+def opening(judged: Judged) -> str:
+    """The question answered by counting."""
+
+    def count(questions: Sequence[Question], *words: str) -> int:
+        asked = ((q, e) for q in questions for e in q.answers(judged) if e is not None)
+        return sum(question.word(effect) in words for question, effect in asked)
+
+    def times(question: Question) -> str:
+        return f"helps in {count([question], HELPS)} and hurts in {count([question], HURTS)}"
+
+    both, least = len(RULES) * len(SETTINGS), (BETTER, AS_WELL)
+    return (
+        f"In the {len(SETTINGS)} settings above the spiking term as printed {times(ADDED[0])}; "
+        f"with our rule it {times(ADDED[1])}. In its place, rate neurons do at least as well in "
+        f"{count(UNSPIKED, *least)} of {both} comparisons, a plain integrator in "
+        f"{count(INTEGRATED, *least)}. In place of learning by our rule, well-tuned gains do at "
+        f"least as well in {count(INSTEAD[:1], *least)} of {len(SETTINGS)}.\n"
+    )
+
+
 def conclusions(judged: Judged) -> list[str]:
     """The page's first sentences."""
 
@@ -85,7 +118,11 @@ def conclusions(judged: Judged) -> list[str]:
             return f"{printed}, with either rule"
         return f"as printed, {printed}. With our rule, {ours}"
 
-    rivals = ". ".join(f"{q.variant.removesuffix(APART)}: {q.said(judged)}" for q in INSTEAD)
+    names = (q.variant.removesuffix(APART) for q in INSTEAD)
+    rivals = ". ".join(
+        f"{name[0].upper()}{name[1:]}: {question.said(judged)}"
+        for name, question in zip(names, INSTEAD, strict=True)
+    )
     return [
         f"**The printed rule**, beside the graph's LQR and feedforward: "
         f"{ADDED[0].said(judged, numbers=True)}.",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from runtime.experiments.comparison import LEVEL
 from runtime.experiments.statistics import CORRECTION
 from runtime.simulate import versions
-from tests.studies.ablation.conclusions import conclusions, overview
+from tests.studies.ablation.conclusions import conclusions, opening, overview
 from tests.studies.ablation.judge import MARGIN, Judged
 from tests.studies.ablation.tables import worth
 from tests.studies.following import ENGINE
@@ -31,11 +31,9 @@ WORTH = """
 ## What the adaptive part adds to each controller
 
 Each controller alone, then the difference that the adaptive part makes to it, with 95 % intervals
-where the seeds differ. No word: no difference told.
-"""
-
-COUNTS = """"Closed" is on how many seeds the robot went all the way round, "contact" the part of
-the run in which it touched something: alone, as printed, with our rule.
+where the seeds differ. No word: no difference told. "Closed" is on how many seeds the robot went
+all the way round, "contact" the part of the run in which it touched something: alone, as printed,
+with our rule.
 """
 
 OVERVIEW = """
@@ -47,7 +45,8 @@ READING = """
 ## How to read this
 
 * A seed draws the noise and the neurons. Differences are paired: to the run with the same seed,
-  and so with the same noise and neurons. Intervals are Student's t, 95 %.
+  and so with the same noise and neurons. Intervals are Student's t, 95 %. In case A there is no
+  noise: what has no neurons gives one and the same result on all seeds.
 * A change **helps** or **hurts** where its difference is told from zero: p < {level:.2g}, corrected
   by {correction} for all {asked} comparisons of this page. "No difference told" does not say that
   there is none: the interval says how large it may be.
@@ -87,8 +86,8 @@ def page(judged: Judged, otherwise: Judged) -> str:
         versions=", ".join(f"{name} {number}" for name, number in versions().items()),
     )
     answers = [f"{i}. {line}" for i, line in enumerate(conclusions(judged), start=1)]
-    parts = [head, *answers, *_failures(judged), OVERVIEW, overview(judged)]
-    parts += [WORTH, *worth(judged), COUNTS, reading]
+    parts = [head, opening(judged), *answers, *_failures(judged), OVERVIEW, overview(judged)]
+    parts += [WORTH, *worth(judged), reading]
     return "\n".join(parts)
 
 
