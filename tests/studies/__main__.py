@@ -46,7 +46,9 @@ CASE_C = """
 Gains Q = (10, 10, 1), R = I, over seeds {first} to {final}. The learning rates were chosen on seeds
 0 to 3. For the printed rule that was the best of ten settings (what its neurons represent, learning
 rate, radius), compared at half of the turn rate, the condition of C1: LQR and feedforward had no
-such choice. An earlier setting had been looked at on seeds 10 to 13 as well. All errors are means of |distance to the nearest surface - 180 mm| in mm, from when the
+such choice. An earlier setting had been looked at on seeds 10 to 13 as well.
+
+All errors are means of |distance to the nearest surface - 180 mm| in mm, from when the
 contour is first reached to the end of the run (130 s, a loop and about a fifth). "Along cylinders"
 counts where the robot's projection onto a cylinder's contour is 10 cm clear of everything else's,
 "off the kinks" what is further than 0.2 m from the contour's concave kinks, "floor" is what a robot
