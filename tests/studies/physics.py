@@ -8,7 +8,7 @@ import numpy as np
 
 import runtime
 from tests.studies.claims import Claim, spread
-from tests.studies.following import FEEDFORWARD, PRINTED, ROBUST, in_parallel
+from tests.studies.following import ENGINE, FEEDFORWARD, PRINTED, ROBUST, in_parallel
 
 MM = 1e3
 NO_FAULT, LOSS = "no fault", "turn rate -35 %"
@@ -46,7 +46,8 @@ def graph_of(job: Job) -> runtime.Graph:
         graph = graph.without("adaptive")
     if FAULTS[job.fault]:
         graph = graph.overlay(FAULTS[job.fault])
-    return graph.set("plots", {}).set("probes.tilt", {"of": "plant.tilt", "every": 10})
+    graph = graph.set("plots", {}).set("run.engine", ENGINE)
+    return graph.set("probes.tilt", {"of": "plant.tilt", "every": 10})
 
 
 def measure(job: Job) -> dict[str, float]:
