@@ -159,8 +159,8 @@ class MujocoVacuum(Block):
             ratio = longer / shorter
             if ratio < 1.0 - 1e-6 or abs(ratio - round(ratio)) > 1e-6:
                 what = "a whole part" if name == "physics_step" else "a multiple"
-                said = f"must be {what} of the block's step, {setting.dt:g} s"
-                problems.append((name, f"{said}; got {self.value(name):g}"))
+                said = f"must be {what} of the block's step, dt: {setting.dt:g}"
+                problems.append((name, f"{said}; got {self.value(name):g} s"))
         x, y, _ = self.x0.tolist()
         distance = world.nearest(x, y)[0]
         if distance < self.body_radius:
@@ -217,6 +217,10 @@ class MujocoVacuum(Block):
         for _ in range(state.steps):
             mujoco.mj_step(model, data)
             force += data.sensordata[0]
+        if not data.time > state.physics[0]:
+            # MuJoCo begins anew where it finds numbers that are none or too large.
+            said = "the simulation broke down; a smaller physics_step or motor_gain may help"
+            raise ArithmeticError(said)
         mujoco.mj_getState(model, data, state.physics, state.parts)
         state.force[0] = force / state.steps
         self._reckon(state, before)

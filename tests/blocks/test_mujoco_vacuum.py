@@ -6,6 +6,7 @@ import math
 import subprocess
 import sys
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -195,6 +196,16 @@ def test_it_tips_onto_its_skid_when_it_starts_too_fast(acceleration: float, lift
     onto_skid = math.asin(SKID_CLEARANCE / robot.caster)
     assert max(tilts) == pytest.approx(onto_skid if lifts else 0.0, abs=0.1 * onto_skid)
     assert tilts[-1] < 0.1 * onto_skid
+
+
+def test_a_simulation_that_breaks_down_says_so(tmp_path: Path, monkeypatch: Any) -> None:
+    """MuJoCo itself would put the robot back to where it started, and go on."""
+    monkeypatch.chdir(tmp_path)
+    robot = MujocoVacuum()
+    state = driven(robot, during(0.1, 0.3, 0.0))
+    state.physics[WHEEL_RATES] = 1e200
+    with pytest.raises(ArithmeticError, match="the simulation broke down"):
+        robot.update(state, 0.1, (0.3, 0.0))
 
 
 @pytest.mark.parametrize(
