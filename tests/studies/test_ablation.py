@@ -15,13 +15,15 @@ from runtime.experiments.seeds import Seeds
 from runtime.experiments.variants import BASELINE
 from runtime.loader import SHIPPED
 from tests.studies.ablation import runs
-from tests.studies.ablation.conclusions import ALL
+from tests.studies.ablation.conclusions import ALL, INTEGRATOR, SPEED
 from tests.studies.ablation.judge import (
     ALONE,
     APART,
     AS_WELL,
     BARE,
     EQUAL,
+    FAST,
+    FAST_INTEGRATOR,
     HELPS,
     HURTS,
     METRICS,
@@ -62,6 +64,12 @@ def test_all_variants_build_and_can_be_compared(setting: Setting, rule: str) -> 
         assert is_without != any(block.startswith("adaptive.") for block in network.entries), name
         if name.endswith(APART):
             assert name.removesuffix(APART) in graphs
+    rates = {
+        name: graphs[name].network.entries["adaptive.snn_omega"].made.learning_rate
+        for name in (SPEED, INTEGRATOR, FAST, FAST_INTEGRATOR)
+    }
+    assert rates[SPEED] == rates[INTEGRATOR]
+    assert rates[FAST] == rates[FAST_INTEGRATOR] == pytest.approx(2.0 * rates[INTEGRATOR])
     # The gains of the graphs were chosen on seeds 0 to 9.
     assert experiment.seeds is not None
     assert min(experiment.seeds) > 9
@@ -137,7 +145,7 @@ def test_what_stands_in_is_held_against_a_margin(judged: Judged) -> None:
 def test_no_difference_told_is_not_as_well() -> None:
     """With much noise, equal means are neither told apart nor shown to be alike."""
     noisy = Judged(made_up(lambda *_: 1.0, spread=0.5))
-    found = [e for e in noisy.effects.values() if e.asked.variant == "integrator"]
+    found = [e for e in noisy.effects.values() if e.asked.variant == INTEGRATOR]
     assert {e.stands_in for e in found} == {UNTOLD}
 
 

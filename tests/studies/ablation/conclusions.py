@@ -13,6 +13,8 @@ from tests.studies.ablation.judge import (
     BARE,
     BETTER,
     EXACT,
+    FAST,
+    FAST_INTEGRATOR,
     HELPS,
     HURTS,
     TRACKERS,
@@ -61,6 +63,9 @@ TUNED_TOO = _both("SNN beside a well-tuned LQR", TUNED, TUNED + APART)
 UNAIDED = _both("SNN without feedforward", BLIND, BARE)
 UNSPIKED = _both("rate neurons for spikes", RATES, BASELINE, stands_in)
 INTEGRATED = _both("integrator for the SNN", INTEGRATOR, BASELINE, stands_in)
+FASTER = _both("integrator for the SNN, both twice as fast", FAST_INTEGRATOR, FAST, stands_in)
+OUTRUN = _both("integrator, twice as fast, for the SNN", FAST_INTEGRATOR, BASELINE, stands_in)
+HASTY = _both("SNN twice as fast as the graph's", FAST, BASELINE)
 STILL = _both("without the speed's half", SPEED, BASELINE, stands_in)
 UNTURNED = _both("without the turn rate's half", TURN, BASELINE, stands_in)
 FORWARD = Question("feedforward, no SNN", PRINTED, ALONE, BARE)
@@ -74,7 +79,8 @@ INSTEAD = [
 ]
 ALL = [
     *(*ADDED, *TUNED_TOO, *UNAIDED, *WITH_EXACT, FORWARD, EXACTLY),
-    *(*UNSPIKED, *INTEGRATED, *STILL, *UNTURNED, *INSTEAD),
+    *(*UNSPIKED, *INTEGRATED, *FASTER, *OUTRUN, *HASTY),
+    *(*STILL, *UNTURNED, *INSTEAD),
 ]
 
 
@@ -130,7 +136,8 @@ def conclusions(judged: Judged) -> list[str]:
         f"**Beside a well-tuned LQR**: {told(TUNED_TOO)}.",
         f"**Beside PID, PurePursuit and Stanley**: {_trackers(judged)}.",
         f"**Do spikes matter?** Rate neurons in their place: {told(UNSPIKED)}.",
-        f"**Does a network matter?** A plain integrator in its place: {told(INTEGRATED)}.",
+        f"**Does a network matter?** A plain integrator in its place: {told(INTEGRATED)}. Both "
+        f"twice as fast: {told(FASTER)}. The integrator alone twice as fast: {told(OUTRUN)}.",
         f"**Which half?** Without the speed's: {told(STILL)}. Without the turn rate's: "
         f"{told(UNTURNED)}.",
         f"**Feedforward alone**, beside the LQR: {FORWARD.said(judged, numbers=True)}. The network "

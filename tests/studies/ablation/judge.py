@@ -22,7 +22,8 @@ from tests.studies.ablation.runs import PRINTED, RULES, SETTINGS, Measured, Sett
 ALONE, APART = "no adaptive part", ", not adaptive"
 BARE, EXACT = f"no feedforward{APART}", f"exact feedforward{APART}"
 TUNED, TRACKERS = "well-tuned LQR", ("PID", "PurePursuit", "Stanley")
-PARTS = ("no adaptive speed", "no adaptive turn rate", "integrator", "rate neurons")
+PARTS = ("no adaptive speed", "no adaptive turn rate", "rate neurons", "integrator")
+FAST, FAST_INTEGRATOR = "SNN, twice as fast", "integrator, twice as fast"
 MARGIN = 0.1  # a stand-in does as well if it is within this part of the error
 ROUNDING = 1e-9
 HELPS, HURTS, UNTOLD, EQUAL = "helps", "hurts", "no difference told", "equal"
@@ -172,6 +173,11 @@ class Judged:
                     measured = self.results[setting, rule]
                     pairs = controllers(measured)
                     asked = [*pairs.values(), *((part, BASELINE) for part in PARTS)]
+                    asked += [
+                        (FAST, BASELINE),
+                        (FAST_INTEGRATOR, BASELINE),
+                        (FAST_INTEGRATOR, FAST),
+                    ]
                     # Without the adaptive part both rules leave the same graph.
                     if rule == PRINTED:
                         asked += [(a, BARE) for a in (ALONE, EXACT) if a in measured.values]
