@@ -19,9 +19,10 @@ OVERLAP = 1e-5
 def wall_pieces(world: World) -> list[FloatArray]:
     """Convex quadrilaterals, each (4, 2) in m, that line all edges on their solid side.
 
-    Seen from free space they are the polygons themselves: one side of each piece is an edge, its
-    neighbours meet it along the bisector of the corner, and none reaches into free space by more
-    than ``OVERLAP``.
+    Seen from free space they are the polygons themselves: the first side of each piece lies on an
+    edge, its neighbours meet it along the bisector of the corner or overlap it in the solid, and
+    none reaches into free space by more than ``OVERLAP``. Between two corners of less than 180
+    degrees of free space, as in a plain room, a piece is a rectangle.
 
     Raises
     ------
@@ -37,10 +38,11 @@ def _lining(address: str, ring: FloatArray) -> list[FloatArray]:
     along = _directions(ring)
     for halving in range(HALVINGS + 1):
         back = _mitred(ring, along, THICKNESS / 2**halving)
-        if _inside_solid(ring, back):
+        behind = np.roll(back, -1, axis=0)
+        begin, end = _squared(ring, back, along)
+        if _inside_solid(ring, back, begin, end):
             hair = OVERLAP * along
-            following, behind = np.roll(ring, -1, axis=0), np.roll(back, -1, axis=0)
-            sides = ring - hair, following + hair, behind + hair, back - hair
+            sides = begin - hair, end + hair, behind + hair, back - hair
             return [np.array(piece) for piece in zip(*sides, strict=True)]
     thinnest = 1e3 * THICKNESS / 2**HALVINGS
     said = f"a solid body needs walls of {thinnest:.1g} mm at least, and this one has a place "
@@ -67,13 +69,36 @@ def _mitred(ring: FloatArray, along: FloatArray, depth: float) -> FloatArray:
     return moved
 
 
-def _inside_solid(ring: FloatArray, back: FloatArray) -> bool:
+def _squared(
+    ring: FloatArray, back: FloatArray, along: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Where the fronts of the pieces begin and end, each (k, 2): at the edge's ends, or square
+    with the back where that is the longer side at both ends.
+    """
+    following, behind = np.roll(ring, -1, axis=0), np.roll(back, -1, axis=0)
+    before = np.sum((ring - back) * along, axis=1, keepdims=True)
+    beyond = np.sum((behind - following) * along, axis=1, keepdims=True)
+    is_longer = (before >= 0.0) & (beyond >= 0.0)
+    begin: FloatArray = ring - np.where(is_longer, before, 0.0) * along
+    end: FloatArray = following + np.where(is_longer, beyond, 0.0) * along
+    return begin, end
+
+
+def _inside_solid(ring: FloatArray, back: FloatArray, begin: FloatArray, end: FloatArray) -> bool:
     """Whether the pieces between a ring and its moved copy lie in the solid, side by side."""
-    edges = np.roll(ring, -1, axis=0) - ring
-    moved = np.roll(back, -1, axis=0) - back
-    if np.any(np.sum(edges * moved, axis=1) <= 0.0):
+    following, behind = np.roll(ring, -1, axis=0), np.roll(back, -1, axis=0)
+    edges = following - ring
+    if np.any(np.sum(edges * (behind - back), axis=1) <= 0.0):
         return False
-    return not (_cross(back, moved, ring, edges) or _cross(ring, back - ring, ring, edges))
+    outlines = (
+        (back, behind),
+        (ring, back),
+        (ring, begin),
+        (begin, back),
+        (following, end),
+        (end, behind),
+    )
+    return not any(_cross(start, stop - start, ring, edges) for start, stop in outlines)
 
 
 def _cross(start: FloatArray, way: FloatArray, corner: FloatArray, edge: FloatArray) -> bool:

@@ -134,3 +134,10 @@ def test_thin_walls_make_a_model() -> None:
     sliver = {"obstacles": [[[1.0, -1.0], [1.002, -1.0], [1.002, 1.0], [1.0, 1.0]]]}
     text = model_text(MujocoVacuum(), World(sliver))
     assert mujoco.MjModel.from_xml_string(text).nmesh == 4
+
+
+def test_walls_of_a_plain_room_are_boxes() -> None:
+    model = model_of(MujocoVacuum(), World({"room": [[0, 0], [4, 1], [3, 5], [-1, 4]]}))
+    assert model.nmesh == 0
+    kinds = {int(model.geom(f"wall{i}").type[0]) for i in range(4)}
+    assert kinds == {int(mujoco.mjtGeom.mjGEOM_BOX)}

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -39,7 +41,11 @@ def check(world: World) -> None:
     edges = [(a, b) for ring in rings for a, b in zip(ring, np.roll(ring, -1, 0), strict=True)]
     assert len(pieces) == len(edges)
     for piece, (a, b) in zip(pieces, edges, strict=True):
-        np.testing.assert_allclose(piece[:2], (a, b), atol=1.01 * OVERLAP)
+        front, length = piece[1] - piece[0], math.dist(a, b)
+        for corner in (a, b):
+            share = (corner - piece[0]) @ front / (front @ front)
+            assert 0.0 <= share <= 1.0, "the edge is on the front"
+            assert math.dist(corner, piece[0] + share * front) < 1e-9 * (1.0 + length)
         way = np.roll(piece, -1, 0) - piece
         onward = np.roll(way, -1, 0)
         turns = way[:, 0] * onward[:, 1] - way[:, 1] * onward[:, 0]
@@ -68,12 +74,13 @@ def test_a_thin_wall_is_lined_thinly(thickness: float) -> None:
     assert min(-area(piece) for piece in wall_pieces(world)) < 4.0 * min(thickness, THICKNESS)
 
 
-def test_a_square_room_has_mitred_walls() -> None:
-    pieces = wall_pieces(World({"room": [[0, 0], [1, 0], [1, 1], [0, 1]]}))
-    np.testing.assert_allclose(
-        pieces[0], [[0, 0], [1, 0], [1.1, -0.1], [-0.1, -0.1]], atol=1.01 * OVERLAP
-    )
-    assert sum(-area(piece) for piece in pieces) == pytest.approx(1.2**2 - 1.0, rel=1e-3)
+def test_a_square_room_has_rectangular_walls_and_a_square_obstacle_mitred_ones() -> None:
+    square = [[0, 0], [1, 0], [1, 1], [0, 1]]
+    room = wall_pieces(World({"room": square}))
+    wall = [[-0.1, 0], [1.1, 0], [1.1, -0.1], [-0.1, -0.1]]
+    np.testing.assert_allclose(room[0], wall, atol=1.01 * OVERLAP)
+    obstacle = wall_pieces(World({"obstacles": [square]}))
+    assert sum(-area(piece) for piece in obstacle) == pytest.approx(1.0 - 0.8**2, rel=1e-3)
 
 
 def test_what_is_too_thin_is_named() -> None:
