@@ -9,8 +9,8 @@ import numpy as np
 
 from blocks import Block, BlockState, Setting, SignalType
 
-# What the types of the library cannot be made without; a new type with such a parameter belongs
-# here, and is then tested and checked with the others.
+# What the types of the library cannot be made without, or cannot run without at 1 ms; a new type
+# with such a parameter belongs here, and is then tested and checked with the others.
 REQUIRED: dict[str, dict[str, Any]] = {
     "WaypointPath": {"points": [[0, 0], [1, 0], [1, 1], [0, 1]]},
     "Constant": {"value": 1.0},

@@ -119,7 +119,7 @@ def test_defaults_are_left_out(name: str) -> None:
         key: declared.default for key, declared in cls.spec.params.items() if not declared.required
     }
     required = REQUIRED.get(name, {})
-    assert cls(**required, **defaults).parameters().keys() == required.keys()
+    assert cls(**{**defaults, **required}).parameters().keys() == required.keys()
 
 
 @pytest.mark.parametrize("name", BUILTIN)

@@ -142,6 +142,9 @@ def test_runs_with_nothing_to_draw(cli: Run, run_folder: Path, tmp_path: Path) -
     done = cli("render", str(bare.run(until=0.1).save(tmp_path / "bare")))
     assert done.returncode == 2
     assert "record them with probes: {physics: {of: plant.physics, every: 50}}" in done.stderr
+    done = cli("render", str(run_folder), "--from", "4")
+    assert done.returncode == 2
+    assert done.stderr == "no film begins at 4 s: the run was recorded to 3.95 s\n"
     done = cli("render", str(tmp_path / "nowhere"))
     assert done.returncode == 2
     assert "expected a run folder" in done.stderr
