@@ -20,9 +20,9 @@ def wall_pieces(world: World) -> list[FloatArray]:
     """Convex quadrilaterals, each (4, 2) in m, that line all edges on their solid side.
 
     Seen from free space they are the polygons themselves: the first side of each piece lies on an
-    edge, its neighbours meet it along the bisector of the corner or overlap it in the solid, and
-    none reaches into free space by more than ``OVERLAP``. Between two corners of less than 180
-    degrees of free space, as in a plain room, a piece is a rectangle.
+    edge, its neighbours meet it at the corner, and none reaches into free space by more than
+    ``OVERLAP``. Between two corners of less than 180 degrees of free space, as in a plain room, a
+    piece is a rectangle.
 
     Raises
     ------
@@ -38,11 +38,10 @@ def _lining(address: str, ring: FloatArray) -> list[FloatArray]:
     along = _directions(ring)
     for halving in range(HALVINGS + 1):
         back = _mitred(ring, along, THICKNESS / 2**halving)
-        behind = np.roll(back, -1, axis=0)
-        begin, end = _squared(ring, back, along)
-        if _inside_solid(ring, back, begin, end):
+        corners = _corners(ring, back, along)
+        if _inside_solid(ring, back, corners):
             hair = OVERLAP * along
-            sides = begin - hair, end + hair, behind + hair, back - hair
+            sides = (c + h for c, h in zip(corners, (-hair, hair, hair, -hair), strict=True))
             return [np.array(piece) for piece in zip(*sides, strict=True)]
     thinnest = 1e3 * THICKNESS / 2**HALVINGS
     said = f"a solid body needs walls of {thinnest:.1g} mm at least, and this one has a place "
@@ -69,34 +68,31 @@ def _mitred(ring: FloatArray, along: FloatArray, depth: float) -> FloatArray:
     return moved
 
 
-def _squared(
-    ring: FloatArray, back: FloatArray, along: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Where the fronts of the pieces begin and end, each (k, 2): at the edge's ends, or square
-    with the back where that is the longer side at both ends.
+def _corners(ring: FloatArray, back: FloatArray, along: FloatArray) -> tuple[FloatArray, ...]:
+    """The pieces' corners, each (k, 2): where the front begins and ends, then the back from there.
+
+    Between corners where the back is the longer side, a piece begins square with its edge and
+    ends square with the end of its back, which fills the corner.
     """
     following, behind = np.roll(ring, -1, axis=0), np.roll(back, -1, axis=0)
     before = np.sum((ring - back) * along, axis=1, keepdims=True)
     beyond = np.sum((behind - following) * along, axis=1, keepdims=True)
     is_longer = (before >= 0.0) & (beyond >= 0.0)
-    begin: FloatArray = ring - np.where(is_longer, before, 0.0) * along
     end: FloatArray = following + np.where(is_longer, beyond, 0.0) * along
-    return begin, end
+    begin_of_back: FloatArray = back + np.where(is_longer, before, 0.0) * along
+    return ring, end, behind, begin_of_back
 
 
-def _inside_solid(ring: FloatArray, back: FloatArray, begin: FloatArray, end: FloatArray) -> bool:
+def _inside_solid(ring: FloatArray, back: FloatArray, corners: tuple[FloatArray, ...]) -> bool:
     """Whether the pieces between a ring and its moved copy lie in the solid, side by side."""
     following, behind = np.roll(ring, -1, axis=0), np.roll(back, -1, axis=0)
     edges = following - ring
     if np.any(np.sum(edges * (behind - back), axis=1) <= 0.0):
         return False
+    begin, end, _, begin_of_back = corners
     outlines = (
-        (back, behind),
-        (ring, back),
-        (ring, begin),
-        (begin, back),
-        (following, end),
-        (end, behind),
+        *((back, behind), (ring, back)),
+        *((begin, begin_of_back), (following, end), (end, behind)),
     )
     return not any(_cross(start, stop - start, ring, edges) for start, stop in outlines)
 

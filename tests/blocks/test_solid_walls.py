@@ -77,8 +77,9 @@ def test_a_thin_wall_is_lined_thinly(thickness: float) -> None:
 def test_a_square_room_has_rectangular_walls_and_a_square_obstacle_mitred_ones() -> None:
     square = [[0, 0], [1, 0], [1, 1], [0, 1]]
     room = wall_pieces(World({"room": square}))
-    wall = [[-0.1, 0], [1.1, 0], [1.1, -0.1], [-0.1, -0.1]]
+    wall = [[0, 0], [1.1, 0], [1.1, -0.1], [0, -0.1]]
     np.testing.assert_allclose(room[0], wall, atol=1.01 * OVERLAP)
+    assert sum(-area(piece) for piece in room) == pytest.approx(1.2**2 - 1.0, rel=1e-3)
     obstacle = wall_pieces(World({"obstacles": [square]}))
     assert sum(-area(piece) for piece in obstacle) == pytest.approx(1.0 - 0.8**2, rel=1e-3)
 
