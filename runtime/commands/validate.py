@@ -7,7 +7,7 @@ import sys
 from argparse import ArgumentParser, Namespace
 
 from runtime.commands.changes import add_changes, changed
-from runtime.errors import GraphError
+from runtime.errors import GraphError, MissingExtraError
 
 HELP = "check graphs, run nothing"
 
@@ -25,6 +25,7 @@ def run(options: Namespace) -> int:
     from runtime.graph import load
 
     problems: dict[str, list[str]] = {}
+    missing: MissingExtraError | None = None
     for name in options.graphs:
         try:
             graph = changed(load(name), options).check()
@@ -33,6 +34,11 @@ def run(options: Namespace) -> int:
             if not options.json:
                 print(error, file=sys.stderr)
             continue
+        except MissingExtraError as error:
+            missing = error
+            print(error, file=sys.stderr)
+            problems[name] = []
+            continue
         problems[name] = []
         if not (options.quiet or options.json):
             network = graph.network
@@ -40,4 +46,6 @@ def run(options: Namespace) -> int:
             print(f"{name}: fine ({blocks} blocks, {wires} wires, {network.ticks} ticks)")
     if options.json:
         print(json.dumps({"schema_version": 1, "problems": problems}))
-    return 2 if any(problems.values()) else 0
+    if any(problems.values()):
+        return 2
+    return 0 if missing is None else missing.exit_code

@@ -39,6 +39,14 @@ def test_faults_of_the_graph_come_first(cli: Run, without_mujoco: dict[str, str]
     assert "pip" not in done.stderr
 
 
+def test_the_other_graphs_are_checked_as_well(cli: Run, without_mujoco: dict[str, str]) -> None:
+    names = ("wall_following_mujoco", "wall_following", "wall_following_mujoco_robust")
+    done = cli("validate", *names, env=without_mujoco)
+    assert done.returncode == 4
+    assert done.stdout.startswith("wall_following: fine")
+    assert done.stderr.count(PIP_LINE) == 2
+
+
 def test_other_graphs_run(cli: Run, without_mujoco: dict[str, str]) -> None:
     done = cli("run", "wall_following", "--until", "0.1", "--no-plots", env=without_mujoco)
     assert done.returncode == 0
