@@ -72,9 +72,7 @@ FORWARD = Question("feedforward, no SNN", PRINTED, ALONE, BARE)
 EXACTLY = Question("exact feedforward, no SNN", PRINTED, EXACT, BARE)
 WITH_EXACT = _both("SNN beside exact feedforward", EXACT.removesuffix(APART), EXACT)
 INSTEAD = [
-    Question(
-        f"{name} without SNN for LQR with it, our rule", ROBUST, name + APART, BASELINE, stands_in
-    )
+    Question(f"{name} for LQR with SNN, our rule", ROBUST, name + APART, BASELINE, stands_in)
     for name in (TUNED, *TRACKERS)
 ]
 ALL = [
@@ -124,11 +122,6 @@ def conclusions(judged: Judged) -> list[str]:
             return f"{printed}, with either rule"
         return f"as printed, {printed}. With our rule, {ours}"
 
-    names = (q.variant.removesuffix(APART) for q in INSTEAD)
-    rivals = ". ".join(
-        f"{name[0].upper()}{name[1:]}: {question.said(judged)}"
-        for name, question in zip(names, INSTEAD, strict=True)
-    )
     return [
         f"**The printed rule**, beside the graph's LQR and feedforward: "
         f"{ADDED[0].said(judged, numbers=True)}.",
@@ -137,20 +130,28 @@ def conclusions(judged: Judged) -> list[str]:
         f"**Beside PID, PurePursuit and Stanley**: {_trackers(judged)}.",
         f"**Do spikes matter?** Rate neurons in their place: {told(UNSPIKED)}.",
         f"**Does a network matter?** A plain integrator in its place: {told(INTEGRATED)}. Both "
-        f"twice as fast: {told(FASTER)}. The integrator alone twice as fast: {told(OUTRUN)}.",
+        f"twice as fast: {told(FASTER)}.",
         f"**Which half?** Without the speed's: {told(STILL)}. Without the turn rate's: "
         f"{told(UNTURNED)}.",
         f"**Feedforward alone**, beside the LQR: {FORWARD.said(judged, numbers=True)}. The network "
         f"without it: {told(UNAIDED)}.",
         f"**Exact feedforward alone** (alpha = v_r where the graph has less): "
         f"{EXACTLY.said(judged, numbers=True)}. The network beside it: {told(WITH_EXACT)}.",
-        f"**In place of learning**, against the graph's LQR with our rule. {rivals}.",
+        f"**In place of learning**, against the graph's LQR with our rule. A well-tuned LQR: "
+        f"{INSTEAD[0].said(judged)}. PID, PurePursuit and Stanley: "
+        f"{_tally(judged, INSTEAD[1:])}.",
     ]
 
 
 def _trackers(judged: Judged) -> str:
-    said = []
-    for rule in RULES:
-        asked = (Question("", rule, name, name + APART) for name in TRACKERS)
-        said.append(tally([e for q in asked for e in q.answers(judged) if e is not None]))
-    return f"as printed, {said[0]}. With our rule, {said[1]}"
+    printed, ours = (
+        _tally(judged, [Question("", rule, name, name + APART) for name in TRACKERS])
+        for rule in RULES
+    )
+    return f"as printed, {printed}. With our rule, {ours}"
+
+
+def _tally(judged: Judged, questions: Sequence[Question]) -> str:
+    """Questions with the same words, counted over all settings."""
+    found = [e for question in questions for e in question.answers(judged) if e is not None]
+    return tally(found, questions[0].word)

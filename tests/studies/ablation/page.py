@@ -51,12 +51,15 @@ READING = """
   by {correction} for all {asked} comparisons of this page. "No difference told" does not say that
   there is none: the interval says how large it may be.
 * What takes the place of something else does **as well** where the whole interval is within
-  {margin:.0%} of the error of what it replaces, else **better** or **worse** where told.
+  {margin:.0f} % of the error of what it replaces, else **better** or **worse** where told.
 * By a permutation test that flips signs, in place of Student's t, {other} of the {asked} verdicts
   are others.
-* Gains and learning rates of LQR and ensembles were chosen on other seeds of the same paths and
-  room; PID, PurePursuit and Stanley have their blocks' defaults. The integrator's gain is that of
-  the network in whose place it stands, worked out, not tuned.
+* Gains and learning rates of LQR and ensembles were chosen on other seeds of the same cases; PID,
+  PurePursuit and Stanley have their blocks' defaults. Whether a learner is slow by its rate or by
+  its kind is asked by letting it learn twice as fast.
+* An integrator learns one number, an ensemble a function of its input: of the heading error in A
+  and B, in C of the turn rate that LQR and feedforward ask for. The integrator's gain is that of
+  the network in whose place it stands about an input of 0, worked out, not tuned.
 * Case C is chaotic: single runs differ between machines and engines, while means agree.
 
 Versions: {versions}.
@@ -81,7 +84,7 @@ def page(judged: Judged, otherwise: Judged) -> str:
         level=LEVEL,
         correction=CORRECTION,
         asked=len(effects),
-        margin=MARGIN,
+        margin=100 * MARGIN,
         other=sum(e.verdict != otherwise.effects[asked].verdict for asked, e in effects.items()),
         versions=", ".join(f"{name} {number}" for name, number in versions().items()),
     )

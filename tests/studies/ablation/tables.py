@@ -10,7 +10,11 @@ from tests.studies.ablation.judge import controllers as controllers_of
 from tests.studies.ablation.runs import PRINTED, ROBUST, RULES, SETTINGS, Setting
 from tests.studies.ablation.words import change, markdown, own
 
-NAMES = {BASELINE: "LQR of the graph"}
+NAMES = {
+    BASELINE: "LQR of the graph",
+    "no feedforward": "LQR, no feedforward",
+    "exact feedforward": "LQR, exact feedforward",
+}
 Tell = Callable[[Sequence[float | None]], str]
 
 
@@ -53,7 +57,7 @@ def _closed(loops: Sequence[float | None]) -> str:
 
 def _touching(contacts: Sequence[float | None]) -> str:
     found = [value for value in contacts if value is not None]
-    return f"{sum(found) / len(found):.1%}" if found else "-"
+    return f"{100 * sum(found) / len(found):.1f} %" if found else "-"
 
 
 # Beside a metric: on how many seeds the loop was closed, and in what part of the time the body
