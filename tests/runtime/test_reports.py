@@ -194,13 +194,21 @@ def test_the_diagram_shows_every_block(page: Path) -> None:
     assert gone.attributes["data-name"] == "limit"
 
 
-def test_the_same_run_gives_the_same_bytes(run: Path, page: Path) -> None:
+def test_the_same_run_gives_the_same_bytes(run: Path) -> None:
     code = "import sys; from runtime.reports.report import report\n"
     code += "sys.stdout.buffer.write(report(sys.argv[1]).html.encode())"
-    environment = {**os.environ, "PYTHONHASHSEED": "7"}
     command = [sys.executable, "-c", code, str(run)]
-    done = subprocess.run(command, env=environment, capture_output=True, check=True)
-    assert done.stdout == page.read_bytes()
+    # Each in a process of its own: matplotlib's text sizes hang on what it drew before.
+    pages = {
+        subprocess.run(
+            command,
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            capture_output=True,
+            check=True,
+        ).stdout
+        for seed in ("7", "8")
+    }
+    assert len(pages) == 1
 
 
 def test_many_marks_are_an_image() -> None:
