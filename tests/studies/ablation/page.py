@@ -56,7 +56,8 @@ READING = """
   are others.
 * Gains and learning rates of LQR and ensembles were chosen on other seeds of the same cases; PID,
   PurePursuit and Stanley have their blocks' defaults. Whether a learner is slow by its rate or by
-  its kind is asked by letting it learn twice as fast.
+  its kind is asked by letting it learn twice as fast. How the rate of the printed rule was chosen
+  for case C is told in [reproduction.md](reproduction.md).
 * An integrator learns one number, an ensemble a function of its input: of the heading error in A
   and B, in C of the turn rate that LQR and feedforward ask for. The integrator's gain is that of
   the network in whose place it stands about an input of 0, worked out, not tuned.

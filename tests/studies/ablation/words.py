@@ -93,8 +93,12 @@ def tally(effects: Sequence[Effect], word: Word = verdict) -> str:
     """How often each verdict falls: 'helps 3 times, no difference told 15 times, of 18'."""
     said = [word(effect) for effect in effects]
     ordered = sorted(dict.fromkeys(said), key=lambda name: (name in (UNTOLD, EQUAL), name))
-    counts = ", ".join(f"{_shown(name)} {said.count(name)} times" for name in ordered)
+    counts = ", ".join(f"{_shown(name)} {_times(said.count(name))}" for name in ordered)
     return f"{counts}, of {len(said)}"
+
+
+def _times(n: int) -> str:
+    return "once" if n == 1 else f"{n} times"
 
 
 def listed(texts: Sequence[str]) -> str:
