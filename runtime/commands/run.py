@@ -15,6 +15,7 @@ from runtime.errors import SimulationError, UsageError
 
 if TYPE_CHECKING:
     from runtime.graph import Graph
+    from runtime.profile import Profile
     from runtime.result import Result
 
 HELP = "simulate, record, draw the probes, print the metrics"
@@ -37,37 +38,18 @@ def run(options: Namespace) -> int:
     """Simulate, write the run folder and its pictures, print the metrics."""
     from runtime.graph import load
     from runtime.profile import Profile, profile_text
-    from runtime.progress import Progress
     from runtime.record import link_latest, new_folder, save
-    from runtime.result import Result
-    from runtime.running import silent
-    from runtime.simulate import simulate
 
     graph = changed(load(options.graph), options).check()
     if options.animate:
         _check_animation(graph)
     if options.profile and graph.network.engine == "compiled":
         raise UsageError("--profile times blocks one by one, which takes --engine python")
-    quiet = options.quiet or options.json
     profile = Profile() if options.profile else None
-    progress = Progress(graph.title, wanted=not quiet)
-    failure: SimulationError | None = None
     folder = new_folder(Path(options.out), graph.title)
     # What does not fit into memory lies beside the run's folder until that is written.
     recordings = folder.with_name(f".{folder.name}.recording")
-    try:
-        result = simulate(
-            *(graph, progress),
-            note=silent if quiet else _note,
-            profile=profile,
-            folder=recordings,
-        )
-    except SimulationError as error:
-        if not isinstance(error.result, Result):
-            raise
-        failure, result = error, error.result
-    finally:
-        progress.close()
+    result, failure = _simulated(graph, options.quiet or options.json, profile, recordings)
     save(result, folder)
     shutil.rmtree(recordings, ignore_errors=True)
     link_latest(folder)
@@ -79,6 +61,32 @@ def run(options: Namespace) -> int:
         _print_result(result, folder, pictures, options.quiet)
     if rows and not options.json:
         print(profile_text(rows))
+    return _ended(result, failure, folder)
+
+
+def _simulated(
+    graph: Graph, quiet: bool, profile: Profile | None, recordings: Path
+) -> tuple[Result, SimulationError | None]:
+    """What was recorded, and what ended it early if something failed."""
+    from runtime.progress import Progress
+    from runtime.result import Result
+    from runtime.running import silent
+    from runtime.simulate import simulate
+
+    progress = Progress(graph.title, wanted=not quiet)
+    note = silent if quiet else _note
+    try:
+        return simulate(graph, progress, note=note, profile=profile, folder=recordings), None
+    except SimulationError as error:
+        if not isinstance(error.result, Result):
+            raise
+        return error.result, error
+    finally:
+        progress.close()
+
+
+def _ended(result: Result, failure: SimulationError | None, folder: Path) -> int:
+    """Say what went wrong; returns the exit code."""
     for text in ([str(failure)] if failure else []) + result.failures:
         print(text, file=sys.stderr)
     if failure is not None:
