@@ -5,18 +5,16 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from blocks.block import Block
 from blocks.extras import require
-from blocks.params import ParameterError
+from blocks.params import ParameterError, param
 from blocks.signals import FloatArray
 from blocks.solid_walls import wall_pieces
 from blocks.world import World
-
-if TYPE_CHECKING:
-    from blocks.mujoco_vacuum import MujocoVacuum
 
 WALL_HEIGHT = 0.3
 # Hull and ground, rear skid and ground (m).
@@ -29,6 +27,39 @@ ROBOT_GROUP = 1
 # Stiff and without give: with the defaults the wheels sink in by 0.3 mm and the odometry's scale
 # is off by up to a per cent. solref's time constant is above two physics steps, as it has to be.
 FIRM = 'solref="0.005 1" solimp="0.99 0.99 0.001"'
+
+
+class VacuumBody(Block):
+    """What a robot vacuum is made of: the parameters that its MuJoCo model is written from."""
+
+    x0: FloatArray = param((0.0, 0.0, 0.0), shape=(3,), doc="initial pose: m, m, rad")
+    body_radius: float = param(
+        0.17, name="hull_radius", unit="m", above=0.0, doc="radius of the hull"
+    )
+    hull_height: float = param(0.08, unit="m", above=0.0, doc="height of the hull")
+    mass: float = param(3.34, unit="kg", above=0.0, doc="of the whole robot")
+    centre_of_mass: float = param(0.02, unit="m", doc="how far it is ahead of the axle")
+    caster: float = param(0.125, unit="m", above=0.0, doc="how far ahead the front caster is")
+    wheel_radius: float = param(0.035, unit="m", above=0.0, doc="radius of the wheels")
+    wheel_width: float = param(0.02, unit="m", above=0.0, doc="width of the wheels")
+    wheel_mass: float = param(0.15, unit="kg", above=0.0, doc="of each wheel")
+    track: float = param(0.235, unit="m", above=0.0, doc="distance between the wheels")
+    armature: float = param(
+        0.002, unit="kg m^2", at_least=0.0, doc="inertia of rotor and gear, felt at the wheel"
+    )
+    motor_gain: float = param(
+        2.0, unit="N m s/rad", above=0.0, doc="torque per difference of wheel speeds"
+    )
+    torque_max: float = param(1.5, unit="N m", above=0.0, doc="largest torque of a motor")
+    wheel_speed_max: float = param(0.6, unit="m/s", above=0.0, doc="largest rim speed asked for")
+    friction: float = param(0.9, above=0.0, doc="of wheels on the floor")
+    hull_friction: float = param(0.2, at_least=0.0, doc="of the hull on walls")
+    lidar_height: float = param(
+        0.095, unit="m", above=0.0, below=WALL_HEIGHT, doc="above the floor"
+    )
+    physics_step: float = param(
+        0.002, unit="s", above=0.0, at_most=0.0025, doc="step of the simulation"
+    )
 
 
 def engine(feature: str = "MujocoVacuum") -> Any:
@@ -48,12 +79,12 @@ def engine(feature: str = "MujocoVacuum") -> Any:
         raise ParameterError([("type", said)]) from error
 
 
-def model_of(robot: MujocoVacuum, world: World) -> Any:
+def model_of(robot: VacuumBody, world: World) -> Any:
     """The compiled model (``mujoco.MjModel``)."""
     return engine().MjModel.from_xml_string(model_text(robot, world))
 
 
-def model_text(robot: MujocoVacuum, world: World) -> str:
+def model_text(robot: VacuumBody, world: World) -> str:
     """The model in MuJoCo's own format, MJCF.
 
     The origin of the body ``robot`` is half way between the wheels, x ahead, y left. Masses are
@@ -137,7 +168,7 @@ def _column(x: float, y: float, r: float) -> str:
     return f'<geom type="cylinder" pos="{_numbers((x, y, half))}" size="{r!r} {half}" {SOLID}/>'
 
 
-def _robot(robot: MujocoVacuum) -> str:
+def _robot(robot: VacuumBody) -> str:
     """The body: hull, front caster, rear skid and two wheels.
 
     Floor and gliders, floor and wheels, walls and hull may touch; no other pair is looked at.
@@ -176,7 +207,7 @@ def _robot(robot: MujocoVacuum) -> str:
     </body>"""
 
 
-def _wheel(robot: MujocoVacuum, name: str, y: float) -> str:
+def _wheel(robot: VacuumBody, name: str, y: float) -> str:
     """A wheel: an ellipsoid, since a cylinder would touch the floor at two edges and scrub."""
     r, half = robot.wheel_radius, 0.5 * robot.wheel_width
     spin = 0.5 * robot.wheel_mass * r**2
@@ -191,7 +222,7 @@ def _wheel(robot: MujocoVacuum, name: str, y: float) -> str:
       </body>"""
 
 
-def _motor(robot: MujocoVacuum, name: str) -> str:
+def _motor(robot: VacuumBody, name: str) -> str:
     fastest, torque = robot.wheel_speed_max / robot.wheel_radius, robot.torque_max
     return (
         f'<velocity name="{name}" joint="{name}" kv="{robot.motor_gain!r}"'

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from blocks.block import Block, BlockState, Input, Output, Setting, State
+from blocks.block import BlockState, Input, Output, Setting, State
 from blocks.lidar import bearings, required_world
 from blocks.mujoco_lidar import Beams
-from blocks.mujoco_model import SEEN_GROUP, WALL_HEIGHT, engine, model_of
+from blocks.mujoco_model import SEEN_GROUP, VacuumBody, engine, model_of
 from blocks.params import ParameterError, param
 from blocks.plants import INTEGRATORS
 from blocks.signals import (
@@ -39,7 +39,7 @@ def state_parts(mujoco: Any) -> int:
     return int(mujoco.mjtState.mjSTATE_FULLPHYSICS | mujoco.mjtState.mjSTATE_WARMSTART)
 
 
-class MujocoVacuum(Block):
+class MujocoVacuum(VacuumBody):
     """A robot vacuum with mass, slipping wheels and a LiDAR, in MuJoCo.
 
         command ─▶ [ MujocoVacuum ] ─▶ pose, odometry, scan, wheels, contact, tilt
@@ -73,41 +73,13 @@ class MujocoVacuum(Block):
     contact = Output(Scalar, unit="N", doc="normal force on the hull, mean over the last step")
     tilt = Output(Scalar, unit="rad", doc="angle between the body's axis and the vertical")
 
-    x0: FloatArray = param((0.0, 0.0, 0.0), shape=(3,), doc="initial pose: m, m, rad")
-    body_radius: float = param(
-        0.17, name="hull_radius", unit="m", above=0.0, doc="radius of the hull"
-    )
-    hull_height: float = param(0.08, unit="m", above=0.0, doc="height of the hull")
-    mass: float = param(3.34, unit="kg", above=0.0, doc="of the whole robot")
-    centre_of_mass: float = param(0.02, unit="m", doc="how far it is ahead of the axle")
-    caster: float = param(0.125, unit="m", above=0.0, doc="how far ahead the front caster is")
-    wheel_radius: float = param(0.035, unit="m", above=0.0, doc="radius of the wheels")
-    wheel_width: float = param(0.02, unit="m", above=0.0, doc="width of the wheels")
-    wheel_mass: float = param(0.15, unit="kg", above=0.0, doc="of each wheel")
-    track: float = param(0.235, unit="m", above=0.0, doc="distance between the wheels")
-    armature: float = param(
-        0.002, unit="kg m^2", at_least=0.0, doc="inertia of rotor and gear, felt at the wheel"
-    )
-    motor_gain: float = param(
-        2.0, unit="N m s/rad", above=0.0, doc="torque per difference of wheel speeds"
-    )
-    torque_max: float = param(1.5, unit="N m", above=0.0, doc="largest torque of a motor")
-    wheel_speed_max: float = param(0.6, unit="m/s", above=0.0, doc="largest rim speed asked for")
     acceleration: float = param(1.0, unit="m/s^2", above=0.0, doc="ramp of the speed")
     turn_acceleration: float = param(8.0, unit="rad/s^2", above=0.0, doc="ramp of the turn rate")
-    friction: float = param(0.9, above=0.0, doc="of wheels on the floor")
-    hull_friction: float = param(0.2, at_least=0.0, doc="of the hull on walls")
-    lidar_height: float = param(
-        0.095, unit="m", above=0.0, below=WALL_HEIGHT, doc="above the floor"
-    )
     beams: int = param(360, at_least=1, doc="number of beams, over the full turn from -pi")
     sigma: float = param(0.01, unit="m", at_least=0.0, doc="standard deviation of a range")
     range_min: float = param(0.05, unit="m", at_least=0.0, doc="nearer returns are misses")
     range_max: float = param(12.0, unit="m", above=0.0, doc="farther ones, too")
     scan_period: float = param(0.1, unit="s", above=0.0, doc="time between scans")
-    physics_step: float = param(
-        0.002, unit="s", above=0.0, at_most=0.0025, doc="step of the simulation"
-    )
     wheel_gain: FloatArray = param((1.0, 1.0), shape=(2,), doc="fault: left, right wheel's factor")
     turn_gain: float = param(1.0, doc="fault: factor on the difference of the wheels' speeds")
     yaw_bias: float = param(0.0, unit="rad/s", doc="fault: turn rate that is added")

@@ -291,7 +291,7 @@ class Graph:
 
     def diagram(self, format: str = "svg") -> str | bytes:
         """The block diagram as svg, png, dot or mermaid."""
-        from runtime.diagrams.diagram import diagram
+        from runtime.diagrams.formats import diagram
 
         return diagram(self.network, format)
 

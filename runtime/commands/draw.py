@@ -25,7 +25,7 @@ def add(parser: ArgumentParser) -> None:
 
 def run(options: Namespace) -> int:
     """Write the block diagram."""
-    from runtime.diagrams.diagram import diagram
+    from runtime.diagrams.formats import diagram
     from runtime.graph import load
 
     graph = changed(load(options.graph), options)

@@ -1,4 +1,4 @@
-"""The block diagram of a network: what is shown, and the formats in which it is drawn."""
+"""The block diagram of a network as data: what is shown, whatever the format."""
 
 from __future__ import annotations
 
@@ -8,11 +8,9 @@ from functools import cached_property
 
 from blocks.signals import SignalType
 from runtime.addresses import Endpoint
-from runtime.errors import UsageError
 from runtime.inference import component_type
 from runtime.network import Entry, Network, Wire
 
-FORMATS = ("svg", "png", "dot", "mermaid")
 CONSTANT = "constant"
 FATES = {"without": "removed", "bypass": "bypassed"}
 
@@ -107,46 +105,6 @@ class Picture:
         """Whether all blocks of a part are out of the run."""
         inside = (box for box in self.boxes.values() if f"{box.part}.".startswith(f"{part}."))
         return all(box.fate for box in inside)
-
-
-def diagram(network: Network, format: str) -> str | bytes:
-    """Draw the block diagram of a network.
-
-    Parameters
-    ----------
-    network : a checked network; blocks that were removed are shown in grey.
-    format : "svg" or "png" for a picture that is laid out here, "dot" or "mermaid" for a text
-        that Graphviz or Mermaid lays out.
-
-    Returns
-    -------
-    The text, or the bytes of the png. The same network gives the same diagram, byte by byte.
-
-    Raises
-    ------
-    UsageError : there is no such format.
-    """
-    if format not in FORMATS:
-        raise UsageError(f"no diagram format '{format}'; expected {', '.join(FORMATS)}")
-    picture = picture_of(network)
-    if format == "dot":
-        from runtime.diagrams.text import to_dot
-
-        return to_dot(picture)
-    if format == "mermaid":
-        from runtime.diagrams.text import to_mermaid
-
-        return to_mermaid(picture)
-    from runtime.diagrams.paint import draw
-
-    drawing = draw(picture)
-    if format == "svg":
-        from runtime.diagrams.svg import to_svg
-
-        return to_svg(drawing)
-    from runtime.diagrams.png import to_png
-
-    return to_png(drawing)
 
 
 def picture_of(network: Network) -> Picture:

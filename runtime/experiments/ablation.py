@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from runtime.diagrams.diagram import diagram
+from runtime.diagrams.formats import diagram
 from runtime.errors import UsageError
 from runtime.experiments.comparison import Line, compare
 from runtime.experiments.index import Index, Row, remaining

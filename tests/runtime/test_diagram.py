@@ -19,7 +19,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import runtime
-from runtime.diagrams.diagram import FORMATS, diagram, picture_of, rate_text
+from runtime.diagrams.diagram import picture_of, rate_text
+from runtime.diagrams.formats import FORMATS, diagram
 from runtime.diagrams.layout import Layout, arrange
 from runtime.diagrams.layout_grid import Cell, Link, find_feedback
 from runtime.diagrams.layout_tracks import Track, assign_slots
