@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import cmath
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
 
 from blocks.curves import ROUNDING, Arc, Curve, meetings
 from blocks.level_set import SMOOTH, joints
-
-if TYPE_CHECKING:
-    from blocks.world import World
+from blocks.signals import FloatArray
 
 STEP = 1e-3
 Span = tuple[float, float]
@@ -76,7 +74,9 @@ def _assembled(ring: list[Curve], arcs: list[Arc | None], spans: list[Span]) -> 
     return way
 
 
-def deviation(world: World, found: list[list[Curve]], d: float, rho: float) -> float:
+def deviation(
+    distance: Callable[[FloatArray], FloatArray], found: list[list[Curve]], d: float, rho: float
+) -> float:
     """Mean of ``|distance - d|`` (m) along loops that are rounded with radius ``rho`` (m).
 
     nan where there is no loop, or one cannot be rounded.
@@ -94,5 +94,5 @@ def deviation(world: World, found: list[list[Curve]], d: float, rho: float) -> f
     if not points:
         return math.nan
     z, weight = np.concatenate(points), np.concatenate(weights)
-    error = np.abs(world.distance(np.column_stack((z.real, z.imag))) - d)
+    error = np.abs(distance(np.column_stack((z.real, z.imag))) - d)
     return float(error @ weight / weight.sum())

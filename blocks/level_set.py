@@ -9,17 +9,17 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from blocks.curves import ROUNDING, Arc, ComplexArray, Curve, Line, meetings
-from blocks.signals import FloatArray
+from blocks.signals import BoolArray, FloatArray
+from blocks.world_reader import Shapes
 
-if TYPE_CHECKING:
-    from blocks.world import World
+# Of points given by x and y: the distance to the nearest solid, and which are inside of one.
+Gap = Callable[[FloatArray, FloatArray], tuple[FloatArray, BoolArray]]
 
 # How far (m) a point may be from the distance it should have.
 TOLERANCE = 1e-8
@@ -31,18 +31,18 @@ JOINED = 1e-5
 SMOOTH = 1e-5
 
 
-def level_set(world: World, d: float) -> list[Curve]:
+def level_set(shapes: Shapes, gap_at: Gap, d: float) -> list[Curve]:
     """All pieces of the level set of distance ``d`` (m), unordered; the surfaces for d = 0.
 
     Free space beyond is to the left of each piece.
     """
-    curves = [curve for curve in _offsets(world, d) if curve.length > ROUNDING]
+    curves = [curve for curve in _offsets(shapes, d) if curve.length > ROUNDING]
     pieces = _cut(curves)
     if not pieces:
         return []
     away = AWAY if d == 0.0 else 0.0
     middles = np.array([complex(p.shifted(away).at(np.array(0.5 * p.length))) for p in pieces])
-    gap, solid = world.gap(middles.real, middles.imag)
+    gap, solid = gap_at(middles.real, middles.imag)
     on = ~solid & (np.abs(gap - d - away) < TOLERANCE)
     return _distinct([p for p, kept in zip(pieces, on.tolist(), strict=True) if kept], middles[on])
 
@@ -56,9 +56,9 @@ def _distinct(pieces: list[Curve], middles: ComplexArray) -> list[Curve]:
     return [pieces[i] for i in np.flatnonzero(first).tolist()]
 
 
-def _offsets(world: World, d: float) -> Iterator[Curve]:
+def _offsets(shapes: Shapes, d: float) -> Iterator[Curve]:
     """Every curve on which the level set may lie."""
-    polygons = (*(() if world.room is None else (world.room,)), *world.obstacles)
+    polygons = (*(() if shapes.room is None else (shapes.room,)), *shapes.obstacles)
     for corners in polygons:
         points = [complex(x, y) for x, y in corners.tolist()]
         edges = [Line(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True)]
@@ -67,7 +67,7 @@ def _offsets(world: World, d: float) -> Iterator[Curve]:
             turn = edge.along * before.along.conjugate()
             if turn.imag < 0.0 and d > 0.0:
                 yield Arc(edge.start, d, cmath.phase(1j * before.along), cmath.phase(turn))
-    for x, y, r in world.circles.tolist():
+    for x, y, r in shapes.circles.tolist():
         yield Arc(complex(x, y), r + d, math.pi, -2.0 * math.pi)
 
 

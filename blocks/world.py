@@ -8,18 +8,16 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from blocks.curves import Curve, foot
 from blocks.fillet import deviation
 from blocks.level_set import kinks, level_set, loops, sampled
 from blocks.params import ParameterError
 from blocks.rays import to_circles, to_edges
-from blocks.signals import FloatArray
+from blocks.signals import BoolArray, FloatArray
 from blocks.surfaces import TOUCHING, Edge, Nearest, Surfaces, as_arrays, from_surface
-from blocks.world_reader import read_shapes
+from blocks.world_reader import Shapes, read_shapes
 
-BoolArray = npt.NDArray[np.bool_]
 Polygon = tuple[bool, tuple[Edge, ...], FloatArray, FloatArray]
 
 
@@ -54,6 +52,7 @@ class World:
     circles: FloatArray
     surfaces: tuple[Curve, ...]
 
+    _shapes: Shapes
     _corner: FloatArray
     _edge: FloatArray
     _circle: FloatArray
@@ -68,6 +67,7 @@ class World:
         edges = np.vstack([np.roll(p, -1, axis=0) - p for p in polygons])
         self.__dict__.update(
             vars(shapes),
+            _shapes=shapes,
             _corner=corners.T[:, :, None],
             _edge=edges.T[:, :, None],
             _circle=shapes.circles.T[:, :, None],
@@ -76,7 +76,7 @@ class World:
             ),
             _discs=tuple((x, y, r) for x, y, r in shapes.circles.tolist()),
         )
-        self.__dict__["surfaces"] = tuple(level_set(self, 0.0))
+        self.__dict__["surfaces"] = tuple(level_set(shapes, self.gap, 0.0))
         if not self.surfaces:
             raise ParameterError([("room", "the obstacles leave no free space in it")])
 
@@ -193,7 +193,7 @@ class World:
     def _loops(self, d: float) -> list[list[Curve]]:
         if not d > 0.0:
             raise ValueError(f"expected a distance above 0 m, got {d}")
-        return loops(level_set(self, d))
+        return loops(level_set(self._shapes, self.gap, d))
 
     def kinks(self, d: float) -> FloatArray:
         """Concave kinks of the contour at distance ``d``, where two surfaces meet: (k, 2) in m."""
@@ -230,7 +230,7 @@ class World:
         if near is not None and found:
             at = complex(*near)
             found = [min(found, key=lambda loop: _apart(loop, at))]
-        return deviation(self, found, d, rho)
+        return deviation(self.distance, found, d, rho)
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError(f"a World cannot change after construction (attribute '{name}')")
