@@ -1,0 +1,49 @@
+"""A diagram in each of the formats in which it can be drawn."""
+
+from __future__ import annotations
+
+from runtime.diagrams.diagram import picture_of
+from runtime.errors import UsageError
+from runtime.network import Network
+
+FORMATS = ("svg", "png", "dot", "mermaid")
+
+
+def diagram(network: Network, format: str) -> str | bytes:
+    """Draw the block diagram of a network.
+
+    Parameters
+    ----------
+    network : a checked network; blocks that were removed are shown in grey.
+    format : "svg" or "png" for a picture that is laid out here, "dot" or "mermaid" for a text
+        that Graphviz or Mermaid lays out.
+
+    Returns
+    -------
+    The text, or the bytes of the png. The same network gives the same diagram, byte by byte.
+
+    Raises
+    ------
+    UsageError : there is no such format.
+    """
+    if format not in FORMATS:
+        raise UsageError(f"no diagram format '{format}'; expected {', '.join(FORMATS)}")
+    picture = picture_of(network)
+    if format == "dot":
+        from runtime.diagrams.text import to_dot
+
+        return to_dot(picture)
+    if format == "mermaid":
+        from runtime.diagrams.text import to_mermaid
+
+        return to_mermaid(picture)
+    from runtime.diagrams.paint import draw
+
+    drawing = draw(picture)
+    if format == "svg":
+        from runtime.diagrams.svg import to_svg
+
+        return to_svg(drawing)
+    from runtime.diagrams.png import to_png
+
+    return to_png(drawing)
