@@ -10,9 +10,11 @@ worker takes the place.
 from __future__ import annotations
 
 import contextlib
+import errno
 import math
 import os
 import pickle
+import resource
 import selectors
 import signal
 import socket
@@ -35,6 +37,7 @@ T = TypeVar("T")
 # A point ends itself when its time is up; only one that is stuck inside a block is killed.
 GRACE = 3.0
 LONGEST_WAIT = 3600.0  # s; more than a selector may wait for at once is waited for in parts
+SPARE_FILES = 32  # left to all else that this process opens
 MOST_STARTS = 10  # so many workers beyond ``jobs`` may die while they start, one after another
 
 
@@ -89,6 +92,7 @@ class LocalPool(Executor):
         self._queue: deque[_Call] = deque()
         self._workers: set[_Worker] = set()
         self._failed_starts = 0
+        self._no_room = ""
         self._broken: UsageError | None = None
         self._closing: Literal["", "finish", "kill"] = ""
         self._selector = selectors.DefaultSelector()
@@ -203,16 +207,23 @@ class LocalPool(Executor):
         except UsageError as error:
             self._broken = error
             return
+        if self._workers and line.link.fileno() >= _file_limit() - SPARE_FILES:
+            line.close()
+            self._has_no_room(os.strerror(errno.EMFILE))
+            return
         worker = _Worker(line, self.nursery)
         self._workers.add(worker)
         self._selector.register(line.link, selectors.EVENT_READ, partial(self._hear, worker))
 
     def _has_no_room(self, reason: str) -> None:
         """The system allows no more processes: go on with those that are there."""
-        there = len(self._in("idle", "busy"))
-        self.jobs = max(1, there)
-        if not there:
-            self._broken = UsageError(f"cannot start worker processes: {reason}")
+        self._no_room = reason
+        self.jobs = max(1, len(self._workers))
+        if not self._workers:
+            self._break(reason)
+
+    def _break(self, reason: str) -> None:
+        self._broken = UsageError(f"cannot start worker processes: {reason}")
 
     def _hear(self, worker: _Worker) -> None:
         """Take in what a worker has sent."""
@@ -263,7 +274,7 @@ class LocalPool(Executor):
     def _count_failed_start(self) -> None:
         self._failed_starts += 1
         if self._failed_starts > self.jobs + MOST_STARTS and not self._in("idle", "busy"):
-            self._broken = UsageError("cannot start worker processes: each one ends as it starts")
+            self._break(self._no_room or "each one ends as it starts")
 
     def _bury(self, worker: _Worker, how: str) -> None:
         """Let a worker go whose process has ended, and fail what it was at."""
@@ -316,6 +327,12 @@ class LocalPool(Executor):
         self._rope.close()
         if self.nursery.is_alive:
             nurseries.give_back(self.nursery)
+
+
+def _file_limit() -> float:
+    """How many files this process may have open."""
+    soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    return math.inf if soft == resource.RLIM_INFINITY else soft
 
 
 def _ending(status: int) -> str:
