@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from concurrent.futures import CancelledError, Executor
 from dataclasses import dataclass, field
@@ -60,6 +61,9 @@ def cluster_crew(address: str) -> Crew:
         from distributed import Client, KilledWorker
     except ImportError:
         raise MissingExtraError("--scheduler", "cluster") from None
+    for name in ("distributed", "distributed.client"):
+        # What it logs of a lost connection, with tracebacks, is said in one sentence by check().
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         client = Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
@@ -70,7 +74,18 @@ def cluster_crew(address: str) -> Crew:
         executor.shutdown(wait=finished)
         client.close()
 
-    def width() -> int:
-        return max(2, 2 * int(sum(client.nthreads().values())))
+    def check() -> None:
+        if client.status != "running":
+            raise UsageError(
+                f"--scheduler {address}: the scheduler is gone; once there is one again, "
+                "--resume goes on"
+            )
 
-    return Crew(executor, width, leave, (KilledWorker, CancelledError))
+    def width() -> int:
+        try:
+            return max(2, 2 * int(sum(client.nthreads().values())))
+        except (OSError, RuntimeError):
+            check()
+            raise
+
+    return Crew(executor, width, leave, (KilledWorker, CancelledError), check)
