@@ -190,6 +190,21 @@ def test_a_block_that_exits_ends_a_run_as_a_failure(here: Run, draw: Path) -> No
     assert runtime.open(folder).ticks == 3
 
 
+EXIT = "    def {}(self, *_):\n        raise SystemExit(0)\n"
+
+
+@pytest.mark.parametrize(
+    "added", ["raise SystemExit(0)", EXIT.format("validate"), EXIT.format("validate_in")]
+)
+def test_own_code_cannot_end_the_program(here: Run, draw: Path, added: str) -> None:
+    module = draw.with_name("own.py")
+    module.write_text(f"{module.read_text()}\n{added}")
+    for verb in ("run", "sweep"):
+        done = here(verb, "draw.yaml", *(["--seeds", "0..1"] if verb == "sweep" else []))
+        assert done.returncode == 2
+        assert "draw.yaml:6:" in done.stderr
+
+
 def test_texts_of_blocks_are_short_and_no_formulas(here: Run, draw: Path, tmp_path: Path) -> None:
     vary = ("--vary", "draw.how=[long, '=1+1', '@x', fine]", "--vary", "draw.level=[-1, 2]")
     done = here(*TWO, "--no-plots", *vary)

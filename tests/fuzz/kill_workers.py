@@ -67,8 +67,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("tries", type=int, nargs="?", default=20)
     parser.add_argument("--seed", type=int, default=0, help="of the moments")
+    parser.add_argument("--seconds", type=float, default=3600.0, help="begin no try after these")
     options = parser.parse_args()
     found: Counter[str] = Counter()
+    end = time.monotonic() + options.seconds
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made)
         (folder / "own.py").write_text(MODULE)
@@ -76,6 +78,9 @@ def main() -> int:
         run(folder, "whole", None, found)
         expected = index(folder / "sweeps" / "whole")
         for number in range(options.tries):
+            if time.monotonic() > end:
+                break
+            found["tries"] += 1
             moments = random.Random(f"{options.seed}.{number}")
             name = f"try{number}"
             while run(folder, name, moments, found, interrupts=number % 3 == 2) == "interrupted":
@@ -83,14 +88,18 @@ def main() -> int:
             rows = index(folder / "sweeps" / name)
             lost = [point for point, row in rows.items() if row[0] == "lost"]
             found["lost"] += len(lost)
-            found["equal"] += {**rows, **{p: expected[p] for p in lost}} == expected
+            rows |= {point: expected[point] for point in lost}
+            found["equal"] += rows == expected
+            for point in expected:
+                if rows.get(point) != expected[point]:
+                    print(f"{name}: point {point}: {rows.get(point)}", file=sys.stderr)
     print(
-        f"tries {options.tries}, kills {found['kills']}, interrupts {found['interrupts']}, "
+        f"tries {found['tries']}, kills {found['kills']}, interrupts {found['interrupts']}, "
         f"hangs {found['hangs']}, tracebacks {found['tracebacks']}, "
-        f"indexes equal {found['equal']} of {options.tries}, points given up {found['lost']}"
+        f"indexes equal {found['equal']} of {found['tries']}, points given up {found['lost']}"
     )
     is_sound = not found["hangs"] and not found["tracebacks"]
-    return 0 if is_sound and found["equal"] == options.tries else 1
+    return 0 if is_sound and found["equal"] == found["tries"] else 1
 
 
 def run(
@@ -110,8 +119,11 @@ def run(
             command, cwd=folder, stdout=said, stderr=said, start_new_session=True
         ) as sweep,
     ):
+        # Ctrl-C is for a sweep that has begun; one that still starts has nothing to lose.
+        while moments and sweep.poll() is None and not (folder / "sweeps" / name).exists():
+            time.sleep(0.01)
         end = time.monotonic() + PATIENCE
-        until = time.monotonic() + moments.uniform(0.5, 4.0) if moments and interrupts else end
+        until = time.monotonic() + moments.uniform(0.0, 4.0) if moments and interrupts else end
         while sweep.poll() is None and time.monotonic() < min(end, until):
             with contextlib.suppress(subprocess.TimeoutExpired):
                 sweep.wait(PATIENCE if moments is None else moments.uniform(0.0, 0.4))
@@ -124,7 +136,10 @@ def run(
             found["hangs"] += 1
             sweep.kill()
         said.seek(0)
-        found["tracebacks"] += b"Traceback" in said.read()
+        text = said.read().decode()
+        if "Traceback" in text:
+            found["tracebacks"] += 1
+            print(text, file=sys.stderr)
         return "interrupted" if sweep.returncode == 130 else "ended"
 
 
