@@ -146,7 +146,7 @@ def _add_block(
     network.entries[full] = Entry(full, scope, node, cls, block, every)
 
 
-def _failed(cls: type[Block], error: Exception) -> str:
+def _failed(cls: type[Block], error: BaseException) -> str:
     return f"{cls.__name__} failed: {type(error).__name__}: {error}"
 
 
