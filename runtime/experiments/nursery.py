@@ -132,7 +132,7 @@ class Nursery:
         self.control.close()
         try:
             self._process.wait(LINGER)
-        except subprocess.TimeoutExpired:
+        except (subprocess.TimeoutExpired, KeyboardInterrupt):
             self._process.kill()
             self._process.wait()
         shutil.rmtree(self.folder, ignore_errors=True)
