@@ -70,8 +70,10 @@ def blocks_of_module(file: FilePath) -> dict[str, type[Block]]:
         sys.modules[name] = module
         try:
             spec.loader.exec_module(module)
-        except BaseException:
+        except BaseException as error:
             del sys.modules[name]
+            if isinstance(error, SystemExit):
+                raise ImportError("the file calls sys.exit when it is imported") from None
             raise
     return {
         key: value

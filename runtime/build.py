@@ -139,14 +139,14 @@ def _add_block(
             if parameter in values or parameter not in misspelt:
                 where = values[parameter].where if parameter in values else node.key
                 problems.add(where, f"{address}.{parameter}", text)
-    except Exception as error:  # noqa: BLE001 -- a user's block may raise anything
+    except (Exception, SystemExit) as error:  # noqa: BLE001 -- a user's block may raise anything
         problems.add(node.key, address, _failed(cls, error))
     full = scope.prefix + name
     every = _ticks(node.get("dt"), network.dt, address, problems)
     network.entries[full] = Entry(full, scope, node, cls, block, every)
 
 
-def _failed(cls: type[Block], error: Exception) -> str:
+def _failed(cls: type[Block], error: BaseException) -> str:
     return f"{cls.__name__} failed: {type(error).__name__}: {error}"
 
 
@@ -201,6 +201,6 @@ def _check_settings(network: Network, problems: Problems) -> MissingPackageError
                 problems.add(where, f"{entry.address}.{parameter}", text)
         except MissingPackageError as error:
             missing = error
-        except Exception as error:  # noqa: BLE001 -- a user's block may raise anything
+        except (Exception, SystemExit) as error:  # noqa: BLE001 -- a user's block may raise anything
             problems.add(entry.node.key, entry.address, _failed(entry.cls, error))
     return missing

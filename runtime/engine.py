@@ -124,9 +124,9 @@ class Engine:
             self.prepare()
             first = self._compile(checked=True, held=self.runner.held)
             held = self.runner.adopt(first(0, 1, self._held()))
-        except SimulationError:
+        except (SimulationError, KeyboardInterrupt):
             raise
-        except Exception as error:
+        except BaseException as error:  # what a block raises must not end the process
             raise self._failed(error) from error
         self.tick = 1
         return held
@@ -145,10 +145,12 @@ class Engine:
                 chunk = max(1, min(4 * chunk, int(ran * CHUNK_SECONDS / max(took, 1e-6))))
                 if progress is not None:
                     progress(self.tick, total)
-        except Exception as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # what a block raises must not end the process
             raise self._failed(error) from error
 
-    def _failed(self, error: Exception) -> SimulationError:
+    def _failed(self, error: BaseException) -> SimulationError:
         """What happened where, for people."""
         block = self.locate(error)
         told = isinstance(error, (NotFiniteError, UsageError))
@@ -193,7 +195,9 @@ class Engine:
     def _guard(self, block: str, call: Callable[[], Any]) -> Any:
         try:
             return call()
-        except Exception as error:
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
             raise SimulationError(block, 0, 0.0, _described(error)) from error
 
     def _compile(self, checked: bool, held: Sequence[str] | None = None) -> Run:

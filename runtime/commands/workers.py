@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from runtime.errors import Problems
 
 if TYPE_CHECKING:
-    from runtime.experiments.pool import Crew
+    from runtime.experiments.crew import Crew
     from runtime.experiments.seeds import Seeds
 
 MAX_JOBS = 4096
@@ -82,14 +82,14 @@ def noted(quiet: bool) -> Callable[[str], None]:
 def start_early(options: Namespace) -> None:
     """Let the workers' imports begin while the graph is read and checked."""
     if options.scheduler is None:
-        from runtime.experiments.nursery import worker_context
+        from runtime.experiments import nursery
 
-        worker_context()
+        nursery.start_early()
 
 
 def crew_of(options: Namespace) -> Callable[[], Crew]:
     """What makes the workers that the command line asks for."""
-    from runtime.experiments.pool import cluster_crew, local_crew
+    from runtime.experiments.crew import cluster_crew, local_crew
 
     if options.scheduler is not None:
         return lambda: cluster_crew(options.scheduler)

@@ -13,10 +13,10 @@ from typing import Any
 from runtime.diagrams.formats import diagram
 from runtime.errors import UsageError
 from runtime.experiments.comparison import Line, compare
+from runtime.experiments.crew import Crew
 from runtime.experiments.index import Index, Row, remaining
 from runtime.experiments.plan import INDEX, SCHEMA_VERSION, VARIANTS, Case, Plan, check_same, create
 from runtime.experiments.points import Point
-from runtime.experiments.pool import Crew
 from runtime.experiments.runner import run_points
 from runtime.experiments.statistics import CONFIDENCE, CORRECTION, TESTS, Test
 from runtime.experiments.sweeping import write_json

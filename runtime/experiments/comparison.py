@@ -163,7 +163,9 @@ def legend(lines: Sequence[Line], test: Test) -> str:
         f"distinguishable: p < {LEVEL:.2g}, corrected by {CORRECTION} for all comparisons here.",
     ]
     if any(line.own.n < line.runs for line in lines):
-        said.append("n/N: n of N seeds have a value; means and differences are over those.")
+        said.append(
+            "n/N: n of N seeds have a value, or for a difference one in both; means are over those."
+        )
     if any(line.is_missing_differently for line in lines):
         said.append("in seeds: another share of the seeds has a value at all (McNemar's test).")
     if any(line.is_gone for line in lines):
@@ -177,7 +179,10 @@ def _cells(line: Line) -> tuple[str, ...]:
     if line.is_gone:
         cells += ["", "", "gone"]
     elif line.apart is not None:
-        cells += [_value(line.apart.mean, "+"), _ends(line.apart, "+"), _verdict(line)]
+        mean = _value(line.apart.mean, "+")
+        if 0 < line.apart.n < line.runs:
+            mean += f" ({line.apart.n}/{line.runs})"
+        cells += [mean, _ends(line.apart, "+"), _verdict(line)]
     else:
         cells += ["", "", ""]
     return tuple(cells)

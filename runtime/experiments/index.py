@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import os
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,10 @@ from runtime.experiments.worker import Done
 
 FIRST, MIDDLE, LAST = ("point",), ("seed", "status", "reason"), ("wall_s",)
 RESERVED = (*FIRST, *MIDDLE, *LAST)
+LONGEST_REASON = 2000  # characters that are written
+LONGEST_FIELD = 1 << 27  # characters that are read; the csv module stops at 128 KiB by default
+# A spreadsheet takes such a text for a formula, and runs it.
+_FORMULA = re.compile(r"'*[=+\-@\t\r]")
 
 
 @dataclass(frozen=True)
@@ -33,7 +38,8 @@ class Row:
     def of(cls, point: Point, done: Done, metrics: Sequence[str]) -> Row:
         values = tuple(done.metrics.get(name) for name in metrics)
         cells, wall_s = point.setting.cells, round(done.wall_s, 4)
-        return cls(point.number, cells, point.seed, done.status, done.reason, values, wall_s)
+        reason = _shortened(done.reason)
+        return cls(point.number, cells, point.seed, done.status, reason, values, wall_s)
 
 
 @dataclass(frozen=True)
@@ -49,8 +55,9 @@ class Columns:
 
     def line(self, row: Row) -> str:
         values = ["" if value is None else repr(value) for value in row.metrics]
-        middle = [str(row.seed), row.status, row.reason]
-        return csv_line([str(row.point), *row.cells, *middle, *values, repr(row.wall_s)])
+        middle = [str(row.seed), row.status, _guarded(row.reason)]
+        cells = map(_guarded, row.cells)
+        return csv_line([str(row.point), *cells, *middle, *values, repr(row.wall_s)])
 
     def row(self, fields: Sequence[str]) -> Row:
         """Read a line's fields.
@@ -63,10 +70,30 @@ class Columns:
             raise ValueError(f"expected {len(self.header)} fields, got {len(fields)}")
         knobs, rest = fields[1 : 1 + len(self.knobs)], fields[1 + len(self.knobs) :]
         values = tuple(float(text) if text else None for text in rest[3:-1])
-        seed, status, reason = rest[:3]
-        return Row(
-            *(int(fields[0]), tuple(knobs), int(seed), status, reason, values, float(rest[-1]))
-        )
+        seed, status = int(rest[0]), rest[1]
+        cells, reason = tuple(map(_unguarded, knobs)), _unguarded(rest[2])
+        return Row(int(fields[0]), cells, seed, status, reason, values, float(rest[-1]))
+
+
+def _shortened(reason: str) -> str:
+    if len(reason) <= LONGEST_REASON:
+        return reason
+    return f"{reason[:LONGEST_REASON]}... ({len(reason)} characters)"
+
+
+def _guarded(text: str) -> str:
+    """A text that no spreadsheet takes for a formula; numbers stay numbers."""
+    if not _FORMULA.match(text):
+        return text
+    try:
+        float(text)
+    except ValueError:
+        return f"'{text}"
+    return text
+
+
+def _unguarded(text: str) -> str:
+    return text[1:] if text.startswith("'") and _FORMULA.match(text) else text
 
 
 def csv_line(fields: Iterable[str]) -> str:
@@ -82,6 +109,7 @@ def read_rows(path: Path, columns: Columns) -> Iterator[Row]:
     ------
     UsageError : it is no index of this experiment.
     """
+    csv.field_size_limit(max(csv.field_size_limit(), LONGEST_FIELD))
     try:
         with path.open(encoding="utf-8", newline="") as lines:
             reader = csv.reader(lines)
@@ -116,7 +144,7 @@ class Index:
         self.path = path
         self.columns = columns
         with self._told():
-            self._file = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CLOEXEC)
+            self._file = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CLOEXEC | os.O_NOFOLLOW)
         try:
             self._lock()
             self._mend()

@@ -18,6 +18,7 @@ from runtime.record import save
 
 POINTS = "points"
 NOT_OK = ("failed", "timeout")
+_OWN = re.compile(r"[0-9]{6,18}")  # what a point's folder is called
 _BEST = re.compile(r"best:([1-9][0-9]{0,5})")
 
 
@@ -55,7 +56,7 @@ class Keeper:
                 self._rank(row)
             kept = {number for _, number in self._heap}
             for path in (self.folder / POINTS).glob("[0-9]*"):
-                if int(path.name) not in kept:
+                if _OWN.fullmatch(path.name) and int(path.name) not in kept:
                     shutil.rmtree(path, ignore_errors=True)
 
     def task(self, point: Point) -> Task:

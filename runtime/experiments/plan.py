@@ -31,6 +31,11 @@ PLAN, GRAPH, INDEX = "plan.yaml", "graph.resolved.yaml", "index.csv"
 VARIANTS = "variants"
 Kind = Literal["sweep", "ablation"]
 Note = Callable[[str], None]
+_WAYS_ON: dict[Kind, str] = {
+    "sweep": "--name NAME begins another sweep beside it; to go on with that one, repeat its own "
+    "command with --resume",
+    "ablation": "without --resume, another folder is begun",
+}
 
 
 @dataclass(frozen=True)
@@ -238,12 +243,13 @@ def read_plan(folder: Path) -> dict[str, Any]:
 
 
 def check_same(plan: Plan, folder: Path) -> None:
-    """Check that a folder is of the same plan.
+    """Check that a folder is of the same plan, and holds nothing that leads out of it.
 
     Raises
     ------
     UsageError : it is not; the message says in what they differ.
     """
+    _refuse_links(folder)
     stored = read_plan(folder)
     try:
         text = (folder / GRAPH).read_text(encoding="utf-8")
@@ -262,8 +268,21 @@ def check_same(plan: Plan, folder: Path) -> None:
         differing.append("the graph")
     raise UsageError(
         f"'{folder}' is of another plan, which differs in {'; '.join(differing)}; "
-        "begin another folder for this one"
+        f"{_WAYS_ON[plan.kind]}"
     )
+
+
+def _refuse_links(folder: Path) -> None:
+    """Refuse to write into a folder with links: what they lead to would be written or deleted."""
+    try:
+        for path in [*folder.iterdir(), *folder.glob("*/*")]:
+            if path.is_symlink():
+                raise UsageError(
+                    f"'{path}' is a link, which is not followed when a folder is gone on with; "
+                    "put what it leads to in its place"
+                )
+    except OSError as error:
+        raise UsageError(f"cannot read '{folder}': {error.strerror or error}") from None
 
 
 def _short(value: Any) -> str:

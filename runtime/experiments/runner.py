@@ -6,12 +6,12 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
 
-from runtime.errors import UsageError
+from runtime.errors import UsageError, one_line
+from runtime.experiments.crew import Crew
 from runtime.experiments.points import Point
-from runtime.experiments.pool import Crew
 from runtime.experiments.worker import Done, Task, run_task
 
-ATTEMPTS = 2
+ATTEMPTS = 3
 POLL = 1.0  # s; how often the time left is drawn anew
 
 
@@ -29,7 +29,8 @@ def run_points(
 ) -> Iterator[tuple[Point, Done]]:
     """Run points side by side; yields each as it ends.
 
-    A point whose worker died is tried once more.
+    A point whose worker died is tried again, up to ``ATTEMPTS`` times in all. Whatever else goes
+    wrong with a call is that point's failure, unless no worker could run any.
 
     Parameters
     ----------
@@ -58,12 +59,25 @@ def run_points(
             except TimeoutError as error:
                 yield sent.point, Done("timeout", str(error))
             except crew.deaths as error:
+                crew.check()
                 if sent.attempt < ATTEMPTS:
                     send(sent.point, sent.attempt + 1)
                 else:
-                    said = f"its worker died, {ATTEMPTS} times ({type(error).__name__})"
-                    yield sent.point, Done("lost", said)
-            except Exception as error:
+                    yield sent.point, Done("lost", _lost(error))
+            except UsageError:
+                raise
+            except ImportError as error:
                 said = f"{type(error).__name__}: {error}"
                 raise UsageError(f"the workers cannot run points: {said}") from error
+            except Exception as error:  # noqa: BLE001 -- such as a result too large to be sent
+                yield sent.point, Done("failed", one_line(f"{type(error).__name__}: {error}"))
+        crew.check()
         idle()
+
+
+def _lost(error: BaseException) -> str:
+    """Why a point was given up: how its last worker ended."""
+    said = f"its worker died {ATTEMPTS} times, the last time: {error or type(error).__name__}"
+    if "SIGKILL" in said:
+        said += "; if memory ran out, take fewer workers with --jobs"
+    return one_line(said)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from blocks.signals import FloatArray
 from runtime.document import from_python, parse_yaml
@@ -58,6 +59,10 @@ class SweepData:
     def means(self, metric: str) -> FloatArray:
         """One mean a setting; NaN where no run has a value."""
         return np.array([found.mean for found in self.metrics[metric]])
+
+    def is_partial(self, metric: str) -> NDArray[np.bool_]:
+        """Whether each setting's mean is over some of the seeds only."""
+        return np.array([0 < found.n < self.seeds for found in self.metrics[metric]])
 
 
 def read_sweep(folder: Path) -> SweepData:

@@ -14,6 +14,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from blocks.signals import FloatArray
 from runtime.errors import UsageError
@@ -28,6 +29,9 @@ MAP = "viridis"
 FEW_CELLS = 60  # up to so many, a heat map writes its numbers
 MANY_TICKS = 12
 CROWD = 25  # points of a curve that still have a mark each
+# How a mean is marked that is over fewer seeds than its neighbours, and what the title says of it.
+MARK = "tab:red"
+PARTIAL = "n/N or red: only n of the N seeds have a value"
 
 
 def save_sweep_figures(folder: Path) -> list[Path]:
@@ -76,7 +80,7 @@ def _panels(data: SweepData, metrics: list[str], painter: Any) -> Figure:
     columns = min(COLUMNS, len(metrics))
     rows = math.ceil(len(metrics) / columns)
     figure = Figure(figsize=(WIDTH / COLUMNS * columns, 0.5 + 3.0 * rows), layout="constrained")
-    figure.suptitle(_said(data), fontsize=10.0)
+    figure.suptitle(_said(data, metrics), fontsize=10.0)
     for i, axes in enumerate(figure.subplots(rows, columns, squeeze=False).flat):
         if i < len(metrics):
             axes.set_title(metrics[i])
@@ -86,8 +90,10 @@ def _panels(data: SweepData, metrics: list[str], painter: Any) -> Figure:
     return figure
 
 
-def _said(data: SweepData) -> str:
+def _said(data: SweepData, metrics: list[str]) -> str:
     over = f"means over {data.seeds} seeds" if data.seeds > 1 else "one seed"
+    if any(data.is_partial(metric).any() for metric in metrics):
+        over += f" ({PARTIAL})"
     left = f", {data.skipped} settings not drawn" if data.skipped else ""
     return f"{data.name}  ·  {len(data.axes[0].places)} settings, {over}{left}"
 
@@ -109,6 +115,8 @@ def _curve(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
     else:
         axes.fill_between(x, ends[:, 0], ends[:, 1], color=colour, alpha=0.2, linewidth=0.0)
         axes.plot(x, mean, color=colour)
+        some = data.is_partial(metric)[order]
+        axes.plot(x[some], mean[some], ".", color=MARK, markersize=3.0)
     # The axis holds all settings, those without a value too.
     level = mean[np.isfinite(mean)][0]
     axes.update_datalim(np.column_stack([x, np.full(len(x), level)]))
@@ -160,17 +168,25 @@ def _heat(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
         else:
             axes.set_yticks(ticks, shown)
             axes.set_ylabel(axis.path)
+    seeds = np.full(grid.shape, data.seeds)
+    seeds[at] = [found.n for found in data.metrics[metric]]
     if grid.size <= FEW_CELLS:
-        _numbers(axes, grid)
+        _numbers(axes, grid, seeds, data.seeds)
+    else:
+        marked = np.argwhere((seeds > 0) & (seeds < data.seeds))
+        axes.plot(marked[:, 1], marked[:, 0], ".", color=MARK, markersize=3.0)
 
 
-def _numbers(axes: Axes, grid: FloatArray) -> None:
+def _numbers(axes: Axes, grid: FloatArray, seeds: NDArray[np.int_], most: int) -> None:
+    """Write each cell's mean, and of how many seeds it is where that is not all."""
     middle = 0.5 * (np.nanmin(grid) + np.nanmax(grid))
     look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 7.0}
     for (row, column), value in np.ndenumerate(grid):
         if np.isfinite(value):
             colour = "white" if value < middle else "black"
-            axes.text(column, row, f"{value:.3g}", color=colour, **look)
+            n = seeds[row, column]
+            share = f"\n{n}/{most}" if n < most else ""
+            axes.text(column, row, f"{value:.3g}{share}", color=colour, **look)
 
 
 def _scatter(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
@@ -182,7 +198,8 @@ def _scatter(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
     hollow: dict[str, Any] = {"facecolors": "none", "edgecolors": "0.5", "linewidths": 0.8}
     axes.scatter(first.places[~known], second.places[~known], **look, **hollow)
     look |= {"c": means[known], "cmap": MAP}
-    drawn = axes.scatter(first.places[known], second.places[known], **look)
+    edges = [MARK if some else "none" for some in data.is_partial(metric)[known]]
+    drawn = axes.scatter(first.places[known], second.places[known], edgecolors=edges, **look)
     figure.colorbar(drawn, ax=axes, pad=0.01, aspect=18)
     _label(axes, first, "x")
     _label(axes, second, "y")
@@ -206,9 +223,11 @@ def _parallel(data: SweepData, metric: str) -> Figure:
     colours = matplotlib.colormaps[MAP](scale(means[order]))
     drawn = LineCollection(lines, colors=colours, linewidths=0.9, alpha=0.85, zorder=2.0)
     axes.add_collection(drawn)
+    some = data.is_partial(metric)
+    axes.plot(np.full(some.sum(), x[-1]), heights[some, -1], ".", color=MARK, markersize=4.0)
     _uprights(axes, uprights)
     figure.colorbar(ScalarMappable(scale, MAP), ax=axes, label=metric, pad=0.02, aspect=22)
-    axes.set_title(_said(data), fontsize=10.0)
+    axes.set_title(_said(data, [metric]), fontsize=10.0)
     return figure
 
 

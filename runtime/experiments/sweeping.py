@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from runtime.errors import UsageError
+from runtime.experiments.crew import Crew
 from runtime.experiments.groups import Tally
 from runtime.experiments.index import Index, Row, remaining
 from runtime.experiments.keeping import Keeper
 from runtime.experiments.plan import INDEX, SCHEMA_VERSION, Plan, check_same, create
-from runtime.experiments.pool import Crew
 from runtime.experiments.runner import run_points
 from runtime.progress import Progress
 

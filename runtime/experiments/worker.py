@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import multiprocessing
+import atexit
 import os
-import signal
+import shutil
+import tempfile
 import threading
 import time
 from collections.abc import Collection
 from dataclasses import dataclass, field
 from functools import lru_cache
-from multiprocessing.util import get_temp_dir
 from pathlib import Path
 from typing import Any, Literal
 
@@ -84,12 +84,15 @@ def run_task(task: Task) -> Done:
     reason, result = "", None
     try:
         result = _simulated(task, deadline)
+        if result.status != "complete":
+            # Ctrl-C does not reach workers: nothing but the deadline and blocks can interrupt.
+            status, reason = "failed", f"a block raised KeyboardInterrupt at tick {result.ticks}"
     except GraphError as error:
         status, reason = "invalid", str(error)
     except SimulationError as error:
         status, reason = "failed", str(error)
         result = error.result if isinstance(error.result, Result) else None
-    except Exception as error:  # noqa: BLE001 -- a user's block may raise anything, anywhere
+    except BaseException as error:  # noqa: BLE001 -- a user's block may raise anything, anywhere
         status, reason = "failed", f"{type(error).__name__}: {error}"
     if deadline.passed:
         reached = "" if result is None else f", {result.ticks} ticks done"
@@ -139,8 +142,16 @@ def _built(recipe: Recipe, edits: tuple[tuple[str, str], ...]) -> Graph:
     return graph.check()
 
 
+@lru_cache(1)
+def _scratch() -> Path:
+    """This process's folder for modules, which goes when the process does."""
+    folder = Path(tempfile.mkdtemp(prefix="spikeblocks-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
+
+
 def _module_folder(recipe: Recipe) -> Path:
-    return Path(get_temp_dir()) / recipe.digest[:16]
+    return _scratch() / recipe.digest[:16]
 
 
 def _written_modules(recipe: Recipe) -> Path:
@@ -162,16 +173,3 @@ def _place_modules(blocks: dict[str, Any], folder: Path) -> None:
             entry["module"] = str(folder / entry["module"])
         if isinstance(entry.get("blocks"), dict):
             _place_modules(entry["blocks"], folder)
-
-
-def prepare() -> None:
-    """Make a local worker: Ctrl-C is its parent's to answer, and it does not outlive its parent."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        threading.Thread(target=_die_with, args=(parent,), daemon=True).start()
-
-
-def _die_with(parent: Any) -> None:
-    parent.join()
-    os._exit(1)

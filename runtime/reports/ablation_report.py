@@ -74,9 +74,9 @@ def _differences(found: Mapping[str, Any]) -> Html:
         "p",
         f"Differences are to the baseline, paired by seed ({found['test']}). A difference is "
         f"distinguishable where p < {LEVEL:.2g} after {found['correction']}'s correction for all "
-        "comparisons of the table. n/N: n of N seeds have a value, and means and differences are "
-        "over those; “in seeds” says that another share of them has one than under the baseline. "
-        "“gone”: what the metric measures was taken out.",
+        "comparisons of the table. n/N: n of N seeds have a value (for a difference, one in "
+        "both), and means are over those; “in seeds” says that another share of them has one than "
+        "under the baseline. “gone”: what the metric measures was taken out.",
         class_="soft small",
     )
     return join(grouped_table(head, groups, range(1, 7), label="differences"), told)
@@ -93,11 +93,15 @@ def _line(line: Mapping[str, Any]) -> list[str]:
     apart = line["difference"]
     if apart is None:
         return [*cells, "", "", "", "" if line["recorded"] else "gone"]
+    mean = pieces.number(apart["mean"], signed=True)
+    if 0 < apart["n"] < line["runs"]:
+        share = element("span", f" {apart['n']}/{line['runs']}", class_="soft")
+        mean = join(mean, share)
     verdict = _verdict(apart)
     shown = element("strong", verdict) if verdict.startswith("yes") else verdict
     return [
         *cells,
-        pieces.number(apart["mean"], signed=True),
+        mean,
         pieces.interval(apart["low"], apart["high"], signed=True),
         pieces.probability(apart["p_adjusted"]),
         shown,

@@ -144,7 +144,11 @@ def _settings(swept: _Sweep, best: Mapping[tuple[str, ...], int] | None, label: 
         head += [metric, "95 % interval"]
     rows = [_setting(swept, group) for group in chosen]
     numbers = range(len(swept.knobs), len(head))
-    told = element("p", "Means and intervals are over the seeds.", class_="soft small")
+    told = element(
+        "p",
+        "Means and intervals are over the seeds; n/N: only n of the N seeds have a value.",
+        class_="soft small",
+    )
     return join(table(head, rows, numbers, label=label), told)
 
 
@@ -153,7 +157,7 @@ def _setting(swept: _Sweep, group: Group) -> list[str]:
     cells = [*group.cells, f"{ok}/{swept.data.seeds}"]
     for metric in swept.shown:
         found = estimate(group.values(swept.metrics.index(metric)))
-        cells += [_mean(found, len(group.rows)), pieces.interval(found.low, found.high)]
+        cells += [_mean(found, swept.data.seeds), pieces.interval(found.low, found.high)]
     return cells
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from runtime.engine import seed_of
 
 MODULE = '''
+import builtins
 import os
 import signal
 import time
@@ -26,15 +27,25 @@ class Draw(blocks.Block):
     level: float = blocks.param(0.0, doc="what the number is added to", at_most=100.0)
     count: int = blocks.param(0, doc="added as well")
     how: str = blocks.param("fine", doc="what happens")
+    raises: str = blocks.param("", doc="an exception to raise, by its name")
+    at: str = blocks.param("first", doc="when: 'start', 'first' tick, or 'later'")
     mark: str = blocks.param("", doc="a file that tells a second try from the first")
 
     def start(self, state):
         state.held[...] = self.level + self.count + state.rng.normal()
+        self.raise_if(self.at == "start")
         if self.how == "brief" and self.mark:
             with open(self.mark, "a") as log:
                 print(self.level, file=log)
 
+    def raise_if(self, is_time):
+        if self.raises and is_time:
+            raise getattr(builtins, self.raises)("on purpose")
+
     def output(self, state, t):
+        self.raise_if(self.at == "first" or (self.at == "later" and t > 0.025))
+        if self.how == "long":
+            raise RuntimeError("=long " * 50_000)
         if self.how == "raise":
             raise RuntimeError("it broke, on purpose")
         if self.how == "nan":

@@ -20,6 +20,7 @@ needs_dask = pytest.mark.skipif(
     importlib.util.find_spec("distributed") is None, reason="needs pip install -e '.[cluster]'"
 )
 Start = Callable[..., "subprocess.Popen[bytes]"]
+Cluster = tuple[str, list["subprocess.Popen[bytes]"]]
 
 
 @pytest.fixture
@@ -38,13 +39,9 @@ def start(tmp_path: Path) -> Iterator[Start]:
         yield started
 
 
-@needs_dask
-def test_a_cluster_that_loses_a_worker_gives_the_same_index(
-    script: Path, here: Run, start: Start, draw: Path, tmp_path: Path
-) -> None:
-    local = here("sweep", "draw.yaml", *SWEEP, *LATER, "--name", "local")
-    assert local.returncode == 0, local.stderr
-
+@pytest.fixture
+def cluster(start: Start, tmp_path: Path) -> Cluster:
+    """A scheduler with two workers: its address, and the three processes."""
     found = tmp_path / "scheduler.json"
     options = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard")
     scheduler = start("distributed.cli.dask_scheduler", *options, "--scheduler-file", str(found))
@@ -54,12 +51,23 @@ def test_a_cluster_that_loses_a_worker_gives_the_same_index(
     options = ("--host", "127.0.0.1", "--no-nanny", "--nthreads", "1", "--no-dashboard")
     workers = [start("distributed.cli.dask_worker", address, *options) for _ in range(2)]
 
+    return address, [scheduler, *workers]
+
+
+@needs_dask
+def test_a_cluster_that_loses_a_worker_gives_the_same_index(
+    script: Path, here: Run, cluster: Cluster, draw: Path, tmp_path: Path
+) -> None:
+    local = here("sweep", "draw.yaml", *SWEEP, *LATER, "--name", "local")
+    assert local.returncode == 0, local.stderr
+
+    address, processes = cluster
     index = tmp_path / "sweeps" / "draw" / "index.csv"
     command = [script, "sweep", "draw.yaml", *SWEEP, *LATER, "--scheduler", address]
     with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE) as sweep:
         while lines(index) < 8:
             assert sweep.poll() is None
-        workers[0].kill()
+        processes[1].kill()
         assert lines(index) < POINTS
         said = sweep.communicate()[1].decode()
     assert sweep.returncode == 0, said
@@ -67,8 +75,28 @@ def test_a_cluster_that_loses_a_worker_gives_the_same_index(
 
 
 @needs_dask
+def test_a_scheduler_that_is_gone_ends_the_sweep_with_its_rows_kept(
+    script: Path, here: Run, cluster: Cluster, draw: Path, tmp_path: Path
+) -> None:
+    address, processes = cluster
+    index = tmp_path / "sweeps" / "draw" / "index.csv"
+    slow = ("sweep", "draw.yaml", *SWEEP, *LATER)
+    command = [script, *slow, "--scheduler", address]
+    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE) as sweep:
+        while lines(index) < 4:
+            assert sweep.poll() is None
+        processes[0].kill()
+        said = sweep.communicate(timeout=60)[1].decode()
+    assert sweep.returncode == 2, said
+    assert f"--scheduler {address}: the scheduler is gone" in said
+    assert "Traceback" not in said
+    assert here(*slow).returncode == 0
+    assert len(rows(index.parent)) == POINTS
+
+
+@needs_dask
 def test_no_scheduler_is_told(here: Run, draw: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("runtime.experiments.pool.PATIENCE", 0.2)
+    monkeypatch.setattr("runtime.experiments.crew.PATIENCE", 0.2)
     done = here("sweep", "draw.yaml", *SWEEP, *LATER, "--scheduler", "tcp://127.0.0.1:9")
     assert done.returncode == 2
     assert "--scheduler tcp://127.0.0.1:9: no scheduler answers there" in done.stderr

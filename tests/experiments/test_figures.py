@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.collections import LineCollection
-from matplotlib.colors import to_hex
+from matplotlib.colors import to_hex, to_rgba
 
 from runtime.experiments import sweep_data
 from runtime.experiments.ablation_figures import ablation_figure
 from runtime.experiments.sweep_data import read_sweep
-from runtime.experiments.sweep_figures import sweep_figures
+from runtime.experiments.sweep_figures import MARK, sweep_figures
 from tests.conftest import Run
 from tests.experiments.graphs import normal
 
@@ -51,6 +51,56 @@ def test_a_heat_map_for_two(here: Run, draw: Path, folder: Path) -> None:
     assert np.allclose(image, (levels + MEAN) * (1.0 + 0.5 * gains[:, None]))
     assert [text.get_text() for text in total.get_xticklabels()] == ["1", "3"]
     assert [text.get_text() for text in total.get_yticklabels()] == ["0", "2", "4"]
+
+
+def shares(levels: list[float]) -> list[int]:
+    """How many of the seeds have a value of ``above_two``, for each level."""
+    return [sum(level + normal(seed) > 2.0 for seed in range(3)) for level in levels]
+
+
+def test_means_over_some_of_the_seeds_are_marked(here: Run, draw: Path, folder: Path) -> None:
+    levels = [-50.0, 2.5, 3.5, 50.0]
+    assert shares(levels) == [0, 1, 2, 3]
+    knobs = ("--vary", f"draw.level={levels}", "--vary", "params.gain=[1, 2]")
+    assert here(*SWEEP, *knobs).returncode == 0
+    [(_, figure)] = sweep_figures(folder)
+    assert "n/N or red" in figure.get_suptitle()
+    panels = {axes.get_title("left"): axes for axes in figure.axes}
+    written = [text.get_text() for text in panels["above_two"].texts]
+    assert [text for text in written if "\n" in text] == ["0\n1/3", "0\n2/3"] * 2
+    assert not any("\n" in text.get_text() for text in panels["drawn"].texts)
+    assert read_sweep(folder).is_partial("above_two").sum() == 4
+
+
+def test_means_over_some_of_the_seeds_are_marked_where_numbers_have_no_room(
+    here: Run, draw: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("runtime.experiments.sweep_figures.FEW_CELLS", 0)
+    monkeypatch.setattr("runtime.experiments.sweep_figures.CROWD", 0)
+    levels = [-50.0, 2.5, 3.5, 50.0]
+    knobs = ("--vary", f"draw.level={levels}", "--vary", "params.gain=[1, 2]")
+    more = ("--vary", "draw.count=[0]")
+    for name, chosen in (("one", knobs[:2]), ("two", knobs), ("three", (*knobs, *more))):
+        assert here(*SWEEP, *chosen, "--name", name).returncode == 0
+        figures = dict(sweep_figures(folder.with_name(name)))
+        figure = figures.get("parallel_above_two") or next(iter(figures.values()))
+        titles = {axes.get_title("left"): axes for axes in figure.axes}
+        axes = titles.get("above_two", figure.axes[0])
+        marks = [line for line in axes.lines if line.get_color() == MARK]
+        assert sum(len(line.get_xdata()) for line in marks) == (2 if name == "one" else 4)
+
+
+def test_samples_with_some_of_the_seeds_are_marked(here: Run, draw: Path, folder: Path) -> None:
+    knobs = ("--vary", "draw.level=0..4", "--vary", "params.gain=1..2", "--sobol", "16")
+    assert here(*SWEEP, *knobs).returncode == 0
+    [(_, figure)] = sweep_figures(folder)
+    [axes] = [axes for axes in figure.axes if axes.get_title("left") == "above_two"]
+    data = read_sweep(folder)
+    some = data.is_partial("above_two")
+    assert some.any()
+    red = [tuple(colour) == to_rgba(MARK) for colour in axes.collections[1].get_edgecolors()]
+    known = np.isfinite(data.means("above_two"))
+    assert red == some[known].tolist()
 
 
 def test_parallel_coordinates_beyond(here: Run, draw: Path, folder: Path) -> None:

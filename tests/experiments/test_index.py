@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from runtime.errors import UsageError, one_line
 from runtime.experiments.index import Columns, Index, Row, csv_line, read_rows, remaining
 from runtime.experiments.points import Point, Recipe, Setting
+from runtime.experiments.worker import Done
 
 COLUMNS = Columns(("a.b", "c"), ("rms", "final"))
 
@@ -37,7 +38,8 @@ def index(path: Path) -> Iterator[Index]:
     opened.close()
 
 
-CELLS = st.text(st.characters(exclude_categories=("Cs",)), max_size=30).map(one_line)
+FORMULAS = st.text("'=+-@\t01.e", max_size=6)
+CELLS = st.text(st.characters(exclude_categories=("Cs",)), max_size=30).map(one_line) | FORMULAS
 NUMBERS = st.none() | st.floats(allow_nan=False, allow_infinity=False)
 
 
@@ -52,6 +54,34 @@ def test_a_row_reads_back_equal_from_one_line(
     assert line.count("\n") == 1
     [fields] = csv.reader([line])
     assert COLUMNS.row(fields) == written
+    for text in (*fields[1:3], fields[5]):
+        assert text[:1] not in tuple("=+-@\t") or is_number(text)
+
+
+def is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def test_numbers_are_written_as_they_are() -> None:
+    line = COLUMNS.line(Row(0, ("-1.5", "+2"), 3, "ok", "-", (-0.5, None), 0.5))
+    assert line == "0,-1.5,+2,3,ok,'-,-0.5,,0.5\n"
+
+
+def test_texts_of_any_length_are_read_and_long_reasons_shortened(path: Path) -> None:
+    long = "x" * 1_000_000
+    with path.open("a") as file:  # as indexes were written once
+        file.write(COLUMNS.line(Row(0, ("1", "2"), 0, "failed", long, (None, None), 0.5)))
+    point = Point(1, Setting(0, ("1", "2"), Recipe("g")), 1)
+    opened = Index(path, COLUMNS)
+    opened.append(Row.of(point, Done("failed", long), COLUMNS.metrics))
+    opened.close()
+    first, second = read_rows(path, COLUMNS)
+    assert first.reason == long
+    assert second.reason == f"{long[:2000]}... (1000000 characters)"
 
 
 def test_rows_are_appended_and_read(index: Index) -> None:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from runtime.experiments.comparison import compare, table
+from runtime.experiments.comparison import compare, legend, table
 from runtime.experiments.statistics import adjusted, difference, estimate, presence
 
 # Hours of sleep gained by ten patients under two drugs (Student 1908, Biometrika 6, 1-25).
@@ -112,3 +112,14 @@ def test_a_table_with_all_that_can_happen() -> None:
     assert facts["n"] == 1 and facts["low"] is None
     assert facts["difference"]["distinguishable"] is None
     assert facts["difference"]["p_presence"] < 0.05
+
+
+def test_a_difference_over_some_of_the_seeds_says_so() -> None:
+    values = {"baseline": {"rms": [1.0, None, 3.0, 4.0]}, "v": {"rms": [2.0, 2.0, None, 5.0]}}
+    lines = compare(values, "baseline")
+    shown = table(lines)
+    # Both have three of four seeds, and only two of these together.
+    assert [line.apart.n for line in lines if line.apart is not None] == [2]
+    assert shown.count("3/4") == 2
+    assert "+1 (2/4)" in shown
+    assert "n/N: n of N seeds have a value, or for a difference one in both" in legend(lines, "t")

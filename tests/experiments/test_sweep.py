@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import re
+import resource
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -146,13 +149,121 @@ def test_what_goes_wrong_with_a_point_is_its_row(here: Run, draw: Path, tmp_path
     assert re.fullmatch(said, found["raise"]["reason"])
     assert "output 'out' is not finite: nan" in found["nan"]["reason"]
     assert found["die"]["status"] == "lost"
-    assert found["die"]["reason"].startswith("its worker died, 2 times")
+    assert found["die"]["reason"] == (
+        "its worker died 3 times, the last time: its process was killed by SIGKILL; "
+        "if memory ran out, take fewer workers with --jobs"
+    )
     assert (found['"die once"']["status"], mark.exists()) == ("ok", True)
     assert found["slow"]["status"] == "timeout"
     assert found["slow"]["reason"].startswith("stopped after 3 s")
     assert float(found["fine"]["drawn"]) == 8.0 + normal(0)
     for how in ("raise", "nan", "die", "slow"):
         assert found[how]["drawn"] == found[how]["total"] == ""
+
+
+@pytest.mark.parametrize("at", ["start", "first", "later"])
+def test_whatever_a_block_raises_is_its_points_failure(
+    here: Run, draw: Path, tmp_path: Path, at: str
+) -> None:
+    kinds = ["KeyboardInterrupt", "SystemExit", "GeneratorExit", "BaseException"]
+    done = here(
+        *(*TWO, "--json", "--no-plots", "--set", f"draw.at={at}", "--keep", "all"),
+        *("--vary", f"draw.raises=['', {', '.join(kinds)}]"),
+    )
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["counts"] == {"ok": 1, "failed": 4}
+    found = {row["draw.raises"]: row for row in rows(tmp_path / "sweeps" / "draw")}
+    for kind in kinds:
+        row = found[kind]
+        assert (row["status"], row["drawn"]) == ("failed", "")
+        assert kind in row["reason"]
+        assert f"tick {3 if at == 'later' else 0}" in row["reason"]
+    assert float(found['""']["drawn"]) == 1.0 + normal(0)
+    assert kept(tmp_path / "sweeps" / "draw") == [f"{number:06d}" for number in range(5)]
+
+
+def test_a_block_that_exits_ends_a_run_as_a_failure(here: Run, draw: Path) -> None:
+    done = here("run", "draw.yaml", "--set", "draw.raises=SystemExit", "--set", "draw.at=later")
+    assert done.returncode == 3
+    assert "block 'draw' at tick 3 (t = 0.03 s): SystemExit: on purpose" in done.stderr
+    [folder] = draw.with_name("runs").glob("draw/2*")
+    assert runtime.open(folder).ticks == 3
+
+
+EXIT = "    def {}(self, *_):\n        raise SystemExit(0)\n"
+
+
+@pytest.mark.parametrize(
+    "added", ["raise SystemExit(0)", EXIT.format("validate"), EXIT.format("validate_in")]
+)
+def test_own_code_cannot_end_the_program(here: Run, draw: Path, added: str) -> None:
+    module = draw.with_name("own.py")
+    module.write_text(f"{module.read_text()}\n{added}")
+    for verb in ("run", "sweep"):
+        done = here(verb, "draw.yaml", *(["--seeds", "0..1"] if verb == "sweep" else []))
+        assert done.returncode == 2
+        assert "draw.yaml:6:" in done.stderr
+
+
+def test_texts_of_blocks_are_short_and_no_formulas(here: Run, draw: Path, tmp_path: Path) -> None:
+    vary = ("--vary", "draw.how=[long, '=1+1', '@x', fine]", "--vary", "draw.level=[-1, 2]")
+    done = here(*TWO, "--no-plots", *vary)
+    assert done.returncode == 0, done.stderr
+    found = rows(tmp_path / "sweeps" / "draw")
+    assert all(len(row["reason"]) < 2100 for row in found)
+    assert found[0]["reason"].endswith("characters)")
+    assert {row["draw.how"][0] for row in found}.isdisjoint("=+-@")
+    assert {row["draw.level"] for row in found} == {"-1", "2"}
+    again = here(*TWO, "--no-plots", *vary, "--resume")
+    assert again.returncode == 0, again.stderr
+
+
+def test_links_lead_nowhere(here: Run, draw: Path, tmp_path: Path) -> None:
+    sweep = (*TWO, "--no-plots", "--vary", "draw.level=[1, 2]", "--keep", "best:1", "--resume")
+    assert here(*sweep).returncode == 0
+    folder, outside = tmp_path / "sweeps" / "draw", tmp_path / "outside"
+    for name in ("points", "index.csv", "summary.json", ".summary.json.partial", "points/000007"):
+        inside = folder / name
+        there = inside.exists()
+        if there:
+            inside.rename(outside)
+        else:
+            outside.mkdir()
+        (outside / "000001").mkdir(exist_ok=True) if outside.is_dir() else None
+        inside.symlink_to(outside)
+        before = sorted(outside.rglob("*")) if outside.is_dir() else outside.read_bytes()
+        done = here(*sweep)
+        assert done.returncode == 2
+        assert f"'sweeps/draw/{name}' is a link" in done.stderr
+        assert before == (sorted(outside.rglob("*")) if outside.is_dir() else outside.read_bytes())
+        inside.unlink()
+        if there:
+            outside.rename(inside)
+        else:
+            shutil.rmtree(outside)
+
+
+def test_folders_that_are_no_points_are_left_alone(here: Run, draw: Path, tmp_path: Path) -> None:
+    sweep = (*TWO, "--no-plots", "--vary", "draw.level=[1, 2]", "--keep", "best:1", "--resume")
+    assert here(*sweep).returncode == 0
+    stray = tmp_path / "sweeps" / "draw" / "points" / "0abc"
+    stray.touch()
+    done = here(*sweep)
+    assert (done.returncode, stray.exists()) == (0, True), done.stderr
+
+
+def test_a_sweep_needs_little_of_the_system(cli: Run, draw: Path, tmp_path: Path) -> None:
+    deep = tmp_path / ("d" * 100)
+    deep.mkdir()
+    done = cli(
+        *("sweep", "draw.yaml", "--no-plots", "-j", "200", "--timeout", "1e10", "--json"),
+        *("--vary", "draw.level=0..1:150"),
+        env={**os.environ, "TMPDIR": str(deep)},
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (64, 64)),
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert json.loads(done.stdout)["counts"] == {"ok": 150}
+    assert not list(deep.iterdir())
 
 
 def test_a_sweep_without_any_number_ends_with_3(here: Run, draw: Path) -> None:
@@ -262,6 +373,7 @@ def test_a_folder_is_never_mixed_up(here: Run, draw: Path, tmp_path: Path) -> No
         ((*sweep, "--seeds", "0..3", "--resume"), "differs in seeds: 0 there, 0..3 here"),
         ((*sweep, "--until", "0.1", "--resume"), "differs in the graph"),
         ((*TWO, "--vary", "draw.level=[1]", "--resume"), "{'draw.level': [1]} here"),
+        ((*TWO, "--vary", "draw.level=[1]"), "--name NAME begins another sweep beside it"),
     ):
         done = here(*arguments)
         assert done.returncode == 2
