@@ -10,6 +10,7 @@ from types import ModuleType
 from typing import Any
 
 from blocks.block import Block, BlockState, Evaluation
+from blocks.kernels import has_kernels
 from blocks.registry import BUILTIN
 from blocks.signals import SignalType
 from runtime.compiled import cache
@@ -56,9 +57,9 @@ class Kernels:
     broken: set[str] = field(default_factory=set)
 
     def refuse(self, name: str, cls: type[Block], error: Exception) -> None:
-        """Keep why a block is not compiled; one that has loops for it was meant to be."""
+        """Keep why a block is not compiled; one that declares kernels was meant to be."""
         self.refused[name] = str(error)
-        if any(attribute.startswith(("loop_", "_loop_")) for attribute in dir(cls)):
+        if has_kernels(cls):
             self.broken.add(name)
 
 

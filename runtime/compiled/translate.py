@@ -2,8 +2,8 @@
 
 ``self.x`` and ``state.x`` become entries of one tuple ``b`` that goes along as the first argument;
 functions of the block's modules that the methods call come along as functions of the same text.
-Where a block has a method ``loop_update`` beside ``update``, that one is taken: the same
-arithmetic, written as loops, which compile faster and run faster than array expressions do.
+Where a method has a kernel (:mod:`blocks.kernels`) that holds for the block's class, the kernel is
+taken: the same arithmetic as loops, which compile and run faster than array expressions do.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from blocks.block import Block, BlockState
+from blocks.kernels import function_kernel, kernel_for
 from runtime.compiled.writing import NotCompilableError, Writer, plain
 
 Attribute = tuple[str, str]
@@ -98,12 +99,15 @@ class Translator:
     def method(self, name: str) -> str:
         """The function that a method becomes, written if it was not yet."""
         cls = type(self.made)
-        return self.function(getattr(cls, looped(name), None) or getattr(cls, name), bound=True)
+        method = getattr(cls, name)
+        if isinstance(method, types.FunctionType):
+            method = kernel_for(cls, method, vars(self.state)) or method
+        return self.function(method, bound=True)
 
     def function(self, function: Callable[..., Any], bound: bool = False) -> str:
         """A name for a function in the text; writes it, and first what it calls."""
         if isinstance(function, types.FunctionType) and not bound:
-            function = function.__globals__.get(looped(function.__name__), function)
+            function = function_kernel(function) or function
         if function in self.names:
             return self.names[function]
         if not isinstance(function, types.FunctionType) or function.__closure__:
@@ -126,8 +130,3 @@ class Translator:
             self.fields[key] = plain(value, f"{owner}.{name}")
             self.attributes[key] = (owner, name)
         return key
-
-
-def looped(name: str) -> str:
-    """The name of a function's form in loops: loop_update, _loop_nearest."""
-    return f"_loop{name}" if name.startswith("_") else f"loop_{name}"

@@ -176,7 +176,7 @@ class Writer(Folding):
                 of = self.owner.made if owner.id == "self" else self.owner.state
                 value = getattr(of, function.attr, None)
                 if isinstance(value, types.MethodType):
-                    return self.called(node, value)
+                    return self.called(node, function.attr, value)
             if function.attr == "tolist" and not node.args:
                 return self.visit(owner)
         if isinstance(function, ast.Name) and function.id not in self.locals:
@@ -190,16 +190,17 @@ class Writer(Folding):
                 node.keywords = [k for k in node.keywords if k.arg != "strict"]
         return self.generic_visit(node)
 
-    def called(self, node: ast.Call, method: types.MethodType) -> Any:
+    def called(self, node: ast.Call, attribute: str, method: types.MethodType) -> Any:
         """A call of one of the block's own methods, or of a signal type's ``pack``."""
         if isinstance(method.__self__, SignalType) and method.__name__ == "pack":
             return self.packed(method.__self__, node.args[0])
-        if method.__self__ is not self.owner.made:
+        own = method.__self__ is self.owner.made
+        if not own or getattr(type(self.owner.made), attribute) is not method.__func__:
             raise self.refuse(node, f"calls '{ast.unparse(node.func)}'")
         arguments = [
             self.visit(a) for a in node.args if not (isinstance(a, ast.Name) and a.id == "state")
         ]
-        name = self.owner.method(method.__name__)
+        name = self.owner.method(attribute)
         return ast.Call(ast.Name(name, ast.Load()), [ast.Name("b", ast.Load()), *arguments], [])
 
     def packed(self, kind: SignalType, array: ast.expr) -> Any:

@@ -62,14 +62,15 @@ class Failing(blocks.Block):
 
 
 class Broken(blocks.Block):
-    """Promises loops, and does not keep it."""
+    """Declares a kernel that does not compile."""
 
     out = blocks.Output(blocks.Scalar)
 
     def output(self, state, t):
         return t
 
-    def loop_output(self, state, t):
+    @blocks.kernel_of(output)
+    def _output_kernel(self, state, t):
         return np.linalg.norm(t)
 
 
