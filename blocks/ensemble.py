@@ -93,8 +93,9 @@ class LearningEnsemble(Learner):
     def update(
         self, state: BlockState, t: float, input: FloatArray, error: FloatArray, learn: float
     ) -> None:
-        np.dot(state.scaled_encoders, input, out=state.current)
-        state.current += state.offset
+        current = state.current
+        np.dot(state.scaled_encoders, input, out=current)
+        current += state.offset
         self._respond(state)
         activity, scratch = state.activity, state.scratch
         if state.keep != 1.0:

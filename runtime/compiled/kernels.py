@@ -197,9 +197,15 @@ def _arguments(
     for port in call.needs:
         kind = network.types[name, port]
         if port in terms:
-            yield types.UniTuple(numba_type(kind), terms[port]) if terms[port] else types.Tuple(())
+            yield types.UniTuple(_input(kind), terms[port]) if terms[port] else types.Tuple(())
         else:
-            yield numba_type(kind)
+            yield _input(kind)
+
+
+def _input(kind: SignalType) -> Any:
+    """A signal's type where a block reads it: arrays are read-only."""
+    found = numba_type(kind)
+    return found.copy(readonly=True) if kind.form == "array" else found
 
 
 def _casts(kinds: list[SignalType], returned: Any) -> Iterator[str]:
@@ -230,6 +236,7 @@ def _casts(kinds: list[SignalType], returned: Any) -> Iterator[str]:
             inner = ", ".join(f"float({{{i}}}[{n}])" for n in range(len(part)))
             yield f"{{{i}}} = ({inner},)"
         elif kind.form == "array" and isinstance(part, types.Array) and part.ndim == wanted.ndim:
-            yield f"{{{i}}} = ascontiguousarray({{{i}}})"
+            copied = "ascontiguousarray({{{0}}})" if part.mutable else "{{{0}}}.copy()"
+            yield f"{{{i}}} = " + copied.format(i)
         else:
             raise NotCompilableError(f"returns {part}, expected {kind.held_as}")

@@ -84,7 +84,7 @@ class CompiledRunner:
         return (*ticks, self.at, self.report, held, *self.arguments)
 
     def _driver(self) -> Callable[[int, int, tuple[Any, ...]], tuple[Any, ...]]:
-        scope = {**self.engine.namespace, "run": self._part, "own": own}
+        scope = {**self.engine.namespace, "run": self._part, "own": own, "seen": seen}
         exec(compile(self.text.driver, DRIVER, "exec"), scope)
         drive: Callable[[int, int, tuple[Any, ...]], tuple[Any, ...]] = scope["drive"]
         return drive
@@ -111,6 +111,13 @@ class CompiledRunner:
                 return tick, self.text.lines[trace.tb_lineno]
             trace = trace.tb_next
         return int(self.at[1]), self.text.calls[self.at[0]][0] if self.text.calls else ""
+
+
+def seen(array: FloatArray) -> FloatArray:
+    """An array as a block that is called from Python may have it: read-only."""
+    view = array.view()
+    view.setflags(write=False)
+    return view
 
 
 def own(array: FloatArray) -> FloatArray:

@@ -9,9 +9,11 @@ taken: the same arithmetic as loops, which compile and run faster than array exp
 from __future__ import annotations
 
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
 
 from blocks.block import Block, BlockState
 from blocks.kernels import function_kernel, kernel_for
@@ -37,12 +39,14 @@ class Translated:
     text : a Python module with one function for each of ``methods``.
     entries : what the first argument of these functions holds, as ("self" or "state", attribute).
     constants : attributes that stand in the text as they were, and what they were.
+    arrays : the state's float arrays among the entries, each as the subscripts that lead to it.
     """
 
     text: str
     methods: dict[str, str]
     entries: tuple[Attribute, ...]
     constants: dict[Attribute, Any]
+    arrays: tuple[str, ...] = ()
 
     def fields(self, made: Block, state: BlockState) -> tuple[Any, ...]:
         """The first argument of the functions, for a block and its state."""
@@ -82,7 +86,22 @@ def translate(made: Block, state: BlockState, terms: dict[str, int], safe: bool)
     ]
     text = "\n\n".join([HEADER, *functions]) + "\n"
     entries = tuple(translator.attributes.values())
-    return Translated(text, methods, entries, translator.constants)
+    arrays = tuple(
+        at
+        for i, (key, (owner, _)) in enumerate(translator.attributes.items())
+        if owner == "state"
+        for at in float_arrays(translator.fields[key], f"[{i}]")
+    )
+    return Translated(text, methods, entries, translator.constants, arrays)
+
+
+def float_arrays(value: Any, at: str) -> Iterator[str]:
+    """Where in a field, itself at ``at``, float arrays are."""
+    if isinstance(value, tuple):
+        for i, part in enumerate(value):
+            yield from float_arrays(part, f"{at}[{i}]")
+    elif isinstance(value, np.ndarray) and value.dtype == np.float64:
+        yield at
 
 
 class Translator:

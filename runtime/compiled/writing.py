@@ -31,7 +31,11 @@ class NotCompilableError(Exception):
 def plain(value: Any, name: str) -> Any:
     """A value in a form that compiled text takes; arrays are shared, not copied, if they can be."""
     if isinstance(value, np.ndarray) and value.dtype.kind in "fib":
-        return value if value.flags.c_contiguous and value.flags.writeable else value.copy()
+        if value.flags.c_contiguous and value.flags.writeable:
+            return value
+        if name.startswith("state.") and value.base is not None and _may_change(value):
+            raise NotCompilableError(f"{name} is a part of an array, and not in one piece")
+        return value.copy()
     if isinstance(value, np.random.Generator):
         return value
     if isinstance(value, (float, np.floating)):
@@ -41,6 +45,16 @@ def plain(value: Any, name: str) -> Any:
     if isinstance(value, tuple):
         return tuple(plain(part, name) for part in value)
     raise NotCompilableError(f"{name} is a {type(value).__name__}")
+
+
+def _may_change(array: np.ndarray[Any, Any]) -> bool:
+    """Whether anybody can write to what an array shows."""
+    base: Any = array
+    while base is not None:
+        if not isinstance(base, np.ndarray) or base.flags.writeable:
+            return True
+        base = base.base
+    return False
 
 
 class Writer(Folding):
@@ -134,7 +148,10 @@ class Writer(Folding):
             owner = node.value.id
             if self.bound and owner in ("self", "state"):
                 if isinstance(node.ctx, ast.Store):
-                    raise self.refuse(node, f"assigns to '{owner}.{node.attr}'; use a State")
+                    mend = "; write into it, as in state.x[...] = value"
+                    if node.attr not in type(self.owner.made).spec.states:
+                        mend = "; keep what moves in a State"
+                    raise self.refuse(node, f"assigns to '{owner}.{node.attr}'{mend}")
                 return self.entry(node, owner)
             module = self.function.__globals__.get(owner)
             if isinstance(module, types.ModuleType):

@@ -54,9 +54,10 @@ def methods(cls: type[Block]) -> Iterator[str]:
     """All methods of a library's block that take part in its ticks, kernels left out."""
     for name in dir(cls):
         value = inspect.getattr_static(cls, name)
-        if inspect.isfunction(value) and not name.startswith("__") and name not in DESCRIBING:
-            if not hasattr(value, MARK) and name not in vars(Block) or name == "start":
-                yield name
+        works = inspect.isfunction(value) and not name.startswith("__") and name not in DESCRIBING
+        own = name == "start" or name not in vars(Block)
+        if works and own and not hasattr(value, MARK):
+            yield name
 
 
 OVERRIDES = [(name, method) for name in CASES for method in methods(type(CASES[name][0].block))]
