@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -71,7 +69,7 @@ class _Candidate:
     calls: list[Evaluation]
     made: Translated
     signatures: dict[str, Signature]
-    verdict: Path
+    verdict: str
 
 
 def make_kernels(
@@ -96,7 +94,11 @@ def make_kernels(
             candidates.append(_candidate(network, name, calls, states[name]))
         except NotCompilableError as error:
             kernels.refuse(name, entry.cls, error)
-    fresh = {network.entries[c.name].cls.__name__ for c in candidates if not c.verdict.exists()}
+    fresh = {
+        network.entries[c.name].cls.__name__
+        for c in candidates
+        if cache.read_record(c.verdict) is None
+    }
     if fresh:
         note(f"compiling {', '.join(sorted(fresh))} (once: kept in {cache.folder()})")
     for candidate in candidates:
@@ -123,17 +125,16 @@ def _candidate(
     fields = typeof(made.fields(entry.made, state))
     signatures = {call.method: (fields, *_arguments(network, name, call, terms)) for call in calls}
     key = cache.digest(made.text, repr(signatures))
-    return _Candidate(name, calls, made, signatures, cache.folder() / f"verdict_{key}.json")
+    return _Candidate(name, calls, made, signatures, f"verdict_{key}")
 
 
 def _kernel(network: Network, candidate: _Candidate) -> Kernel:
     """One block's kernel; what numba said of the same text and types before is looked up."""
     module = cache.module("block", candidate.made.text)
-    if candidate.verdict.exists():
-        verdict = json.loads(candidate.verdict.read_text(encoding="utf-8"))
-    else:
+    verdict = cache.read_record(candidate.verdict)
+    if verdict is None:
         verdict = _verdict(network, candidate, module)
-        cache.write(candidate.verdict.name, json.dumps(verdict))
+        cache.write_record(candidate.verdict, verdict)
     if "refused" in verdict:
         code = getattr(network.entries[candidate.name].cls, verdict["method"]).__code__
         place = f"{code.co_filename}:{code.co_firstlineno}"

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from runtime.compiled import cache
 from runtime.compiled.template import template
 from runtime.compiled.writing import plain
 
@@ -57,12 +58,16 @@ class CompiledRunner:
         from numba import typeof
 
         adopted = tuple(normalised(value) for value in held)
+        is_new = not self.function.overloads
         # No tick at all: compiles the plan, or loads it.
         self._part(0, 0, 0, 0, adopted)
         types = tuple(map(typeof, self._given(0, 0, 0, 0, adopted)))
         # numba looks at every argument of every call, and at a generator in Python: a fifth of a
         # millisecond. The types stay what they are, so that its entry may be called itself.
         self.call = self.function.overloads[types].entry_point
+        if is_new:
+            blocks = [kernel.module for kernel in self.kernels.compiled.values()]
+            cache.seal([self.function.__module__, *blocks])
         return adopted
 
     def _whole(self, first: int, last: int, held: tuple[Any, ...]) -> tuple[Any, ...]:
