@@ -1,4 +1,4 @@
-"""The folder of compiled text: damaged files are compiled again, and nobody else may write there."""
+"""The folder of compiled text: what is damaged is compiled again, and nobody else writes there."""
 
 from __future__ import annotations
 
