@@ -226,3 +226,52 @@ def test_a_kernel_takes_what_its_method_takes() -> None:
         @kernel_of(update)
         def kernel(self, state, t, learn, error):
             pass
+
+
+class FailsInUpdate(blocks.ActuatorLag):
+    """Divides by what is left of 40 ms."""
+
+    def update(self, state, t, command):
+        state.reached[0] = 1.0 / (round(100.0 * t) - 4)
+
+
+class FailsInOutput(blocks.ActuatorLag):
+    """Puts out a logarithm that does not exist from 50 ms on."""
+
+    def output(self, state, t):
+        return np.nan if t > 0.045 else 1.0, 0.0
+
+
+class FailsInHelper(blocks.PoseNoise):
+    """Refuses its third draw."""
+
+    def _draw(self, state):
+        state.noise[0] += 1.0
+        if state.noise[0] > 2.5:
+            raise ValueError("no more noise")
+
+
+FAILURES = [
+    (FailsInUpdate(tau=0.1), "command", "Twist", [0.4, 0.3], 4),
+    (FailsInOutput(tau=0.1), "command", "Twist", [0.4, 0.3], 5),
+    (FailsInHelper(), "pose", "Pose", [0.0, 0.0, 0.0], 1),
+]
+
+
+@pytest.mark.parametrize(("block", "port", "kind", "value", "tick"), FAILURES)
+def test_failures_of_subclasses_are_located_alike(
+    block: Block, port: str, kind: str, value: list[float], tick: int
+) -> None:
+    graph = runtime.Graph("fails", dt=0.01, until=0.2)
+    graph.add("source", blocks.Constant(value=value, signal=kind)).add("bad", block)
+    graph.connect("source.value", f"bad.{port}").probe(
+        "out", f"bad.{next(iter(block.spec.outputs))}"
+    )
+    kept = []
+    for engine in ("python", "compiled"):
+        with pytest.raises(runtime.SimulationError) as caught:
+            graph.run(engine=engine)
+        assert (caught.value.block, caught.value.tick) == ("bad", tick)
+        assert str(caught.value).startswith(f"block 'bad' at tick {tick} (t = 0.0{tick} s): ")
+        kept.append(caught.value.result["out"])
+    np.testing.assert_array_equal(kept[0], kept[1])
