@@ -15,6 +15,7 @@ from blocks.block import (
 from blocks.checking import CheckError, check_block
 from blocks.drivetrain import ActuatorDelay, ActuatorLag, WheelSlip
 from blocks.explorer import Explorer
+from blocks.kernels import kernel_of
 from blocks.lidar import Lidar
 from blocks.lqr import LQR
 from blocks.matching import MatchingPoint
@@ -102,5 +103,6 @@ __all__ = [
     "WheelSpeeds",
     "World",
     "check_block",
+    "kernel_of",
     "param",
 ]

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from blocks.block import Block, BlockState, Input, Output, Setting
+from blocks.kernels import kernel_of
 from blocks.params import ParameterError, param
 from blocks.signals import FloatArray, Same, Scalar, SignalType, Twist, TwistValue, signal_type
 
@@ -89,7 +90,8 @@ class Sum(Block):
             total = added(total, term)
         return total
 
-    def loop_output(self, state: BlockState, t: float, terms: tuple[Any, ...]) -> Any:
+    @kernel_of(output)
+    def _output_kernel(self, state: BlockState, t: float, terms: tuple[Any, ...]) -> Any:
         if len(terms) == 0:
             return state.zero
         total = state.zero

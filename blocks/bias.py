@@ -8,6 +8,7 @@ from typing import final
 import numpy as np
 
 from blocks.block import BlockState, State
+from blocks.kernels import kernel_of
 from blocks.learner import Learner
 from blocks.lif import mean_squared_rate
 from blocks.params import param
@@ -53,12 +54,14 @@ class AdaptiveBias(Learner):
         state.bias *= state.keep
         state.bias -= state.step * learn * error
 
-    def loop_output(self, state: BlockState, t: float) -> FloatArray:
+    @kernel_of(output)
+    def _output_kernel(self, state: BlockState, t: float) -> FloatArray:
         limited = np.empty(len(state.bias))
         for i in range(len(limited)):
             limited[i] = min(max(state.bias[i], -self.limit), self.limit)
         return limited
 
-    def loop_update(self, state: BlockState, t: float, error: FloatArray, learn: float) -> None:
+    @kernel_of(update)
+    def _update_kernel(self, state: BlockState, t: float, error: FloatArray, learn: float) -> None:
         for i in range(len(state.bias)):
             state.bias[i] = state.keep * state.bias[i] - state.step * learn * error[i]

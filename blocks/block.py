@@ -14,7 +14,8 @@ A block is written as a class::
   the block's direct feedthrough. An output that needs none breaks a loop. Where outputs differ in
   what they need, ``output_<port>`` computes that port alone and ``output`` the rest.
 * ``update(self, state, t, ...)`` names inputs, or the block's own outputs of this tick, and writes
-  into ``state`` in place.
+  into ``state`` in place. Arrays that come in are read-only; what goes out is a copy where it
+  shares memory with the state.
 * ``start(self, state)`` fills the state before the first tick.
 
 Each of them is called exactly once per tick of the block. A block never changes after it was
@@ -78,19 +79,34 @@ class Setting:
 class BlockState:
     """What moves during a run, for one block; made by the engine.
 
-    The arrays that the block declares are attributes. Beside them: ``setting``, its step ``dt``,
-    and ``rng``, the block's own generator. What ``start`` derives once from parameters may be
-    kept here too.
+    The arrays that the block declares are attributes; an assignment to one of them writes into
+    it, so that probes and both engines see it. Beside them: ``setting``, its step ``dt``, and
+    ``rng``, the block's own generator. What ``start`` derives once from parameters may be kept
+    here too.
+
+    Every array is kept as a view: an output that is one of them, or a part of one, has a ``base``,
+    by which the engine sees that it must be copied.
     """
 
     def __init__(
         self, setting: Setting, seed: np.random.SeedSequence, arrays: Mapping[str, Any]
     ) -> None:
+        self.__dict__["_declared"] = frozenset(arrays)
+        self.__dict__.update({name: array.view() for name, array in arrays.items()})
         self.setting = setting
         self.dt = setting.dt
         self.seed = seed
-        for name, array in arrays.items():
-            setattr(self, name, array)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        held = self.__dict__
+        if name in held["_declared"]:
+            # After `state.x += 1` it is the array itself that is assigned.
+            if value is not held[name]:
+                held[name][...] = value
+        elif isinstance(value, np.ndarray) and value.base is None:
+            held[name] = value.view()
+        else:
+            held[name] = value
 
     @cached_property
     def rng(self) -> np.random.Generator:
@@ -99,7 +115,6 @@ class BlockState:
     if TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any: ...
-        def __setattr__(self, name: str, value: Any) -> None: ...
 
 
 class Block:

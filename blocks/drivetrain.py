@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from blocks.block import Block, BlockState, Input, Output, Setting, State
+from blocks.kernels import kernel_of
 from blocks.params import ParameterError, param
 from blocks.signals import Twist, TwistValue
 
@@ -35,7 +36,8 @@ class ActuatorLag(Block):
     def update(self, state: BlockState, t: float, command: TwistValue) -> None:
         state.reached -= state.share * (state.reached - command)
 
-    def loop_update(self, state: BlockState, t: float, command: TwistValue) -> None:
+    @kernel_of(update)
+    def _update_kernel(self, state: BlockState, t: float, command: TwistValue) -> None:
         for i in range(2):
             state.reached[i] -= state.share * (state.reached[i] - command[i])
 
@@ -81,7 +83,8 @@ class ActuatorDelay(Block):
         state.ring[row] = command
         state.head[0] = (row + 1) % state.steps
 
-    def loop_update(self, state: BlockState, t: float, command: TwistValue) -> None:
+    @kernel_of(update)
+    def _update_kernel(self, state: BlockState, t: float, command: TwistValue) -> None:
         row = int(state.head[0])
         state.ring[row, 0], state.ring[row, 1] = command
         state.head[0] = (row + 1) % state.steps

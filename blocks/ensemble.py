@@ -8,6 +8,7 @@ from abc import abstractmethod
 import numpy as np
 
 from blocks.block import BlockState, Setting, State
+from blocks.kernels import kernel_of
 from blocks.learner import Learner
 from blocks.lif import gain_and_bias
 from blocks.params import ParameterError, param
@@ -92,8 +93,9 @@ class LearningEnsemble(Learner):
     def update(
         self, state: BlockState, t: float, input: FloatArray, error: FloatArray, learn: float
     ) -> None:
-        np.dot(state.scaled_encoders, input, out=state.current)
-        state.current += state.offset
+        current = state.current
+        np.dot(state.scaled_encoders, input, out=current)
+        current += state.offset
         self._respond(state)
         activity, scratch = state.activity, state.scratch
         if state.keep != 1.0:
@@ -103,15 +105,17 @@ class LearningEnsemble(Learner):
             np.multiply(activity, gamma * slope, out=scratch)
             np.subtract(row, scratch, out=row)
 
-    def loop_output(self, state: BlockState, t: float) -> FloatArray:
+    @kernel_of(output)
+    def _output_kernel(self, state: BlockState, t: float) -> FloatArray:
         weights, activity = state.weights, state.activity
         decoded = np.empty(len(weights))
         for row in range(len(weights)):
             total = dot(weights[row], activity)
-            decoded[row] = min(max(total, -self.limit), self.limit)
+            decoded[row] = min(max(total, -self.limit), self.limit) if state.is_limited else total
         return decoded
 
-    def loop_update(
+    @kernel_of(update)
+    def _update_kernel(
         self, state: BlockState, t: float, input: FloatArray, error: FloatArray, learn: float
     ) -> None:
         current, activity, offset = state.current, state.activity, state.offset

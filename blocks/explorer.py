@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from blocks.block import Block, BlockState, Input, Output, State
+from blocks.kernels import kernel_of
 from blocks.lidar import bearings, window_problems
 from blocks.params import ParameterError, param
 from blocks.signals import FloatArray, Pose, PoseValue, Scalar, Scan, Twist, TwistValue
@@ -106,7 +107,8 @@ class Explorer(Block):
         nearest = int(np.where(inside, ranges, np.inf).argmin())
         return -1.0 if state.bearings[nearest] > 0.0 else 1.0
 
-    def _loop_blocked(self, state: BlockState, ranges: FloatArray) -> float:
+    @kernel_of(_blocked)
+    def _blocked_kernel(self, state: BlockState, ranges: FloatArray) -> float:
         nearest, least = -1, math.inf
         for i in range(len(ranges)):
             ahead, aside = ranges[i] * state.cos[i], ranges[i] * state.sin[i]
@@ -125,7 +127,8 @@ class Explorer(Block):
         nearest = int(in_view.argmin())
         return self._turned(state, float(in_view[nearest]), float(state.bearings[nearest]))
 
-    def _loop_wandering(self, state: BlockState, ranges: FloatArray) -> float:
+    @kernel_of(_wandering)
+    def _wandering_kernel(self, state: BlockState, ranges: FloatArray) -> float:
         nearest, least = 0, math.inf
         for i in range(len(ranges)):
             if abs(state.bearings[i]) < ASIDE and ranges[i] < least:
@@ -161,7 +164,8 @@ def _without_nan(scan: FloatArray) -> FloatArray:
     return ranges
 
 
-def _loop_without_nan(scan: FloatArray) -> FloatArray:
+@kernel_of(_without_nan)
+def _without_nan_kernel(scan: FloatArray) -> FloatArray:
     ranges = np.empty(len(scan))
     for i in range(len(scan)):
         ranges[i] = math.inf if math.isnan(scan[i]) else scan[i]

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from blocks.block import Block, BlockState, Input, Output, Setting, State
+from blocks.kernels import kernel_of
 from blocks.params import ParameterError, param
 from blocks.signals import FloatArray, Pose, PoseValue, Scan
 from blocks.surfaces import loop_cast
@@ -97,7 +98,8 @@ class Lidar(Block):
         state.noise *= self.sigma
         state.lost[:] = state.rng.random(self.beams) < self.dropout
 
-    def _loop_draw(self, state: BlockState) -> None:
+    @kernel_of(_draw)
+    def _draw_kernel(self, state: BlockState) -> None:
         for i in range(len(state.noise)):
             state.noise[i] = self.sigma * state.rng.standard_normal()
         for i in range(len(state.lost)):
@@ -111,7 +113,8 @@ class Lidar(Block):
         ranges[miss] = np.inf
         return ranges
 
-    def loop_output(self, state: BlockState, t: float, pose: PoseValue) -> FloatArray:
+    @kernel_of(output)
+    def _output_kernel(self, state: BlockState, t: float, pose: PoseValue) -> FloatArray:
         ranges = loop_cast(state.surfaces, pose[0], pose[1], pose[2], state.bearings)
         for i in range(len(ranges)):
             found = ranges[i] + state.noise[i]

@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from blocks.block import Block, BlockState, Input, Output, Setting, State
+from blocks.kernels import kernel_of
 from blocks.loops.riccati import feedback_gain as loop_gain
 from blocks.loops.riccati import refined, turned
 from blocks.loops.riccati import riccati as loop_riccati
@@ -193,12 +194,16 @@ class LQR(Block):
         q = q if self.isotropic else turn.T @ q @ turn
         a, b = linearised(self.v_r, 0.0, dt, self.model)
         if self.solver == "dare":
-            from scipy.linalg import solve_discrete_are  # scipy stays off the start-up path
-
-            p = solve_discrete_are(a, b, q, r)
+            p = self._dare(a, b, q, r)
         else:
             p = riccati(a, b, q, r, self.tolerance, self.max_iterations)
         return p, feedback_gain(a, b, r, p)
+
+    def _dare(self, a: FloatArray, b: FloatArray, q: FloatArray, r: FloatArray) -> FloatArray:
+        """P_ss by scipy's direct solver."""
+        from scipy.linalg import solve_discrete_are  # scipy stays off the start-up path
+
+        return np.asarray(solve_discrete_are(a, b, q, r), dtype=np.float64)
 
     def start(self, state: BlockState) -> None:
         state.model = linearised(self.v_r, 0.0, state.dt, self.model)
@@ -208,15 +213,16 @@ class LQR(Block):
         state.cost_to_go[:], state.gain[:] = self.solve(state.dt, heading)
         state.solved_at[0] = heading
 
-    def _loop_remember(self, state: BlockState, heading: float) -> None:
+    @kernel_of(_remember)
+    def _remember_kernel(self, state: BlockState, heading: float) -> None:
         (a, b), (q, r) = state.model, self.weights
+        q = turned(q, heading)
         if self.solver == "dare":
-            p, gain = self.solve(state.dt, heading)
+            p = self._dare(a, b, q, r)
         else:
-            q = turned(q, heading)
             p = loop_riccati(a, b, q, r, self.tolerance, self.max_iterations)
             p = refined(a, b, q, r, p)
-            gain = loop_gain(a, b, r, p)
+        gain = loop_gain(a, b, r, p)
         for j in range(3):
             for i in range(3):
                 state.cost_to_go[i, j] = p[i, j]

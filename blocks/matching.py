@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from blocks.block import Block, BlockState, Input, Output, State
+from blocks.kernels import kernel_of
 from blocks.params import param
 from blocks.signals import FloatArray, Path, Pose, PoseValue, Scalar, Twist, TwistValue
 
@@ -81,7 +82,8 @@ class MatchingPoint(Block):
         progress = float(state.way[0]) + step * spacing
         return (x, y, theta), (self.v_r, self.alpha * kappa), kappa, float(index), progress
 
-    def loop_output(
+    @kernel_of(output)
+    def _output_kernel(
         self, state: BlockState, t: float, pose: PoseValue, path: FloatArray
     ) -> tuple[PoseValue, TwistValue, float, float, float]:
         n = len(path)
@@ -126,7 +128,8 @@ def _nearest(path: FloatArray, x: float, y: float) -> int:
     return int(dx.argmin())
 
 
-def _loop_nearest(path: FloatArray, x: float, y: float) -> int:
+@kernel_of(_nearest)
+def _nearest_kernel(path: FloatArray, x: float, y: float) -> int:
     index, least = 0, math.inf
     for i in range(len(path)):
         dx, dy = path[i, 0] - x, path[i, 1] - y
@@ -136,14 +139,15 @@ def _loop_nearest(path: FloatArray, x: float, y: float) -> int:
     return index
 
 
-def _loop_geometry(path: FloatArray) -> tuple[bool, float]:
-    spacing = math.hypot(path[1, 0] - path[0, 0], path[1, 1] - path[0, 1])
-    apart = math.hypot(path[-1, 0] - path[0, 0], path[-1, 1] - path[0, 1])
-    return len(path) > 3 and apart < 1.5 * spacing, spacing
-
-
 def _geometry(path: FloatArray) -> tuple[bool, float]:
     """Whether the path closes on itself, and the spacing of its samples (m)."""
     (x0, y0), (x1, y1), (xn, yn) = path[0, :2].tolist(), path[1, :2].tolist(), path[-1, :2].tolist()
     spacing = math.hypot(x1 - x0, y1 - y0)
     return len(path) > 3 and math.hypot(xn - x0, yn - y0) < 1.5 * spacing, spacing
+
+
+@kernel_of(_geometry)
+def _geometry_kernel(path: FloatArray) -> tuple[bool, float]:
+    spacing = math.hypot(path[1, 0] - path[0, 0], path[1, 1] - path[0, 1])
+    apart = math.hypot(path[-1, 0] - path[0, 0], path[-1, 1] - path[0, 1])
+    return len(path) > 3 and apart < 1.5 * spacing, spacing

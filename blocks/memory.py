@@ -7,6 +7,7 @@ from abc import ABC, abstractmethod
 from typing import Any
 
 from blocks.block import Block, BlockState, Input, Output, Setting, State
+from blocks.kernels import kernel_of
 from blocks.params import ParameterError, param
 from blocks.signals import FloatArray, Same
 
@@ -38,7 +39,8 @@ class _Memory(Block, ABC):
     def output(self, state: BlockState, t: float) -> Any:
         return state.pack(state.memory)
 
-    def loop_update(self, state: BlockState, t: float, input: Any) -> None:
+    def _renew_each(self, state: BlockState, input: Any) -> None:
+        """Renew the memory component by component, as kernels do."""
         cells = state.cells
         if state.form == "scalar":
             cells[0] = self._renewed(state, cells[0], input)
@@ -65,6 +67,10 @@ class UnitDelay(_Memory):
     def update(self, state: BlockState, t: float, input: Any) -> None:
         state.memory[...] = input
 
+    @kernel_of(update)
+    def _update_kernel(self, state: BlockState, t: float, input: Any) -> None:
+        self._renew_each(state, input)
+
     def _renewed(self, state: BlockState, old: float, new: float) -> float:
         return new
 
@@ -86,6 +92,10 @@ class Lowpass(_Memory):
 
     def update(self, state: BlockState, t: float, input: Any) -> None:
         state.memory -= state.share * (state.memory - input)
+
+    @kernel_of(update)
+    def _update_kernel(self, state: BlockState, t: float, input: Any) -> None:
+        self._renew_each(state, input)
 
     def _renewed(self, state: BlockState, old: float, new: float) -> float:
         renewed: float = old - state.share * (old - new)

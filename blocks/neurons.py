@@ -9,6 +9,7 @@ import numpy as np
 
 from blocks.block import BlockState, Setting, State
 from blocks.ensemble import LearningEnsemble
+from blocks.kernels import kernel_of
 from blocks.lif import lif_rate
 from blocks.params import ParameterError, param
 from blocks.signals import FloatArray, Spikes
@@ -113,7 +114,11 @@ class AdaptiveEnsemble(LearningEnsemble):
         activity *= state.fade
         activity[spiking] += state.kick
 
-    def _loop_respond(self, state: BlockState) -> None:
+    # Its start adds to that of LearningEnsemble, and leaves what this relies on as it is.
+    _update_kernel = kernel_of(LearningEnsemble.update)(LearningEnsemble._update_kernel)
+
+    @kernel_of(_respond)
+    def _respond_kernel(self, state: BlockState) -> None:
         voltage, refractory, activity = state.voltage, state.refractory, state.activity
         current, dt = state.current, state.dt
         # First what most neurons do, without a branch: to be awake, or asleep, for the whole step.
@@ -168,7 +173,8 @@ class RateEnsemble(LearningEnsemble):
         state.scratch *= state.pass_on
         state.activity += state.scratch
 
-    def _loop_respond(self, state: BlockState) -> None:
+    @kernel_of(_respond)
+    def _respond_kernel(self, state: BlockState) -> None:
         for i in range(len(state.rates)):
             above = state.current[i] - 1.0
             rate = 0.0

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 from blocks.block import Block, BlockState, Input, Output, Setting, State
 from blocks.contact import TOUCH, slide
+from blocks.kernels import kernel_of
 from blocks.params import ParameterError, param
 from blocks.signals import FloatArray, Pose, PoseValue, Scalar, Twist, TwistValue, WheelSpeeds
 from blocks.surfaces import Surfaces, nearest
@@ -146,6 +147,7 @@ class DifferentialDrive(Block):
         world: World = state.world
         return world
 
-    def _loop_walls(self, state: BlockState) -> Surfaces:
+    @kernel_of(_walls)
+    def _walls_kernel(self, state: BlockState) -> Surfaces:
         surfaces: Surfaces = state.surfaces
         return surfaces

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from blocks.block import Block
 
 RESERVED_PARAMETERS = ("type", "module", "dt")
-RESERVED_STATES = ("setting", "dt", "seed", "rng")
+RESERVED_STATES = ("setting", "dt", "seed", "rng", "_declared")
 
 
 def read_declarations(cls: type[Block], own_sizes: bool = False) -> BlockSpec:

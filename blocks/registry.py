@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import importlib.util
 import sys
+import threading
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path as FilePath
@@ -30,6 +31,8 @@ from blocks.tracking import TrackingError
 from blocks.wall_fitter import WallFitter
 
 ENTRY_POINTS = "spikeblocks.blocks"
+# A module is registered before its text has run: another thread must not look into it till then.
+_LOADING = threading.RLock()
 
 BUILTIN: Mapping[str, type[Block]] = {
     block.__name__: block
@@ -59,6 +62,11 @@ def blocks_of_module(file: FilePath) -> dict[str, type[Block]]:
     ------
     OSError, SyntaxError and whatever the file itself raises.
     """
+    with _LOADING:
+        return _blocks_of_module(file)
+
+
+def _blocks_of_module(file: FilePath) -> dict[str, type[Block]]:
     stamp = file.stat()
     name = f"_blocks_of_{file.stem}_{abs(hash((str(file.resolve()), stamp.st_mtime_ns)))}"
     module = sys.modules.get(name)

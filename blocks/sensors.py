@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from blocks.block import Block, BlockState, Input, Output, State
+from blocks.kernels import kernel_of
 from blocks.params import param
 from blocks.signals import Pose, PoseValue
 
@@ -31,7 +32,8 @@ class PoseNoise(Block):
         state.noise[:2] *= self.sigma_position
         state.noise[2] *= self.sigma_heading
 
-    def _loop_draw(self, state: BlockState) -> None:
+    @kernel_of(_draw)
+    def _draw_kernel(self, state: BlockState) -> None:
         for i in range(3):
             state.noise[i] = state.rng.standard_normal()
         state.noise[0] *= self.sigma_position

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from blocks.curves import Curve, Line, wrapped
+from blocks.kernels import kernel_of
 from blocks.rays import OVERHANG
 from blocks.signals import FloatArray
 
@@ -65,8 +66,10 @@ def nearest(world: World, x: float, y: float) -> Nearest:
     return world.nearest(x, y)
 
 
-def loop_nearest(surfaces: Surfaces, x: float, y: float) -> Nearest:
-    edges, ends, circles, curves = surfaces
+@kernel_of(nearest)
+def loop_nearest(world: Surfaces, x: float, y: float) -> Nearest:
+    """:func:`nearest` by :attr:`World.arrays` in place of the world itself."""
+    edges, ends, circles, curves = world
     square, bx, by, solid, inside = math.inf, 0.0, 0.0, False, False
     for i in range(len(edges)):
         ax, ay, ex, ey = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]

@@ -9,6 +9,7 @@ import numpy as np
 from blocks.block import Block, BlockState, Input, Output, Setting, State
 from blocks.bspline import Samples, control_points, fit_even, projection, way_along
 from blocks.contour import Beams, IntArray, Returns, chain
+from blocks.kernels import kernel_of
 from blocks.loops.bspline import (
     banded_matrices,
     even_basis,
@@ -258,7 +259,8 @@ class WallFitter(Block):
         turn = np.array([[c, s], [-mirror * s, mirror * c]])
         return np.asarray(points @ turn + np.array((x, y)))
 
-    def loop_output(
+    @kernel_of(output)
+    def _output_kernel(
         self, state: BlockState, t: float, scan: FloatArray, pose: PoseValue
     ) -> tuple[FloatArray, FloatArray, float]:
         returns = returned(scan, state.order, state.bearing, state.direction)
@@ -283,7 +285,7 @@ class WallFitter(Block):
         rows, stops = offset_rows(curves, ends, edges, self.distance)
         closest = self.distance - self.trim
         pieces = loop_offset_pieces(rows, stops, curves, ends, returns, closest, state.limit)
-        path = self._loop_reference(state, self._loop_line(rows, pieces))
+        path = self._reference_rows(state, self._line_rows(rows, pieces))
         mirror = -1.0 if self.side == "left" else 1.0
         if len(path) > 0:
             return placed(path, pose, mirror), shown(curves, self.wall_points, pose, mirror), 1.0
@@ -292,7 +294,7 @@ class WallFitter(Block):
         path = placed(ahead(self.samples, self.step, self.behind), pose, mirror)
         return path, shown(np.zeros((1, 4)), self.wall_points, pose, mirror), 0.0
 
-    def _loop_line(self, rows: FloatArray, pieces: IntArray) -> FloatArray:
+    def _line_rows(self, rows: FloatArray, pieces: IntArray) -> FloatArray:
         """Join the pieces (first and past-the-last of the rows) into a line; empty if too short."""
         line = loop_onward(loop_followed(rows, pieces, self.bridge))
         arc = loop_way_along(line)
@@ -313,7 +315,7 @@ class WallFitter(Block):
         even = loop_stretch(calm, arc, 0.0, arc[-1], max(4, round(length / STEP)))
         return loop_filleted(even, self.fillet, STEP, FLAT)
 
-    def _loop_reference(self, state: BlockState, line: FloatArray) -> FloatArray:
+    def _reference_rows(self, state: BlockState, line: FloatArray) -> FloatArray:
         """Rows of the reference spline along a line; none if little is left of it."""
         nearby = round(self.behind / self.step)
         for _ in range(3):

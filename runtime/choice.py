@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from importlib.util import find_spec
 
+from blocks.signals import Same
 from runtime.errors import MissingExtraError
 from runtime.network import Network
 from runtime.observe import state_shape
 
 # Rough costs in Python (s), as measured on case A: a call of a block, and each number that an
-# update may move.
-CALL, NUMBER = 1.2e-6, 1.5e-8
-# What the Python engine has to take (s) before a first compilation repays itself. The plan's
-# compilation grows faster than the plan: 2,000 evaluations are not worth waiting for.
-REPAID, REPAID_PER_SQUARE = 15.0, 1e-3
+# update may move; and on case C: each number of an array that a block works out from its inputs
+# (the LiDAR's ranges, the fitter's path). Generic blocks hand arrays on at next to no cost.
+CALL, NUMBER, WORKED_OUT = 1.2e-6, 1.5e-8, 2e-6
+# What the Python engine has to take (s) for all runs together before they are compiled: from its
+# cache the compiled engine is ready after 1 s and takes a twentieth of the time per tick in cases
+# A and C (docs/performance.md), so such runs end three times sooner and each later one gains again.
+# The plan's compilation grows faster than the plan: 2,000 evaluations are not worth waiting for.
+REPAID, REPAID_PER_SQUARE = 5.0, 1e-3
 EXTRA = "fast"
 
 
@@ -49,6 +54,8 @@ def python_seconds(network: Network) -> float:
         spec = entry.cls.spec
         calls = [e for e in spec.evaluations if not spec.is_constant(e)]
         cost = CALL * (len(calls) + (spec.update is not None))
+        for call in calls:
+            cost += WORKED_OUT * sum(_worked_out(network, name, port) for port in call.outputs)
         if spec.update is not None:
             setting, sizes = network.setting(name), entry.made.sizes()
             for declared in spec.states.values():
@@ -58,3 +65,12 @@ def python_seconds(network: Network) -> float:
                 cost += NUMBER * length
         each_tick += cost / entry.every
     return each_tick * network.ticks
+
+
+def _worked_out(network: Network, block: str, port: str) -> int:
+    """How many numbers of an array a block works out at once; 0 for what it remembers."""
+    spec, kind = network.entries[block].cls.spec, network.types[block, port]
+    (call,) = [call for call in spec.evaluations if port in call.outputs]
+    if kind.form != "array" or not call.needs or isinstance(spec.outputs[port].type, Same):
+        return 0
+    return math.prod(kind.shape)

@@ -6,7 +6,7 @@ import hashlib
 import math
 import time
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -24,7 +24,7 @@ from runtime.profile import Profile
 from runtime.program import Program
 from runtime.recorder import Recorder
 from runtime.running import Held, Progress, PythonRunner, Run, Runner, located, silent
-from runtime.values import brief, form, has_form, is_bad
+from runtime.values import brief, form, has_form, is_bad, sealed
 
 CHUNK_SECONDS = 0.1
 
@@ -85,6 +85,7 @@ class Engine:
     recorder: Recorder = field(init=False)
     arrays: dict[str, FloatArray] = field(init=False)
     tick: int = field(init=False, default=0)
+    lines: Mapping[int, str] = field(init=False, default_factory=dict)
     runner: Runner = field(init=False)
 
     def __post_init__(self) -> None:
@@ -162,7 +163,7 @@ class Engine:
             from runtime.compiled.runner import CompiledRunner
 
             return CompiledRunner(self, self.note)
-        return PythonRunner(self.program.emitter, self._compile(checked=False))
+        return PythonRunner(self.program.emitter().held(), self._compile(checked=False))
 
     def _start(self) -> None:
         """Fill the states, and compute what never changes."""
@@ -170,7 +171,10 @@ class Engine:
             **dict(
                 zip(
                     GLOBALS,
-                    (math.isfinite, math.isnan, np.dot, np.array, self._checked, self.not_finite),
+                    (
+                        *(math.isfinite, math.isnan, np.dot, np.array),
+                        *(self._checked, sealed, self.not_finite),
+                    ),
                     strict=True,
                 )
             ),
@@ -189,7 +193,9 @@ class Engine:
                 values = (value,) if len(step.evaluation.outputs) == 1 else value
                 for port, item in zip(step.evaluation.outputs, values, strict=True):
                     self._check_value(step.block, port, item)
-                    self.namespace[self.program.emitter.variable(step.block, port)] = item
+                    if isinstance(item, np.ndarray):
+                        item = sealed(item)
+                    self.namespace[self.plan.variables[step.block, port]] = item
                     self._record_constant(step.block, port, item)
 
     def _guard(self, block: str, call: Callable[[], Any]) -> Any:
@@ -201,16 +207,19 @@ class Engine:
             raise SimulationError(block, 0, 0.0, _described(error)) from error
 
     def _compile(self, checked: bool, held: Sequence[str] | None = None) -> Run:
-        exec(self.program.code(checked, held), self.namespace)
+        made = self.program.code(checked, held)
+        # The same for all: checks stand on the lines of the calls that they check.
+        self.lines = made.lines
+        exec(made.code, self.namespace)
         run: Run = self.namespace["run"]
         return run
 
     def _held(self) -> Held:
-        return (None,) * len(self.program.emitter.held())
+        return (None,) * len(self.program.emitter().held())
 
     def locate(self, error: BaseException) -> str:
         """Set the tick to the one that an exception came from; returns the block."""
-        found = located(error, self.program.lines)
+        found = located(error, self.lines)
         if found is None and self.tick:
             found = self.runner.locate(error)
         if found is None:
@@ -230,7 +239,7 @@ class Engine:
         return BlockState(setting, seed_of(self.seed, name), arrays)
 
     def _record_constant(self, block: str, port: str, value: Any) -> None:
-        for recording in self.program.emitter.recordings:
+        for recording in self.program.recordings:
             if recording.constant and (recording.end.block, recording.end.port) == (block, port):
                 kind = self.network.types[block, port]
                 array = self.namespace[recording.array]
@@ -273,4 +282,7 @@ def _described(error: BaseException) -> str:
     # What compiled text raises has no line of its own.
     inside = bool(frames) and Path(frames[-1].filename).parent.name != "compiled"
     place = f" ({frames[-1].filename}:{frames[-1].lineno})" if inside else ""
-    return f"{type(error).__name__}: {error}{place}"
+    mend = ""
+    if isinstance(error, ValueError) and "read-only" in str(error):
+        mend = "; arrays that come into a block or went out of one are read-only: write to a copy"
+    return f"{type(error).__name__}: {error}{place}{mend}"

@@ -15,7 +15,12 @@ from runtime.inference import component_type
 from runtime.network import Network, Wire
 
 INDENT = "    "
-GLOBALS = ("isfinite", "isnan", "dot", "array", "checked", "not_finite")
+GLOBALS = ("isfinite", "isnan", "dot", "array", "checked", "sealed", "not_finite")
+# What the compiled plan and the loop around it call things by.
+COMPILED_NAMES = (
+    *("njit", "ascontiguousarray", "all_finite", "no_nan", "overlap", "seen", "own"),
+    *("low", "high", "dt", "at", "report", "drive", "due"),
+)
 
 
 @dataclass(frozen=True)
@@ -128,7 +133,7 @@ def drivers(network: Network) -> dict[tuple[str, str], list[Wire]]:
 
 def _identifiers(network: Network) -> tuple[dict[str, str], dict[tuple[str, str], str]]:
     """Python names for blocks, outputs and states: ``plant``, ``plant_pose``, ``plant_s``."""
-    taken = {*keyword.kwlist, *GLOBALS, "run", "first", "last", "held", "k", "t"}
+    taken = {*keyword.kwlist, *GLOBALS, *COMPILED_NAMES, "run", "first", "last", "held", "k", "t"}
     taken |= {"range", "__builtins__", "clock", "spent", "began"}
 
     def fresh(name: str) -> str:
@@ -148,7 +153,10 @@ def _identifiers(network: Network) -> tuple[dict[str, str], dict[tuple[str, str]
 
 
 class Emitter:
-    """Writes the function of a plan, line by line, remembering which block each line calls."""
+    """Writes the function of a plan, line by line, remembering which block each line calls.
+
+    An emitter is for one text and one thread: what runs share is the plan and finished texts.
+    """
 
     def __init__(self, plan: Plan, recordings: list[Recording]) -> None:
         self.plan = plan
@@ -165,7 +173,6 @@ class Emitter:
 
         ``held`` are the variables that go in and come out; by default :meth:`held`.
         """
-        self.text, self.lines, self.rate = [], {}, 0
         incoming = self.held()
         held = incoming if held is None else held
         self.line(0, "def run(first, last, held):")
@@ -223,6 +230,9 @@ class Emitter:
         targets = [self.variable(step.block, port) for port in step.evaluation.outputs]
         self.call(step.block, step.evaluation, ", ".join(targets) + " = ", checked)
         kinds = [self.network.types[step.block, port] for port in step.evaluation.outputs]
+        for target, kind in zip(targets, kinds, strict=True):
+            if kind.form == "array":
+                self.code(f"{target} = sealed({target})", step.block)
         test = finite_test(dict(zip(targets, kinds, strict=True)))
         self.code(f"{test} or not_finite({step.block!r}, {', '.join(targets)})", step.block)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from types import CodeType
+from types import CodeType, MappingProxyType
 from typing import TYPE_CHECKING
 
 from runtime.network import Network
@@ -18,9 +18,19 @@ if TYPE_CHECKING:
     from runtime.compiled.template import Template
 
 
-@dataclass
+@dataclass(frozen=True)
+class Code:
+    """The function's bytecode, and the block that each of its lines calls."""
+
+    code: CodeType
+    lines: Mapping[int, str]
+
+
+@dataclass(frozen=True)
 class Program:
-    """A network's plan and its text, and what is recorded.
+    """A network's plan and its text, and what is recorded; shared by threads, and never changed.
+
+    What it has worked out once is kept: texts, each a function of the program alone.
 
     Parameters
     ----------
@@ -38,33 +48,50 @@ class Program:
     observation: Observation
     profiled: bool = False
     plan: Plan = field(init=False)
-    gathered: dict[str, int] = field(init=False)
-    emitter: Emitter = field(init=False)
-    lines: dict[int, str] = field(init=False, default_factory=dict)
-    template: Template | None = field(init=False, default=None)
-    _codes: dict[tuple[bool, tuple[str, ...] | None], CodeType] = field(
+    gathered: Mapping[str, int] = field(init=False)
+    recordings: tuple[Recording, ...] = field(init=False)
+    _codes: dict[tuple[bool, tuple[str, ...] | None], Code] = field(
         init=False, default_factory=dict
     )
+    _templates: dict[str, Template] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.plan = make_plan(self.network)
         network, probes = self.network, self.observation.probes
-        self.gathered = buffer_rows(probes, network.ticks, network.memory)
-        emitter = ProfilingEmitter if self.profiled else Emitter
-        self.emitter = emitter(self.plan, recordings(self.observation, self.gathered))
+        gathered = buffer_rows(probes, network.ticks, network.memory)
+        object.__setattr__(self, "plan", make_plan(network))
+        object.__setattr__(self, "gathered", gathered)
+        object.__setattr__(self, "recordings", tuple(recordings(self.observation, gathered)))
+
+    def emitter(self) -> Emitter:
+        """A writer of the plan's function, for one text."""
+        kind = ProfilingEmitter if self.profiled else Emitter
+        return kind(self.plan, list(self.recordings))
 
     def source(self) -> str:
         """The straight-line function, as it is executed."""
-        return self.emitter.emit()
+        return self.emitter().emit()
 
-    def code(self, checked: bool, held: Sequence[str] | None = None) -> CodeType:
-        """The function's text, compiled to Python's bytecode."""
+    def code(self, checked: bool, held: Sequence[str] | None = None) -> Code:
+        """The function's text, compiled to Python's bytecode.
+
+        Threads that ask for the same at the same time make equal ones.
+        """
         key = (checked, None if held is None else tuple(held))
-        if key not in self._codes:
-            self._codes[key] = compile(self.emitter.emit(checked, held), FILENAME, "exec")
-            # The same for both: checks stand on the lines of the calls that they check.
-            self.lines = self.emitter.lines
-        return self._codes[key]
+        made = self._codes.get(key)
+        if made is None:
+            emitter = self.emitter()
+            code = compile(emitter.emit(checked, held), FILENAME, "exec")
+            made = self._codes[key] = Code(code, MappingProxyType(emitter.lines))
+        return made
+
+    @property
+    def template(self) -> Template | None:
+        """The text that compiled runs took last, which may not fit the next seed."""
+        return self._templates.get("last")
+
+    def keep_template(self, made: Template) -> None:
+        """Offer a compiled text to the runs that follow."""
+        self._templates["last"] = made
 
 
 def recordings(observation: Observation, gathered: Mapping[str, int]) -> list[Recording]:

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
-from runtime.plan import Emitter
-
 FILENAME = "<the plan>"
 Progress = Callable[[int, int], None]
 Held = tuple[Any, ...]
@@ -33,8 +31,8 @@ class Runner(Protocol):
 class PythonRunner:
     """Runs the plan's function as it is printed."""
 
-    def __init__(self, emitter: Emitter, run: Run) -> None:
-        self.held = emitter.held()
+    def __init__(self, held: list[str], run: Run) -> None:
+        self.held = held
         self.run = run
 
     def adopt(self, held: Held) -> Held:

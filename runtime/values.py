@@ -21,6 +21,25 @@ def has_form(kind: SignalType, value: Any) -> bool:
     return isinstance(value, np.ndarray) and value.shape == kind.shape and value.dtype == np.float64
 
 
+def sealed(value: Any) -> Any:
+    """An array that a block put out as others may have it: memory of its own, and read-only.
+
+    What a :class:`blocks.block.BlockState` keeps are views, so an array without a base is not one
+    of them.
+
+    Raises
+    ------
+    TypeError : it is no array.
+    """
+    try:
+        if value.base is not None:
+            value = value.copy()
+        value.setflags(write=False)
+    except AttributeError:
+        raise TypeError(f"expected a float64 array as output, got {brief(value)}") from None
+    return value
+
+
 def is_bad(kind: SignalType, value: Any) -> bool:
     numbers = np.asarray(value)
     return bool(np.isnan(numbers).any() or (kind.finite and np.isinf(numbers).any()))

@@ -22,7 +22,7 @@ HEADER = """from math import isfinite
 from numba import njit
 from numpy import array, ascontiguousarray
 
-from runtime.compiled.primitives import all_finite, no_nan
+from runtime.compiled.primitives import all_finite, no_nan, overlap, seen
 """
 
 
@@ -41,8 +41,8 @@ class Item:
 class CompiledText:
     """The text of a plan, and how to call it.
 
-    ``arguments`` are the names of what ``run`` takes after ``held``: ``block_b`` for a block's
-    fields, a constant's variable, ``block_s.state`` for a recorded state, a probe's array.
+    ``arguments`` are the names of what ``run`` takes after ``held``: see :func:`fields_name` for a
+    block's fields, a constant's variable, ``block_s.state`` for a recorded state, a probe's array.
     ``calls`` says which evaluation each number in ``at`` stands for. ``driver`` is the Python loop
     around it, empty where there is nothing to call between its ``parts``.
     """
@@ -163,7 +163,7 @@ class CompiledEmitter(Emitter):
             return
         self.code(f"at[0] = {len(self.calls)}")
         self.calls.append((item.block, evaluation))
-        fields = self.take(f"{self.plan.names[item.block]}_b")
+        fields = self.take(fields_name(self.plan, item.block))
         arguments = [fields, "t", *self.arguments(item.block, evaluation)]
         call = f"{self.kernel(item.block, evaluation.method)}({', '.join(arguments)})"
         if item.step is None:
@@ -172,8 +172,14 @@ class CompiledEmitter(Emitter):
         targets = [self.variable(item.block, port) for port in evaluation.outputs]
         self.code(f"{', '.join(targets)} = {call}")
         kinds = [self.network.types[item.block, port] for port in evaluation.outputs]
-        for text in self.kernels[item.block].casts.get(evaluation.method, ()):
+        kernel = self.kernels[item.block]
+        for text in kernel.casts.get(evaluation.method, ()):
             self.code(text.format(*targets))
+        for target, kind in zip(targets, kinds, strict=True):
+            shared = [f"overlap({target}, {fields}{at})" for at in kernel.made.arrays]
+            if kind.form == "array" and shared:
+                self.code(f"if {' or '.join(shared)}:")
+                self.code(f"{INDENT}{target} = {target}.copy()")
         self.test(dict(zip(targets, kinds, strict=True)), held)
 
     def test(self, signals: dict[str, SignalType], held: list[str]) -> None:
@@ -213,7 +219,19 @@ class CompiledEmitter(Emitter):
         return name
 
     def value(self, end: Endpoint, target: SignalType | None = None) -> str:
-        return _subscripts(super().value(end, target))
+        text = _subscripts(super().value(end, target))
+        return f"seen({text})" if target is not None and target.form == "array" else text
+
+    def arguments(self, block: str, evaluation: Evaluation) -> list[str]:
+        inputs = self.network.entries[block].cls.spec.inputs
+        return [
+            text
+            if port in inputs or self.network.types[block, port].form != "array"
+            else f"seen({text})"
+            for port, text in zip(
+                evaluation.needs, super().arguments(block, evaluation), strict=True
+            )
+        ]
 
     def state_value(self, end: Endpoint) -> str:
         item = f"[{end.component}]" if end.component else ""
@@ -266,10 +284,18 @@ class CompiledEmitter(Emitter):
         targets = [self.variable(step.block, port) for port in step.evaluation.outputs]
         kinds = [self.network.types[step.block, port] for port in step.evaluation.outputs]
         self.call(step.block, step.evaluation, ", ".join(targets) + " = ")
+        for target, kind in zip(targets, kinds, strict=True):
+            if kind.form == "array":
+                self.code(f"{target} = sealed({target})", step.block)
         test = finite_test(dict(zip(targets, kinds, strict=True)))
         self.code(f"{test} or not_finite({step.block!r}, {', '.join(targets)})", step.block)
         for target, kind in zip(targets, kinds, strict=True):
             self.code(f"{target} = {as_held(target, kind)}")
+
+
+def fields_name(plan: Plan, block: str) -> str:
+    """What a block's fields, the first argument of its functions, are called in the text."""
+    return f"fields__{plan.names[block]}"
 
 
 def as_held(variable: str, kind: SignalType) -> str:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from blocks.block import Block, BlockState, Evaluation
+from blocks.kernels import has_kernels
 from blocks.registry import BUILTIN
 from blocks.signals import SignalType
 from runtime.compiled import cache
@@ -56,9 +55,9 @@ class Kernels:
     broken: set[str] = field(default_factory=set)
 
     def refuse(self, name: str, cls: type[Block], error: Exception) -> None:
-        """Keep why a block is not compiled; one that has loops for it was meant to be."""
+        """Keep why a block is not compiled; one that declares kernels was meant to be."""
         self.refused[name] = str(error)
-        if any(attribute.startswith(("loop_", "_loop_")) for attribute in dir(cls)):
+        if has_kernels(cls):
             self.broken.add(name)
 
 
@@ -70,7 +69,7 @@ class _Candidate:
     calls: list[Evaluation]
     made: Translated
     signatures: dict[str, Signature]
-    verdict: Path
+    verdict: str
 
 
 def make_kernels(
@@ -95,7 +94,11 @@ def make_kernels(
             candidates.append(_candidate(network, name, calls, states[name]))
         except NotCompilableError as error:
             kernels.refuse(name, entry.cls, error)
-    fresh = {network.entries[c.name].cls.__name__ for c in candidates if not c.verdict.exists()}
+    fresh = {
+        network.entries[c.name].cls.__name__
+        for c in candidates
+        if cache.read_record(c.verdict) is None
+    }
     if fresh:
         note(f"compiling {', '.join(sorted(fresh))} (once: kept in {cache.folder()})")
     for candidate in candidates:
@@ -122,17 +125,16 @@ def _candidate(
     fields = typeof(made.fields(entry.made, state))
     signatures = {call.method: (fields, *_arguments(network, name, call, terms)) for call in calls}
     key = cache.digest(made.text, repr(signatures))
-    return _Candidate(name, calls, made, signatures, cache.folder() / f"verdict_{key}.json")
+    return _Candidate(name, calls, made, signatures, f"verdict_{key}")
 
 
 def _kernel(network: Network, candidate: _Candidate) -> Kernel:
     """One block's kernel; what numba said of the same text and types before is looked up."""
     module = cache.module("block", candidate.made.text)
-    if candidate.verdict.exists():
-        verdict = json.loads(candidate.verdict.read_text(encoding="utf-8"))
-    else:
+    verdict = cache.read_record(candidate.verdict)
+    if verdict is None:
         verdict = _verdict(network, candidate, module)
-        cache.write(candidate.verdict.name, json.dumps(verdict))
+        cache.write_record(candidate.verdict, verdict)
     if "refused" in verdict:
         code = getattr(network.entries[candidate.name].cls, verdict["method"]).__code__
         place = f"{code.co_filename}:{code.co_firstlineno}"
@@ -196,9 +198,15 @@ def _arguments(
     for port in call.needs:
         kind = network.types[name, port]
         if port in terms:
-            yield types.UniTuple(numba_type(kind), terms[port]) if terms[port] else types.Tuple(())
+            yield types.UniTuple(_input(kind), terms[port]) if terms[port] else types.Tuple(())
         else:
-            yield numba_type(kind)
+            yield _input(kind)
+
+
+def _input(kind: SignalType) -> Any:
+    """A signal's type where a block reads it: arrays are read-only."""
+    found = numba_type(kind)
+    return found.copy(readonly=True) if kind.form == "array" else found
 
 
 def _casts(kinds: list[SignalType], returned: Any) -> Iterator[str]:
@@ -229,6 +237,7 @@ def _casts(kinds: list[SignalType], returned: Any) -> Iterator[str]:
             inner = ", ".join(f"float({{{i}}}[{n}])" for n in range(len(part)))
             yield f"{{{i}}} = ({inner},)"
         elif kind.form == "array" and isinstance(part, types.Array) and part.ndim == wanted.ndim:
-            yield f"{{{i}}} = ascontiguousarray({{{i}}})"
+            copied = "ascontiguousarray({{{0}}})" if part.mutable else "{{{0}}}.copy()"
+            yield f"{{{i}}} = " + copied.format(i)
         else:
             raise NotCompilableError(f"returns {part}, expected {kind.held_as}")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from runtime.compiled import cache
 from runtime.compiled.template import template
 from runtime.compiled.writing import plain
 
@@ -57,12 +58,16 @@ class CompiledRunner:
         from numba import typeof
 
         adopted = tuple(normalised(value) for value in held)
+        is_new = not self.function.overloads
         # No tick at all: compiles the plan, or loads it.
         self._part(0, 0, 0, 0, adopted)
         types = tuple(map(typeof, self._given(0, 0, 0, 0, adopted)))
         # numba looks at every argument of every call, and at a generator in Python: a fifth of a
         # millisecond. The types stay what they are, so that its entry may be called itself.
         self.call = self.function.overloads[types].entry_point
+        if is_new:
+            blocks = [kernel.module for kernel in self.kernels.compiled.values()]
+            cache.seal([self.function.__module__, *blocks])
         return adopted
 
     def _whole(self, first: int, last: int, held: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -84,7 +89,7 @@ class CompiledRunner:
         return (*ticks, self.at, self.report, held, *self.arguments)
 
     def _driver(self) -> Callable[[int, int, tuple[Any, ...]], tuple[Any, ...]]:
-        scope = {**self.engine.namespace, "run": self._part, "own": own}
+        scope = {**self.engine.namespace, "run": self._part, "own": own, "seen": seen}
         exec(compile(self.text.driver, DRIVER, "exec"), scope)
         drive: Callable[[int, int, tuple[Any, ...]], tuple[Any, ...]] = scope["drive"]
         return drive
@@ -111,6 +116,13 @@ class CompiledRunner:
                 return tick, self.text.lines[trace.tb_lineno]
             trace = trace.tb_next
         return int(self.at[1]), self.text.calls[self.at[0]][0] if self.text.calls else ""
+
+
+def seen(array: FloatArray) -> FloatArray:
+    """An array as a block that is called from Python may have it: read-only."""
+    view = array.view()
+    view.setflags(write=False)
+    return view
 
 
 def own(array: FloatArray) -> FloatArray:

@@ -8,12 +8,12 @@ from typing import Any
 
 from blocks.block import BlockState
 from runtime.compiled import cache
-from runtime.compiled.emit import CompiledEmitter, CompiledText
+from runtime.compiled.emit import CompiledEmitter, CompiledText, fields_name
 from runtime.compiled.kernels import Kernels, make_kernels
 from runtime.program import Program
 
 
-@dataclass
+@dataclass(frozen=True)
 class Template:
     """A program's compiled text.
 
@@ -46,8 +46,9 @@ def template(
     kernels = make_kernels(program.network, states, note)
     for name in sorted(kernels.broken):
         note(f"block '{name}' is called from Python: {kernels.refused[name]}")
-    emitter = CompiledEmitter(program.plan, program.emitter.recordings, kernels.compiled)
+    emitter = CompiledEmitter(program.plan, list(program.recordings), kernels.compiled)
     text = emitter.compiled()
-    owners = {f"{program.plan.names[name]}_b": name for name in kernels.compiled}
-    program.template = Template(kernels, text, cache.module("plan", text.text).run, owners)
-    return program.template
+    owners = {fields_name(program.plan, name): name for name in kernels.compiled}
+    made = Template(kernels, text, cache.module("plan", text.text).run, owners)
+    program.keep_template(made)
+    return made

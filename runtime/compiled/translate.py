@@ -2,18 +2,21 @@
 
 ``self.x`` and ``state.x`` become entries of one tuple ``b`` that goes along as the first argument;
 functions of the block's modules that the methods call come along as functions of the same text.
-Where a block has a method ``loop_update`` beside ``update``, that one is taken: the same
-arithmetic, written as loops, which compile faster and run faster than array expressions do.
+Where a method has a kernel (:mod:`blocks.kernels`) that holds for the block's class, the kernel is
+taken: the same arithmetic as loops, which compile and run faster than array expressions do.
 """
 
 from __future__ import annotations
 
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from blocks.block import Block, BlockState
+from blocks.kernels import function_kernel, kernel_for
 from runtime.compiled.writing import NotCompilableError, Writer, plain
 
 Attribute = tuple[str, str]
@@ -36,12 +39,14 @@ class Translated:
     text : a Python module with one function for each of ``methods``.
     entries : what the first argument of these functions holds, as ("self" or "state", attribute).
     constants : attributes that stand in the text as they were, and what they were.
+    arrays : the state's float arrays among the entries, each as the subscripts that lead to it.
     """
 
     text: str
     methods: dict[str, str]
     entries: tuple[Attribute, ...]
     constants: dict[Attribute, Any]
+    arrays: tuple[str, ...] = ()
 
     def fields(self, made: Block, state: BlockState) -> tuple[Any, ...]:
         """The first argument of the functions, for a block and its state."""
@@ -81,7 +86,22 @@ def translate(made: Block, state: BlockState, terms: dict[str, int], safe: bool)
     ]
     text = "\n\n".join([HEADER, *functions]) + "\n"
     entries = tuple(translator.attributes.values())
-    return Translated(text, methods, entries, translator.constants)
+    arrays = tuple(
+        at
+        for i, (key, (owner, _)) in enumerate(translator.attributes.items())
+        if owner == "state"
+        for at in float_arrays(translator.fields[key], f"[{i}]")
+    )
+    return Translated(text, methods, entries, translator.constants, arrays)
+
+
+def float_arrays(value: Any, at: str) -> Iterator[str]:
+    """Where in a field, itself at ``at``, float arrays are."""
+    if isinstance(value, tuple):
+        for i, part in enumerate(value):
+            yield from float_arrays(part, f"{at}[{i}]")
+    elif isinstance(value, np.ndarray) and value.dtype == np.float64:
+        yield at
 
 
 class Translator:
@@ -98,12 +118,15 @@ class Translator:
     def method(self, name: str) -> str:
         """The function that a method becomes, written if it was not yet."""
         cls = type(self.made)
-        return self.function(getattr(cls, looped(name), None) or getattr(cls, name), bound=True)
+        method = getattr(cls, name)
+        if isinstance(method, types.FunctionType):
+            method = kernel_for(cls, method, vars(self.state)) or method
+        return self.function(method, bound=True)
 
     def function(self, function: Callable[..., Any], bound: bool = False) -> str:
         """A name for a function in the text; writes it, and first what it calls."""
         if isinstance(function, types.FunctionType) and not bound:
-            function = function.__globals__.get(looped(function.__name__), function)
+            function = function_kernel(function) or function
         if function in self.names:
             return self.names[function]
         if not isinstance(function, types.FunctionType) or function.__closure__:
@@ -126,8 +149,3 @@ class Translator:
             self.fields[key] = plain(value, f"{owner}.{name}")
             self.attributes[key] = (owner, name)
         return key
-
-
-def looped(name: str) -> str:
-    """The name of a function's form in loops: loop_update, _loop_nearest."""
-    return f"_loop{name}" if name.startswith("_") else f"loop_{name}"

@@ -31,7 +31,11 @@ class NotCompilableError(Exception):
 def plain(value: Any, name: str) -> Any:
     """A value in a form that compiled text takes; arrays are shared, not copied, if they can be."""
     if isinstance(value, np.ndarray) and value.dtype.kind in "fib":
-        return value if value.flags.c_contiguous and value.flags.writeable else value.copy()
+        if value.flags.c_contiguous and value.flags.writeable:
+            return value
+        if name.startswith("state.") and value.base is not None and _may_change(value):
+            raise NotCompilableError(f"{name} is a part of an array, and not in one piece")
+        return value.copy()
     if isinstance(value, np.random.Generator):
         return value
     if isinstance(value, (float, np.floating)):
@@ -41,6 +45,16 @@ def plain(value: Any, name: str) -> Any:
     if isinstance(value, tuple):
         return tuple(plain(part, name) for part in value)
     raise NotCompilableError(f"{name} is a {type(value).__name__}")
+
+
+def _may_change(array: np.ndarray[Any, Any]) -> bool:
+    """Whether anybody can write to what an array shows."""
+    base: Any = array
+    while base is not None:
+        if not isinstance(base, np.ndarray) or base.flags.writeable:
+            return True
+        base = base.base
+    return False
 
 
 class Writer(Folding):
@@ -134,7 +148,10 @@ class Writer(Folding):
             owner = node.value.id
             if self.bound and owner in ("self", "state"):
                 if isinstance(node.ctx, ast.Store):
-                    raise self.refuse(node, f"assigns to '{owner}.{node.attr}'; use a State")
+                    mend = "; write into it, as in state.x[...] = value"
+                    if node.attr not in type(self.owner.made).spec.states:
+                        mend = "; keep what moves in a State"
+                    raise self.refuse(node, f"assigns to '{owner}.{node.attr}'{mend}")
                 return self.entry(node, owner)
             module = self.function.__globals__.get(owner)
             if isinstance(module, types.ModuleType):
@@ -176,7 +193,7 @@ class Writer(Folding):
                 of = self.owner.made if owner.id == "self" else self.owner.state
                 value = getattr(of, function.attr, None)
                 if isinstance(value, types.MethodType):
-                    return self.called(node, value)
+                    return self.called(node, function.attr, value)
             if function.attr == "tolist" and not node.args:
                 return self.visit(owner)
         if isinstance(function, ast.Name) and function.id not in self.locals:
@@ -190,16 +207,17 @@ class Writer(Folding):
                 node.keywords = [k for k in node.keywords if k.arg != "strict"]
         return self.generic_visit(node)
 
-    def called(self, node: ast.Call, method: types.MethodType) -> Any:
+    def called(self, node: ast.Call, attribute: str, method: types.MethodType) -> Any:
         """A call of one of the block's own methods, or of a signal type's ``pack``."""
         if isinstance(method.__self__, SignalType) and method.__name__ == "pack":
             return self.packed(method.__self__, node.args[0])
-        if method.__self__ is not self.owner.made:
+        own = method.__self__ is self.owner.made
+        if not own or getattr(type(self.owner.made), attribute) is not method.__func__:
             raise self.refuse(node, f"calls '{ast.unparse(node.func)}'")
         arguments = [
             self.visit(a) for a in node.args if not (isinstance(a, ast.Name) and a.id == "state")
         ]
-        name = self.owner.method(method.__name__)
+        name = self.owner.method(attribute)
         return ast.Call(ast.Name(name, ast.Load()), [ast.Name("b", ast.Load()), *arguments], [])
 
     def packed(self, kind: SignalType, array: ast.expr) -> Any:

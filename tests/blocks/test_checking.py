@@ -386,14 +386,14 @@ class UpdateIsRandom(Good):
 
 
 class Replaces(Good):
-    """Puts another array in place of its state."""
+    """Assigns another array to its state, which writes into it."""
 
     def update(self, state: Any, t: float, u: FloatArray) -> Any:
         state.kept = state.kept + u
 
 
 class ReplacesAtStart(Good):
-    """Puts a number in place of its state."""
+    """Assigns a number to its state, which fills it."""
 
     def start(self, state: Any) -> None:
         state.noise = 0.5
@@ -503,8 +503,6 @@ class Forgets(Good):
             "'kept' at tick 2",
         ),
         (UpdateIsRandom(), "UpdateIsRandom: two runs with the same seed differ"),
-        (Replaces(), "Replaces.update: puts an array of float64 of shape (2,) in place of state"),
-        (ReplacesAtStart(), "ReplacesAtStart.start: puts 0.5 (float) in place of state 'noise'"),
         (Returns(), "Returns.update: returns a value, which nobody reads; write into the state"),
         (Fails(), "Fails.output: ZeroDivisionError: division by zero"),
         (Wavers(), "Wavers: output 'out' is declared constant, and changes"),
@@ -520,6 +518,11 @@ def test_bad_blocks_are_caught(block: Block, said: str) -> None:
     with pytest.raises(CheckError) as caught:
         check_block(block)
     assert said in str(caught.value)
+
+
+@pytest.mark.parametrize("block", [Replaces(), ReplacesAtStart()])
+def test_an_assignment_to_a_state_writes_into_it(block: Block) -> None:
+    check_block(block)
 
 
 class Scratch(Good):

@@ -56,7 +56,7 @@ def views(seed: int, noise: float, lost: float) -> Iterator[tuple[np.ndarray, Po
 
 
 def as_python(fitter: Fitter, scan: np.ndarray, pose: Pose) -> Fit:
-    return fitter.block.loop_output(fitter.state, 0.0, scan, pose)
+    return fitter.block._output_kernel(fitter.state, 0.0, scan, pose)
 
 
 @pytest.fixture(scope="module")

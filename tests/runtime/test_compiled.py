@@ -62,14 +62,15 @@ class Failing(blocks.Block):
 
 
 class Broken(blocks.Block):
-    """Promises loops, and does not keep it."""
+    """Declares a kernel that does not compile."""
 
     out = blocks.Output(blocks.Scalar)
 
     def output(self, state, t):
         return t
 
-    def loop_output(self, state, t):
+    @blocks.kernel_of(output)
+    def _output_kernel(self, state, t):
         return np.linalg.norm(t)
 
 
@@ -188,6 +189,10 @@ def test_auto_compiles_what_is_long_enough_and_says_when_it_cannot(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     graph = runtime.load("line_actuator_failure")
+    room = runtime.load("wall_following").network
+    assert room.until == 130.0
+    assert choice.take_compiled(room, 1, lambda text: None)
+    assert not choice.take_compiled(graph.network, 1, lambda text: None)
     short, long = graph.set("run.until", 1.0).network, graph.set("run.until", 5000.0).network
     notes: list[str] = []
     assert not choice.take_compiled(short, 1, notes.append)
