@@ -95,4 +95,4 @@ def deviation(world: World, found: list[list[Curve]], d: float, rho: float) -> f
         return math.nan
     z, weight = np.concatenate(points), np.concatenate(weights)
     error = np.abs(world.distance(np.column_stack((z.real, z.imag))) - d)
-    return float(error @ weight / weight.sum())
+    return float((error * weight).sum() / weight.sum())

@@ -14,6 +14,7 @@ from blocks.curves import Curve, foot
 from blocks.fillet import deviation
 from blocks.level_set import kinks, level_set, loops, sampled
 from blocks.params import ParameterError
+from blocks.portable import directions
 from blocks.rays import to_circles, to_edges
 from blocks.signals import FloatArray
 from blocks.surfaces import TOUCHING, Edge, Nearest, Surfaces, as_arrays, from_surface
@@ -169,7 +170,7 @@ class World:
         x, y : where the rays begin (m), in free space.
         angles : their directions (rad), (n,).
         """
-        units = np.stack((np.cos(angles), np.sin(angles)))
+        units = directions(angles).T
         ranges = np.full(units.shape[1], np.inf)
         if self._edge.shape[1]:
             ranges = to_edges(x, y, units, self._corner[..., 0], self._edge[..., 0])

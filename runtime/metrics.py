@@ -240,7 +240,7 @@ def lqr_cost(series: Mapping[str, Series], options: Mapping[str, Any]) -> float:
     running = np.einsum("ki,ij,kj->", x[:-1], q, x[:-1]) + np.einsum(
         "ki,ij,kj->", u[:-1], r, u[:-1]
     )
-    return float(0.5 * (running + x[-1] @ q_final @ x[-1]))
+    return float(0.5 * (running + np.einsum("i,ij,j->", x[-1], q_final, x[-1])))
 
 
 KINDS: dict[str, Kind] = {
