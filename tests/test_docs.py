@@ -42,7 +42,7 @@ def test_the_readme_ablations_run(written: Path) -> None:
     for variant in (
         graph.without("adaptive"),
         graph.bypass("limit", "fault"),
-        graph.wire("snn.error", "error.lateral"),
+        graph.wire("snn.error", "error.heading"),
         graph.set("lqr.q", [1, 1, 1]),
     ):
         assert variant.run(seed=3).status == "complete"
@@ -54,7 +54,7 @@ def test_the_readme_errors_are_real(written: Path, monkeypatch: pytest.MonkeyPat
         "error:    {pose: plant.pose", "error:    {pose: plant.pos"
     )
     broken = broken.replace(
-        "snn:      {input: error.heading, error: error.heading}", "snn:      {input: error.heading}"
+        "snn:      {input: error.heading, error: error.lateral}", "snn:      {input: error.heading}"
     )
     written.write_text(broken, encoding="utf-8")
     monkeypatch.chdir(written.parent)

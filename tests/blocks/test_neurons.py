@@ -233,7 +233,7 @@ def test_rates_and_weights_equal_nengo() -> None:
     rates, weights = rates_of_nengo(fixed, 2.0)
     assert rates.max() > 100.0
     # Encoders and input are multiplied in another order than BLAS's, and a rounding of J moves the
-    # rate by |dr/dJ| = tau_rc r^2 / (J (J - 1)), where J - 1 = 1 / expm1((1 / r - tau_ref) / tau_rc).
+    # rate by |dr/dJ| = tau_rc r^2 / (J (J - 1)); 1 / (J - 1) = expm1((1 / r - tau_ref) / tau_rc).
     fires = rates > 0.0
     off = np.abs(result["snn.rates"] - rates)
     r = rates[fires]
