@@ -137,6 +137,9 @@ class World:
     def nearest(self, x: float, y: float) -> Nearest:
         """Signed distance to the nearest surface (m), and the unit normal that leads from there
         into free space: :meth:`distance` for one point, on plain floats.
+
+        Where several surfaces meet, the normal is the bisector of the widest free sector between
+        them, see :func:`blocks.surfaces.outward`.
         """
         square, bx, by, solid = math.inf, 0.0, 0.0, False
         for is_room, edges, _, _ in self._polygons:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -35,6 +37,33 @@ def test_the_readme_graph_runs_and_settles(written: Path) -> None:
     result = runtime.load(written).run()
     assert result.status == "complete"
     assert result.metrics["settled_at"] is not None
+
+
+def ablated(written: Path, seeds: str) -> dict[str, dict[str, Any]]:
+    """The table of the ablation that the README runs, by variant."""
+    script = "from runtime.cli import main\nif __name__ == '__main__':\n    main()\n"
+    (written.parent / "command.py").write_text(script, encoding="utf-8")
+    found = subprocess.run(
+        [sys.executable, "command.py", "ablate", written.name, "--seeds", seeds, "--json"],
+        cwd=written.parent,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    lines = json.loads(found.stdout)["table"]
+    return {line["variant"]: line for line in lines if line["metric"] == "settled_at"}
+
+
+@pytest.mark.parametrize(
+    ("seeds", "runs"),
+    [("0,7,13", 3), pytest.param("0..19", 20, marks=pytest.mark.slow)],
+)
+def test_the_readme_graph_earns_its_network(written: Path, seeds: str, runs: int) -> None:
+    """With its network the robot settles with every seed, and without it with none."""
+    settled = ablated(written, seeds)
+    assert settled["baseline"]["n"] == settled["baseline"]["runs"] == runs
+    assert settled["without adaptive"]["runs"] == runs
+    assert settled["without adaptive"]["n"] == 0
 
 
 def test_the_readme_ablations_run(written: Path) -> None:
