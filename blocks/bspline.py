@@ -13,6 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 from blocks.paths import curvature
+from blocks.portable import arctan2, product, solve
 from blocks.signals import FloatArray
 
 CACHED = 64
@@ -123,7 +124,7 @@ class Samples:
     @property
     def theta(self) -> FloatArray:
         """Direction of the tangent (rad, continuous along the curve), shape (n,)."""
-        return np.unwrap(np.arctan2(self.first[:, 1], self.first[:, 0]))
+        return np.unwrap(arctan2(self.first[:, 1], self.first[:, 0]))
 
     @property
     def kappa(self) -> FloatArray:
@@ -146,7 +147,7 @@ class BSpline:
 
     def __call__(self, t: FloatArray, derivative: int = 0) -> FloatArray:
         """Position, or a derivative by t, at parameters (m,): an array (m, 2)."""
-        return basis(t, len(self.points), self.degree, derivative) @ self.points
+        return product(basis(t, len(self.points), self.degree, derivative), self.points)
 
     def at(self, t: FloatArray) -> Samples:
         """Position and two derivatives at parameters (m,)."""
@@ -155,7 +156,7 @@ class BSpline:
     def positions(self, samples: int) -> FloatArray:
         """Positions at that many even parameters, (samples, 2), by a cached matrix."""
         at = basis_matrices(len(self.points), self.degree, samples)[0]
-        return np.asarray(at @ self.points)
+        return product(at, self.points)
 
     def sampled_evenly(
         self, spacing: float, samples: int, start: float = 0.0, fine: int = 0
@@ -166,7 +167,8 @@ class BSpline:
         sample), which is off by h^2 kappa / 8 at a distance h between these. A curve that is too
         short is sampled more closely, from its beginning if need be.
         """
-        dense = basis_matrices(len(self.points), self.degree, fine or 4 * samples) @ self.points
+        at = basis_matrices(len(self.points), self.degree, fine or 4 * samples)
+        dense = product(at, self.points)
         arc = way_along(dense[0])
         length = (samples - 1) * spacing
         start = min(start, max(0.0, float(arc[-1]) - length))
@@ -227,18 +229,18 @@ def fit(
     design = basis(t, points, degree)
     if smoothing > 0.0 and points > 2:
         bends = _bends(points) * (smoothing * len(data) / points)
-        normal = design.T @ design + bends + RIDGE * np.eye(points)
-        found = np.linalg.solve(normal, design.T @ data)
+        normal = product(design.T, design) + bends + RIDGE * np.eye(points)
+        found = solve(normal, product(design.T, data))
     else:
-        found = np.linalg.lstsq(design, data, rcond=None)[0]
-    return BSpline(np.asarray(found, dtype=np.float64), degree)
+        found = np.asarray(np.linalg.lstsq(design, data, rcond=None)[0], dtype=np.float64)
+    return BSpline(found, degree)
 
 
 @lru_cache(maxsize=CACHED)
 def _bends(points: int) -> FloatArray:
     """D'D of the second differences D of control points, shape (points, points)."""
     second = np.diff(np.eye(points), n=2, axis=0)
-    result: FloatArray = second.T @ second
+    result = product(second.T, second)
     result.setflags(write=False)
     return result
 
@@ -248,7 +250,7 @@ def projection(points: int, degree: int, samples: int) -> FloatArray:
     """(B'B)^-1 B' of the basis B at even parameters, shape (points, samples)."""
     # Not by pinv: B-splines are well conditioned, and threaded SVDs took up to 0.1 s here.
     at = basis_matrices(points, degree, samples)[0]
-    result: FloatArray = np.linalg.solve(at.T @ at, at.T)
+    result = solve(product(at.T, at), at.T)
     result.setflags(write=False)
     return result
 
@@ -264,7 +266,7 @@ def fit_even(data: FloatArray, points: int, degree: int = 3) -> BSpline:
     """
     if len(data) < points:
         raise ValueError(f"{points} control points need as many data, got {len(data)}")
-    return BSpline(projection(points, degree, len(data)) @ data, degree)
+    return BSpline(product(projection(points, degree, len(data)), data), degree)
 
 
 def control_points(length: float, spacing: float, degree: int) -> int:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from blocks.portable import arctan2, directions, sin
 from blocks.signals import FloatArray
 
 IntArray = npt.NDArray[np.intp]
@@ -59,7 +60,7 @@ class Beams:
         order = np.argsort(bearing, kind="stable")
         order = order[bearing[order] <= window[1]]
         bearing = bearing[order]
-        direction = np.column_stack((np.cos(bearing), np.sin(bearing)))
+        direction = directions(bearing)
         return cls(order, bearing, direction, spacing)
 
     def incidence(self, wanted: float) -> float:
@@ -97,7 +98,7 @@ class Returns:
 
         Returns that are ``incidence`` (rad) or more apart leave a gap that hides nothing.
         """
-        phi = wrapped(np.arctan2(points[:, 1], points[:, 0]), self.bearing[0])
+        phi = wrapped(arctan2(points[:, 1], points[:, 0]), self.bearing[0])
         after = np.searchsorted(self.bearing, phi)
         after = np.minimum(np.maximum(after, 1), len(self) - 1)
         front = np.maximum(self.ranges[after - 1], self.ranges[after])
@@ -136,7 +137,7 @@ def link_limit(
     25 cm, which the quotient passes as dphi nears lambda; beyond lambda nothing links (-1).
     """
     rest = incidence - dphi
-    slope = np.sin(dphi) / np.sin(np.maximum(rest, 1e-3))
+    slope = sin(dphi) / sin(np.maximum(rest, 1e-3))
     limit = np.minimum(np.minimum(r1, r2) * slope + (4.0 * sigma + 0.02), LONGEST_LINK)
     return np.where(rest > 0.0, limit, -1.0)
 
@@ -144,7 +145,7 @@ def link_limit(
 def steps(r: FloatArray, bearing: FloatArray) -> FloatArray:
     """Distances (m) of neighbours in polar form, (m - 1,): law of cosines, without cancelling."""
     near, far = r[:-1], r[1:]
-    half = np.sin(0.5 * (bearing[1:] - bearing[:-1]))
+    half = sin(0.5 * (bearing[1:] - bearing[:-1]))
     return np.asarray(np.sqrt((far - near) ** 2 + 4.0 * near * far * half**2))
 
 

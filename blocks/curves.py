@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from blocks.portable import arctan2
 from blocks.signals import FloatArray
 
 ComplexArray = npt.NDArray[np.complex128]
@@ -124,7 +125,8 @@ def foot(curve: Curve, points: ComplexArray) -> ComplexArray:
         s = ((points - curve.start) * np.conj(curve.along)).real
     else:
         middle = curve.begin + 0.5 * curve.sweep
-        turn = np.angle((points - curve.centre) * np.exp(-1j * middle))
+        ahead = (points - curve.centre) * cmath.exp(-1j * middle)
+        turn = arctan2(ahead.imag, ahead.real)
         s = 0.5 * curve.length + turn / curve.rate
     return curve.at(np.clip(s, 0.0, curve.length))
 

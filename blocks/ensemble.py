@@ -85,16 +85,21 @@ class LearningEnsemble(Learner):
         state.fade = 1.0 - state.pass_on
         state.scratch, state.rows = np.empty(n), tuple(state.weights)
         state.encoder_rows = np.ascontiguousarray(state.scaled_encoders.T)
+        state.further = range(1, d)
 
     def output(self, state: BlockState, t: float) -> FloatArray:
-        decoded: FloatArray = state.weights.dot(state.activity)
+        # Not by BLAS, which adds up in another order on another processor.
+        decoded: FloatArray = np.add.reduce(state.weights * state.activity, 1)
         return decoded.clip(-self.limit, self.limit) if state.is_limited else decoded
 
     def update(
         self, state: BlockState, t: float, input: FloatArray, error: FloatArray, learn: float
     ) -> None:
         current = state.current
-        np.dot(state.scaled_encoders, input, out=current)
+        np.multiply(state.encoder_rows[0], input[0], out=current)
+        for j in state.further:
+            np.multiply(state.encoder_rows[j], input[j], out=state.scratch)
+            current += state.scratch
         current += state.offset
         self._respond(state)
         activity, scratch = state.activity, state.scratch

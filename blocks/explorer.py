@@ -10,6 +10,7 @@ from blocks.block import Block, BlockState, Input, Output, State
 from blocks.kernels import kernel_of
 from blocks.lidar import bearings, window_problems
 from blocks.params import ParameterError, param
+from blocks.portable import cos, sin
 from blocks.signals import FloatArray, Pose, PoseValue, Scalar, Scan, Twist, TwistValue
 
 # Turn rate per heading error while driving straight (1/s), and how far to the side (rad) things
@@ -71,7 +72,7 @@ class Explorer(Block):
         state.bearings = bearings(scan.shape[0], self.angle_min, self.angle_max)
         # From -pi to pi, whatever the window: signs tell left from right.
         state.bearings = np.remainder(state.bearings + math.pi, 2.0 * math.pi) - math.pi
-        state.cos, state.sin = np.cos(state.bearings), np.sin(state.bearings)
+        state.cos, state.sin = cos(state.bearings), sin(state.bearings)
         self._draw(state, 0.0)
 
     def _draw(self, state: BlockState, t: float) -> None:

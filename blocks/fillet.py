@@ -95,4 +95,4 @@ def deviation(
         return math.nan
     z, weight = np.concatenate(points), np.concatenate(weights)
     error = np.abs(distance(np.column_stack((z.real, z.imag))) - d)
-    return float(error @ weight / weight.sum())
+    return float((error * weight).sum() / weight.sum())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from blocks import portable
 from blocks.signals import FloatArray
 
 
@@ -15,7 +16,7 @@ def gain_and_bias(
     z = 1 / (1 - exp((tau_ref - 1/rate) / tau_rc)); gain = (1 - z) / (intercept - 1);
     bias = 1 - gain * intercept. Rates in Hz, times in seconds.
     """
-    z = 1.0 / (1.0 - np.exp((tau_ref - 1.0 / max_rates) / tau_rc))
+    z = 1.0 / (1.0 - portable.exp((tau_ref - 1.0 / max_rates) / tau_rc))
     gain = (1.0 - z) / (intercepts - 1.0)
     return gain, 1.0 - gain * intercepts
 
@@ -23,7 +24,7 @@ def gain_and_bias(
 def lif_rate(current: FloatArray, tau_rc: float, tau_ref: float) -> FloatArray:
     """Steady firing rate (Hz) of a LIF neuron: 1 / (tau_ref + tau_rc log1p(1 / (J - 1)))."""
     above = np.maximum(current - 1.0, 1e-300)
-    return np.where(current > 1.0, 1.0 / (tau_ref + tau_rc * np.log1p(1.0 / above)), 0.0)
+    return np.where(current > 1.0, 1.0 / (tau_ref + tau_rc * portable.log1p(1.0 / above)), 0.0)
 
 
 def mean_squared_rate(

@@ -13,6 +13,7 @@ from blocks.loops.riccati import feedback_gain as loop_gain
 from blocks.loops.riccati import refined, turned
 from blocks.loops.riccati import riccati as loop_riccati
 from blocks.params import ParameterError, param
+from blocks.portable import product, solve
 from blocks.signals import FloatArray, Pose, PoseValue, TrackingState, Twist, TwistValue
 from blocks.tracking import offsets
 
@@ -66,16 +67,16 @@ def riccati(
     ValueError : if P has not settled after ``max_iterations``.
     """
     eye = np.eye(len(a))
-    power, g = a, b @ np.linalg.solve(r, b.T)
+    power, g = a, product(b, solve(r, b.T))
     p: FloatArray = np.array(q, dtype=np.float64)
     iterations = 1
     while iterations < max_iterations:
         with np.errstate(all="ignore"):  # what overflows has not settled
-            w = np.linalg.inv(eye + g @ p)
-            pw = power @ w
-            change = power.T @ p @ w @ power
-            g = g + pw @ g @ power.T
-            power = pw @ power
+            w = solve(eye + product(g, p), eye)
+            pw = product(power, w)
+            change = product(product(product(power.T, p), w), power)
+            g = g + product(product(pw, g), power.T)
+            power = product(pw, power)
             p = p + 0.5 * (change + change.T)
         iterations *= 2
         if not np.isfinite(p).all():
@@ -94,11 +95,12 @@ def _refined(
     """
     eye = np.eye(len(a))
     k = feedback_gain(a, b, r, p)
-    f = a - eye - b @ k
-    residual = q + k.T @ r @ k + f.T @ p + p @ f + f.T @ p @ f
+    f = a - eye - product(b, k)
+    fp = product(f.T, p)
+    residual = q + product(product(k.T, r), k) + fp + product(p, f) + product(fp, f)
     operator = np.kron(f.T, eye) + np.kron(eye, f.T) + np.kron(f.T, f.T)
     try:
-        step = np.linalg.solve(operator, -residual.ravel()).reshape(p.shape)
+        step = solve(operator, -residual.reshape(-1, 1)).reshape(p.shape)
     except np.linalg.LinAlgError:
         return p  # a state without weight does not decay: nothing to solve for
     if np.abs(step).max() > 1e-6 * np.abs(p).max():
@@ -108,7 +110,8 @@ def _refined(
 
 def feedback_gain(a: FloatArray, b: FloatArray, r: FloatArray, p: FloatArray) -> FloatArray:
     """K_ss = (R + B'PB)^-1 B'PA, shape (m, n)."""
-    return np.asarray(np.linalg.solve(r + b.T @ p @ b, b.T @ p @ a), dtype=np.float64)
+    bp = product(b.T, p)
+    return solve(r + product(bp, b), product(bp, a))
 
 
 def definiteness(weight: FloatArray) -> float:
@@ -191,7 +194,7 @@ class LQR(Block):
         q, r = self.weights
         c, s = math.cos(heading), math.sin(heading)
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        q = q if self.isotropic else turn.T @ q @ turn
+        q = q if self.isotropic else product(product(turn.T, q), turn)
         a, b = linearised(self.v_r, 0.0, dt, self.model)
         if self.solver == "dare":
             p = self._dare(a, b, q, r)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from blocks.portable import directions, product
 from blocks.signals import FloatArray
 
 GROUPS = 6
@@ -29,15 +30,14 @@ class Beams:
         self.mujoco, self.model, self.data, self.reach = mujoco, model, data, reach
         self.site = data.site("lidar")
         level = np.zeros_like(bearings)
-        self.units = np.stack((np.cos(bearings), np.sin(bearings), level), axis=1)
+        self.units = np.column_stack((directions(bearings), level))
         self.groups = np.zeros(GROUPS, dtype=np.uint8)
         self.groups[group] = 1
         self.shapes = np.zeros(len(bearings), dtype=np.int32)
 
     def ways(self) -> FloatArray:
         """Where the beams point in the world, unit vectors, (n, 3)."""
-        turned: FloatArray = self.units @ self.site.xmat.reshape(3, 3).T
-        return turned
+        return product(self.units, self.site.xmat.reshape(3, 3).T)
 
     def cast(self) -> FloatArray:
         """Range along each beam (m), (n,); inf where it meets nothing within reach."""

@@ -7,6 +7,7 @@ from typing import final
 
 import numpy as np
 
+from blocks import portable
 from blocks.block import BlockState, Setting, State
 from blocks.ensemble import LearningEnsemble
 from blocks.kernels import kernel_of
@@ -91,7 +92,7 @@ class AdaptiveEnsemble(LearningEnsemble):
         np.maximum(awake, state.zeros, out=awake)
         np.minimum(awake, step, out=awake)
         awake /= state.decay
-        np.expm1(awake, out=awake)
+        portable.expm1(awake, out=awake)
         np.subtract(current, voltage, out=state.rise)
         awake *= state.rise
         voltage -= awake
@@ -102,7 +103,7 @@ class AdaptiveEnsemble(LearningEnsemble):
         since = voltage[spiking]
         np.subtract(1.0, since, out=since)
         since /= drive
-        np.log1p(since, out=since)
+        portable.log1p(since, out=since)
         since *= self.tau_rc
         since += state.silence
         refractory[spiking] = since

@@ -13,6 +13,7 @@ import numpy as np
 
 from blocks.bspline import interpolate, way_along
 from blocks.contour import BoolArray
+from blocks.portable import directions
 from blocks.signals import FloatArray
 
 JOINT = 0.1
@@ -49,7 +50,9 @@ def tangents(line: FloatArray, reach: int) -> FloatArray:
 def nearest(points: FloatArray, others: FloatArray) -> FloatArray:
     """Distance (m) from each of the points (m, 2) to the nearest of the others (n, 2), (m,)."""
     # |p - q|^2 = p.p - 2 p.q + q.q: one matrix product instead of two (m, n) differences.
-    square = points @ (-2.0 * others.T)
+    (x, y), (ox, oy) = points.T, -2.0 * others.T
+    square = np.multiply.outer(x, ox)
+    square += np.multiply.outer(y, oy)
     square += np.einsum("ij,ij->i", others, others)
     closest = square.min(axis=1) + np.einsum("ij,ij->i", points, points)
     return np.asarray(np.sqrt(np.maximum(closest, 0.0)))
@@ -79,7 +82,7 @@ def cap(
     turned = np.linspace(0.0, sweep, math.ceil(sweep * distance / step) + 1)[1:]
     normal = math.atan2(tx, -ty)
     angle = normal + turned[::-1] if begin else normal - turned
-    return end + distance * np.column_stack((np.cos(angle), np.sin(angle)))
+    return end + distance * directions(angle)
 
 
 def runs(kept: BoolArray) -> list[tuple[int, int]]:
@@ -194,7 +197,7 @@ def _rim(
         return np.empty((0, 2))
     n = max(1, round(turn * radius / spacing))
     angle = first + turn * np.arange(1, n) / n
-    return centre + radius * np.column_stack((np.cos(angle), np.sin(angle)))
+    return centre + radius * directions(angle)
 
 
 def stretch(line: FloatArray, start: float, length: float, samples: int) -> FloatArray:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from blocks.block import Block, BlockState, Output
 from blocks.params import ParameterError, param
+from blocks.portable import arctan2, cos, sin, solve
 from blocks.signals import FloatArray, Path
 
 Curve = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
@@ -27,7 +29,7 @@ def curvature(first: FloatArray, second: FloatArray) -> FloatArray:
     speed = np.hypot(first[:, 0], first[:, 1])
     cross = first[:, 0] * second[:, 1] - second[:, 0] * first[:, 1]
     kappa = np.zeros_like(cross)
-    np.divide(cross, speed**3, out=kappa, where=speed > 0.0)
+    np.divide(cross, speed * speed * speed, out=kappa, where=speed > 0.0)
     return kappa
 
 
@@ -50,8 +52,29 @@ def sample_evenly(curve: Curve, start: float, stop: float, n: int, closed: bool)
     arc = np.concatenate(([0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(fine))))
     wanted = np.linspace(0.0, arc[-1], n, endpoint=not closed)
     position, first, second = curve(np.interp(wanted, arc, fine))
-    theta = np.unwrap(np.arctan2(first[:, 1], first[:, 0]))
+    theta = np.unwrap(arctan2(first[:, 1], first[:, 0]))
     return np.column_stack((position, theta, curvature(first, second)))
+
+
+def interpolating_spline(u: FloatArray, points: FloatArray, degree: int, periodic: bool) -> Any:
+    """The spline of ``scipy.interpolate.make_interp_spline``, on its knots.
+
+    Its coefficients are found anew, since SciPy's come from LAPACK.
+
+    Parameters
+    ----------
+    u : rising parameters, (n,). points : (n, 2); the last is the first one if ``periodic``.
+    """
+    # scipy stays off the start-up path
+    from scipy.interpolate import BSpline, make_interp_spline
+
+    spline = make_interp_spline(u, points, k=degree, bc_type="periodic" if periodic else None)
+    wrap = degree if periodic else 0  # the last coefficients are the first ones once more
+    n = len(spline.c) - wrap
+    design = BSpline.design_matrix(u[:n], spline.t, degree).toarray()
+    design[:, :wrap] += design[:, n:]
+    found = solve(design[:, :n], points[:n])
+    return BSpline(spline.t, np.concatenate((found, found[:wrap])), degree, spline.extrapolate)
 
 
 class _PathBlock(Block):
@@ -115,7 +138,7 @@ class SinePath(_PathBlock):
         k = 2.0 * math.pi / self.wavelength
 
         def curve(x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-            s, c = self.amplitude * np.sin(k * x), self.amplitude * k * np.cos(k * x)
+            s, c = self.amplitude * sin(k * x), self.amplitude * k * cos(k * x)
             ones, zeros = np.ones_like(x), np.zeros_like(x)
             return (
                 np.column_stack((x, s)),
@@ -143,8 +166,8 @@ class CirclePath(_PathBlock):
         angle = turn * np.linspace(0.0, 2.0 * math.pi, self.samples, endpoint=False)
         return np.column_stack(
             (
-                self.center[0] + self.radius * np.cos(angle),
-                self.center[1] + self.radius * np.sin(angle),
+                self.center[0] + self.radius * cos(angle),
+                self.center[1] + self.radius * sin(angle),
                 angle + turn * 0.5 * math.pi,
                 np.full(self.samples, turn / self.radius),
             )
@@ -182,13 +205,10 @@ class WaypointPath(_PathBlock):
         return np.vstack((points, points[:1])) if self.closed else points
 
     def sample(self) -> FloatArray:
-        from scipy.interpolate import make_interp_spline  # scipy stays off the start-up path
-
         corners = self._corners
         chord = np.linalg.norm(np.diff(corners, axis=0), axis=1)
         u = np.concatenate(([0.0], np.cumsum(chord)))
-        boundary = "periodic" if self.closed and self.degree > 1 else None
-        spline = make_interp_spline(u, corners, k=self.degree, bc_type=boundary)
+        spline = interpolating_spline(u, corners, self.degree, self.closed and self.degree > 1)
         first, second = spline.derivative(1), spline.derivative(min(2, self.degree))
 
         def curve(at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from blocks.portable import product
 from blocks.signals import FloatArray
 
 # How far beyond its ends an edge still stops a ray, as a share of its length: rounding must not
@@ -35,7 +36,7 @@ def to_edges(
     reach = ax * ey - ay * ex
     facing = np.where(reach < 0.0, -1.0, 1.0)
     rows = np.concatenate((facing * (ey, -ex), (-ay - 0.5 * ey, ax + 0.5 * ex)), axis=1).T
-    crossed, off_middle = (rows @ units).reshape(2, -1, units.shape[1])
+    crossed, off_middle = product(rows, units).reshape(2, -1, units.shape[1])
     hit = np.abs(off_middle) < (0.5 + OVERHANG) * crossed
     t = np.full(crossed.shape, np.inf)
     np.divide(np.abs(reach)[:, None], crossed, out=t, where=hit)
@@ -55,7 +56,7 @@ def to_circles(x: float, y: float, units: FloatArray, circles: FloatArray) -> Fl
     """
     cx, cy, r = circles[0] - x, circles[1] - y, circles[2]
     rows = np.concatenate(((cx, cy), (cy, -cx)), axis=1).T
-    along, across = (rows @ units).reshape(2, -1, units.shape[1])
+    along, across = product(rows, units).reshape(2, -1, units.shape[1])
     # From inside of a circle, the way out is the only one there is.
     side = np.where(cx * cx + cy * cy < r * r, -1.0, 1.0)
     with np.errstate(invalid="ignore"):

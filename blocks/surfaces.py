@@ -25,6 +25,8 @@ Nearest = tuple[float, float, float]
 
 # Nearer than this (m), the direction to a surface says nothing about the side.
 TOUCHING = 1e-9
+# Angles (rad) smaller than this are rounding.
+CUSP = 1e-9
 # What an edge ends: nothing, being followed by the next one of its polygon, an obstacle, the room.
 FOLLOWED, OBSTACLE, ROOM = 0, 1, 2
 
@@ -102,28 +104,65 @@ def from_surface(curves: FloatArray, x: float, y: float, solid: bool) -> Nearest
 
     There, free space is not straight away from the surface.
     """
-    least, fx, fy, nx, ny = math.inf, 0.0, 0.0, 0.0, 0.0
+    least, fx, fy = math.inf, 0.0, 0.0
     for i in range(len(curves)):
-        cx, cy = float(curves[i, 1]), float(curves[i, 2])
-        px, py = x - cx, y - cy
-        if curves[i, 0] == 0.0:
-            ux, uy = float(curves[i, 3]), float(curves[i, 4])
-            s = min(max(px * ux + py * uy, 0.0), float(curves[i, 5]))
-            qx, qy, leftx, lefty = cx + s * ux, cy + s * uy, -uy, ux
-        else:
-            radius, begin, sweep = float(curves[i, 3]), float(curves[i, 4]), float(curves[i, 5])
-            middle, half = begin + 0.5 * sweep, 0.5 * abs(sweep)
-            angle = middle + min(max(wrapped(math.atan2(py, px) - middle), -half), half)
-            c, s = math.cos(angle), math.sin(angle)
-            inwards = math.copysign(1.0, sweep)
-            qx, qy, leftx, lefty = cx + radius * c, cy + radius * s, -inwards * c, -inwards * s
+        qx, qy, _, _, _, _ = foot_on(curves, i, x, y)
         gap = math.hypot(qx - x, qy - y)
         if gap < least:
-            least, fx, fy, nx, ny = gap, qx, qy, leftx, lefty
+            least, fx, fy = gap, qx, qy
     if least >= TOUCHING:
         side = 1.0 if solid else -1.0
         nx, ny = side * (fx - x) / least, side * (fy - y) / least
+    else:
+        nx, ny = outward(curves, x, y)
     return -least if solid else least, nx, ny
+
+
+def outward(curves: FloatArray, x: float, y: float) -> tuple[float, float]:
+    """The normal at a point of the surface: the bisector of the widest free sector there.
+
+    Sectors lie between the curves that meet in the point, one alone leaves half a turn. Along the
+    bisector of a sector phi the distance to what bounds it grows at the rate 1, or at sin(phi / 2)
+    where phi is below pi: no direction leads away faster.
+    """
+    widest, normal = -1.0, 0.0
+    for i in range(len(curves)):
+        qx, qy, ux, uy, goes_on, _ = foot_on(curves, i, x, y)
+        if goes_on and math.hypot(qx - x, qy - y) < TOUCHING:
+            # Free space begins to the left of a curve that leaves the point, and ends at the
+            # next one, counterclockwise, that comes to it.
+            begin, sector = math.atan2(uy, ux), 2.0 * math.pi
+            for k in range(len(curves)):
+                qx, qy, ux, uy, _, comes = foot_on(curves, k, x, y)
+                if comes and math.hypot(qx - x, qy - y) < TOUCHING:
+                    turn = (math.atan2(-uy, -ux) - begin) % (2.0 * math.pi)
+                    # Where surfaces are tangent, rounding must not make a full turn of nothing.
+                    sector = min(sector, turn if turn < 2.0 * math.pi - CUSP else 0.0)
+            if sector > widest + CUSP:
+                widest, normal = sector, begin + 0.5 * sector
+    return math.cos(normal), math.sin(normal)
+
+
+def foot_on(
+    curves: FloatArray, i: int, x: float, y: float
+) -> tuple[float, float, float, float, bool, bool]:
+    """The point of a curve nearest to (x, y), the curve's direction there, and whether it goes on
+    from there and comes from before.
+    """
+    cx, cy = float(curves[i, 1]), float(curves[i, 2])
+    px, py = x - cx, y - cy
+    if curves[i, 0] == 0.0:
+        ux, uy, length = float(curves[i, 3]), float(curves[i, 4]), float(curves[i, 5])
+        s = min(max(px * ux + py * uy, 0.0), length)
+        return cx + s * ux, cy + s * uy, ux, uy, length - s > TOUCHING, s > TOUCHING
+    radius, begin, sweep = float(curves[i, 3]), float(curves[i, 4]), float(curves[i, 5])
+    middle, half, turn = begin + 0.5 * sweep, 0.5 * abs(sweep), math.copysign(1.0, sweep)
+    off = min(max(wrapped(math.atan2(py, px) - middle), -half), half)
+    c, s = math.cos(middle + off), math.sin(middle + off)
+    is_closed = half > math.pi - CUSP
+    goes_on = is_closed or radius * (half - turn * off) > TOUCHING
+    comes = is_closed or radius * (half + turn * off) > TOUCHING
+    return cx + radius * c, cy + radius * s, -turn * s, turn * c, goes_on, comes
 
 
 def loop_cast(

@@ -31,6 +31,7 @@ from blocks.loops.wall_curves import (
 from blocks.loops.wall_fitter import ahead, between, copied, nearest_row, placed, shown, sound
 from blocks.offset import filleted, followed, onward, resampled, stretch
 from blocks.params import ParameterError, param
+from blocks.portable import product
 from blocks.signals import FloatArray, Path, PointCloud, Pose, PoseValue, Scalar, Scan
 from blocks.wall_curves import STEP, Curve, offset_pieces, wall_curves
 
@@ -257,7 +258,7 @@ class WallFitter(Block):
         c, s = math.cos(theta), math.sin(theta)
         mirror = -1.0 if self.side == "left" else 1.0
         turn = np.array([[c, s], [-mirror * s, mirror * c]])
-        return np.asarray(points @ turn + np.array((x, y)))
+        return np.asarray(product(points, turn) + np.array((x, y)))
 
     @kernel_of(output)
     def _output_kernel(

@@ -13,6 +13,7 @@ from blocks.curves import Curve, foot
 from blocks.fillet import deviation
 from blocks.level_set import kinks, level_set, loops, sampled
 from blocks.params import ParameterError
+from blocks.portable import directions
 from blocks.rays import to_circles, to_edges
 from blocks.signals import BoolArray, FloatArray
 from blocks.surfaces import TOUCHING, Edge, Nearest, Surfaces, as_arrays, from_surface
@@ -136,6 +137,9 @@ class World:
     def nearest(self, x: float, y: float) -> Nearest:
         """Signed distance to the nearest surface (m), and the unit normal that leads from there
         into free space: :meth:`distance` for one point, on plain floats.
+
+        Where several surfaces meet, the normal is the bisector of the widest free sector between
+        them, see :func:`blocks.surfaces.outward`.
         """
         square, bx, by, solid = math.inf, 0.0, 0.0, False
         for is_room, edges, _, _ in self._polygons:
@@ -169,7 +173,7 @@ class World:
         x, y : where the rays begin (m), in free space.
         angles : their directions (rad), (n,).
         """
-        units = np.stack((np.cos(angles), np.sin(angles)))
+        units = directions(angles).T
         ranges = np.full(units.shape[1], np.inf)
         if self._edge.shape[1]:
             ranges = to_edges(x, y, units, self._corner[..., 0], self._edge[..., 0])

@@ -17,6 +17,9 @@ from runtime import wall_metrics
 Checks = Iterable[tuple[str, str]]
 Form = Literal["number", "place", "columns"]
 
+# How long (s) a signal has to be within its band before the end of the run to have settled.
+HOLD = 1.0
+
 
 @dataclass(frozen=True)
 class Watched:
@@ -57,14 +60,16 @@ class Metric:
 
     def value(self, probes: Mapping[str, Series], world: World | None = None) -> float | None:
         """The metric's value; None where it has none (never settled, or not recorded)."""
-        series = {}
-        for role, name in self.inputs.items():
-            if name is None or name not in probes:
-                return None
-            series[role] = probes[name].after(float(self.options.get("after", 0.0)))
+        if any(name is None or name not in probes for name in self.inputs.values()):
+            return None
+        after = float(self.options.get("after", 0.0))
+        series = {role: probes[name].after(after) for role, name in self.inputs.items() if name}
         if any(not len(s.t) for s in series.values()):
             return None
         kind = KINDS[self.kind]
+        if "engaged" in series:
+            engaged = first_time({"of": series["engaged"]}, {})
+            series["of"] = series["of"].after(math.inf if engaged is None else engaged)
         if kind.in_world is None:
             number = kind.function(series, self.options)
         else:
@@ -85,13 +90,15 @@ class Metric:
 class Kind:
     """A kind of metric: its formula, the probes and the options that it takes.
 
-    ``form`` is what it measures: one number, a place (x and y first), or any columns.
+    ``optional`` are probes that it does without. ``form`` is what it measures: one number, a place
+    (x and y first), or any columns.
     ``in_world`` is a formula that needs the walls as well, in place of ``function``.
     """
 
     function: Callable[[Mapping[str, Series], Mapping[str, Any]], float | None]
     doc: str
     inputs: tuple[str, ...] = ("of",)
+    optional: tuple[str, ...] = ()
     options: tuple[str, ...] = ()
     required: tuple[str, ...] = ()
     forms: tuple[Form, ...] = ("number",)
@@ -99,7 +106,7 @@ class Kind:
 
     @property
     def keys(self) -> tuple[str, ...]:
-        return (*self.inputs, *self.options, "after", "below", "above")
+        return (*self.inputs, *self.optional, *self.options, "after", "below", "above")
 
     def check(
         self, options: Mapping[str, Any], watched: Mapping[str, Watched], has_world: bool = True
@@ -117,12 +124,15 @@ class Kind:
                 yield key, f"expected a number, got {show(options[key])}"
         if _is_number(options.get("after")) and options["after"] < 0.0:
             yield "after", f"expected a time from 0 s, got {options['after']:g}"
+        hold = options.get("hold")
+        if "hold" in self.options and hold is not None and (not _is_number(hold) or hold < 0.0):
+            yield "hold", f"expected a time from 0 s, got {show(hold)}"
         for key in self.required:
             if key not in options:
                 several = " or a list of numbers" if key in ("band", "q", "r") else ""
                 yield key, f"missing; expected a number{several}"
         for role, signal in watched.items():
-            said = self._misfit(signal)
+            said = self._misfit(role, signal)
             if said:
                 yield role, said
         if "band" in self.options and "band" in options:
@@ -130,9 +140,11 @@ class Kind:
         if "q" in self.options:
             yield from _check_weights(options, watched)
 
-    def _misfit(self, signal: Watched) -> str:
+    def _misfit(self, role: str, signal: Watched) -> str:
         if len(signal.shape) > 1:
             return "expected a scalar, a record or a vector, got a table"
+        if role in self.optional:
+            return "" if signal.width == 1 else "expected one column, as in explore.engaged"
         is_place = signal.width > 1 and signal.units[0] == signal.units[1] == "m"
         if "columns" in self.forms or ("place" in self.forms and is_place):
             return ""
@@ -204,16 +216,21 @@ def share_above(series: Mapping[str, Series], options: Mapping[str, Any]) -> flo
 
 
 def settling_time(series: Mapping[str, Series], options: Mapping[str, Any]) -> float | None:
-    """First time (s) from which every column stays within +-band to the end; None if never."""
+    """First time (s) from which every column stays within +-band to the end; None if never.
+
+    A band that is reached less than ``hold`` (s) before the last sample may be left after it: that
+    is not settled.
+    """
     s = series["of"]
     band = np.broadcast_to(
         np.atleast_1d(np.array(options["band"], dtype=float)), (1, *s.values.shape[1:])
     )
-    outside = np.abs(s.values) > band
+    outside = ~(np.abs(s.values) <= band)  # as is what is not a number
     late = np.flatnonzero(outside.reshape(len(s.t), -1).any(axis=1))
-    if not len(late):
-        return float(s.t[0])
-    return None if late[-1] + 1 == len(s.t) else float(s.t[late[-1] + 1])
+    first = int(late[-1]) + 1 if len(late) else 0
+    if first == len(s.t) or s.t[-1] - s.t[first] < float(options.get("hold", HOLD)) - 1e-9:
+        return None
+    return float(s.t[first])
 
 
 def path_length(series: Mapping[str, Series], options: Mapping[str, Any]) -> float:
@@ -240,14 +257,14 @@ def lqr_cost(series: Mapping[str, Series], options: Mapping[str, Any]) -> float:
     running = np.einsum("ki,ij,kj->", x[:-1], q, x[:-1]) + np.einsum(
         "ki,ij,kj->", u[:-1], r, u[:-1]
     )
-    return float(0.5 * (running + x[-1] @ q_final @ x[-1]))
+    return float(0.5 * (running + np.einsum("i,ij,j->", x[-1], q_final, x[-1])))
 
 
 KINDS: dict[str, Kind] = {
     "settling_time": Kind(
         settling_time,
-        "time from which all columns stay within +-band to the end (s); none if never",
-        options=("band",),
+        "time from which all columns stay within +-band to the end (s), for hold (1 s) at least",
+        options=("band", "hold"),
         required=("band",),
         forms=("columns",),
     ),
@@ -282,6 +299,7 @@ KINDS: dict[str, Kind] = {
         function.__name__: Kind(
             lambda s, o: None,
             (function.__doc__ or "").split(".")[0],
+            optional=("engaged",) if function is not wall_metrics.distance_floor else (),
             options=("distance", *more),
             required=("distance", *more),
             forms=("place",),

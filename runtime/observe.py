@@ -289,8 +289,14 @@ class _Reader:
         if declared is None or not kind:
             return
         inputs = {key: self.measured(node, key, keys, address) for key in declared.inputs}
+        for key in declared.optional:
+            found = self.measured(node, key, keys, address) if node.get(key) else None
+            if found is not None:
+                inputs[key] = found
         options: dict[str, Any] = {
-            key: item.plain() for key, item in node.items() if key not in ("kind", *declared.inputs)
+            key: item.plain()
+            for key, item in node.items()
+            if key not in ("kind", *declared.inputs, *declared.optional)
         }
         probes = {key: self.seen.probes[p] for key, p in inputs.items() if p is not None}
         watched = {

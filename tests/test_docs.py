@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -37,12 +39,42 @@ def test_the_readme_graph_runs_and_settles(written: Path) -> None:
     assert result.metrics["settled_at"] is not None
 
 
+def ablated(written: Path, *arguments: str) -> dict[str, dict[str, Any]]:
+    """The table of an ablation of the README's graph, by variant."""
+    script = "from runtime.cli import main\nif __name__ == '__main__':\n    main()\n"
+    (written.parent / "command.py").write_text(script, encoding="utf-8")
+    found = subprocess.run(
+        [sys.executable, "command.py", "ablate", written.name, *arguments, "--json"],
+        cwd=written.parent,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    lines = json.loads(found.stdout)["table"]
+    return {line["variant"]: line for line in lines if line["metric"] == "settled_at"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "runs"),
+    [
+        (["--seeds", "0,7,13", "--without", "adaptive"], 3),
+        pytest.param(["--seeds", "0..19"], 20, marks=pytest.mark.slow),
+    ],
+)
+def test_the_readme_graph_earns_its_network(written: Path, arguments: list[str], runs: int) -> None:
+    """With its network the robot settles with every seed, and without it with none."""
+    settled = ablated(written, *arguments)
+    assert settled["baseline"]["n"] == settled["baseline"]["runs"] == runs
+    assert settled["without adaptive"]["runs"] == runs
+    assert settled["without adaptive"]["n"] == 0
+
+
 def test_the_readme_ablations_run(written: Path) -> None:
     graph = runtime.load(written).set("run.until", 0.05)
     for variant in (
         graph.without("adaptive"),
         graph.bypass("limit", "fault"),
-        graph.wire("snn.error", "error.lateral"),
+        graph.wire("snn.error", "error.heading"),
         graph.set("lqr.q", [1, 1, 1]),
     ):
         assert variant.run(seed=3).status == "complete"
@@ -54,7 +86,7 @@ def test_the_readme_errors_are_real(written: Path, monkeypatch: pytest.MonkeyPat
         "error:    {pose: plant.pose", "error:    {pose: plant.pos"
     )
     broken = broken.replace(
-        "snn:      {input: error.heading, error: error.heading}", "snn:      {input: error.heading}"
+        "snn:      {input: error.heading, error: error.lateral}", "snn:      {input: error.heading}"
     )
     written.write_text(broken, encoding="utf-8")
     monkeypatch.chdir(written.parent)

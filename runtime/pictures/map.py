@@ -134,8 +134,9 @@ def draw_wall_distance(figure: Figure, plot: PlotSpec, result: Result) -> Axes:
     error = 1e3 * (np.abs(world.distance(xy)) - d)
     axes.axhline(0.0, color="0.4", linewidth=0.8, linestyle=(0, (4, 2.5)), zorder=1.5)
     axes.plot(recorded.t, error, color=walls.WAY, label="error", zorder=2.5)
-    _limit(axes, world, xy, error, d)
     since = walls.engagement(plot, result)
+    following = recorded.t >= (since or 0.0) - 1e-9
+    _limit(axes, world, xy[following], error[following], d)
     _shade(axes, world, xy, recorded.t, since or 0.0)
     if since is not None:
         axes.axvline(

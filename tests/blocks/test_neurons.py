@@ -232,7 +232,14 @@ def test_rates_and_weights_equal_nengo() -> None:
     result = graph.probe("snn.rates").probe("snn.weights").run()
     rates, weights = rates_of_nengo(fixed, 2.0)
     assert rates.max() > 100.0
-    np.testing.assert_allclose(result["snn.rates"], rates, rtol=1e-12, atol=1e-12)
+    # Encoders and input are multiplied in another order than BLAS's, and a rounding of J moves the
+    # rate by |dr/dJ| = tau_rc r^2 / (J (J - 1)); 1 / (J - 1) = expm1((1 / r - tau_ref) / tau_rc).
+    fires = rates > 0.0
+    off = np.abs(result["snn.rates"] - rates)
+    r = rates[fires]
+    slope = 0.02 * r**2 * np.expm1((1.0 / r - 0.002) / 0.02)
+    assert (off[fires] <= 1e-12 * r + 1e-15 * slope).all()
+    assert not off[~fires].any()
     assert np.abs(weights).max() > 1e-5
     np.testing.assert_allclose(result["snn.weights"], weights, rtol=0.0, atol=1e-12)
 

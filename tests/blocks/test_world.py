@@ -11,6 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from blocks.signals import FloatArray
+from blocks.surfaces import loop_nearest
 from blocks.world import World
 from tests.blocks.worlds import OVERLAPPING, SHIPPED, SQUARE, brute_distance, is_free, worlds
 
@@ -78,17 +79,57 @@ def test_nearest_is_distance_and_leads_to_the_surface(world: World, seed: int) -
 @given(worlds(), seeds)
 def test_on_a_surface_the_normal_leads_into_free_space(world: World, seed: int) -> None:
     points = scattered(seed, 30)
-    polygons = [world.description.get("room", []), *world.description.get("obstacles", [])]
-    corners = [corner for polygon in polygons for corner in polygon]
     for x, y in points[world.distance(points) > 0.01].tolist():
         distance, nx, ny = world.nearest(x, y)
         x, y = x - distance * nx, y - distance * ny
         distance, nx, ny = world.nearest(x, y)
         assert distance == pytest.approx(0.0, abs=1e-9)
-        # Where two corners touch, no direction leads away from both at full rate.
-        if sum(math.dist((x, y), corner) < 1e-3 for corner in corners) > 1:
-            continue
         assert world.nearest(x + 1e-6 * nx, y + 1e-6 * ny)[0] == pytest.approx(1e-6, abs=1e-9)
+
+
+# Wedges whose tips touch, one of them and a wall, and a disc that touches a wall and a tip.
+TOUCHING = {
+    "room": SQUARE,
+    "obstacles": [
+        [[0, 0], [-1, 1], [-1, -1]],
+        [[0, 0], [1, -0.2], [1, 1]],
+        [[0.5, -2], [0.8, -1.5], [0.2, -1.5]],
+    ],
+    "circles": [[-1.5, 1.5, 0.5], [-0.5, -1.5, 0.5]],
+}
+
+
+def corners_of(world: World) -> list[tuple[float, float]]:
+    polygons = [*([] if world.room is None else [world.room]), *world.obstacles]
+    return [(x, y) for polygon in polygons for x, y in polygon.tolist()]
+
+
+@pytest.mark.parametrize("description", [TOUCHING, *SHIPPED.values()])
+def test_the_normal_of_a_corner_leads_away_as_fast_as_any_direction(
+    description: dict[str, Any],
+) -> None:
+    check_corners(World(description))
+
+
+@settings(deadline=None)
+@given(worlds())
+def test_the_normal_of_any_corner_leads_away_as_fast_as_any_direction(world: World) -> None:
+    check_corners(world)
+
+
+def check_corners(world: World) -> None:
+    step, ways = 1e-6, np.linspace(0.0, math.tau, 720, endpoint=False)
+    around = step * np.column_stack((np.cos(ways), np.sin(ways)))
+    surfaces = world.arrays
+    for x, y in corners_of(world):
+        distance, nx, ny = world.nearest(x, y)
+        if abs(distance) > 1e-12:
+            continue  # buried in another solid
+        assert math.hypot(nx, ny) == pytest.approx(1.0, abs=1e-12)
+        fastest = world.distance(np.add((x, y), around)).max() / step
+        found = world.distance(np.array([[x + step * nx, y + step * ny]]))[0] / step
+        assert found >= fastest - 1e-4
+        assert loop_nearest(surfaces, x, y) == (distance, nx, ny)
 
 
 @settings(deadline=None)

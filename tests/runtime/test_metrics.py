@@ -37,9 +37,33 @@ def test_settling_time_of_a_decay() -> None:
 
 def test_settling_time_is_the_last_entry_into_the_band() -> None:
     assert value("settling_time", [0, 5, 0, 5, 1, 1], np.arange(6.0), band=1) == 4.0
-    assert value("settling_time", [5, 5, 1], np.arange(3.0), band=1.0) == 2.0
+    assert value("settling_time", [5, 5, 1], np.arange(3.0), band=1.0, hold=0.0) == 2.0
     assert value("settling_time", [0, 0, 0], np.arange(3.0), band=0) == 0.0
     assert value("settling_time", [0, 0, 5], np.arange(3.0), band=1) is None
+
+
+def test_a_band_that_is_reached_at_the_very_end_is_not_settled() -> None:
+    """A sine of 1 rad/s passes the band of 0.1 about each zero for 0.2 s: that is no settling."""
+    sine = np.sin(T)
+    for end in range(2, len(T)):
+        assert value("settling_time", sine[50:end], T[50:end], band=0.1) is None
+    # 0.1 s of it is enough where that is asked for, and rounding of the times takes nothing.
+    ends = slice(0, int(np.searchsorted(T, math.pi)))
+    entered = T[np.searchsorted(T, math.pi - math.asin(0.1))]
+    asked = {"band": 0.1, "hold": T[ends][-1] - entered}
+    assert value("settling_time", sine[ends], T[ends], **asked) == pytest.approx(entered)
+    assert value("settling_time", sine[ends], T[ends], band=0.1, hold=0.12) is None
+
+
+@pytest.mark.parametrize("hold", [-1.0, math.inf, "long", [1.0]])
+def test_a_hold_is_a_time(hold: Any) -> None:
+    [(key, said)] = complaints("settling_time", {"band": 0.1, "hold": hold}, of=TWIST)
+    assert key == "hold" and said.startswith("expected a time from 0 s, got ")
+
+
+def test_what_is_not_a_number_is_outside_of_the_band() -> None:
+    assert value("settling_time", [0, 0, 0, math.nan], np.arange(4.0), band=1) is None
+    assert value("settling_time", [0, math.nan, 0, 0], np.arange(4.0), band=1) == 2.0
 
 
 def test_settling_time_of_columns_waits_for_the_slowest() -> None:
@@ -50,7 +74,7 @@ def test_settling_time_of_columns_waits_for_the_slowest() -> None:
 
 
 def test_settling_time_counts_from_after() -> None:
-    assert value("settling_time", [0, 0, 5, 0], np.arange(4.0), band=1, after=3.0) == 3.0
+    assert value("settling_time", [0, 0, 5, 0], np.arange(4.0), band=1, after=3.0, hold=0.0) == 3.0
 
 
 def test_share_above_a_level_of_a_sine() -> None:
@@ -125,7 +149,10 @@ def test_lqr_cost_of_single_columns() -> None:
 def test_settling_time_by_its_definition(values: list[float], band: float) -> None:
     t = np.arange(len(values), dtype=float)
     inside = [i for i in range(len(values)) if all(abs(v) <= band for v in values[i:])]
-    assert value("settling_time", values, t, band=band) == (inside[0] if inside else None)
+    first = inside[0] if inside else None
+    assert value("settling_time", values, t, band=band, hold=0.0) == first
+    kept = None if first is None or len(values) - 1 - first < 3 else first
+    assert value("settling_time", values, t, band=band, hold=3.0) == kept
 
 
 def test_after_cuts_all_signals() -> None:

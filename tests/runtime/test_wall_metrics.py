@@ -9,7 +9,7 @@ import pytest
 
 from blocks import World
 from runtime import wall_metrics
-from runtime.metrics import KINDS, Series
+from runtime.metrics import KINDS, Metric, Series
 
 D = 0.2
 POST = World({"circles": [[1.0, -1.0, 0.5]]})
@@ -99,3 +99,31 @@ def test_first_time() -> None:
     series = {"of": Series(np.arange(5) * 0.1, np.array([0.0, 0.2, 1.0, 0.0, 1.0]))}
     assert KINDS["first_time"].function(series, {}) == pytest.approx(0.2)
     assert KINDS["first_time"].function(series, {"level": 2.0}) is None
+
+
+@pytest.mark.parametrize("kind", ["distance_mae", "distance_mae_cylinders", "strayed", "loops"])
+def test_what_is_crossed_while_exploring_does_not_count(kind: str) -> None:
+    """A robot crosses the stand-off of one post on its way to another, which it follows."""
+    posts = World({"circles": [*POST.circles.tolist(), [10.0, -1.0, 0.5]]})
+    crossing = np.column_stack((np.linspace(2.5, 1.5 + D - 0.1, 60), np.full(60, -1.0)))
+    following = around(World({"circles": [[10.0, -1.0, 0.5]]}), 1.0, 0.0)[50:]
+    way = np.vstack((crossing, crossing[::-1], following))
+    t = 0.05 * np.arange(len(way))
+    engaged = (t >= t[len(way) - len(following)]).astype(float)
+    probes = {"pose": Series(t, way), "engaged": Series(t[::2], engaged[::2])}
+
+    def value(**inputs: str) -> float | None:
+        return Metric("m", kind, {"of": "pose"} | inputs, {"distance": D}).value(probes, posts)
+
+    found = value(engaged="engaged")
+    assert found is not None
+    if kind == "loops":
+        assert abs(found) == pytest.approx(1.0, abs=0.02)
+        assert abs(value() or 0.0) < 0.5
+    else:
+        # ``strayed`` looks at samples of the contour, 1 cm apart.
+        assert found == pytest.approx(0.0, abs=5.1e-3 if kind == "strayed" else 1e-3)
+        assert (value() or 0.0) > 10.0 * found
+
+    probes["engaged"] = Series(t, np.zeros(len(t)))
+    assert value(engaged="engaged") == (0.0 if kind == "loops" else None)
