@@ -14,16 +14,17 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
-from blocks.signals import FloatArray
+from blocks.signals import TYPES, FloatArray, SignalType, signal_type
 
 REQUIRED: Any = object()
-Kind = Literal["float", "int", "bool", "str", "array"]
+Kind = Literal["float", "int", "bool", "str", "array", "signal"]
 KINDS: dict[object, Kind] = {
     float: "float",
     int: "int",
     bool: "bool",
     str: "str",
     FloatArray: "array",
+    SignalType: "signal",
 }
 Shape = tuple[int | str | None, ...]
 
@@ -74,6 +75,7 @@ class Param:
                 "int": "an integer",
                 "bool": "true or false",
                 "str": "a text",
+                "signal": "a signal type such as Scalar, Pose or Vector(3)",
             }[self.kind]
         bounds = [
             f"{word} {value:g}"
@@ -102,7 +104,9 @@ class Param:
             return None
         try:
             converted = _CONVERT[self.kind](value)
-        except (TypeError, ValueError, OverflowError):
+        except (TypeError, ValueError, OverflowError) as error:
+            if self.kind == "signal" and isinstance(value, str):
+                raise ValueError(f"{error}{hint(value, TYPES)}") from None
             raise ValueError(f"expected {self.describe()}, got {show(value)}") from None
         if self.choices and converted not in self.choices:
             raise ValueError(
@@ -187,6 +191,15 @@ def param(
     )
 
 
+def plain(value: Any) -> Any:
+    """A parameter's value as graphs write it; a signal type of one's own stays what it is."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, SignalType) and TYPES.get(value.name) == value.sized(None):
+        return value.name if value.symbol else str(value)
+    return value
+
+
 def show(value: Any) -> str:
     """A value as an error message quotes it: what kind of thing it is, shortened."""
     if value is None:
@@ -246,6 +259,10 @@ def _str(value: Any) -> str:
     return value
 
 
+def _signal(value: Any) -> SignalType:
+    return value if isinstance(value, SignalType) else signal_type(_str(value))
+
+
 def _array(value: Any) -> FloatArray:
     if isinstance(value, np.ndarray):
         if value.dtype.kind not in "fiu":
@@ -259,4 +276,11 @@ def _array(value: Any) -> FloatArray:
     return np.array(rows, dtype=float)
 
 
-_CONVERT = {"float": _float, "int": _int, "bool": _bool, "str": _str, "array": _array}
+_CONVERT = {
+    "float": _float,
+    "int": _int,
+    "bool": _bool,
+    "str": _str,
+    "array": _array,
+    "signal": _signal,
+}

@@ -6,23 +6,29 @@ import inspect
 import types
 import typing
 from collections.abc import Container, Iterator, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from blocks.declarations import BlockSpec, DeclarationError, Evaluation, Input, Output, State
-from blocks.params import KINDS, Kind, Param, hint
+from blocks.params import KINDS, Kind, Param, hint, param
 from blocks.signals import Same, SignalType
 
 if TYPE_CHECKING:
     from blocks.block import Block
 
 RESERVED_PARAMETERS = ("type", "module", "dt")
+STATED = "_signal"
 RESERVED_STATES = ("setting", "dt", "seed", "rng")
 
 
-def read_declarations(cls: type[Block], own_sizes: bool = False) -> BlockSpec:
+def read_declarations(
+    cls: type[Block], own_sizes: bool = False, own_variables: bool = False
+) -> BlockSpec:
     """Collect ports, states and parameters of a class, inherited ones first.
 
-    ``own_sizes`` says that the class gives lengths beyond those of its integer parameters.
+    ``own_sizes`` says that the class gives lengths beyond those of its integer parameters,
+    ``own_variables`` that it settles its type variables itself. Every other block with one type
+    variable has a parameter ``signal`` that states the type where wires do not tell it.
 
     Raises
     ------
@@ -52,10 +58,23 @@ def read_declarations(cls: type[Block], own_sizes: bool = False) -> BlockSpec:
         if getattr(cls, "update", None) is None
         else Evaluation("update", _needs(cls, "update", {**inputs, **outputs})),
     )
+    if spec.generic and not own_variables and "signal" not in spec.params:
+        spec = replace(
+            spec,
+            params={**spec.params, "signal": _signal_param()},
+            attributes={**attributes, "signal": STATED},
+        )
     _check_ports(cls, spec)
     _check_states(cls, spec, own_sizes)
     _check_defaults(cls, spec)
     return spec
+
+
+def _signal_param() -> Param:
+    declared: Param = param(
+        None, doc="the signal type, where nothing typed is wired: Scalar, Pose, Vector(3), ..."
+    )
+    return declared.bound("signal", "signal")
 
 
 def _declared(cls: type, kinds: Container[type]) -> Iterator[tuple[str, Any]]:

@@ -168,7 +168,10 @@ class Engine:
             **dict(
                 zip(
                     GLOBALS,
-                    (math.isfinite, math.isnan, np.dot, np.array, self._checked, self.not_finite),
+                    (
+                        *(math.isfinite, math.isnan, np.dot, np.array, np.full),
+                        *(self._checked, self.not_finite),
+                    ),
                     strict=True,
                 )
             ),

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from blocks.block import Block
 from blocks.registry import BUILTIN
+from blocks.signals import SignalType
 from runtime.build import build
 from runtime.document import Node, dump_yaml, from_python
 from runtime.edits import add_names, set_entry, set_wire
@@ -45,6 +46,7 @@ class Graph:
         run = {"dt": dt, "until": until, "seed": seed}
         self._document = from_python({"graph": title, "run": run, "blocks": {}})
         self._classes: dict[str, type[Block]] = {}
+        self._kinds: dict[str, SignalType] = {}
         self.source: Path | None = None
         self.overrides: tuple[str, ...] = ()
         self.notes: tuple[str, ...] = ()
@@ -60,6 +62,7 @@ class Graph:
         graph = cls.__new__(cls)
         graph._document = document
         graph._classes = dict(classes or {})
+        graph._kinds = {}
         graph.source = source
         graph.overrides = overrides
         graph.notes = ()
@@ -68,6 +71,7 @@ class Graph:
     def _changed(self, document: Node, *overrides: str) -> Graph:
         changed = Graph._of(document, self._classes, self.source, (*self.overrides, *overrides))
         changed.notes = self.notes
+        changed._kinds = dict(self._kinds)
         return changed
 
     @property
@@ -87,7 +91,7 @@ class Graph:
         ------
         GraphError : listing all that is wrong.
         """
-        return build(self._document, self._classes)
+        return build(self._document, self._classes, self._kinds)
 
     def program(self, plots: Container[str] | None = None, profiled: bool = False) -> Program:
         """What runs of this graph share, whatever their seeds.
@@ -132,7 +136,10 @@ class Graph:
             self._classes[kind.__name__] = kind
         if dt is not None:
             entry["dt"] = dt
-        entry.update(block.parameters())
+        for key, value in block.parameters().items():
+            if isinstance(value, SignalType):
+                self._kinds[value.name] = value.sized(None)
+            entry[key] = str(value) if isinstance(value, SignalType) else value
         blocks = self._document.get("blocks") or Node({})
         return self._edit(
             self._document.with_item("blocks", blocks.with_item(name, from_python(entry)))

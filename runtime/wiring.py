@@ -33,7 +33,9 @@ class Wiring:
             for name, node in scope.outputs.items():
                 self.check_source(scope, node, scope.path("outputs", name))
             for name, node in scope.inputs.items():
-                kind = part_input(node, scope.path("inputs", name), self.problems)
+                kind = part_input(
+                    node, scope.path("inputs", name), self.problems, self.network.kinds
+                )
                 if kind is not None and not kind.symbol:
                     self.network.declared[scope.prefix + name] = kind
             for consumer, ports in scope.wires.items():

@@ -311,7 +311,8 @@ CASES = {
     ],
     "open type": [
         ("  plant: {type", "  lone: {type: Sum}\n  plant: {type"),
-        "g.yaml:9:3: the signal type of 'lone.terms' is open; wire a typed signal to it",
+        "g.yaml:9:3: the signal type of 'lone.terms' is open; wire a typed signal to it, or write "
+        "its type, as in 'signal: Scalar'",
     ],
     "loop": [
         ("[lqr.command, match", "[total.out, match"),
