@@ -156,7 +156,7 @@ def _add_block(
         mend = hint(key, known) or f"; it has {', '.join(known) or 'none'}"
         if key == "graph":
             mend = "; parts are read with the file that names them"
-        problems.add(values[key].key, f"{address}.{key}", f"unknown parameter{mend}")
+        problems.add(values[key].key, f"{address}.{key}", f"unknown parameter{mend}", True)
     block: Block | None = None
     try:
         made = cls(**_given(network, {k: item for k, item in values.items() if k in known}, cls))

@@ -161,3 +161,45 @@ def test_a_type_of_ones_own_in_python() -> None:
     np.testing.assert_array_equal(
         graph.probe("memory.out").run()["memory_out"], [[0, 0], [3, 4], [3, 4]]
     )
+
+
+UNKNOWN = {
+    "without": (lambda g: g.without("gian"), "without[0]: there is no block 'gian'"),
+    "bypass": (lambda g: g.bypass("d", "gian"), "bypass[1]: there is no block 'gian'"),
+    "replace": (lambda g: g.replace("gian", "Sum"), "there is no block 'gian'"),
+    "input": (lambda g: g.wire("gain.inptu", "d.out"), "'gain' has no input 'inptu'"),
+    "consumer": (lambda g: g.wire("gian.input", "d.out"), "there is no block 'gian'"),
+    "output": (lambda g: g.wire("gain.input", "d.otu"), "'d' has no output 'otu'"),
+    "parameter": (lambda g: g.set("gain.gian", 1), "blocks.gain.gian: unknown parameter"),
+    "run": (lambda g: g.set("run.untli", 1), "run.untli: unknown key"),
+}
+
+
+@pytest.mark.parametrize(("change", "said"), UNKNOWN.values(), ids=UNKNOWN.keys())
+def test_a_change_in_python_refuses_an_unknown_name_at_once(change: Any, said: str) -> None:
+    blocks = {"d": LOOP["blocks"]["d"], "gain": LOOP["blocks"]["g"]}
+    wires = {"gain": {"input": "d.out"}}
+    graph = runtime.load({"run": {"until": 1}, "blocks": blocks, "wires": wires})
+    with pytest.raises(GraphError) as caught:
+        change(graph)
+    [line] = str(caught.value).splitlines()
+    assert said in line and ("did you mean" in line)
+
+
+def test_changes_in_steps_are_not_refused_halfway() -> None:
+    """What a later change puts right is no unknown name: a sign before its term, for one."""
+    plain = {
+        "blocks": {"c": {"type": "Constant", "value": 1}, "s": {"type": "Sum", "signs": [1]}},
+        "wires": {"s": {"terms": ["c.value"]}},
+        "probes": {"s": "s.out"},
+        "run": {"until": 0.001},
+    }
+    graph = runtime.load(plain).set("s.signs", [1, -1])
+    assert graph.wire("s.terms", ["c.value", "c.value"]).run()["s"].tolist() == [0.0]
+
+
+def test_what_shows_a_graph_never_raises() -> None:
+    for wrong in ({"blocks": {"g": {"type": "Nope"}}}, {"blocks": 3, "graph": [1]}, {}):
+        graph = runtime.load(wrong)
+        assert graph._repr_svg_() is None
+        assert repr(graph).startswith("<Graph")
