@@ -114,11 +114,12 @@ class Gain(Block):
 
         input ─▶ [ Gain ] ─▶ out
 
-    out = gain * input, each component.
+    out = gain * input, each component. The gain may have a unit, so that of ``out`` is free: a
+    Gain lets signals of different units meet on purpose.
     """
 
     signal = Input(Same("T"), name="input", doc="what to scale")
-    out = Output(Same("T"), through="input", doc="gain times input")
+    out = Output(Same("T", own_unit=True), through="input", doc="gain times input")
 
     gain: float = param(doc="the factor")
 

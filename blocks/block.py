@@ -23,7 +23,7 @@ made: all that moves lives in the :class:`BlockState` that the engine owns.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -168,6 +168,18 @@ class Block:
 
     def start(self, state: BlockState) -> None:
         """Fill the state, which is all zeros, before the first tick."""
+
+    def watch(self, state: BlockState) -> float:
+        """A size that :meth:`diagnose` is shown, as it was at eight even moments of a run."""
+        return 0.0
+
+    def diagnose(self, state: BlockState, ticks: int, watched: tuple[float, ...]) -> Iterable[str]:
+        """What looks wrong after a run, one text with its number for each; called once.
+
+        ``state`` is as the run left it, ``ticks`` are those of this block, and ``watched`` are
+        the values of :meth:`watch`, fewer than eight if the run broke off.
+        """
+        return ()
 
     @property
     def variables(self) -> dict[str, SignalType]:

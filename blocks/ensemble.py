@@ -85,6 +85,14 @@ class LearningEnsemble(Learner):
         state.scratch, state.rows = np.empty(n), tuple(state.weights)
         state.encoder_rows = np.ascontiguousarray(state.scaled_encoders.T)
 
+    def watch(self, state: BlockState) -> float:
+        """The size of the weights."""
+        return float(np.linalg.norm(state.weights))
+
+    def gain_of_a_step(self, state: BlockState) -> float:
+        """gamma times the squared size of the activity."""
+        return float(state.gamma * np.square(state.activity).sum())
+
     def output(self, state: BlockState, t: float) -> FloatArray:
         decoded: FloatArray = state.weights.dot(state.activity)
         return decoded.clip(-self.limit, self.limit) if state.is_limited else decoded

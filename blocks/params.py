@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import difflib
 import numbers
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal, cast
 
@@ -62,13 +62,19 @@ class Param:
     def required(self) -> bool:
         return self.default is REQUIRED
 
-    def describe(self) -> str:
-        """What a value must be, in words: ``a number above 0 rad/s``."""
+    def describe(self, sizes: Mapping[str, int] | None = None) -> str:
+        """What a value must be, in words: ``a number above 0 rad/s``.
+
+        ``sizes`` are those of the symbols in its shapes, as far as they are known.
+        """
         if self.choices:
             return "one of " + ", ".join(self.choices)
         if self.kind == "array":
-            size = " or ".join("x".join(str(d or "n") for d in s) for s in self.shapes)
+            known: dict[Any, Any] = dict(sizes or {})
+            shapes = ["x".join(str(known.get(d, d or "n")) for d in s) for s in self.shapes if s]
+            size = " or ".join(shapes)
             noun = f"an array of {size} numbers" if size else "an array of numbers"
+            noun = f"a number or {noun}" if () in self.shapes else noun
         else:
             noun = {
                 "float": "a number",
@@ -174,7 +180,7 @@ def param(
     """
     shapes: tuple[Shape, ...] = ()
     if shape:
-        nested = isinstance(shape[0], tuple)
+        nested = isinstance(shape, list) or isinstance(shape[0], tuple)
         shapes = cast("tuple[Shape, ...]", tuple(shape) if nested else (tuple(shape),))
     return Param(
         default=default,

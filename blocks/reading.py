@@ -66,8 +66,26 @@ def read_declarations(
         )
     _check_ports(cls, spec)
     _check_states(cls, spec, own_sizes)
-    _check_defaults(cls, spec)
+    _check_defaults(cls, spec.params)
     return spec
+
+
+def read_params(cls: type) -> dict[str, Param]:
+    """The parameters that any class declares, inherited ones first.
+
+    Raises
+    ------
+    DeclarationError : at the first contradiction.
+    """
+    hints = _annotations(cls)
+    found = {
+        declared.name or attribute: declared.bound(
+            attribute, _kind(cls, attribute, hints.get(attribute))
+        )
+        for attribute, declared in _declared(cls, (Param,))
+    }
+    _check_defaults(cls, found)
+    return found
 
 
 def _signal_param() -> Param:
@@ -184,8 +202,8 @@ def _check_states(cls: type, spec: BlockSpec, own_sizes: bool) -> None:
             )
 
 
-def _check_defaults(cls: type, spec: BlockSpec) -> None:
-    for name, declared in spec.params.items():
+def _check_defaults(cls: type, params: Mapping[str, Param]) -> None:
+    for name, declared in params.items():
         if declared.required:
             continue
         try:

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -131,9 +131,13 @@ class SignalType:
 
 @dataclass(frozen=True)
 class Same:
-    """A type variable: every port of a block that says ``Same("T")`` has one common type."""
+    """A type variable: every port of a block that says ``Same("T")`` has one common type.
+
+    They have one common unit as well, but for those with ``own_unit``, such as a Gain's output.
+    """
 
     variable: str = "T"
+    own_unit: bool = field(default=False, compare=False)
 
     def __str__(self) -> str:
         return f"any type {self.variable}"

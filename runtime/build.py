@@ -24,6 +24,7 @@ from runtime.run_section import MAX_TICKS, read_run, seconds
 from runtime.scope import Scope, expand
 from runtime.sections import meant, section
 from runtime.signals import MAX_BYTES, whole_shape
+from runtime.units import check_units
 from runtime.unwired import report_unwired
 from runtime.wiring import Wiring
 
@@ -59,6 +60,8 @@ def build(
     wiring.resolve()
     remove(network, document, problems)
     infer_types(network, problems)
+    if not problems.found:
+        check_units(network, problems)
     report_unwired(network, wiring, problems)
     if not problems.found:
         report_open(network, problems)

@@ -86,7 +86,7 @@ class _Reader:
         self.problems = problems
         # A world that is there but wrong is reported once, where it stands.
         self.has_world = (network.document.get("world") or Node(None)).value is not None
-        self.seen = Observation()
+        self.seen = Observation(notes=list(network.notes))
         self.declared: set[str] = set()
         self.unread: set[str] = set()
         self.places: dict[str, tuple[Where, str]] = {}
