@@ -73,7 +73,7 @@ class MujocoVacuum(Block):
     contact = Output(Scalar, unit="N", doc="normal force on the hull, mean over the last step")
     tilt = Output(Scalar, unit="rad", doc="angle between the body's axis and the vertical")
 
-    x0: FloatArray = param((0.0, 0.0, 0.0), shape=(3,), doc="initial pose: m, m, rad")
+    x0: FloatArray = param((0.0, 0.0, 0.0), shape=(3,), unit="m, m, rad", doc="initial pose")
     body_radius: float = param(
         0.17, name="hull_radius", unit="m", above=0.0, doc="radius of the hull"
     )

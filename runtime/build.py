@@ -9,7 +9,7 @@ from typing import Any
 
 from blocks.block import Block
 from blocks.extras import MissingExtraError as MissingPackageError
-from blocks.params import ParameterError, hint
+from blocks.params import ParameterError, beyond_a_turn, hint
 from blocks.signals import TYPES, SignalType, signal_type
 from blocks.world import World
 from runtime.addresses import Endpoint
@@ -165,6 +165,7 @@ def _add_block(
         made = cls(**_given(network, {k: item for k, item in values.items() if k in known}, cls))
         dict(made.variables), dict(made.sizes())
         block = made
+        network.notes += _turned(cls, address, values)
     except ParameterError as error:
         misspelt = {meant(key, known) for key in unknown}
         for parameter, text in error.problems:
@@ -194,6 +195,18 @@ def _given(network: Network, values: Mapping[str, Node], cls: type[Block]) -> di
                 near = hint(value, [*network.kinds, *TYPES])
                 raise ParameterError([(key, f"{error}{near}")]) from None
     return plain
+
+
+def _turned(cls: type[Block], address: str, values: Mapping[str, Node]) -> list[str]:
+    """Angles of more than a turn, which are most often degrees."""
+    notes = []
+    for name, node in values.items():
+        if name not in cls.spec.params:
+            continue  # reported with the block
+        for number in beyond_a_turn(node.plain(), cls.spec.params[name].units):
+            said = f"{number:g} rad is {math.degrees(number):.5g} degrees"
+            notes.append(f"{address}.{name}: {said}; if degrees are meant, write {number:g}deg")
+    return notes
 
 
 def _failed(cls: type[Block], error: Exception) -> str:

@@ -57,9 +57,10 @@ class Kind:
     """A kind of metric: its formula, the probes and the options that it takes.
 
     ``options`` declares the options; shapes in it may name the roles in ``inputs``, which stand
-    for the number of columns of that signal. ``forms`` is what it measures: one number, a place
-    (x and y first), or any columns. ``in_world`` is a formula that needs the walls as well, in
-    place of ``function``. ``agrees`` checks what no declaration can say.
+    for the number of columns of that signal, or ``columns`` for those of ``of``. ``forms`` is
+    what it measures: one number, a place (x and y first), or any columns. ``in_world`` is a
+    formula that needs the walls as well, in place of ``function``. ``agrees`` checks what no
+    declaration can say.
     """
 
     function: Callable[[Mapping[str, Series], Mapping[str, Any]], float | None]
@@ -93,7 +94,10 @@ class Kind:
         """Everything wrong with a metric's options and signals, as (key, text)."""
         if self.in_world is not None and not has_world:
             yield "kind", "needs a world, as in 'world: worlds/paper_room.yaml'"
-        faults = dict(self.options.check(options, {role: w.width for role, w in watched.items()}))
+        sizes = {role: signal.width for role, signal in watched.items()}
+        if "of" in sizes:
+            sizes["columns"] = sizes["of"]
+        faults = dict(self.options.check(options, sizes))
         yield from faults.items()
         for role, signal in watched.items():
             said = self._misfit(signal)

@@ -58,7 +58,9 @@ class Band(Common):
     """What a signal settles to."""
 
     band: FloatArray = param(
-        at_least=0.0, shape=[(), ("of",)], doc="largest size that counts as settled, or per column"
+        at_least=0.0,
+        shape=[(), ("columns",)],
+        doc="largest size that is settled, or per column",
     )
 
 

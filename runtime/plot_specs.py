@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from blocks.options import Options
-from blocks.params import param, show
+from blocks.params import param, plain, show
 from blocks.signals import FloatArray
 from runtime.network import Network
 from runtime.signals import Probe
@@ -99,6 +99,15 @@ def check_options(kind: str, options: Mapping[str, Any], has_world: bool) -> Che
     yield from faults.items()
     if not faults:
         yield from declared.agrees(options)
+
+
+def used_options(kind: str, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Declared options as numbers, whatever they are written as; none where one is wrong."""
+    declared = KINDS[kind].options
+    if dict(declared.check(options)):
+        return {}
+    read = declared.read(options)
+    return {key: plain(read[key]) for key in options if key in read}
 
 
 def source_options(kind: str, probes: Sequence[Probe], network: Network) -> dict[str, Any]:

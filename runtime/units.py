@@ -11,9 +11,12 @@ from runtime.addresses import Endpoint
 from runtime.errors import Problems
 from runtime.network import Network, Wire
 
+MEANT = "; where that is meant, a Gain on this wire gives it another unit"
+
 
 def check_units(network: Network, problems: Problems) -> None:
-    """Report wires whose unit differs from what their input, or another wire beside it, has.
+    """Report wires that are joined with one of another unit, and note those that differ from
+    what the input itself declares: a block may well take its factor as 1.
 
     Units are known where a port declares one and where a record's component has one. A generic
     block hands on the unit of what is wired to it, but for outputs in a unit of their own
@@ -53,16 +56,14 @@ class _Units:
             known = [(wire, unit) for wire in wires if (unit := self.of(wire.source))]
             for wire, unit in known[1:]:
                 first, wanted = known[0]
-                said = f"expected {wanted} as '{first.said}' has, got {unit}"
-                self.compare(wire, unit, wanted, said)
+                if differ(unit, wanted):
+                    said = f"expected {wanted} as '{first.said}' has, got {unit} from '{wire.said}'"
+                    self.problems.add(wire.where, wire.address, said + MEANT)
         for wire in self.network.wires:
             wanted, unit = self.port(wire).unit, self.of(wire.source)
-            self.compare(wire, unit, wanted, f"expected {wanted}, got {unit}")
-
-    def compare(self, wire: Wire, unit: str, wanted: str, said: str) -> None:
-        if differ(unit, wanted):
-            mend = "; where that is meant, a Gain on this wire gives it another unit"
-            self.problems.add(wire.where, wire.address, f"{said} from '{wire.said}'{mend}")
+            if differ(unit, wanted):
+                said = f"{wire.address}: expected {wanted}, got {unit} from '{wire.said}'{MEANT}"
+                self.network.notes.append(said)
 
     def of(self, end: Endpoint) -> str:
         """The unit of what comes from an address; '' if it is not known or differs by component."""

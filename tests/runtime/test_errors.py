@@ -401,7 +401,7 @@ CASES = {
     "metric's option": [
         "metrics: {m: {kind: settling_time, of: pose}}\n",
         "g.yaml:18:11: metrics.m.band: missing; expected a number or an array of 3 numbers at "
-        "least 0: largest size that counts as settled, or per column",
+        "least 0: largest size that is settled, or per column",
     ],
     "metric's option misspelt": [
         "metrics: {m: {kind: settling_time, of: pose, bnd: 1}}\n",

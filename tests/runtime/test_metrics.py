@@ -214,7 +214,7 @@ def test_a_band_has_one_number_per_column() -> None:
         (
             "band",
             "missing; expected a number or an array of 3 numbers at least 0: "
-            "largest size that counts as settled, or per column",
+            "largest size that is settled, or per column",
         )
     ]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 from pathlib import Path
 from typing import Any
 
@@ -203,3 +204,30 @@ def test_what_shows_a_graph_never_raises() -> None:
         graph = runtime.load(wrong)
         assert graph._repr_svg_() is None
         assert repr(graph).startswith("<Graph")
+
+
+def test_hints_among_many_names_compare_few_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Counted, not timed: 300 misspelt wires among 300 blocks are no 90,000 comparisons."""
+    from blocks import params
+
+    compared = []
+
+    def counting(word: str, possibilities: Any, **options: Any) -> list[str]:
+        listed = list(possibilities)
+        compared.append(len(listed))
+        return difflib.get_close_matches(word, listed, **options)
+
+    class Counting:
+        get_close_matches = staticmethod(counting)
+
+    monkeypatch.setattr(params, "difflib", Counting)
+    names = [f"controller_{i:03d}" for i in range(300)]
+    entry = {"type": "Gain", "gain": 1, "signal": "Scalar"}
+    plain = {
+        "blocks": dict.fromkeys(names, entry),
+        "wires": {name: {"input": f"{name.replace('con', 'cno')}.out"} for name in names},
+    }
+    found = messages(runtime.load(plain))
+    assert len(found) == 300 and all("did you mean 'controller_" in line for line in found)
+    assert "'cnotroller_123'" in found[123] and "did you mean 'controller_123'?" in found[123]
+    assert max(compared) <= params.MANY_NAMES

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 import blocks
@@ -98,8 +100,58 @@ def test_unknown_units_pass() -> None:
     assert made.add("c", blocks.Constant(value=1)).connect("c.value", "sum.terms").check()
 
 
-def test_an_input_that_declares_a_unit() -> None:
-    made = graph().add("mux", blocks.Mux()).connect("meter.rate", "mux.omega").check()
-    assert refused(made.connect("meter.angle", "mux.v")).startswith(
-        "set wires.mux.v: wires.mux.v: expected m/s, got rad from 'meter.angle'"
-    )
+def test_an_input_that_declares_a_unit_says_so_in_a_note() -> None:
+    """Refused it is not: a controller that takes its gain as 1 is a block like any other."""
+    made = graph().add("mux", blocks.Mux()).connect("meter.rate", "mux.omega")
+    assert made.run().notes == []
+    assert made.connect("meter.angle", "mux.v").run().notes == [
+        "wires.mux.v: expected m/s, got rad from 'meter.angle'; where that is meant, a Gain on "
+        "this wire gives it another unit"
+    ]
+
+
+def turned(*pose: object) -> runtime.Graph:
+    plain = {
+        "run": {"dt": 0.1, "until": 0.1},
+        "blocks": {
+            "go": {"type": "Constant", "value": [0, 0], "signal": "Twist"},
+            "plant": {"type": "DifferentialDrive", "x0": list(pose)},
+        },
+        "wires": {"plant": {"command": "go.value"}},
+        "probes": {"pose": "plant.pose"},
+    }
+    return runtime.load(plain)
+
+
+@pytest.mark.parametrize(
+    ("text", "degrees"), [("90deg", 90.0), ("-22.5 deg", -22.5), ("1e1deg", 10.0)]
+)
+def test_degrees_may_be_written_where_radians_are_asked_for(text: str, degrees: float) -> None:
+    result = turned(0, 1.5, text).run()
+    assert result["pose"][0].tolist() == [0.0, 1.5, math.radians(degrees)]
+    assert result.notes == []
+
+
+@pytest.mark.parametrize("pose", [("90deg", 0, 0), (0, 0, "90 degrees"), (0, 0, "90deg/s")])
+def test_degrees_are_read_strictly(pose: tuple[object, ...]) -> None:
+    said = "blocks.plant.x0: expected an array of 3 numbers m, m, rad, got "
+    assert refused(turned(*pose)).startswith(said)
+
+
+def test_rates_and_options_of_plots_take_degrees() -> None:
+    assert blocks.Saturator(omega_max="90deg/s").omega_max == math.pi / 2
+    with pytest.raises(blocks.ParameterError):
+        blocks.Saturator(omega_max="90deg")
+    plain = runtime.load("wall_following").set("plots.scans", None).to_dict()
+    entry = {"kind": "scans", "of": ["plant.pose", "lidar.scan"], "angles": ["-90deg", "90deg"]}
+    made = runtime.load({**plain, "plots": {"seen": entry}}).program().observation
+    assert made.plots[0].options["angles"] == [-math.pi / 2, math.pi / 2]
+
+
+def test_an_angle_of_more_than_a_turn_is_noted() -> None:
+    said = "blocks.plant.x0: 90 rad is 5156.6 degrees; if degrees are meant, write 90deg"
+    graph = turned(0, 90, 90)
+    assert graph.run().notes == [said]
+    assert graph.run().manifest["notes"] == [said]
+    assert turned(90, 90, 6.28).run().notes == []
+    assert turned(0, 0, "720deg").run().notes == []
