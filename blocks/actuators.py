@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
-from blocks.block import Block, BlockState, Input, Output
+from blocks.block import Block, BlockState, Input, Output, State
 from blocks.params import ParameterError, param
 from blocks.signals import FloatArray, Scalar, Twist, TwistValue
+
+NEARLY_ALWAYS = 0.95
 
 
 class Saturator(Block):
@@ -14,7 +17,8 @@ class Saturator(Block):
 
         command ─▶ [ Saturator ] ─▶ limited, saturated
 
-    limited = s * command with s = min(1, omega_max / |omega|); saturated is 1 where s < 1.
+    limited = s * command with s = min(1, omega_max / |omega|); saturated is 1 where s < 1. A run
+    in which it was that on at least 95 % of the ticks says so in a note.
     """
 
     command = Input(Twist, doc="what the controller wants")
@@ -22,6 +26,20 @@ class Saturator(Block):
     saturated = Output(Scalar, doc="1 while the turn rate is limited, else 0")
 
     omega_max: float = param(unit="rad/s", above=0.0, doc="largest turn rate")
+
+    limited_ticks = State(1, doc="ticks so far on which the turn rate was limited")
+
+    def update(self, state: BlockState, t: float, saturated: float) -> None:
+        state.limited_ticks[0] += saturated
+
+    def diagnose(self, state: BlockState, ticks: int, watched: tuple[float, ...]) -> Iterable[str]:
+        share = float(state.limited_ticks[0]) / max(1, ticks)
+        if share >= NEARLY_ALWAYS:
+            yield (
+                f"the turn rate was limited to omega_max = {self.omega_max:g} rad/s on "
+                f"{100.0 * share:.3g} % of the ticks, so that what the controller asked for "
+                "hardly mattered"
+            )
 
     def output(self, state: BlockState, t: float, command: TwistValue) -> tuple[TwistValue, float]:
         v, omega = command

@@ -10,7 +10,7 @@ import numpy as np
 from blocks.block import Block, BlockState, Input, Output, Setting
 from blocks.kernels import kernel_of
 from blocks.params import ParameterError, param
-from blocks.signals import FloatArray, Same, Scalar, SignalType, Twist, TwistValue, signal_type
+from blocks.signals import FloatArray, Same, Scalar, SignalType, Twist, TwistValue
 
 
 class Constant(Block):
@@ -22,13 +22,10 @@ class Constant(Block):
     constant = Output(Same("T"), name="value", constant=True, doc="the value")
 
     number: FloatArray = param(name="value", doc="a number, or one number per component")
-    signal: str = param("Scalar", doc="the signal type's name: Scalar, Twist, Vector(3), ...")
+    signal: SignalType = param("Scalar", doc="the signal type: Scalar, Twist, Vector(3), ...")
 
     def validate(self) -> None:
-        try:
-            kind = self.kind
-        except ValueError as error:
-            raise ParameterError([("signal", str(error))]) from None
+        kind = self.kind
         if kind.symbol or kind.shape != self.number.shape:
             said = f"expected {kind.numbers} for {kind.name}, got {self.number.tolist()}"
             raise ParameterError([("value", said)])
@@ -36,7 +33,7 @@ class Constant(Block):
     @cached_property
     def kind(self) -> SignalType:
         """The signal type of the value; an open length is the value's own."""
-        kind = signal_type(self.signal)
+        kind = self.signal
         rows = len(self.number) if self.number.ndim else 0
         return kind.sized(rows) if kind.symbol and rows else kind
 
@@ -119,11 +116,12 @@ class Gain(Block):
 
         input ─▶ [ Gain ] ─▶ out
 
-    out = gain * input, each component.
+    out = gain * input, each component. The gain may have a unit, so that of ``out`` is free: a
+    Gain lets signals of different units meet on purpose.
     """
 
     signal = Input(Same("T"), name="input", doc="what to scale")
-    out = Output(Same("T"), through="input", doc="gain times input")
+    out = Output(Same("T", own_unit=True), through="input", doc="gain times input")
 
     gain: float = param(doc="the factor")
 

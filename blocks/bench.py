@@ -104,7 +104,7 @@ class Bench:
         for name, port in self.block.spec.inputs.items():
             kind, flags = self.setting.types[name], self.setting.terms.get(name, ())
             if self.absent and port.optional:
-                values[name] = () if port.many else port.absent
+                values[name] = () if port.many or port.absent is None else kind.filled(port.absent)
             elif port.many:
                 values[name] = tuple(random_value(kind, draw, self.setting.dt) for _ in flags)
             else:

@@ -46,6 +46,14 @@ class AdaptiveBias(Learner):
         state.keep = math.exp(-self.leak * state.dt)
         state.step = self.learning_rate * power * state.dt
 
+    def watch(self, state: BlockState) -> float:
+        """The size of what was learnt."""
+        return float(np.linalg.norm(state.bias))
+
+    def gain_of_a_step(self, state: BlockState) -> float:
+        """kappa power dt."""
+        return float(state.step)
+
     def output(self, state: BlockState, t: float) -> FloatArray:
         limited: FloatArray = np.clip(state.bias, -self.limit, self.limit)
         return limited

@@ -24,7 +24,7 @@ made: all that moves lives in the :class:`BlockState` that the engine owns.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -39,8 +39,8 @@ from blocks.declarations import (
     Output,
     State,
 )
-from blocks.params import Param, ParameterError, hint, show
-from blocks.reading import read_declarations
+from blocks.params import ParameterError, hint, plain, show
+from blocks.reading import STATED, read_declarations
 from blocks.signals import SignalType
 
 if TYPE_CHECKING:
@@ -129,7 +129,11 @@ class Block:
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
-        cls.spec = read_declarations(cls, own_sizes=cls.sizes is not Block.sizes)
+        cls.spec = read_declarations(
+            cls,
+            own_sizes=cls.sizes is not Block.sizes,
+            own_variables=cls.variables is not Block.variables,
+        )
 
     def __init__(self, **values: Any) -> None:
         problems: list[tuple[str, str]] = []
@@ -159,6 +163,10 @@ class Block:
 
     def _misshapen(self) -> list[tuple[str, str]]:
         sizes = self.sizes()
+        stated = self.__dict__.get(STATED)
+        if stated is not None and stated.symbol:
+            said = f"expected a type with its length, as in {stated.name}(3), got {stated.name}"
+            return [("signal", said)]
         return [
             (name, f"expected {declared.describe()}, got {show(value)}")
             for name, declared in self.spec.params.items()
@@ -176,10 +184,23 @@ class Block:
     def start(self, state: BlockState) -> None:
         """Fill the state, which is all zeros, before the first tick."""
 
+    def watch(self, state: BlockState) -> float:
+        """A size that :meth:`diagnose` is shown, as it was at eight even moments of a run."""
+        return 0.0
+
+    def diagnose(self, state: BlockState, ticks: int, watched: tuple[float, ...]) -> Iterable[str]:
+        """What looks wrong after a run, one text with its number for each; called once.
+
+        ``state`` is as the run left it, ``ticks`` are those of this block, and ``watched`` are
+        the values of :meth:`watch`, fewer than eight if the run broke off.
+        """
+        return ()
+
     @property
     def variables(self) -> dict[str, SignalType]:
         """Type variables that the block's own parameters settle."""
-        return {}
+        stated = self.__dict__.get(STATED)
+        return {} if stated is None else {self.spec.generic: stated}
 
     def value(self, name: str) -> Any:
         """A parameter's value by its name in graphs."""
@@ -195,13 +216,12 @@ class Block:
 
     def parameters(self) -> dict[str, Any]:
         """The parameters that differ from their defaults, as plain Python values."""
-        plain = {}
+        written = {}
         for name, declared in self.spec.params.items():
-            value = self.value(name)
-            value = value.tolist() if isinstance(value, np.ndarray) else value
-            if declared.required or value != _plain(declared):
-                plain[name] = value
-        return plain
+            value = plain(self.value(name))
+            if declared.required or value != plain(declared.convert(declared.default)):
+                written[name] = value
+        return written
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError(
@@ -221,11 +241,6 @@ class Block:
     def __repr__(self) -> str:
         inside = ", ".join(f"{k}={v!r}" for k, v in self.parameters().items())
         return f"{type(self).__name__}({inside})"
-
-
-def _plain(declared: Param) -> Any:
-    value = declared.convert(declared.default)
-    return value.tolist() if isinstance(value, np.ndarray) else value
 
 
 def _listed(names: Mapping[str, Any]) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from blocks.params import Param
-from blocks.signals import PortType, SignalType
+from blocks.signals import PortType, Same, SignalType
 
 
 class DeclarationError(TypeError):
@@ -17,7 +17,8 @@ class DeclarationError(TypeError):
 class Input:
     """An input port.
 
-    ``absent`` is the value it has when nothing is wired to it; without one it must be wired.
+    ``absent`` is the value of every component when nothing is wired to it, in the form of the
+    port's type; without one it must be wired.
     ``many`` takes any number of wires (none included) and hands a tuple to the block.
     """
 
@@ -123,6 +124,12 @@ class BlockSpec:
     def is_constant(self, evaluation: Evaluation) -> bool:
         """Whether an evaluation is done once, before the first tick."""
         return all(self.outputs[port].constant for port in evaluation.outputs)
+
+    @property
+    def generic(self) -> str:
+        """The type variable of a block whose generic ports share one; '' if there is none."""
+        variables = {p.type.variable for p in self.ports.values() if isinstance(p.type, Same)}
+        return variables.pop() if len(variables) == 1 else ""
 
     @property
     def ports(self) -> dict[str, Input | Output]:

@@ -87,6 +87,14 @@ class LearningEnsemble(Learner):
         state.encoder_rows = np.ascontiguousarray(state.scaled_encoders.T)
         state.further = range(1, d)
 
+    def watch(self, state: BlockState) -> float:
+        """The size of the weights."""
+        return float(np.linalg.norm(state.weights))
+
+    def gain_of_a_step(self, state: BlockState) -> float:
+        """gamma times the squared size of the activity."""
+        return float(state.gamma * np.square(state.activity).sum())
+
     def output(self, state: BlockState, t: float) -> FloatArray:
         # Not by BLAS, which adds up in another order on another processor.
         decoded: FloatArray = np.add.reduce(state.weights * state.activity, 1)

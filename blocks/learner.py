@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from itertools import pairwise
 
 from blocks.block import Block, BlockState, Input, Output
 from blocks.params import ParameterError, param
 from blocks.signals import FloatArray, Scalar, Vector
+
+LARGEST_STEP = 2.0
+GROWING, GROWTH = 4, 1.5
 
 
 class Learner(Block, ABC):
@@ -45,6 +50,33 @@ class Learner(Block, ABC):
             problems.append(("max_rates", said))
         if problems:
             raise ParameterError(problems)
+
+    def diagnose(self, state: BlockState, ticks: int, watched: tuple[float, ...]) -> Iterable[str]:
+        """Steps that overshoot, and growth that does not end.
+
+        With an error that is the output's own, one step of the rule multiplies it by 1 - g, where
+        g is :meth:`gain_of_a_step`; above 2 it grows on each tick (Haykin, Adaptive Filter
+        Theory: the bound on the step of LMS). Growth without bound is growth by half or more
+        in each of the last four eighths of a run: faster than the cube of time.
+        """
+        gain = self.gain_of_a_step(state)
+        if gain > LARGEST_STEP:
+            yield (
+                f"one step of learning changes the output by {gain:.3g} times the error; above "
+                f"{LARGEST_STEP:g} it overshoots further each time; lower learning_rate"
+            )
+        last = watched[-GROWING - 1 :]
+        grew = [b >= GROWTH * a > 0.0 for a, b in pairwise(last)]
+        if len(grew) == GROWING and all(grew):
+            yield (
+                f"what it learnt grew {last[-1] / last[0]:.3g}-fold over the last half of the run, "
+                "and ever faster: learning diverges; check the sign of the error, lower "
+                "learning_rate or give it a leak or a limit"
+            )
+
+    @abstractmethod
+    def gain_of_a_step(self, state: BlockState) -> float:
+        """How much one update changes the output, as a multiple of the error."""
 
     @abstractmethod
     def output(self, state: BlockState, t: float) -> FloatArray:

@@ -32,7 +32,7 @@ FIRM = 'solref="0.005 1" solimp="0.99 0.99 0.001"'
 class VacuumBody(Block):
     """What a robot vacuum is made of: the parameters that its MuJoCo model is written from."""
 
-    x0: FloatArray = param((0.0, 0.0, 0.0), shape=(3,), doc="initial pose: m, m, rad")
+    x0: FloatArray = param((0.0, 0.0, 0.0), shape=(3,), unit="m, m, rad", doc="initial pose")
     body_radius: float = param(
         0.17, name="hull_radius", unit="m", above=0.0, doc="radius of the hull"
     )

@@ -7,24 +7,33 @@ The declaration is what the constructor checks against, what error messages quot
 from __future__ import annotations
 
 import difflib
+import math
 import numbers
-from collections.abc import Iterable, Sequence
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, Literal, cast
 
 import numpy as np
 
-from blocks.signals import FloatArray
+from blocks.signals import TYPES, FloatArray, SignalType, signal_type
 
 REQUIRED: Any = object()
-Kind = Literal["float", "int", "bool", "str", "array"]
+Kind = Literal["float", "int", "bool", "str", "array", "signal"]
 KINDS: dict[object, Kind] = {
     float: "float",
     int: "int",
     bool: "bool",
     str: "str",
     FloatArray: "array",
+    SignalType: "signal",
 }
+_DEGREES = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?) ?deg(.*)", re.ASCII)
+# Names above this number are compared by their pairs of letters first.
+MANY_NAMES = 20
+LONGEST_NAME = 60
 Shape = tuple[int | str | None, ...]
 
 
@@ -61,19 +70,31 @@ class Param:
     def required(self) -> bool:
         return self.default is REQUIRED
 
-    def describe(self) -> str:
-        """What a value must be, in words: ``a number above 0 rad/s``."""
+    @property
+    def units(self) -> tuple[str, ...]:
+        """One unit for all numbers, or one per column: ``m, m, rad``."""
+        return tuple(self.unit.split(", "))
+
+    def describe(self, sizes: Mapping[str, int] | None = None) -> str:
+        """What a value must be, in words: ``a number above 0 rad/s``.
+
+        ``sizes`` are those of the symbols in its shapes, as far as they are known.
+        """
         if self.choices:
             return "one of " + ", ".join(self.choices)
         if self.kind == "array":
-            size = " or ".join("x".join(str(d or "n") for d in s) for s in self.shapes)
+            known: dict[Any, Any] = dict(sizes or {})
+            shapes = ["x".join(str(known.get(d, d or "n")) for d in s) for s in self.shapes if s]
+            size = " or ".join(shapes)
             noun = f"an array of {size} numbers" if size else "an array of numbers"
+            noun = f"a number or {noun}" if () in self.shapes else noun
         else:
             noun = {
                 "float": "a number",
                 "int": "an integer",
                 "bool": "true or false",
                 "str": "a text",
+                "signal": "a signal type such as Scalar, Pose or Vector(3)",
             }[self.kind]
         bounds = [
             f"{word} {value:g}"
@@ -101,8 +122,10 @@ class Param:
         if value is None and self.default is None:
             return None
         try:
-            converted = _CONVERT[self.kind](value)
-        except (TypeError, ValueError, OverflowError):
+            converted = _CONVERT[self.kind](in_radians(value, self.units))
+        except (TypeError, ValueError, OverflowError) as error:
+            if self.kind == "signal" and isinstance(value, str):
+                raise ValueError(f"{error}{hint(value, TYPES)}") from None
             raise ValueError(f"expected {self.describe()}, got {show(value)}") from None
         if self.choices and converted not in self.choices:
             raise ValueError(
@@ -160,7 +183,8 @@ def param(
     ----------
     default : left out, the parameter is required; None makes "not given" a legal value.
     doc : one line for people.
-    unit : SI unit, as plots and messages print it.
+    unit : SI unit, as plots and messages print it; one per column, as in ``m, m, rad``. Where it
+        begins with rad, graphs may write degrees: ``90deg``, ``30deg/s``.
     above, at_least, below, at_most : bounds; of every element, for an array.
     choices : the allowed texts.
     shape : an array's shape, or several allowed ones; a string stands for a size that an integer
@@ -170,7 +194,7 @@ def param(
     """
     shapes: tuple[Shape, ...] = ()
     if shape:
-        nested = isinstance(shape[0], tuple)
+        nested = isinstance(shape, list) or isinstance(shape[0], tuple)
         shapes = cast("tuple[Shape, ...]", tuple(shape) if nested else (tuple(shape),))
     return Param(
         default=default,
@@ -185,6 +209,42 @@ def param(
         finite=finite,
         name=name,
     )
+
+
+def in_radians(value: Any, units: Sequence[str]) -> Any:
+    """A value in which ``90deg``, written where radians are asked for, is a number of them.
+
+    ``units`` are one for all numbers, or one per item of the list; other texts stay as they are.
+    """
+    if isinstance(value, str) and len(units) == 1 and units[0].startswith("rad"):
+        match = _DEGREES.fullmatch(value.strip())
+        if match and match[2] == units[0].removeprefix("rad"):
+            return math.radians(float(match[1]))
+    if isinstance(value, (list, tuple)):
+        each = [units] * len(value) if len(units) != len(value) else [(unit,) for unit in units]
+        return [in_radians(item, own) for item, own in zip(value, each, strict=True)]
+    return value
+
+
+def beyond_a_turn(value: Any, units: Sequence[str]) -> list[float]:
+    """The numbers in radians that are larger than a whole turn, as if they were degrees."""
+    if isinstance(value, (list, tuple)):
+        each = [units] * len(value) if len(units) != len(value) else [(unit,) for unit in units]
+        pairs = zip(value, each, strict=True)
+        return [number for item, own in pairs for number in beyond_a_turn(item, own)]
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if is_number and tuple(units) == ("rad",) and math.tau < abs(value) < math.inf:
+        return [float(value)]
+    return []
+
+
+def plain(value: Any) -> Any:
+    """A parameter's value as graphs write it; a signal type of one's own stays what it is."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, SignalType) and TYPES.get(value.name) == value.sized(None):
+        return value.name if value.symbol else str(value)
+    return value
 
 
 def show(value: Any) -> str:
@@ -209,9 +269,35 @@ def show(value: Any) -> str:
 
 def hint(name: Any, known: Iterable[str]) -> str:
     """``, did you mean 'neurons'?`` or nothing."""
-    folded = {entry.lower(): entry for entry in known}
-    close = difflib.get_close_matches(str(name).lower(), list(folded), n=1, cutoff=0.6)
-    return f", did you mean '{folded[close[0]]}'?" if close else ""
+    near = _nearest(str(name).lower()[:LONGEST_NAME], tuple(known))
+    return f", did you mean '{near}'?" if near else ""
+
+
+@lru_cache(maxsize=1024)
+def _nearest(name: str, known: tuple[str, ...]) -> str:
+    folded, pairs = _index(known)
+    candidates: Iterable[str] = folded
+    if len(folded) > MANY_NAMES:
+        # Comparing letter by letter takes long: only those that share most pairs of letters.
+        shared = Counter(entry for pair in _pairs(name) for entry in pairs.get(pair, ()))
+        candidates = [entry for entry, _ in shared.most_common(MANY_NAMES)]
+    close = difflib.get_close_matches(name, candidates, n=1, cutoff=0.6)
+    return folded[close[0]] if close else ""
+
+
+@lru_cache(maxsize=8)
+def _index(known: tuple[str, ...]) -> tuple[dict[str, str], dict[str, list[str]]]:
+    """Names by their small letters, and those in turn by the pairs of letters in them."""
+    folded = {entry.lower()[:LONGEST_NAME]: entry for entry in known}
+    pairs: dict[str, list[str]] = {}
+    for entry in folded:
+        for pair in _pairs(entry):
+            pairs.setdefault(pair, []).append(entry)
+    return folded, pairs
+
+
+def _pairs(name: str) -> set[str]:
+    return {name[i : i + 2] for i in range(max(1, len(name) - 1))}
 
 
 def _number(value: Any) -> Any:
@@ -246,6 +332,10 @@ def _str(value: Any) -> str:
     return value
 
 
+def _signal(value: Any) -> SignalType:
+    return value if isinstance(value, SignalType) else signal_type(_str(value))
+
+
 def _array(value: Any) -> FloatArray:
     if isinstance(value, np.ndarray):
         if value.dtype.kind not in "fiu":
@@ -259,4 +349,11 @@ def _array(value: Any) -> FloatArray:
     return np.array(rows, dtype=float)
 
 
-_CONVERT = {"float": _float, "int": _int, "bool": _bool, "str": _str, "array": _array}
+_CONVERT = {
+    "float": _float,
+    "int": _int,
+    "bool": _bool,
+    "str": _str,
+    "array": _array,
+    "signal": _signal,
+}

@@ -75,7 +75,7 @@ class DifferentialDrive(Block):
     )
     contact = Output(Scalar, doc="1 while the body touches a surface (within 1e-6 m), else 0")
 
-    x0: FloatArray = param((0.0, 0.0, 0.0), shape=(3,), doc="initial pose: m, m, rad")
+    x0: FloatArray = param((0.0, 0.0, 0.0), shape=(3,), unit="m, m, rad", doc="initial pose")
     wheel_base: float = param(0.3, unit="m", above=0.0, doc="distance between the wheels")
     integrator: str = param("exact", choices=tuple(INTEGRATORS), doc="how a step is integrated")
     body_radius: float = param(

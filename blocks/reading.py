@@ -6,23 +6,29 @@ import inspect
 import types
 import typing
 from collections.abc import Container, Iterator, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from blocks.declarations import BlockSpec, DeclarationError, Evaluation, Input, Output, State
-from blocks.params import KINDS, Kind, Param, hint
+from blocks.params import KINDS, Kind, Param, hint, param
 from blocks.signals import Same, SignalType
 
 if TYPE_CHECKING:
     from blocks.block import Block
 
 RESERVED_PARAMETERS = ("type", "module", "dt")
+STATED = "_signal"
 RESERVED_STATES = ("setting", "dt", "seed", "rng", "_declared")
 
 
-def read_declarations(cls: type[Block], own_sizes: bool = False) -> BlockSpec:
+def read_declarations(
+    cls: type[Block], own_sizes: bool = False, own_variables: bool = False
+) -> BlockSpec:
     """Collect ports, states and parameters of a class, inherited ones first.
 
-    ``own_sizes`` says that the class gives lengths beyond those of its integer parameters.
+    ``own_sizes`` says that the class gives lengths beyond those of its integer parameters,
+    ``own_variables`` that it settles its type variables itself. Every other block with one type
+    variable has a parameter ``signal`` that states the type where wires do not tell it.
 
     Raises
     ------
@@ -52,10 +58,41 @@ def read_declarations(cls: type[Block], own_sizes: bool = False) -> BlockSpec:
         if getattr(cls, "update", None) is None
         else Evaluation("update", _needs(cls, "update", {**inputs, **outputs})),
     )
+    if spec.generic and not own_variables and "signal" not in spec.params:
+        spec = replace(
+            spec,
+            params={**spec.params, "signal": _signal_param()},
+            attributes={**attributes, "signal": STATED},
+        )
     _check_ports(cls, spec)
     _check_states(cls, spec, own_sizes)
-    _check_defaults(cls, spec)
+    _check_defaults(cls, spec.params)
     return spec
+
+
+def read_params(cls: type) -> dict[str, Param]:
+    """The parameters that any class declares, inherited ones first.
+
+    Raises
+    ------
+    DeclarationError : at the first contradiction.
+    """
+    hints = _annotations(cls)
+    found = {
+        declared.name or attribute: declared.bound(
+            attribute, _kind(cls, attribute, hints.get(attribute))
+        )
+        for attribute, declared in _declared(cls, (Param,))
+    }
+    _check_defaults(cls, found)
+    return found
+
+
+def _signal_param() -> Param:
+    declared: Param = param(
+        None, doc="the signal type, where nothing typed is wired: Scalar, Pose, Vector(3), ..."
+    )
+    return declared.bound("signal", "signal")
 
 
 def _declared(cls: type, kinds: Container[type]) -> Iterator[tuple[str, Any]]:
@@ -165,8 +202,8 @@ def _check_states(cls: type, spec: BlockSpec, own_sizes: bool) -> None:
             )
 
 
-def _check_defaults(cls: type, spec: BlockSpec) -> None:
-    for name, declared in spec.params.items():
+def _check_defaults(cls: type, params: Mapping[str, Param]) -> None:
+    for name, declared in params.items():
         if declared.required:
             continue
         try:

@@ -9,6 +9,7 @@ import threading
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path as FilePath
+from types import ModuleType
 
 from blocks.actuators import ActuatorFault, Saturator
 from blocks.arithmetic import Constant, Gain, Mux, Sum
@@ -25,6 +26,7 @@ from blocks.neurons import AdaptiveEnsemble, RateEnsemble
 from blocks.paths import CirclePath, LinePath, SinePath, WaypointPath
 from blocks.plants import DifferentialDrive
 from blocks.sensors import PoseNoise
+from blocks.signals import SignalType
 from blocks.switch import Switch
 from blocks.trackers import PID, PurePursuit, Stanley
 from blocks.tracking import TrackingError
@@ -62,11 +64,32 @@ def blocks_of_module(file: FilePath) -> dict[str, type[Block]]:
     ------
     OSError, SyntaxError and whatever the file itself raises.
     """
+    module = _module(file)
+    return {
+        key: value
+        for key, value in vars(module).items()
+        if isinstance(value, type)
+        and issubclass(value, Block)
+        and value.__module__ == module.__name__
+    }
+
+
+def types_of_module(file: FilePath) -> list[SignalType]:
+    """Signal types among the names of a Python file, the library's that it imports included.
+
+    Raises
+    ------
+    OSError, SyntaxError and whatever the file itself raises.
+    """
+    return [value for value in vars(_module(file)).values() if isinstance(value, SignalType)]
+
+
+def _module(file: FilePath) -> ModuleType:
     with _LOADING:
-        return _blocks_of_module(file)
+        return _loaded(file)
 
 
-def _blocks_of_module(file: FilePath) -> dict[str, type[Block]]:
+def _loaded(file: FilePath) -> ModuleType:
     stamp = file.stat()
     name = f"_blocks_of_{file.stem}_{abs(hash((str(file.resolve()), stamp.st_mtime_ns)))}"
     module = sys.modules.get(name)
@@ -78,13 +101,7 @@ def _blocks_of_module(file: FilePath) -> dict[str, type[Block]]:
         sys.modules[name] = module
         try:
             spec.loader.exec_module(module)
-        except BaseException as error:
+        except BaseException:
             del sys.modules[name]
-            if isinstance(error, SystemExit):
-                raise ImportError("the file calls sys.exit when it is imported") from None
             raise
-    return {
-        key: value
-        for key, value in vars(module).items()
-        if isinstance(value, type) and issubclass(value, Block) and value.__module__ == name
-    }
+    return module

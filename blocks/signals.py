@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -83,9 +83,13 @@ class SignalType:
             return tuple(array.tolist())
         return array.copy()
 
+    def filled(self, number: float) -> Any:
+        """The value whose components are all one number."""
+        return self.pack(np.full(self.shape, number))
+
     def zero(self) -> Any:
         """The value whose components are all zero."""
-        return self.pack(np.zeros(self.shape))
+        return self.filled(0.0)
 
     def column(self, component: str) -> int | None:
         """Index of a component by name (records) or number (arrays of one dimension)."""
@@ -128,9 +132,13 @@ class SignalType:
 
 @dataclass(frozen=True)
 class Same:
-    """A type variable: every port of a block that says ``Same("T")`` has one common type."""
+    """A type variable: every port of a block that says ``Same("T")`` has one common type.
+
+    They have one common unit as well, but for those with ``own_unit``, such as a Gain's output.
+    """
 
     variable: str = "T"
+    own_unit: bool = field(default=False, compare=False)
 
     def __str__(self) -> str:
         return f"any type {self.variable}"
@@ -176,17 +184,22 @@ TYPES: Mapping[str, SignalType] = {
 _WRITTEN = re.compile(r"(?P<name>\w+)\s*(\(\s*(?P<length>[1-9]\d*)\s*\))?", re.ASCII)
 
 
-def signal_type(text: str, symbol: str = "n") -> SignalType:
+def signal_type(
+    text: str, symbol: str = "n", own: Mapping[str, SignalType] | None = None
+) -> SignalType:
     """Read a type as people write it: ``Pose``, ``Vector(3)``; ``Vector`` leaves the length open.
+
+    ``own`` are types beside the library's, by name.
 
     Raises
     ------
     ValueError : if no such type exists, or a length is given to a type that has none.
     """
     match = _WRITTEN.fullmatch(text.strip())
-    base = TYPES.get(match["name"]) if match else None
+    known = {**(own or {}), **TYPES}
+    base = known.get(match["name"]) if match else None
     if match is None or base is None:
-        raise ValueError(f"no signal type '{text}'; the types are {', '.join(TYPES)}")
+        raise ValueError(f"no signal type '{text}'; the types are {', '.join(known)}")
     if base.form != "array":
         if match["length"]:
             raise ValueError(f"{base.name} has no length; write '{base.name}'")

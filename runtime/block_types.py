@@ -7,7 +7,8 @@ from pathlib import Path
 
 from blocks.block import Block, DeclarationError
 from blocks.params import hint
-from blocks.registry import BUILTIN, blocks_of_module, installed
+from blocks.registry import BUILTIN, blocks_of_module, installed, types_of_module
+from blocks.signals import TYPES, SignalType
 from runtime.document import Node
 from runtime.errors import Problems
 from runtime.sections import meant
@@ -44,6 +45,15 @@ def block_class(
     mend = mend or "; see 'runtime blocks'; a block of your own needs 'module: file.py'"
     problems.add(written.where, f"{address}.type", f"no block type '{written.value}'{mend}")
     return None
+
+
+def own_types(cls: type[Block], node: Node) -> list[SignalType]:
+    """Signal types beside the library's that a block's ports use or its ``module`` defines."""
+    kinds: list[object] = [port.type for port in cls.spec.ports.values()]
+    module = node.get("module")
+    kinds += [] if module is None else types_of_module(Path(module.value))
+    plain = {kind.sized(None) for kind in kinds if isinstance(kind, SignalType)}
+    return sorted((kind for kind in plain if TYPES.get(kind.name) != kind), key=str)
 
 
 def shown(module: Node) -> str:

@@ -5,13 +5,15 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
+from typing import Any
 
 from blocks.block import Block
 from blocks.extras import MissingExtraError as MissingPackageError
-from blocks.params import ParameterError, hint
+from blocks.params import ParameterError, beyond_a_turn, hint
+from blocks.signals import TYPES, SignalType, signal_type
 from blocks.world import World
 from runtime.addresses import Endpoint
-from runtime.block_types import block_class
+from runtime.block_types import block_class, own_types
 from runtime.document import Node
 from runtime.errors import MissingExtraError, Problems
 from runtime.inference import infer_types, report_open
@@ -22,6 +24,7 @@ from runtime.run_section import MAX_TICKS, read_run, seconds
 from runtime.scope import Scope, expand
 from runtime.sections import meant, section
 from runtime.signals import MAX_BYTES, whole_shape
+from runtime.units import check_units
 from runtime.unwired import report_unwired
 from runtime.wiring import Wiring
 
@@ -29,10 +32,15 @@ BLOCK_KEYS = ("type", "module", "dt")
 MAX_TITLE = 120
 
 
-def build(document: Node, classes: Mapping[str, type[Block]] | None = None) -> Network:
+def build(
+    document: Node,
+    classes: Mapping[str, type[Block]] | None = None,
+    kinds: Mapping[str, SignalType] | None = None,
+) -> Network:
     """Build the network of a document that stands by itself (nothing to extend or inline).
 
-    ``classes`` are block types beside the library's, for graphs made in Python.
+    ``classes`` and ``kinds`` are block types and signal types beside the library's, for graphs
+    made in Python.
 
     Raises
     ------
@@ -44,15 +52,16 @@ def build(document: Node, classes: Mapping[str, type[Block]] | None = None) -> N
     before = len(problems.found)
     network = _empty_network(document, scope, problems)
     network.document = document
+    network.kinds.update(kinds or {})
     network.world = _world(document, problems)
     can_run = len(problems.found) == before
-    for inner in scope.walk():
-        for name, node in inner.blocks.items():
-            _add_block(network, inner, name, node, classes or {}, problems)
+    _add_blocks(network, scope, classes or {}, problems)
     wiring = Wiring(network, problems)
     wiring.resolve()
     remove(network, document, problems)
     infer_types(network, problems)
+    if not problems.found:
+        check_units(network, problems)
     report_unwired(network, wiring, problems)
     if not problems.found:
         report_open(network, problems)
@@ -108,18 +117,41 @@ def _title(node: Node | None, problems: Problems) -> str:
     return title
 
 
+def _add_blocks(
+    network: Network, top: Scope, classes: Mapping[str, type[Block]], problems: Problems
+) -> None:
+    """Find every block's class, and with them the signal types that they bring; then make them."""
+    found = []
+    for scope in top.walk():
+        for name, node in scope.blocks.items():
+            address = scope.path("blocks", name)
+            cls = block_class(node, address, classes, problems)
+            if cls is not None:
+                found.append((scope, name, node, cls))
+                _add_kinds(network, node, address, cls, problems)
+    for item in found:
+        _add_block(network, *item, problems)
+
+
+def _add_kinds(
+    network: Network, node: Node, address: str, cls: type[Block], problems: Problems
+) -> None:
+    """Note the signal types that a block's class and its module bring."""
+    for kind in own_types(cls, node):
+        if network.kinds.setdefault(kind.name, kind) != kind or kind.name in TYPES:
+            said = f"the signal type '{kind.name}' of this block differs from another of that name"
+            problems.add(node.key, address, said + " in the graph; rename one of them")
+
+
 def _add_block(
     network: Network,
     scope: Scope,
     name: str,
     node: Node,
-    classes: Mapping[str, type[Block]],
+    cls: type[Block],
     problems: Problems,
 ) -> None:
     address = scope.path("blocks", name)
-    cls = block_class(node, address, classes, problems)
-    if cls is None:
-        return
     values = {key: item for key, item in node.items() if key not in BLOCK_KEYS}
     known = cls.spec.params
     unknown = [key for key in values if key not in known]
@@ -127,12 +159,13 @@ def _add_block(
         mend = hint(key, known) or f"; it has {', '.join(known) or 'none'}"
         if key == "graph":
             mend = "; parts are read with the file that names them"
-        problems.add(values[key].key, f"{address}.{key}", f"unknown parameter{mend}")
+        problems.add(values[key].key, f"{address}.{key}", f"unknown parameter{mend}", True)
     block: Block | None = None
     try:
-        made = cls(**{key: item.plain() for key, item in values.items() if key in known})
+        made = cls(**_given(network, {k: item for k, item in values.items() if k in known}, cls))
         dict(made.variables), dict(made.sizes())
         block = made
+        network.notes += _turned(cls, address, values)
     except ParameterError as error:
         misspelt = {meant(key, known) for key in unknown}
         for parameter, text in error.problems:
@@ -144,6 +177,36 @@ def _add_block(
     full = scope.prefix + name
     every = _ticks(node.get("dt"), network.dt, address, problems)
     network.entries[full] = Entry(full, scope, node, cls, block, every)
+
+
+def _given(network: Network, values: Mapping[str, Node], cls: type[Block]) -> dict[str, Any]:
+    """The parameters as a block takes them, with the graph's own signal types looked up.
+
+    Raises
+    ------
+    ParameterError : there is no such type.
+    """
+    plain = {key: item.plain() for key, item in values.items()}
+    for key, value in plain.items():
+        if network.kinds and cls.spec.params[key].kind == "signal" and isinstance(value, str):
+            try:
+                plain[key] = signal_type(value, own=network.kinds)
+            except ValueError as error:
+                near = hint(value, [*network.kinds, *TYPES])
+                raise ParameterError([(key, f"{error}{near}")]) from None
+    return plain
+
+
+def _turned(cls: type[Block], address: str, values: Mapping[str, Node]) -> list[str]:
+    """Angles of more than a turn, which are most often degrees."""
+    notes = []
+    for name, node in values.items():
+        if name not in cls.spec.params:
+            continue  # reported with the block
+        for number in beyond_a_turn(node.plain(), cls.spec.params[name].units):
+            said = f"{number:g} rad is {math.degrees(number):.5g} degrees"
+            notes.append(f"{address}.{name}: {said}; if degrees are meant, write {number:g}deg")
+    return notes
 
 
 def _failed(cls: type[Block], error: BaseException) -> str:

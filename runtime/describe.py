@@ -1,9 +1,10 @@
-"""The library in words, from the blocks' own declarations; also makes docs/blocks.md."""
+"""The library in words, from its own declarations; makes docs/blocks.md and docs/observing.md."""
 
 from __future__ import annotations
 
 import inspect
 import math
+from collections.abc import Container, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,21 @@ from blocks.block import Block, Input, Output
 from blocks.params import Param
 from blocks.registry import BUILTIN, blocks_of_module, installed
 from runtime.errors import UsageError
+from runtime.metric_kinds import Common, Kind
+from runtime.metrics import KINDS as METRICS
+from runtime.plot_specs import KINDS as PLOTS
+from runtime.plot_specs import PlotKind
 
 HEADER = """# Blocks
 
 Made from the blocks' own declarations by `python -m runtime.describe`; do not edit.
 Every block also takes `dt` (s), its step: a whole multiple of `run.dt`, which is the default.
+"""
+
+OBSERVING = """# Plots and metrics
+
+Made from their own declarations by `python -m runtime.describe`; do not edit.
+`of` names probes or addresses. Angles may be written in degrees, as in `90deg`.
 """
 
 
@@ -143,7 +154,39 @@ def blocks_page() -> str:
     return HEADER + "\n" + "\n".join(pages).rstrip() + "\n"
 
 
+def observing_page() -> str:
+    """docs/observing.md."""
+    lines = [OBSERVING, "## Plots", "", *_kinds_table(PLOTS, "plot")]
+    common = list(Common.declared.items())
+    lines += ["", "## Metrics", "", "Every metric takes, besides its own options:", ""]
+    lines += [f"* {_option(name, declared)}" for name, declared in common]
+    lines += ["", *_kinds_table(METRICS, "metric", hidden=dict(common))]
+    return "\n".join(lines) + "\n"
+
+
+def _kinds_table(
+    kinds: Mapping[str, PlotKind | Kind], noun: str, hidden: Container[str] = ()
+) -> list[str]:
+    rows = [f"| {noun} | is | options |", "|---|---|---|"]
+    for name, kind in kinds.items():
+        own = [
+            _option(key, declared)
+            for key, declared in kind.options.declared.items()
+            if key not in hidden
+        ]
+        own += [f"`{key}` (a probe or an address)" for key in getattr(kind, "signals", ())]
+        cells = (f"`{name}`", kind.doc, "; ".join(own))
+        rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+    return rows
+
+
+def _option(name: str, declared: Param) -> str:
+    _, expected, default, doc = _param(name, declared)
+    given = default if default in ("", "required") else f"default {default}"
+    return f"`{name}` ({', '.join(filter(None, (expected, given)))}): {doc}"
+
+
 if __name__ == "__main__":
-    (Path(__file__).parent.parent / "docs" / "blocks.md").write_text(
-        blocks_page(), encoding="utf-8"
-    )
+    docs = Path(__file__).parent.parent / "docs"
+    (docs / "blocks.md").write_text(blocks_page(), encoding="utf-8")
+    (docs / "observing.md").write_text(observing_page(), encoding="utf-8")

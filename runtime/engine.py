@@ -16,6 +16,7 @@ import numpy as np
 
 from blocks.block import BlockState
 from blocks.signals import FloatArray
+from runtime.diagnosis import Diagnosis
 from runtime.errors import SimulationError, UsageError
 from runtime.network import Network
 from runtime.observe import state_shape
@@ -84,6 +85,7 @@ class Engine:
     states: dict[str, BlockState] = field(init=False, default_factory=dict)
     recorder: Recorder = field(init=False)
     arrays: dict[str, FloatArray] = field(init=False)
+    diagnosis: Diagnosis = field(init=False)
     tick: int = field(init=False, default=0)
     lines: Mapping[int, str] = field(init=False, default_factory=dict)
     runner: Runner = field(init=False)
@@ -94,6 +96,7 @@ class Engine:
         self.recorder = Recorder(probes, ticks, self.program.gathered, self.folder)
         self.arrays = self.recorder.arrays
         self.states = {name: self._state(name) for name in self.network.entries}
+        self.diagnosis = Diagnosis(self.network, self.states)
 
     def prepare(self) -> Runner:
         """Fill the states and make what runs the ticks, without running any."""
@@ -137,12 +140,14 @@ class Engine:
         run, recorder = self.runner.run, self.recorder
         try:
             while self.tick < total:
-                stop = min(total, self.tick + chunk, recorder.boundary())
+                stop = min(self.diagnosis.boundary(self.tick), self.tick + chunk)
+                stop = min(total, stop, recorder.boundary())
                 began = time.perf_counter()
                 held = run(self.tick, stop, held)
                 took = time.perf_counter() - began
                 ran, self.tick = stop - self.tick, stop
                 recorder.flush(stop)
+                self.diagnosis.look(stop)
                 chunk = max(1, min(4 * chunk, int(ran * CHUNK_SECONDS / max(took, 1e-6))))
                 if progress is not None:
                     progress(self.tick, total)
@@ -172,7 +177,7 @@ class Engine:
                 zip(
                     GLOBALS,
                     (
-                        *(math.isfinite, math.isnan, np.dot, np.array),
+                        *(math.isfinite, math.isnan, np.dot, np.array, np.full),
                         *(self._checked, sealed, self.not_finite),
                     ),
                     strict=True,

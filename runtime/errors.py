@@ -26,11 +26,15 @@ NOWHERE = Where()
 
 @dataclass(frozen=True, order=True)
 class Problem:
-    """One thing that is wrong: where, at which address of the graph, and how to mend it."""
+    """One thing that is wrong: where, at which address of the graph, and how to mend it.
+
+    ``is_name`` marks a name that stands for nothing, which no later change can put right.
+    """
 
     where: Where
     address: str
     text: str
+    is_name: bool = field(default=False, compare=False)
 
     def __str__(self) -> str:
         line = ": ".join(part for part in (str(self.where), self.address, self.text) if part)
@@ -110,9 +114,9 @@ class Problems:
     found: list[Problem] = field(default_factory=list)
     _silenced: set[Where | str] = field(default_factory=set)
 
-    def add(self, where: Where, address: str, text: str) -> None:
+    def add(self, where: Where, address: str, text: str, is_name: bool = False) -> None:
         if where not in self._silenced and address not in self._silenced:
-            self.found.append(Problem(where, address, text))
+            self.found.append(Problem(where, address, text, is_name))
 
     def silence(self, where: Where, address: str) -> None:
         """Take no more problems of the value that stands here, or of a list that it is in."""

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 from blocks.block import Block
 from blocks.registry import BUILTIN
+from blocks.signals import SignalType
 from runtime.build import build
 from runtime.document import Node, dump_yaml, from_python
 from runtime.edits import add_names, set_entry, set_wire
-from runtime.errors import UsageError
+from runtime.errors import GraphError, MissingExtraError, UsageError
 from runtime.loader import load_document, merge
 from runtime.network import Network
 from runtime.replacement import replace_block
@@ -45,6 +46,7 @@ class Graph:
         run = {"dt": dt, "until": until, "seed": seed}
         self._document = from_python({"graph": title, "run": run, "blocks": {}})
         self._classes: dict[str, type[Block]] = {}
+        self._kinds: dict[str, SignalType] = {}
         self.source: Path | None = None
         self.overrides: tuple[str, ...] = ()
         self.notes: tuple[str, ...] = ()
@@ -60,6 +62,7 @@ class Graph:
         graph = cls.__new__(cls)
         graph._document = document
         graph._classes = dict(classes or {})
+        graph._kinds = {}
         graph.source = source
         graph.overrides = overrides
         graph.notes = ()
@@ -68,6 +71,7 @@ class Graph:
     def _changed(self, document: Node, *overrides: str) -> Graph:
         changed = Graph._of(document, self._classes, self.source, (*self.overrides, *overrides))
         changed.notes = self.notes
+        changed._kinds = dict(self._kinds)
         return changed
 
     @property
@@ -87,7 +91,7 @@ class Graph:
         ------
         GraphError : listing all that is wrong.
         """
-        return build(self._document, self._classes)
+        return build(self._document, self._classes, self._kinds)
 
     def program(self, plots: Container[str] | None = None, profiled: bool = False) -> Program:
         """What runs of this graph share, whatever their seeds.
@@ -132,7 +136,10 @@ class Graph:
             self._classes[kind.__name__] = kind
         if dt is not None:
             entry["dt"] = dt
-        entry.update(block.parameters())
+        for key, value in block.parameters().items():
+            if isinstance(value, SignalType):
+                self._kinds[value.name] = value.sized(None)
+            entry[key] = str(value) if isinstance(value, SignalType) else value
         blocks = self._document.get("blocks") or Node({})
         return self._edit(
             self._document.with_item("blocks", blocks.with_item(name, from_python(entry)))
@@ -185,17 +192,52 @@ class Graph:
         entry = {"kind": kind, **({} if of is None else {"of": of}), **options}
         return self._observe("metrics", name, entry)
 
+    def _named(self, origin: str, place: str) -> Graph:
+        """This graph, once the names that a change gave are known to stand for something.
+
+        Changes of a command line are checked together at the end, so that all are reported.
+
+        Raises
+        ------
+        GraphError : a name at this place stands for nothing.
+        """
+        if not origin:
+            try:
+                _ = self.network
+            except GraphError as error:
+                wrong = [p for p in error.problems if p.is_name and p.where.file == place]
+                if wrong:
+                    raise GraphError(wrong) from None
+            except MissingExtraError:
+                pass  # what a run needs is no matter of names
+        return self
+
     def set(self, path: str, value: Any, *, origin: str = "") -> Graph:
-        """A copy with one entry changed, as in ``set("blocks.lqr.q", [1, 1, 1])``."""
+        """A copy with one entry changed, as in ``set("blocks.lqr.q", [1, 1, 1])``.
+
+        Raises
+        ------
+        GraphError : the path, or a parameter that it names, does not exist.
+        """
+        return self._set(path, value, origin)._named(origin, f"set {path}")
+
+    def _set(self, path: str, value: Any, origin: str = "") -> Graph:
+        """The copy of :meth:`set`, not looked at yet."""
         if path == "world" and isinstance(value, str):
             value = load_document({"world": value}).plain()["world"]
         changed = set_entry(self._document, path, value, origin)
         return self._changed(changed, f"set {path}={value!r}")
 
     def wire(self, consumer: str, source: Any, *, origin: str = "") -> Graph:
-        """A copy with one input wired anew, as in ``wire("lqr.error", "error.state")``."""
-        changed = set_wire(self._document, consumer, source, origin)
-        return self._changed(changed, f"wire {consumer}={source}")
+        """A copy with one input wired anew, as in ``wire("lqr.error", "error.state")``.
+
+        Raises
+        ------
+        GraphError, UsageError : an end of the wire does not exist.
+        """
+        place = f"wire {consumer}"
+        changed = set_wire(self._document, consumer, source, origin or place)
+        return self._changed(changed, f"wire {consumer}={source}")._named(origin, place)
 
     def overlay(self, source: str | Path | Mapping[str, Any]) -> Graph:
         """A copy with another graph, or part of one, laid on top as ``extends`` would."""
@@ -204,14 +246,26 @@ class Graph:
         return self._changed(changed, f"with {name}")
 
     def without(self, *names: str, origin: str = "") -> Graph:
-        """A copy without these blocks or parts and their wires."""
+        """A copy without these blocks or parts and their wires.
+
+        Raises
+        ------
+        GraphError : there is no such block.
+        """
         changed = add_names(self._document, "without", names, origin)
-        return self._changed(changed, *(f"without {name}" for name in names))
+        graph = self._changed(changed, *(f"without {name}" for name in names))
+        return graph._named(origin, "without")
 
     def bypass(self, *names: str, origin: str = "") -> Graph:
-        """A copy with the through-pair of these blocks wired straight."""
+        """A copy with the through-pair of these blocks wired straight.
+
+        Raises
+        ------
+        GraphError : there is no such block.
+        """
         changed = add_names(self._document, "bypass", names, origin)
-        return self._changed(changed, *(f"bypass {name}" for name in names))
+        graph = self._changed(changed, *(f"bypass {name}" for name in names))
+        return graph._named(origin, "bypass")
 
     def replace(self, name: str, kind: str, *, origin: str = "") -> Graph:
         """A copy with a block of another type in a block's place, as in ``replace("lqr", "PID")``.
@@ -225,7 +279,7 @@ class Graph:
 
     def with_seed(self, seed: int) -> Graph:
         """A copy with another seed, which shares the checked network if that is built already."""
-        changed = self.set("run.seed", seed)
+        changed = self._set("run.seed", seed)
         network = self.__dict__.get("network")
         if network is not None and type(seed) is int and seed >= 0:
             changed.__dict__["network"] = replace(network, seed=seed)
@@ -255,9 +309,9 @@ class Graph:
         if seed is not None:
             graph = graph.with_seed(seed)
         if until is not None:
-            graph = graph.set("run.until", until)
+            graph = graph._set("run.until", until)
         if engine is not None:
-            graph = graph.set("run.engine", engine)
+            graph = graph._set("run.engine", engine)
         return simulate(graph, progress)
 
     def to_dict(self) -> dict[str, Any]:
@@ -295,8 +349,12 @@ class Graph:
 
         return diagram(self.network, format)
 
-    def _repr_svg_(self) -> str:
-        return str(self.diagram("svg"))
+    def _repr_svg_(self) -> str | None:
+        """The diagram for a notebook; None, which shows the text in its place, if there is none."""
+        try:
+            return str(self.diagram("svg"))
+        except Exception:  # noqa: BLE001 -- what shows a graph must not hide where it went wrong
+            return None
 
 
 def _source_file(cls: type[Block]) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict, deque
 from dataclasses import dataclass, field, replace
 
+from blocks.declarations import BlockSpec
 from blocks.signals import PortType, Same, Scalar, SignalType
 from runtime.addresses import Endpoint
 from runtime.errors import NOWHERE, Problems
@@ -48,9 +49,20 @@ def report_open(network: Network, problems: Problems) -> None:
         spec = entry.cls.spec
         ports = [p for p in (*spec.inputs, *spec.outputs) if (name, p) not in network.types]
         if ports:
-            said = f"the signal type of '{name}.{ports[0]}' is open; wire a typed signal to it"
             where = entry.node.key
+            said = _open(name, ports[0], entry.cls.spec)
             problems.add(where, entry.address if where == NOWHERE else "", said)
+
+
+def _open(block: str, port: str, spec: BlockSpec) -> str:
+    """What to do about a port whose type or length nothing settles."""
+    kind = spec.ports[port].type
+    if isinstance(kind, Same):
+        said = f"the signal type of '{block}.{port}' is open; wire a typed signal to it"
+        return said + (", or write its type, as in 'signal: Scalar'" if spec.generic else "")
+    alike = [name for name, declared in spec.inputs.items() if declared.type == kind]
+    inputs = " or ".join(f"'{block}.{name}'" for name in alike or [port])
+    return f"the length of '{block}.{port}' ({kind}) is open; wire a {kind.name} to {inputs}"
 
 
 def compatible(source: SignalType, target: SignalType) -> bool:

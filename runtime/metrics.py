@@ -3,50 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
-from blocks.params import show
+from blocks.params import param, show
 from blocks.signals import FloatArray
 from blocks.world import World
 from runtime import wall_metrics
+from runtime.metric_kinds import Checks, Common, Kind
+from runtime.metric_kinds import Series as Series
+from runtime.metric_kinds import Watched as Watched
 
-Checks = Iterable[tuple[str, str]]
-Form = Literal["number", "place", "columns"]
-
-# How long (s) a signal has to be within its band before the end of the run to have settled.
-HOLD = 1.0
-
-
-@dataclass(frozen=True)
-class Watched:
-    """What is known of a probe before the run.
-
-    shape : of a row. units : of its columns. every : ticks between two rows; 0 if there is one.
-    """
-
-    shape: tuple[int, ...]
-    units: tuple[str, ...]
-    every: int = 1
-
-    @property
-    def width(self) -> int:
-        return math.prod(self.shape)
-
-
-@dataclass(frozen=True)
-class Series:
-    """What a metric sees of a probe: times (rows,) and values (rows,) or (rows, columns)."""
-
-    t: FloatArray
-    values: FloatArray
-
-    def after(self, start: float) -> Series:
-        late = self.t >= start - 1e-9
-        return Series(self.t[late], self.values[late])
+# A switch such as ``explore.engaged`` is on above this level.
+ENGAGED = 0.5
 
 
 @dataclass(frozen=True)
@@ -66,14 +38,10 @@ class Metric:
         series = {role: probes[name].after(after) for role, name in self.inputs.items() if name}
         if any(not len(s.t) for s in series.values()):
             return None
-        kind = KINDS[self.kind]
         if "engaged" in series:
-            engaged = first_time({"of": series["engaged"]}, {})
+            engaged = first_time({"of": series["engaged"]}, {"level": ENGAGED})
             series["of"] = series["of"].after(math.inf if engaged is None else engaged)
-        if kind.in_world is None:
-            number = kind.function(series, self.options)
-        else:
-            number = None if world is None else kind.in_world(world, _xy(series), self.options)
+        number = KINDS[self.kind].value(series, self.options, world)
         return None if number is None or math.isnan(number) else float(number)
 
     def expectation(self, value: float | None) -> str:
@@ -86,108 +54,49 @@ class Metric:
         return ""
 
 
-@dataclass(frozen=True)
-class Kind:
-    """A kind of metric: its formula, the probes and the options that it takes.
-
-    ``optional`` are probes that it does without. ``form`` is what it measures: one number, a place
-    (x and y first), or any columns.
-    ``in_world`` is a formula that needs the walls as well, in place of ``function``.
-    """
-
-    function: Callable[[Mapping[str, Series], Mapping[str, Any]], float | None]
-    doc: str
-    inputs: tuple[str, ...] = ("of",)
-    optional: tuple[str, ...] = ()
-    options: tuple[str, ...] = ()
-    required: tuple[str, ...] = ()
-    forms: tuple[Form, ...] = ("number",)
-    in_world: Callable[[World, FloatArray, Mapping[str, Any]], float] | None = None
-
-    @property
-    def keys(self) -> tuple[str, ...]:
-        return (*self.inputs, *self.optional, *self.options, "after", "below", "above")
-
-    def check(
-        self, options: Mapping[str, Any], watched: Mapping[str, Watched], has_world: bool = True
-    ) -> Checks:
-        """Everything wrong with a metric's options and signals, as (key, text)."""
-        if self.in_world is not None and not has_world:
-            yield "kind", "needs a world, as in 'world: worlds/paper_room.yaml'"
-        for key in ("distance", "turning_radius"):
-            if key in self.options and key in options:
-                value = options[key]
-                if not _is_number(value) or value <= 0.0:
-                    yield key, f"expected a number above 0 m, got {show(value)}"
-        for key in ("after", "below", "above", "level"):
-            if key in self.keys and key in options and not _is_number(options[key]):
-                yield key, f"expected a number, got {show(options[key])}"
-        if _is_number(options.get("after")) and options["after"] < 0.0:
-            yield "after", f"expected a time from 0 s, got {options['after']:g}"
-        hold = options.get("hold")
-        if "hold" in self.options and hold is not None and (not _is_number(hold) or hold < 0.0):
-            yield "hold", f"expected a time from 0 s, got {show(hold)}"
-        for key in self.required:
-            if key not in options:
-                several = " or a list of numbers" if key in ("band", "q", "r") else ""
-                yield key, f"missing; expected a number{several}"
-        for role, signal in watched.items():
-            said = self._misfit(role, signal)
-            if said:
-                yield role, said
-        if "band" in self.options and "band" in options:
-            yield from _check_band(options["band"], watched.get("of"))
-        if "q" in self.options:
-            yield from _check_weights(options, watched)
-
-    def _misfit(self, role: str, signal: Watched) -> str:
-        if len(signal.shape) > 1:
-            return "expected a scalar, a record or a vector, got a table"
-        if role in self.optional:
-            return "" if signal.width == 1 else "expected one column, as in explore.engaged"
-        is_place = signal.width > 1 and signal.units[0] == signal.units[1] == "m"
-        if "columns" in self.forms or ("place" in self.forms and is_place):
-            return ""
-        if "number" not in self.forms:
-            return "expected x and y in m, as in plant.pose"
-        if signal.width == 1:
-            return ""
-        return f"expected one column, got {signal.width}; name one, as in plant.pose.theta"
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-
-
-def _check_band(band: Any, signal: Watched | None) -> Checks:
-    bands = band if isinstance(band, list) else [band]
-    if not bands or not all(_is_number(item) and item >= 0.0 for item in bands):
-        yield "band", f"expected a number from 0, or one per column, got {show(band)}"
-    elif isinstance(band, list) and signal is not None and len(band) != signal.width:
-        yield "band", f"expected a number or {signal.width} numbers, got {show(band)}"
-
-
 def _matrix(weight: Any, n: int) -> FloatArray:
     array = np.array(weight, dtype=float)
     return np.diag(array.reshape(n)) if array.shape == (n,) or n == array.size == 1 else array
 
 
-def _check_weights(options: Mapping[str, Any], watched: Mapping[str, Watched]) -> Checks:
+class Band(Common):
+    """What a signal settles to."""
+
+    band: FloatArray = param(
+        at_least=0.0,
+        shape=[(), ("columns",)],
+        doc="largest size that is settled, or per column",
+    )
+    hold: float = param(
+        1.0, unit="s", at_least=0.0, doc="how long before the end of the run it must be settled"
+    )
+
+
+class Level(Common):
+    """What a signal is held against."""
+
+    level: float = param(0.5, doc="the level")
+
+
+class Weights(Common):
+    """The weights of the paper's cost: one number per column, or a matrix."""
+
+    q: FloatArray = param(shape=[(), ("state",), ("state", "state")], doc="weights Q of the state")
+    r: FloatArray = param(
+        shape=[(), ("command",), ("command", "command")], doc="weights R of the command"
+    )
+    q_final: FloatArray | None = param(
+        None, shape=[(), ("state",), ("state", "state")], doc="weights Q_f of the last state"
+    )
+
+
+def _same_rows(options: Mapping[str, Any], watched: Mapping[str, Watched]) -> Checks:
+    """A single number weighs one column alone; state and command are recorded alike."""
     for key, role in (("q", "state"), ("r", "command"), ("q_final", "state")):
-        if key not in options:
-            continue
-        n = watched[role].width if role in watched else 0
-        rows = options[key] if isinstance(options[key], list) else [options[key]]
-        flat = [item for row in rows for item in (row if isinstance(row, list) else [row])]
-        good = all(map(_is_number, flat))
-        if good and n:
-            try:
-                good = _matrix(options[key], n).shape == (n, n)
-            except ValueError:
-                good = False
-        if not good:
-            size = f"{n} numbers or {n}x{n}" if n else "numbers"
-            yield key, f"expected {size}, got {show(options[key])}"
+        n = watched[role].width if role in watched else 1
+        if key in options and n != 1 and np.ndim(options[key]) == 0:
+            said = f"expected {Weights.declared[key].describe({role: n})}"
+            yield key, f"{said.replace('a number or ', '')}, got {show(options[key])}"
     rates = {role: signal.every for role, signal in watched.items()}
     if len(set(rates.values())) > 1:
         told = " and ".join(
@@ -200,19 +109,15 @@ def _flat(series: Mapping[str, Series]) -> FloatArray:
     return series["of"].values.reshape(len(series["of"].t))
 
 
-def _xy(series: Mapping[str, Series]) -> FloatArray:
-    return series["of"].values[:, :2]
-
-
 def first_time(series: Mapping[str, Series], options: Mapping[str, Any]) -> float | None:
     """First time (s) at which the signal is above ``level``; None if never."""
-    over = _flat(series) > float(options.get("level", 0.5))
+    over = _flat(series) > options["level"]
     return float(series["of"].t[int(np.argmax(over))]) if over.any() else None
 
 
 def share_above(series: Mapping[str, Series], options: Mapping[str, Any]) -> float:
     """Share of the recorded rows in which the signal is above ``level``."""
-    return float((_flat(series) > float(options.get("level", 0.5))).mean())
+    return float((_flat(series) > options["level"]).mean())
 
 
 def settling_time(series: Mapping[str, Series], options: Mapping[str, Any]) -> float | None:
@@ -222,13 +127,11 @@ def settling_time(series: Mapping[str, Series], options: Mapping[str, Any]) -> f
     is not settled.
     """
     s = series["of"]
-    band = np.broadcast_to(
-        np.atleast_1d(np.array(options["band"], dtype=float)), (1, *s.values.shape[1:])
-    )
+    band = np.broadcast_to(np.atleast_1d(options["band"]), (1, *s.values.shape[1:]))
     outside = ~(np.abs(s.values) <= band)  # as is what is not a number
     late = np.flatnonzero(outside.reshape(len(s.t), -1).any(axis=1))
     first = int(late[-1]) + 1 if len(late) else 0
-    if first == len(s.t) or s.t[-1] - s.t[first] < float(options.get("hold", HOLD)) - 1e-9:
+    if first == len(s.t) or s.t[-1] - s.t[first] < float(options["hold"]) - 1e-9:
         return None
     return float(s.t[first])
 
@@ -253,7 +156,8 @@ def lqr_cost(series: Mapping[str, Series], options: Mapping[str, Any]) -> float:
     x, u = (s.values.reshape(len(s.t), -1) for s in (series["state"], series["command"]))
     q = _matrix(options["q"], x.shape[1])
     r = _matrix(options["r"], u.shape[1])
-    q_final = _matrix(options.get("q_final", np.zeros(x.shape[1]).tolist()), x.shape[1])
+    last = options["q_final"]
+    q_final = _matrix(np.zeros(x.shape[1]) if last is None else last, x.shape[1])
     running = np.einsum("ki,ij,kj->", x[:-1], q, x[:-1]) + np.einsum(
         "ki,ij,kj->", u[:-1], r, u[:-1]
     )
@@ -263,9 +167,9 @@ def lqr_cost(series: Mapping[str, Series], options: Mapping[str, Any]) -> float:
 KINDS: dict[str, Kind] = {
     "settling_time": Kind(
         settling_time,
-        "time from which all columns stay within +-band to the end (s), for hold (1 s) at least",
-        options=("band", "hold"),
-        required=("band",),
+        "first time (s) from which all columns stay within ±`band` to the end, for `hold` at "
+        "least; null if never",
+        options=Band,
         forms=("columns",),
     ),
     "mean_abs": Kind(lambda s, o: float(np.abs(_flat(s)).mean()), "mean of the absolute value"),
@@ -275,12 +179,10 @@ KINDS: dict[str, Kind] = {
     "final": Kind(lambda s, o: float(_flat(s)[-1]), "last value"),
     "first_time": Kind(
         first_time,
-        "first time above level, 0.5 if not given (s); none if never",
-        options=("level",),
+        "first time (s) above `level`; null if never",
+        options=Level,
     ),
-    "share_above": Kind(
-        share_above, "share of the time above level, 0.5 if not given", options=("level",)
-    ),
+    "share_above": Kind(share_above, "share of the time above `level`", options=Level),
     "path_length": Kind(path_length, "length of the way gone by a pose (m)", forms=("place",)),
     "displacement": Kind(
         displacement,
@@ -291,27 +193,9 @@ KINDS: dict[str, Kind] = {
         lqr_cost,
         "the paper's J: 1/2 sum (x'Qx + u'Ru) + 1/2 x_N' Q_f x_N",
         inputs=("state", "command"),
-        options=("q", "r", "q_final"),
-        required=("q", "r"),
+        options=Weights,
         forms=("columns",),
+        agrees=_same_rows,
     ),
-    **{
-        function.__name__: Kind(
-            lambda s, o: None,
-            (function.__doc__ or "").split(".")[0],
-            optional=("engaged",) if function is not wall_metrics.distance_floor else (),
-            options=("distance", *more),
-            required=("distance", *more),
-            forms=("place",),
-            in_world=function,
-        )
-        for function, *more in (
-            (wall_metrics.distance_mae,),
-            (wall_metrics.distance_mae_cylinders,),
-            (wall_metrics.distance_mae_reachable, "turning_radius"),
-            (wall_metrics.distance_floor, "turning_radius"),
-            (wall_metrics.strayed,),
-            (wall_metrics.loops,),
-        )
-    },
+    **wall_metrics.KINDS,
 }

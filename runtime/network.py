@@ -76,7 +76,8 @@ class Network:
     one flag per wire as written. ``removed`` says for each block that is out of the run how:
     "without" or "bypass"; its entry and its wires stay in ``ghosts``. ``part_wires`` end at
     parts, whose typed inputs ``declared`` lists. ``asked`` is the name that took a block out:
-    its own, or that of its part. ``document`` has its ``$params`` filled in.
+    its own, or that of its part. ``document`` has its ``$params`` filled in. ``kinds`` are the
+    signal types that the graph's own blocks bring, and ``notes`` what looks wrong but can run.
     """
 
     title: str
@@ -95,6 +96,8 @@ class Network:
     ghost_wires: list[Wire] = field(default_factory=list)
     part_wires: list[Wire] = field(default_factory=list)
     declared: dict[str, SignalType] = field(default_factory=dict)
+    kinds: dict[str, SignalType] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
     engine: str = "auto"
     memory: int = 0
     world: World | None = None

@@ -14,7 +14,15 @@ from runtime.errors import Problems, Where
 from runtime.metrics import KINDS as METRIC_KINDS
 from runtime.metrics import Metric, Watched
 from runtime.network import Network, check_output
-from runtime.plot_specs import COMMON, check_options, offered, plot_keys, source_options, unfit
+from runtime.plot_specs import (
+    COMMON,
+    check_options,
+    offered,
+    plot_keys,
+    source_options,
+    unfit,
+    used_options,
+)
 from runtime.plot_specs import PlotSpec as PlotSpec
 from runtime.removal import follow, lost
 from runtime.sections import SECTIONS, check_keys, expected, misnamed, misspelt, section, texts
@@ -86,7 +94,7 @@ class _Reader:
         self.problems = problems
         # A world that is there but wrong is reported once, where it stands.
         self.has_world = (network.document.get("world") or Node(None)).value is not None
-        self.seen = Observation()
+        self.seen = Observation(notes=list(network.notes))
         self.declared: set[str] = set()
         self.unread: set[str] = set()
         self.places: dict[str, tuple[Where, str]] = {}
@@ -247,6 +255,7 @@ class _Reader:
             options["engaged"] = self.measured(node, "engaged", keys, address)
         if kind and of:
             text = str(title.value) if title is not None else name.replace("_", " ")
+            options |= used_options(kind, options)
             found = source_options(kind, [self.seen.probes[p] for p in of], self.network)
             plot = PlotSpec(name, kind, tuple(of), text, {**found, **options})
             faults = unfit(plot, self.seen.probes, node.value["of"].plain())

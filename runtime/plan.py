@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import keyword
+import math
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from runtime.inference import component_type
 from runtime.network import Network, Wire
 
 INDENT = "    "
-GLOBALS = ("isfinite", "isnan", "dot", "array", "checked", "sealed", "not_finite")
+GLOBALS = ("isfinite", "isnan", "dot", "array", "full", "checked", "sealed", "not_finite")
 # What the compiled plan and the loop around it call things by.
 COMPILED_NAMES = (
     *("njit", "ascontiguousarray", "all_finite", "no_nan", "overlap", "seen", "own"),
@@ -134,7 +135,7 @@ def drivers(network: Network) -> dict[tuple[str, str], list[Wire]]:
 def _identifiers(network: Network) -> tuple[dict[str, str], dict[tuple[str, str], str]]:
     """Python names for blocks, outputs and states: ``plant``, ``plant_pose``, ``plant_s``."""
     taken = {*keyword.kwlist, *GLOBALS, *COMPILED_NAMES, "run", "first", "last", "held", "k", "t"}
-    taken |= {"range", "__builtins__", "clock", "spent", "began"}
+    taken |= {"range", "float", "__builtins__", "clock", "spent", "began"}
 
     def fresh(name: str) -> str:
         plain = name.replace(".", "_")
@@ -261,7 +262,7 @@ class Emitter:
         values = [self.value(wire.source, target) for wire in wires]
         if declared.many:
             return f"({', '.join(values)},)" if values else "()"
-        return values[0] if values else repr(declared.absent)
+        return values[0] if values else absent_value(target, declared.absent)
 
     def value(self, end: Endpoint, target: SignalType | None = None) -> str:
         """A signal, or a component of it, in the form that the target takes."""
@@ -294,6 +295,18 @@ class Emitter:
         end = recording.end
         value = self.state_value(end) if recording.is_state else self.value(end)
         self.code(f"{recording.array}[{row}] = {value}")
+
+
+def absent_value(kind: SignalType, number: float | None) -> str:
+    """The expression of an open input's value; an array is made anew on each tick.
+
+    A block that writes into an input would otherwise change what it reads on the next tick.
+    """
+    text = repr(float(number or 0.0))
+    text = text if math.isfinite(float(text)) else f"float({text!r})"
+    if kind.form == "array":
+        return f"full({kind.shape!r}, {text})"
+    return text if kind.form == "scalar" else f"({f'{text}, ' * len(kind.components)})"
 
 
 def finite_test(signals: dict[str, SignalType]) -> str:

@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from blocks.params import show
+from blocks.options import Options
+from blocks.params import param, plain, show
+from blocks.signals import FloatArray
 from runtime.network import Network
 from runtime.signals import Probe
 
 COMMON = ("kind", "of", "title")
-_FLAT = ("timeseries", "trajectory", "raster", "heatmap")
-# Pictures of the graph's world, and the options that each takes beside the common ones.
-WORLD_OPTIONS: Mapping[str, tuple[str, ...]] = {
-    "map": ("distance", "engaged", "body_radius"),
-    "wall_distance": ("distance", "engaged"),
-    "scans": ("distance", "engaged", "body_radius", "at", "angles"),
-}
-PLOT_KINDS = (*_FLAT, *WORLD_OPTIONS)
 SCANNED = ("Pose", "Scan", "PointCloud", "Path")
+Checks = Iterable[tuple[str, str]]
 
 
 @dataclass(frozen=True)
@@ -37,49 +32,88 @@ class PlotSpec:
     options: Mapping[str, Any] = field(default_factory=dict)
 
 
+def _any(probe: Probe) -> str:
+    return ""
+
+
+def _all(probes: Sequence[Probe]) -> str:
+    return ""
+
+
+def _nothing(options: Mapping[str, Any]) -> Checks:
+    return ()
+
+
+@dataclass(frozen=True)
+class PlotKind:
+    """A kind of picture.
+
+    Parameters
+    ----------
+    doc : what it shows.
+    painter : ``module:function`` that draws it, imported when the first one is drawn; it takes
+        (figure, recordings, end of the run in s), or (figure, plot, result) of a world's picture.
+    options : its options; ``agrees`` checks what their declaration cannot say.
+    signals : options that name one more probe or address.
+    in_world : whether it needs the graph's world.
+    each, together : why it cannot show a probe, or probes together; '' where it can.
+    has_lead : whether nothing is left to draw once its first signal is gone.
+    """
+
+    doc: str
+    painter: str
+    options: type[Options] = Options
+    agrees: Callable[[Mapping[str, Any]], Checks] = _nothing
+    signals: tuple[str, ...] = ()
+    in_world: bool = False
+    each: Callable[[Probe], str] = _any
+    together: Callable[[Sequence[Probe]], str] = _all
+    has_lead: bool = False
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """What may stand in such a plot."""
+        return (*COMMON, *self.options.declared, *self.signals)
+
+
 def plot_keys(kind: str) -> tuple[str, ...]:
     """What may stand in a plot of a kind; in any plot, where the kind is none that is known."""
-    if kind in _FLAT:
-        return COMMON
-    every = [key for options in WORLD_OPTIONS.values() for key in options]
-    return tuple(dict.fromkeys([*COMMON, *WORLD_OPTIONS.get(kind, every)]))
+    kinds = [KINDS[kind]] if kind in KINDS else KINDS.values()
+    return tuple(dict.fromkeys(key for entry in kinds for key in entry.keys))
 
 
 def offered(kind: str, has_world: bool) -> tuple[str, ...]:
     """The kinds that a message should name: those of a world only where there is one."""
-    return PLOT_KINDS if has_world or kind in WORLD_OPTIONS else _FLAT
+    everywhere = tuple(name for name, entry in KINDS.items() if not entry.in_world)
+    return tuple(KINDS) if has_world or kind in KINDS.keys() - everywhere else everywhere
 
 
-def check_options(
-    kind: str, options: Mapping[str, Any], has_world: bool
-) -> Iterable[tuple[str, str]]:
+def check_options(kind: str, options: Mapping[str, Any], has_world: bool) -> Checks:
     """Everything wrong with a plot's options, as (key, text)."""
-    if kind not in WORLD_OPTIONS:
+    if kind not in KINDS:
         return
-    if not has_world:
+    declared = KINDS[kind]
+    if declared.in_world and not has_world:
         yield "kind", "needs a world, as in 'world: worlds/paper_room.yaml'"
-    if "distance" not in options and kind == "wall_distance":
-        yield "distance", "missing; expected the distance to follow (m)"
-    for key in ("distance", "body_radius"):
-        if key in options and not (_is_number(options[key]) and options[key] > 0.0):
-            yield key, f"expected a number above 0 m, got {show(options[key])}"
-    if "at" in options:
-        moments = options["at"] if isinstance(options["at"], list) else [options["at"]]
-        if not moments or not all(_is_number(item) and item >= 0.0 for item in moments):
-            said = f"expected times from 0 s, as in [20, 40], got {show(options['at'])}"
-            yield "at", said
-    if "angles" in options:
-        angles = options["angles"]
-        pair = isinstance(angles, list) and len(angles) == 2 and all(map(_is_number, angles))
-        if not pair or angles[0] >= angles[1]:
-            said = "expected the scan's first and last bearing (rad), as in [-1.57, 1.57], got "
-            yield "angles", said + show(angles)
+    faults = dict(declared.options.check(options))
+    yield from faults.items()
+    if not faults:
+        yield from declared.agrees(options)
+
+
+def used_options(kind: str, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Declared options as numbers, whatever they are written as; none where one is wrong."""
+    declared = KINDS[kind].options
+    if dict(declared.check(options)):
+        return {}
+    read = declared.read(options)
+    return {key: plain(read[key]) for key in options if key in read}
 
 
 def source_options(kind: str, probes: Sequence[Probe], network: Network) -> dict[str, Any]:
     """Options that the blocks behind the signals know: bearings of a scan, radius of a robot."""
     found: dict[str, Any] = {}
-    takes = WORLD_OPTIONS.get(kind, ())
+    takes = KINDS[kind].options.declared
     for signal in (signal for probe in probes for signal in probe.signals):
         block = network.entries[signal.end.block].block
         if signal.kind == "Scan" and "angles" in takes and hasattr(block, "angle_min"):
@@ -89,10 +123,6 @@ def source_options(kind: str, probes: Sequence[Probe], network: Network) -> dict
         if signal.kind == "Pose" and "body_radius" in takes and radius:
             found.setdefault("body_radius", float(radius))
     return found
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
 
 
 def unfit(
@@ -111,40 +141,148 @@ def unfit(
     if said:
         return [*faults, ("of", said)]
     items = [written] if isinstance(written, str) else written
-    said = _lacking(plot.kind, probes)
-    # The robot of a map is the first of its signals.
+    kind = KINDS[plot.kind]
+    said = kind.together(probes)
     is_short = len(plot.of) < len(items)
-    if is_short and (said or (plot.kind == "map" and plot.of[0] != items[0])):
+    if is_short and (said or (kind.has_lead and plot.of[0] != items[0])):
         return None
     return [*faults, ("of", said)] if said else faults
 
 
 def _misfit(kind: str, probe: Probe) -> str:
     """Why a picture cannot show a probe; '' if it can."""
+    text = KINDS[kind].each(probe)
     kinds = {signal.kind for signal in probe.signals}
-    alone = probe.signals[0].kind if len(probe.signals) == 1 else ""
-    text = ""
-    if kind == "trajectory" and not kinds & {"Pose", "Path", "PointCloud"}:
-        text = "a trajectory needs a Pose, a Path or a PointCloud"
-    elif kind == "raster" and kinds != {"Spikes"}:
-        text = "a raster needs spikes, as in snn.spikes"
-    elif kind == "timeseries" and len(probe.shape) > 1:
-        text = "a timeseries needs scalars, records or vectors; try a heatmap"
-    elif kind in ("map", "wall_distance") and alone != "Pose":
-        text = f"a {kind} needs one Pose, as in plant.pose"
-    elif kind == "scans" and alone not in SCANNED:
-        text = "scans need one Pose, Scan, PointCloud or Path each, as in lidar.scan"
     return f"{text}; '{probe.name}' is a {', '.join(sorted(kinds))}" if text else ""
 
 
-def _lacking(kind: str, probes: Sequence[Probe]) -> str:
-    """What is wrong with the signals of a picture as a whole; '' if nothing is."""
-    if kind == "wall_distance" and len(probes) > 1:
-        return f"expected one Pose, got {len(probes)} signals"
-    if kind != "scans":
+def _kinds(probe: Probe) -> set[str]:
+    return {signal.kind for signal in probe.signals}
+
+
+def _alone(probe: Probe) -> str:
+    return probe.signals[0].kind if len(probe.signals) == 1 else ""
+
+
+def _in_plane(probe: Probe) -> str:
+    if _kinds(probe) & {"Pose", "Path", "PointCloud"}:
         return ""
+    return "a trajectory needs a Pose, a Path or a PointCloud"
+
+
+def _spikes(probe: Probe) -> str:
+    return "" if _kinds(probe) == {"Spikes"} else "a raster needs spikes, as in snn.spikes"
+
+
+def _columns(probe: Probe) -> str:
+    if len(probe.shape) <= 1:
+        return ""
+    return "a timeseries needs scalars, records or vectors; try a heatmap"
+
+
+def _poses(kind: str) -> Callable[[Probe], str]:
+    said = f"a {kind} needs one Pose, as in plant.pose"
+    return lambda probe: "" if _alone(probe) == "Pose" else said
+
+
+def _scanned(probe: Probe) -> str:
+    if _alone(probe) in SCANNED:
+        return ""
+    return "scans need one Pose, Scan, PointCloud or Path each, as in lidar.scan"
+
+
+def _one_pose(probes: Sequence[Probe]) -> str:
+    return f"expected one Pose, got {len(probes)} signals" if len(probes) > 1 else ""
+
+
+def _one_of_each(probes: Sequence[Probe]) -> str:
     kinds = [probe.signals[0].kind for probe in probes]
     if "Pose" not in kinds:
         return "expected the robot's Pose among them, as in plant.pose"
     twice = [item for item in SCANNED if kinds.count(item) > 1]
     return f"expected one {twice[0]}, got {kinds.count(twice[0])}" if twice else ""
+
+
+class Distance(Options):
+    """The distance that is followed."""
+
+    distance: float = param(unit="m", above=0.0, doc="the distance from the walls to follow")
+
+
+class Map(Options):
+    """What a map shows beside the way."""
+
+    distance: float | None = param(
+        None, unit="m", above=0.0, doc="draw the contour that far from the walls"
+    )
+    body_radius: float | None = param(
+        None, unit="m", above=0.0, doc="size of the robot; default: what its block says"
+    )
+
+
+class Scans(Map):
+    """Which moments of a run, and which part of a scan."""
+
+    at: FloatArray | None = param(
+        None, unit="s", at_least=0.0, shape=[(), (None,)], doc="the times; default: four"
+    )
+    angles: FloatArray | None = param(
+        None, unit="rad", shape=(2,), doc="bearings of the scan's ends; default: the sensor's"
+    )
+
+
+def _moments(options: Mapping[str, Any]) -> Checks:
+    if options.get("at") == []:
+        yield "at", f"expected {Scans.declared['at'].describe()}, got {show([])}"
+    low, high = Scans.read(options)["angles"] if "angles" in options else (0.0, 1.0)
+    if low >= high:
+        said = "expected the scan's first bearing below its last (rad), as in [-1.57, 1.57], got "
+        yield "angles", said + show(options["angles"])
+
+
+KINDS: Mapping[str, PlotKind] = {
+    "timeseries": PlotKind(
+        "columns over time, one axis per unit",
+        "runtime.pictures.plots:draw_timeseries",
+        each=_columns,
+    ),
+    "trajectory": PlotKind(
+        "poses, paths and point clouds in the plane",
+        "runtime.pictures.trajectory:draw_trajectory",
+        each=_in_plane,
+    ),
+    "raster": PlotKind(
+        "spikes and the population's rate", "runtime.pictures.raster:draw_raster", each=_spikes
+    ),
+    "heatmap": PlotKind("any array over time", "runtime.pictures.plots:draw_heatmap"),
+    "map": PlotKind(
+        "the world, the way of the first pose of `of`, other poses as points; `engaged` (a probe "
+        "or address that rises above 0.5) adds a dot where following begins",
+        "runtime.pictures.map:draw_map",
+        options=Map,
+        signals=("engaged",),
+        in_world=True,
+        each=_poses("map"),
+        has_lead=True,
+    ),
+    "wall_distance": PlotKind(
+        "distance of a pose to the nearest wall, minus `distance`, over time; `engaged` as in map",
+        "runtime.pictures.map:draw_wall_distance",
+        options=Distance,
+        signals=("engaged",),
+        in_world=True,
+        each=_poses("wall_distance"),
+        together=_one_pose,
+    ),
+    "scans": PlotKind(
+        "a pose, a scan, a fitted wall (point cloud) and a path, around the robot, at the times "
+        "`at` or four after `engaged`",
+        "runtime.pictures.scans:draw_scans",
+        options=Scans,
+        agrees=_moments,
+        signals=("engaged",),
+        in_world=True,
+        each=_scanned,
+        together=_one_of_each,
+    ),
+}

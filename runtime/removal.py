@@ -100,7 +100,7 @@ def _named(network: Network, node: Node, address: str, problems: Problems) -> li
     known = network.scope.all_names()
     if not inside and name not in known and name not in network.scope.broken:
         mend = hint(name, known) or f"; blocks: {', '.join(known)}"
-        problems.add(node.where, address, f"there is no block '{name}'{mend}")
+        problems.add(node.where, address, f"there is no block '{name}'{mend}", True)
     return inside
 
 

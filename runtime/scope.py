@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from blocks.params import hint
@@ -141,8 +141,13 @@ def _part(entry: Node, above: Scope, name: str, address: str, problems: Problems
     return _scope(filled, scope, problems)
 
 
-def part_input(node: Node, address: str, problems: Problems) -> SignalType | None:
-    """The type that an entry of a part's ``inputs`` declares; None if it leaves it open."""
+def part_input(
+    node: Node, address: str, problems: Problems, own: Mapping[str, SignalType] | None = None
+) -> SignalType | None:
+    """The type that an entry of a part's ``inputs`` declares; None if it leaves it open.
+
+    ``own`` are the signal types that the graph's own blocks bring, by name.
+    """
     declared = node.get("type") if node.is_map else node
     if node.is_map:
         check_keys(node, ("type", "optional", "doc"), address, problems, "key")
@@ -155,7 +160,7 @@ def part_input(node: Node, address: str, problems: Problems) -> SignalType | Non
     try:
         if not isinstance(declared.value, str):
             raise ValueError(f"expected a signal type such as Twist, got {declared.describe()}")
-        return signal_type(declared.value)
+        return signal_type(declared.value, own=own)
     except ValueError as error:
         problems.add(declared.where, address, str(error))
         return None

@@ -59,7 +59,7 @@ def check_keys(
         if name not in known:
             mend = hint(name, known) or f"; expected {', '.join(known)}"
             place = f"{address}.{name or repr(name)}".lstrip(".")
-            problems.add(item.key, place, f"unknown {noun}{mend}")
+            problems.add(item.key, place, f"unknown {noun}{mend}", True)
 
 
 def section(

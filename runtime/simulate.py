@@ -16,7 +16,7 @@ from runtime.choice import take_compiled
 from runtime.document import dump_yaml
 from runtime.engine import Engine, Outcome
 from runtime.graph import Graph
-from runtime.observe import Observation, Probe
+from runtime.observe import Probe
 from runtime.profile import Profile
 from runtime.record import RESOLVED, SCHEMA_VERSION, WRITTEN, portable_modules
 from runtime.recorder import Recorder
@@ -60,14 +60,16 @@ def simulate(
         for name, probe in observation.probes.items()
     }
     metrics, failures = evaluate(observation.metrics, probes, network.world)
+    notes = [*graph.notes, *observation.notes]
+    notes += engine.diagnosis.notes(outcome.ticks) if outcome.ticks else []
     result = Result(
         title=network.title,
         probes=probes,
         metrics=metrics,
         plots=observation.plots,
-        manifest=_manifest(graph, outcome, observation, began),
+        manifest=_manifest(graph, outcome, notes, began),
         origin=partial(_origin, graph, outcome.engine),
-        notes=[*graph.notes, *observation.notes],
+        notes=notes,
         failures=failures,
         world=network.world,
     )
@@ -111,9 +113,7 @@ def _resolved(graph: Graph, engine: str) -> dict[str, Any]:
     return {**graph.to_dict(), "run": run}
 
 
-def _manifest(
-    graph: Graph, outcome: Outcome, observation: Observation, began: datetime
-) -> dict[str, Any]:
+def _manifest(graph: Graph, outcome: Outcome, notes: list[str], began: datetime) -> dict[str, Any]:
     network = graph.network
     return {
         "schema_version": SCHEMA_VERSION,
@@ -133,7 +133,7 @@ def _manifest(
         "argv": sys.argv,
         "overrides": list(graph.overrides),
         "removed": dict(network.removed),
-        "notes": [*graph.notes, *observation.notes],
+        "notes": notes,
         "versions": dict(versions()),
     }
 

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
 from blocks.contour import IntArray
+from blocks.options import Options
+from blocks.params import param
 from blocks.signals import FloatArray
 from blocks.world import World
+from runtime.metric_kinds import Common, Kind
 
 REACHED = 0.02
 CLEAR = 0.1
@@ -115,3 +118,63 @@ def _others(world: World, i: int) -> World | None:
 
 def _mean(values: FloatArray) -> float:
     return float(values.mean()) if len(values) else math.nan
+
+
+class StandOff(Common):
+    """The distance to keep."""
+
+    distance: float = param(unit="m", above=0.0, doc="the distance from the walls to keep")
+
+
+class Turning(StandOff):
+    """The distance to keep, and what the robot can do about it."""
+
+    turning_radius: float = param(unit="m", above=0.0, doc="the robot's smallest turning radius")
+
+
+def _kind(
+    formula: Callable[[World, FloatArray, Mapping[str, Any]], float],
+    doc: str,
+    options: type[Options] = StandOff,
+    optional: tuple[str, ...] = ("engaged",),
+) -> Kind:
+    return Kind(
+        lambda series, options: None,
+        doc,
+        options,
+        optional=optional,
+        forms=("place",),
+        in_world=formula,
+    )
+
+
+KINDS: Mapping[str, Kind] = {
+    "distance_mae": _kind(
+        distance_mae,
+        "mean of abs(distance to the nearest surface - `distance`) (m), from when the contour is "
+        "first reached (within 2 cm, or twice the smallest error of a robot that keeps further "
+        "off)",
+    ),
+    "distance_mae_cylinders": _kind(
+        distance_mae_cylinders,
+        "the same where the robot is along a circle, clear of everything else by 10 cm",
+    ),
+    "distance_mae_reachable": _kind(
+        distance_mae_reachable,
+        "the same without the places within `turning_radius` of a kink of the contour",
+        Turning,
+    ),
+    "distance_floor": _kind(
+        distance_floor,
+        "what a robot of that `turning_radius` that makes no other error gets (m)",
+        Turning,
+        optional=(),
+    ),
+    "strayed": _kind(
+        strayed, "largest distance (m) from the contour that was reached first, from then on"
+    ),
+    "loops": _kind(
+        loops,
+        "turns around the contour that was reached first; negative with the wall on the left",
+    ),
+}

@@ -33,7 +33,9 @@ class Wiring:
             for name, node in scope.outputs.items():
                 self.check_source(scope, node, scope.path("outputs", name))
             for name, node in scope.inputs.items():
-                kind = part_input(node, scope.path("inputs", name), self.problems)
+                kind = part_input(
+                    node, scope.path("inputs", name), self.problems, self.network.kinds
+                )
                 if kind is not None and not kind.symbol:
                     self.network.declared[scope.prefix + name] = kind
             for consumer, ports in scope.wires.items():
@@ -62,7 +64,7 @@ class Wiring:
                 self.settled.add((scope.prefix + head, port))
             elif near:
                 mend = hint(name, known)
-            self.problems.add(ports.key, address, f"there is no block '{name}'{mend}")
+            self.problems.add(ports.key, address, f"there is no block '{name}'{mend}", True)
             if not near:
                 return
             self.settle(scope, near)
@@ -94,7 +96,7 @@ class Wiring:
         self.settled.add((full, meant(port, inputs)))
         mend = hint(port, inputs) or f"; its inputs: {', '.join(inputs) or 'none'}"
         owner = f"part '{full}'" if name in scope.parts else f"'{full}'"
-        self.problems.add(node.key, address, f"{owner} has no input '{port}'{mend}")
+        self.problems.add(node.key, address, f"{owner} has no input '{port}'{mend}", True)
 
     def port(self, entry: Entry, port: str, node: Node, address: str) -> None:
         if not entry.cls.spec.inputs[port].many:
@@ -168,10 +170,10 @@ class Wiring:
         except ReportedError:
             return None
         except AddressError as error:
-            self.problems.add(*(error.place or (node.where, address)), str(error))
+            self.problems.add(*(error.place or (node.where, address)), str(error), True)
             return None
         text = check_output(self.network, found.end)
         if text:
-            self.problems.add(*(found.place or (node.where, address)), text)
+            self.problems.add(*(found.place or (node.where, address)), text, True)
             return None
         return found if found.end.block in self.network.entries else None

@@ -43,6 +43,8 @@ def run(options: Namespace) -> int:
         if not (options.quiet or options.json):
             network = graph.network
             blocks, wires = len(network.entries), len(network.wires)
+            for note in network.notes:
+                print(f"note: {note}", file=sys.stderr)
             print(f"{name}: fine ({blocks} blocks, {wires} wires, {network.ticks} ticks)")
     if options.json:
         print(json.dumps({"schema_version": 1, "problems": problems}))

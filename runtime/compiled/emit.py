@@ -20,7 +20,7 @@ Call = tuple[str, Evaluation]
 HEADER = """from math import isfinite
 
 from numba import njit
-from numpy import array, ascontiguousarray
+from numpy import array, ascontiguousarray, full
 
 from runtime.compiled.primitives import all_finite, no_nan, overlap, seen
 """

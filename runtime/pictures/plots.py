@@ -6,8 +6,9 @@ Figures are made without pyplot, which costs a second to import and keeps every 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +23,8 @@ from blocks.signals import FloatArray
 from runtime.errors import UsageError
 from runtime.observe import PlotSpec
 from runtime.pictures import style
-from runtime.pictures.map import draw_map, draw_wall_distance
-from runtime.pictures.raster import draw_raster
-from runtime.pictures.scans import draw_scans
-from runtime.pictures.trajectory import draw_trajectory, equal_scales
+from runtime.pictures.trajectory import equal_scales
+from runtime.plot_specs import KINDS, offered
 from runtime.result import Recorded, Result
 
 DPI = 150
@@ -52,19 +51,21 @@ def draw(plot: PlotSpec, result: Result) -> Figure:
     ------
     UsageError : no such kind of plot, a probe was not recorded, or the run has no world to show.
     """
-    if plot.kind not in PAINTERS and plot.kind not in WORLD_PAINTERS:
-        known = ", ".join([*PAINTERS, *(WORLD_PAINTERS if result.world is not None else ())])
+    if plot.kind not in KINDS:
+        known = ", ".join(offered(plot.kind, result.world is not None))
         raise UsageError(f"plot '{plot.name}': expected one of {known}, got '{plot.kind}'")
     missing = [name for name in plot.of if name not in result.probes]
     if missing:
         raise UsageError(f"plot '{plot.name}' shows '{missing[0]}', which was not recorded")
     with matplotlib.rc_context(style.STYLE):
         figure = Figure(layout="constrained")
-        if plot.kind in WORLD_PAINTERS:
-            top = WORLD_PAINTERS[plot.kind](figure, plot, result)
+        module, _, function = KINDS[plot.kind].painter.partition(":")
+        painter = getattr(import_module(module), function)
+        if KINDS[plot.kind].in_world:
+            top = painter(figure, plot, result)
         else:
             shown = [result.probes[name] for name in plot.of]
-            top = PAINTERS[plot.kind](figure, shown, style.run_end(result))
+            top = painter(figure, shown, style.run_end(result))
         style.set_title(top, plot.title, result)
         if plot.kind == "trajectory":
             equal_scales(figure, top)
@@ -111,7 +112,8 @@ def _flat(recorded: Recorded) -> tuple[FloatArray, list[str], list[str]]:
     return values, [f"{named}[{i}]" for i in range(count)], (units * count)[:count]
 
 
-def _timeseries(figure: Figure, recordings: Sequence[Recorded], end: float) -> Axes:
+def draw_timeseries(figure: Figure, recordings: Sequence[Recorded], end: float) -> Axes:
+    """Draw columns over time, those of one unit together."""
     groups: dict[str, list[_Column]] = {}
     every = []
     for recorded in recordings:
@@ -166,7 +168,8 @@ def _shown(line: _Column, lines: int) -> tuple[FloatArray, FloatArray]:
     return style.thin(line.t, y, max(400, min(THIN_TO, LINE_POINTS // lines)))
 
 
-def _heatmap(figure: Figure, recordings: Sequence[Recorded], end: float) -> Axes:
+def draw_heatmap(figure: Figure, recordings: Sequence[Recorded], end: float) -> Axes:
+    """Draw arrays over time as colours, one below the other."""
     figure.set_size_inches(style.WIDTH, 0.9 + 2.6 * max(1, len(recordings)))
     column = style.stack(figure, len(recordings))
     for axes, recorded in zip(column, recordings, strict=False):
@@ -214,16 +217,3 @@ def _colours(values: FloatArray) -> tuple[str, float, float]:
         bound = max(-low, high)
         return "RdBu_r", -bound, bound
     return "viridis", low, high if high > low else low + 1.0
-
-
-PAINTERS: dict[str, Callable[[Figure, Sequence[Recorded], float], Axes]] = {
-    "timeseries": _timeseries,
-    "trajectory": draw_trajectory,
-    "raster": draw_raster,
-    "heatmap": _heatmap,
-}
-WORLD_PAINTERS: dict[str, Callable[[Figure, PlotSpec, Result], Axes]] = {
-    "map": draw_map,
-    "wall_distance": draw_wall_distance,
-    "scans": draw_scans,
-}

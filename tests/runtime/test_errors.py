@@ -311,7 +311,8 @@ CASES = {
     ],
     "open type": [
         ("  plant: {type", "  lone: {type: Sum}\n  plant: {type"),
-        "g.yaml:9:3: the signal type of 'lone.terms' is open; wire a typed signal to it",
+        "g.yaml:9:3: the signal type of 'lone.terms' is open; wire a typed signal to it, or write "
+        "its type, as in 'signal: Scalar'",
     ],
     "loop": [
         ("[lqr.command, match", "[total.out, match"),
@@ -399,7 +400,8 @@ CASES = {
     ],
     "metric's option": [
         "metrics: {m: {kind: settling_time, of: pose}}\n",
-        "g.yaml:18:11: metrics.m.band: missing; expected a number or a list of numbers",
+        "g.yaml:18:11: metrics.m.band: missing; expected a number or an array of 3 numbers at "
+        "least 0: largest size that is settled, or per column",
     ],
     "metric's option misspelt": [
         "metrics: {m: {kind: settling_time, of: pose, bnd: 1}}\n",

@@ -264,9 +264,12 @@ CLASHES = {
         {"g": {"type": "Gain", "gain": 1}, "d": {"type": "UnitDelay"}, "s": {"type": "Sum"}},
         {"g": {"input": "d.out"}, "d": {"input": "g.out"}},
         [
-            "blocks.d: the signal type of 'd.input' is open; wire a typed signal to it",
-            "blocks.g: the signal type of 'g.input' is open; wire a typed signal to it",
-            "blocks.s: the signal type of 's.terms' is open; wire a typed signal to it",
+            "blocks.d: the signal type of 'd.input' is open; wire a typed signal to it, or write "
+            "its type, as in 'signal: Scalar'",
+            "blocks.g: the signal type of 'g.input' is open; wire a typed signal to it, or write "
+            "its type, as in 'signal: Scalar'",
+            "blocks.s: the signal type of 's.terms' is open; wire a typed signal to it, or write "
+            "its type, as in 'signal: Scalar'",
         ],
     ),
     "a block that cannot be made": (

@@ -251,10 +251,16 @@ class TestOptions:
     @pytest.mark.parametrize(
         ("plot", "text"),
         [
-            ({"at": []}, "plots.p.at: expected times from 0 s, as in [20, 40], got"),
-            ({"at": [1, -2]}, "plots.p.at: expected times from 0 s"),
-            ({"angles": [1.0]}, "plots.p.angles: expected the scan's first and last bearing"),
-            ({"angles": [1.0, -1.0]}, "plots.p.angles: expected the scan's first and last bearing"),
+            (
+                {"at": []},
+                "plots.p.at: expected a number or an array of n numbers",
+            ),
+            (
+                {"at": [1, -2]},
+                "plots.p.at: expected a number or an array of n numbers",
+            ),
+            ({"angles": [1.0]}, "plots.p.angles: expected an array of 2 numbers rad, got [1.0]"),
+            ({"angles": [1.0, -1.0]}, "plots.p.angles: expected the scan's first bearing below"),
             ({"of": "lidar.scan"}, "plots.p.of: expected the robot's Pose among them"),
             ({"of": ["pose", "match.reference"]}, "plots.p.of: expected one Pose, got 2"),
             ({"of": ["pose", "go.value"]}, "plots.p.of: scans need one Pose, Scan, PointCloud"),
@@ -266,7 +272,10 @@ class TestOptions:
 
     def test_of_a_distance(self) -> None:
         (said,) = problems(kind="wall_distance", of="pose")
-        assert said == "plots.p.distance: missing; expected the distance to follow (m)"
+        assert said == (
+            "plots.p.distance: missing; expected a number above 0 m: "
+            "the distance from the walls to follow"
+        )
         (said,) = problems(kind="wall_distance", of=["pose", "match.reference"], distance=0.2)
         assert said == "plots.p.of: expected one Pose, got 2 signals"
 

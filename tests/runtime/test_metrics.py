@@ -12,8 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import runtime
+from blocks.params import param
 from blocks.signals import FloatArray
 from runtime.document import parse_yaml
+from runtime.errors import GraphError
+from runtime.metric_kinds import Common, Kind
 from runtime.metrics import KINDS, Metric, Series, Watched
 from tests.runtime.broken import SOUND, changed
 
@@ -58,7 +61,7 @@ def test_a_band_that_is_reached_at_the_very_end_is_not_settled() -> None:
 @pytest.mark.parametrize("hold", [-1.0, math.inf, "long", [1.0]])
 def test_a_hold_is_a_time(hold: Any) -> None:
     [(key, said)] = complaints("settling_time", {"band": 0.1, "hold": hold}, of=TWIST)
-    assert key == "hold" and said.startswith("expected a time from 0 s, got ")
+    assert key == "hold" and said.startswith("expected a number at least 0 s, got ")
 
 
 def test_what_is_not_a_number_is_outside_of_the_band() -> None:
@@ -225,16 +228,21 @@ BANDS = [-1, "x", None, True, math.nan, math.inf, [], [[1]], [1, -1], {"a": 1}]
 @pytest.mark.parametrize("band", BANDS, ids=str)
 def test_bands(band: Any) -> None:
     [(key, said)] = complaints("settling_time", {"band": band}, of=TWIST)
-    assert (key, said[:45]) == ("band", "expected a number from 0, or one per column, ")
+    wanted = "expected a number or an array of 2 numbers at least 0, got "
+    assert (key, said[: len(wanted)]) == ("band", wanted)
 
 
 def test_a_band_has_one_number_per_column() -> None:
     assert complaints("settling_time", {"band": [1, 2, 3]}, of=POSE) == []
     assert complaints("settling_time", {"band": [1, 2]}, of=POSE) == [
-        ("band", "expected a number or 3 numbers, got [1, 2]")
+        ("band", "expected a number or an array of 3 numbers at least 0, got [1, 2]")
     ]
     assert complaints("settling_time", {}, of=POSE) == [
-        ("band", "missing; expected a number or a list of numbers")
+        (
+            "band",
+            "missing; expected a number or an array of 3 numbers at least 0: "
+            "largest size that is settled, or per column",
+        )
     ]
 
 
@@ -242,22 +250,23 @@ def test_a_band_has_one_number_per_column() -> None:
 @pytest.mark.parametrize("bad", ["x", None, True, math.nan, math.inf, [1]], ids=str)
 def test_numbers_of_every_metric(key: str, bad: Any) -> None:
     [(found, said)] = complaints("final", {key: bad}, of=SCALAR)
-    assert (found, said[:22]) == (key, "expected a number, got")
+    wanted = f"expected a number{' at least 0 s' if key == 'after' else ''}, got"
+    assert (found, said[: len(wanted)]) == (key, wanted)
 
 
 def test_after_is_no_time_before_the_run() -> None:
     assert complaints("final", {"after": -1}, of=SCALAR) == [
-        ("after", "expected a time from 0 s, got -1")
+        ("after", "expected a number at least 0 s, got -1")
     ]
 
 
 WEIGHTS = [
-    ([1, 1], "expected 3 numbers or 3x3, got [1, 1]"),
-    (1, "expected 3 numbers or 3x3, got 1"),
-    ([1, 1, "x"], "expected 3 numbers or 3x3, got [1, 1, 'x']"),
-    ([[1, 0], [0, 1]], "expected 3 numbers or 3x3, got [[1, 0], [0, 1]]"),
-    ([1, 1, [1]], "expected 3 numbers or 3x3, got [1, 1, [1]]"),
-    ([1, 1, math.inf], "expected 3 numbers or 3x3, got [1, 1, inf]"),
+    ([1, 1], "expected a number or an array of 3 or 3x3 numbers, got [1, 1]"),
+    (1, "expected an array of 3 or 3x3 numbers, got 1"),
+    ([1, 1, "x"], "expected a number or an array of 3 or 3x3 numbers, got [1, 1, 'x']"),
+    ([[1, 0], [0, 1]], "expected a number or an array of 3 or 3x3 numbers, got [[1, 0], [0, 1]]"),
+    ([1, 1, [1]], "expected a number or an array of 3 or 3x3 numbers, got [1, 1, [1]]"),
+    ([1, 1, math.inf], "expected a number or an array of 3 or 3x3 numbers, got [1, 1, inf]"),
 ]
 
 
@@ -278,6 +287,33 @@ def test_state_and_command_are_recorded_alike() -> None:
             f"{when}; probe both alike"
         )
         assert complaints("lqr_cost", weights, state=POSE, command=command) == [("command", said)]
+
+
+class Percentile(Common):
+    """An option of a metric that is not the library's."""
+
+    percentile: float = param(unit="%", at_least=0.0, at_most=100.0, doc="share of rows below")
+
+
+@pytest.mark.parametrize("written", ["ninety", 101, -1, None, [50], True])
+def test_options_of_a_new_kind_are_held_against_their_declaration(
+    written: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Only the kind's own declaration is needed: check, value, defaults and message follow."""
+
+    def percentile(series: Any, options: Any) -> float:
+        return float(np.percentile(series["of"].values, options["percentile"]))
+
+    monkeypatch.setitem(KINDS, "percentile", Kind(percentile, "a percentile", Percentile))
+    plain = parse_yaml(SOUND, "g").plain()
+    entry = {"kind": "percentile", "of": "plant.pose.x", "percentile": written}
+    graph = runtime.load({**plain, "metrics": {"p": entry}})
+    with pytest.raises(GraphError) as caught:
+        graph.check()
+    said = "metrics.p.percentile: expected a number at least 0 and at most 100 %, got "
+    assert str(caught.value).startswith(said)
+    result = graph.set("metrics.p.percentile", 50).probe("x", "plant.pose.x").run()
+    assert result.metrics["p"] == np.median(result["x"])
 
 
 # -- in a graph

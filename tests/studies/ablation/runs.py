@@ -8,9 +8,9 @@ from pathlib import Path
 
 from runtime.errors import UsageError
 from runtime.experiments.ablation import ablate
+from runtime.experiments.crew import Crew, local_crew
 from runtime.experiments.experiment import Experiment, read_experiment
 from runtime.experiments.plan import ablation_plan
-from runtime.experiments.crew import Crew, local_crew
 from runtime.experiments.seeds import Seeds
 from runtime.experiments.variants import check_variants
 from runtime.graph import Graph
