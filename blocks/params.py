@@ -10,9 +10,11 @@ import difflib
 import numbers
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any, Literal, cast
 
 import numpy as np
+import numpy.typing as npt
 
 from blocks.signals import FloatArray
 
@@ -25,6 +27,9 @@ KINDS: dict[object, Kind] = {
     str: "str",
     FloatArray: "array",
 }
+# Suggestions: how alike names must be (0 to 1), how many names are looked at closely, the length
+# that is compared, and the classes that letters are counted in.
+ALIKE, CANDIDATES, LONGEST, LETTERS = 0.6, 32, 100, 64
 Shape = tuple[int | str | None, ...]
 
 
@@ -210,8 +215,37 @@ def show(value: Any) -> str:
 def hint(name: Any, known: Iterable[str]) -> str:
     """``, did you mean 'neurons'?`` or nothing."""
     folded = {entry.lower(): entry for entry in known}
-    close = difflib.get_close_matches(str(name).lower(), list(folded), n=1, cutoff=0.6)
+    written = str(name).lower()[:LONGEST]
+    close = difflib.get_close_matches(written, _likely(written, tuple(folded)), n=1, cutoff=ALIKE)
     return f", did you mean '{folded[close[0]]}'?" if close else ""
+
+
+def _likely(name: str, known: tuple[str, ...]) -> list[str]:
+    """The few of many names that share most letters with one, all of them where they are few.
+
+    Letters in common bound difflib's ratio, whose own work grows as length times length.
+    """
+    if len(known) <= CANDIDATES:
+        return [entry for entry in known if len(entry) <= LONGEST]
+    counts, lengths = _letters(known)
+    shared = np.minimum(counts, _letter_counts((name,))).sum(axis=1)
+    bounds = 2.0 * shared / np.maximum(1, lengths + len(name))
+    first = np.argsort(-bounds, kind="stable")[:CANDIDATES]
+    return [known[i] for i in first if bounds[i] >= ALIKE and lengths[i] <= LONGEST]
+
+
+@lru_cache(8)
+def _letters(known: tuple[str, ...]) -> tuple[npt.NDArray[np.int16], npt.NDArray[np.int64]]:
+    """How often each letter occurs in each name, and how long the names are."""
+    return _letter_counts(known), np.array([len(entry) for entry in known])
+
+
+def _letter_counts(names: tuple[str, ...]) -> npt.NDArray[np.int16]:
+    counts = np.zeros((len(names), LETTERS), dtype=np.int16)
+    for row, name in zip(counts, names, strict=True):
+        for letter in name[:LONGEST]:
+            row[ord(letter) % LETTERS] += 1
+    return counts
 
 
 def _number(value: Any) -> Any:

@@ -29,10 +29,13 @@ BLOCK_KEYS = ("type", "module", "dt")
 MAX_TITLE = 120
 
 
-def build(document: Node, classes: Mapping[str, type[Block]] | None = None) -> Network:
+def build(
+    document: Node, classes: Mapping[str, type[Block]] | None = None, modules: bool = True
+) -> Network:
     """Build the network of a document that stands by itself (nothing to extend or inline).
 
-    ``classes`` are block types beside the library's, for graphs made in Python.
+    ``classes`` are block types beside the library's, for graphs made in Python. Python files that
+    the graph names are imported only with ``modules``.
 
     Raises
     ------
@@ -48,7 +51,9 @@ def build(document: Node, classes: Mapping[str, type[Block]] | None = None) -> N
     can_run = len(problems.found) == before
     for inner in scope.walk():
         for name, node in inner.blocks.items():
-            _add_block(network, inner, name, node, classes or {}, problems)
+            cls = block_class(node, inner.path("blocks", name), classes or {}, problems, modules)
+            if cls is not None:
+                _add_block(network, inner, name, node, cls, problems)
     wiring = Wiring(network, problems)
     wiring.resolve()
     remove(network, document, problems)
@@ -113,13 +118,10 @@ def _add_block(
     scope: Scope,
     name: str,
     node: Node,
-    classes: Mapping[str, type[Block]],
+    cls: type[Block],
     problems: Problems,
 ) -> None:
     address = scope.path("blocks", name)
-    cls = block_class(node, address, classes, problems)
-    if cls is None:
-        return
     values = {key: item for key, item in node.items() if key not in BLOCK_KEYS}
     known = cls.spec.params
     unknown = [key for key in values if key not in known]

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable
 from pathlib import Path
 
 from runtime.rendering.wish import VIEWS, Wish
+from runtime.terminal import show, show_json
 
 HELP = "a picture and a film of a run of a robot with physics"
 
@@ -59,9 +59,9 @@ def run(options: Namespace) -> int:
         )
     )
     if options.json:
-        print(json.dumps({"schema_version": 1, "files": [str(path) for path in files]}))
+        show_json({"schema_version": 1, "files": [str(path) for path in files]})
     else:
-        print("\n".join(map(str, files)))
+        show("\n".join(map(str, files)))
     return 0
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
+
+from runtime.terminal import show, show_json
 
 HELP = "one self-contained HTML file on a run, a sweep or an ablation"
 
@@ -41,9 +42,9 @@ def run(options: Namespace) -> int:
         raise UsageError(f"cannot write '{written}': {error.strerror or error}") from None
     if options.json:
         found = {"schema_version": 1, "kind": made.kind, "folder": str(made.folder)}
-        print(json.dumps({**found, "report": str(written)}))
+        show_json({**found, "report": str(written)})
     else:
-        print(written)
+        show(written)
     return 0
 
 
