@@ -38,10 +38,14 @@ def add(parser: ArgumentParser) -> None:
 
 def run(options: Namespace) -> int:
     """Draw, and print the files."""
+    from runtime.files import check_inside, refuse_link
     from runtime.rendering.process import render
     from runtime.reopen import run_folder
 
     folder = run_folder(options.run)
+    if not options.out:
+        check_inside(folder)
+        refuse_link(folder / "plots")
     files = render(
         Wish(
             run=str(folder),
