@@ -10,13 +10,13 @@ import difflib
 import math
 import numbers
 import re
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any, Literal, cast
 
 import numpy as np
+import numpy.typing as npt
 
 from blocks.signals import TYPES, FloatArray, SignalType, signal_type
 
@@ -31,9 +31,9 @@ KINDS: dict[object, Kind] = {
     SignalType: "signal",
 }
 _DEGREES = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?) ?deg(.*)", re.ASCII)
-# Names above this number are compared by their pairs of letters first.
-MANY_NAMES = 20
-LONGEST_NAME = 60
+# Suggestions: how alike names must be (0 to 1), how many names are looked at closely, the length
+# that is compared, and the classes that letters are counted in.
+ALIKE, CANDIDATES, LONGEST, LETTERS = 0.6, 32, 100, 64
 Shape = tuple[int | str | None, ...]
 
 
@@ -269,35 +269,38 @@ def show(value: Any) -> str:
 
 def hint(name: Any, known: Iterable[str]) -> str:
     """``, did you mean 'neurons'?`` or nothing."""
-    near = _nearest(str(name).lower()[:LONGEST_NAME], tuple(known))
-    return f", did you mean '{near}'?" if near else ""
+    folded = {entry.lower(): entry for entry in known}
+    written = str(name).lower()[:LONGEST]
+    close = difflib.get_close_matches(written, _likely(written, tuple(folded)), n=1, cutoff=ALIKE)
+    return f", did you mean '{folded[close[0]]}'?" if close else ""
 
 
-@lru_cache(maxsize=1024)
-def _nearest(name: str, known: tuple[str, ...]) -> str:
-    folded, pairs = _index(known)
-    candidates: Iterable[str] = folded
-    if len(folded) > MANY_NAMES:
-        # Comparing letter by letter takes long: only those that share most pairs of letters.
-        shared = Counter(entry for pair in _pairs(name) for entry in pairs.get(pair, ()))
-        candidates = [entry for entry, _ in shared.most_common(MANY_NAMES)]
-    close = difflib.get_close_matches(name, candidates, n=1, cutoff=0.6)
-    return folded[close[0]] if close else ""
+def _likely(name: str, known: tuple[str, ...]) -> list[str]:
+    """The few of many names that share most letters with one, all of them where they are few.
+
+    Letters in common bound difflib's ratio, whose own work grows as length times length.
+    """
+    if len(known) <= CANDIDATES:
+        return [entry for entry in known if len(entry) <= LONGEST]
+    counts, lengths = _letters(known)
+    shared = np.minimum(counts, _letter_counts((name,))).sum(axis=1)
+    bounds = 2.0 * shared / np.maximum(1, lengths + len(name))
+    first = np.argsort(-bounds, kind="stable")[:CANDIDATES]
+    return [known[i] for i in first if bounds[i] >= ALIKE and lengths[i] <= LONGEST]
 
 
-@lru_cache(maxsize=8)
-def _index(known: tuple[str, ...]) -> tuple[dict[str, str], dict[str, list[str]]]:
-    """Names by their small letters, and those in turn by the pairs of letters in them."""
-    folded = {entry.lower()[:LONGEST_NAME]: entry for entry in known}
-    pairs: dict[str, list[str]] = {}
-    for entry in folded:
-        for pair in _pairs(entry):
-            pairs.setdefault(pair, []).append(entry)
-    return folded, pairs
+@lru_cache(8)
+def _letters(known: tuple[str, ...]) -> tuple[npt.NDArray[np.int16], npt.NDArray[np.int64]]:
+    """How often each letter occurs in each name, and how long the names are."""
+    return _letter_counts(known), np.array([len(entry) for entry in known])
 
 
-def _pairs(name: str) -> set[str]:
-    return {name[i : i + 2] for i in range(max(1, len(name) - 1))}
+def _letter_counts(names: tuple[str, ...]) -> npt.NDArray[np.int16]:
+    counts = np.zeros((len(names), LETTERS), dtype=np.int16)
+    for row, name in zip(counts, names, strict=True):
+        for letter in name[:LONGEST]:
+            row[ord(letter) % LETTERS] += 1
+    return counts
 
 
 def _number(value: Any) -> Any:

@@ -15,9 +15,16 @@ from runtime.sections import meant
 
 
 def block_class(
-    node: Node, address: str, classes: Mapping[str, type[Block]], problems: Problems
+    node: Node,
+    address: str,
+    classes: Mapping[str, type[Block]],
+    problems: Problems,
+    modules: bool = True,
 ) -> type[Block] | None:
-    """The class that a block's entry names; None, and a problem, if there is none."""
+    """The class that a block's entry names; None, and a problem, if there is none.
+
+    With ``modules=False`` no module of the graph is imported: a block that names one is refused.
+    """
     written = node.get("type")
     if written is None or not isinstance(written.value, str):
         got = "" if written is None else f", got {written.describe()}"
@@ -29,6 +36,10 @@ def block_class(
         problems.add(where, address, said)
         return None
     module = node.get("module")
+    if module is not None and not modules:
+        said = f"'{shown(module)}' was not imported, since modules are refused (--no-modules)"
+        problems.add(written.where, f"{address}.type", f"{said}; its types are unknown")
+        return None
     own = {} if module is None else _module_blocks(module, address, problems)
     if own is None:
         return None

@@ -36,11 +36,12 @@ def build(
     document: Node,
     classes: Mapping[str, type[Block]] | None = None,
     kinds: Mapping[str, SignalType] | None = None,
+    modules: bool = True,
 ) -> Network:
     """Build the network of a document that stands by itself (nothing to extend or inline).
 
     ``classes`` and ``kinds`` are block types and signal types beside the library's, for graphs
-    made in Python.
+    made in Python. Python files that the graph names are imported only with ``modules``.
 
     Raises
     ------
@@ -55,7 +56,7 @@ def build(
     network.kinds.update(kinds or {})
     network.world = _world(document, problems)
     can_run = len(problems.found) == before
-    _add_blocks(network, scope, classes or {}, problems)
+    _add_blocks(network, scope, classes or {}, problems, modules)
     wiring = Wiring(network, problems)
     wiring.resolve()
     remove(network, document, problems)
@@ -118,14 +119,18 @@ def _title(node: Node | None, problems: Problems) -> str:
 
 
 def _add_blocks(
-    network: Network, top: Scope, classes: Mapping[str, type[Block]], problems: Problems
+    network: Network,
+    top: Scope,
+    classes: Mapping[str, type[Block]],
+    problems: Problems,
+    modules: bool,
 ) -> None:
     """Find every block's class, and with them the signal types that they bring; then make them."""
     found = []
     for scope in top.walk():
         for name, node in scope.blocks.items():
             address = scope.path("blocks", name)
-            cls = block_class(node, address, classes, problems)
+            cls = block_class(node, address, classes, problems, modules)
             if cls is not None:
                 found.append((scope, name, node, cls))
                 _add_kinds(network, node, address, cls, problems)

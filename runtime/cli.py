@@ -15,6 +15,7 @@ from typing import NoReturn
 
 from runtime.commands import NAMES, command
 from runtime.errors import SpikeblocksError
+from runtime.terminal import printable, show, tell
 
 EPILOG = """examples:
   runtime run line_actuator_failure                  a shipped graph, by name
@@ -28,7 +29,8 @@ class _Parser(argparse.ArgumentParser):
     """Ends with exit code 2 and one line that says how to go on."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(2, f"{self.prog}: {message}; '{self.prog} --help' shows the usage\n")
+        said = f"{self.prog}: {message}; '{self.prog} --help' shows the usage\n"
+        self.exit(2, printable(said))
 
 
 def make_parser() -> argparse.ArgumentParser:
@@ -60,7 +62,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     if options.version:
         from runtime.simulate import versions
 
-        print(f"spikeblocks {versions()['spikeblocks']}")
+        show(f"spikeblocks {versions()['spikeblocks']}")
         return 0
     if options.command is None:
         parser.print_help()
@@ -69,10 +71,10 @@ def run(arguments: Sequence[str] | None = None) -> int:
         code = command(options.command).run(options)
         sys.stdout.flush()
     except SpikeblocksError as error:
-        print(str(error), file=sys.stderr)
+        tell(str(error))
         return error.exit_code
     except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
+        tell("interrupted")
         return 130
     except BrokenPipeError:
         # The reader of our output is gone (as in '| head'): nothing is left to say to it.

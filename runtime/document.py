@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import count
 from typing import Any
 
 import yaml
@@ -26,7 +27,7 @@ MAX_NODES = 1_000_000
 _MISSING_SPACE = re.compile(r"\w+:\S.*")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Node:
     """A value in the tree: a scalar, a list of nodes, or a mapping from text to nodes.
 
@@ -83,15 +84,17 @@ def from_python(value: Any, where: Where = NOWHERE) -> Node:
     ------
     GraphError : for a value that YAML cannot hold, or nesting that is too deep.
     """
-    return _from_python(value, where, "", 0)
+    return _from_python(value, where, "", 0, count(1))
 
 
-def _from_python(value: Any, where: Where, address: str, depth: int) -> Node:
+def _from_python(value: Any, where: Where, address: str, depth: int, seen: count[int]) -> Node:
     def refuse(said: str) -> GraphError:
         return GraphError([Problem(where, address[:60], said)])
 
     if depth > MAX_DEPTH:
         raise refuse(f"nested more than {MAX_DEPTH} deep")
+    if next(seen) > MAX_NODES:
+        raise refuse(f"more than {MAX_NODES} values")
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, Mapping):
@@ -99,10 +102,14 @@ def _from_python(value: Any, where: Where, address: str, depth: int) -> Node:
         for key, item in value.items():
             if not isinstance(key, str) or not _is_unicode(key):
                 raise refuse(f"expected a text as key, got {show(key)}")
-            entries[key] = _from_python(item, where, f"{address}.{key}".lstrip("."), depth + 1)
+            inner = f"{address}.{key}".lstrip(".")
+            entries[key] = _from_python(item, where, inner, depth + 1, seen)
         return Node(entries, where, where)
     if isinstance(value, (list, tuple)):
-        items = [_from_python(v, where, f"{address}[{i}]", depth + 1) for i, v in enumerate(value)]
+        items = [
+            _from_python(item, where, f"{address}[{i}]", depth + 1, seen)
+            for i, item in enumerate(value)
+        ]
         return Node(items, where, where)
     if isinstance(value, int) and not isinstance(value, bool):
         try:
@@ -177,6 +184,8 @@ class _Reader:
         if depth > MAX_DEPTH:
             raise self.stop(event, "", f"nested more than {MAX_DEPTH} deep")
         self.count += 1
+        if self.count > MAX_NODES:
+            raise self.stop(event, address, f"more than {MAX_NODES} values in one file")
         if isinstance(event, yaml.AliasEvent):
             return self.alias(event, where, key, address)
         if event.anchor:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from blocks.params import hint
-from runtime.document import Node, from_python
+from runtime.document import MAX_DEPTH, Node, from_python
 from runtime.errors import GraphError, Problem, UsageError, Where
 from runtime.sections import PART_SECTIONS, SECTIONS
 
@@ -18,6 +18,7 @@ def set_entry(document: Node, path: str, value: Any, origin: str = "") -> Node:
 
     Parameters
     ----------
+    value : plain, or a node that keeps the places where it was read.
     path : as the file reads: ``blocks.lqr.q``, ``run.until``, ``params.v_r``; each ``blocks.``
         may be left out, and a number counts the items of a list from 0.
     origin : where the change was written, for messages about the value.
@@ -31,13 +32,15 @@ def set_entry(document: Node, path: str, value: Any, origin: str = "") -> Node:
     if "" in names:
         said = f"'{path}' is no path; expected one such as blocks.lqr.q"
         raise GraphError([Problem(where, "", said)])
+    if len(names) > MAX_DEPTH:
+        raise GraphError([Problem(where, "", f"a path of more than {MAX_DEPTH} names")])
     blocks = _block_names(document)
     if names[0] not in SECTIONS and names[0] not in blocks:
         mend = hint(names[0], [*SECTIONS, *blocks]) or f"; expected {', '.join(SECTIONS)}"
         raise GraphError([Problem(where, path, f"there is no '{names[0]}' in the graph{mend}")])
     if names in (["blocks"], ["wires"]):
         raise GraphError([Problem(where, path, f"name an entry, as in {names[0]}.NAME.KEY")])
-    node = None if value is None else from_python(value, where)
+    node = value if value is None or isinstance(value, Node) else from_python(value, where)
     return _set(document, _completed(document, names, SECTIONS), node, path, where)
 
 
@@ -80,7 +83,7 @@ def _set(node: Node, names: list[str], value: Node | None, path: str, where: Whe
     below = node.get(name)
     if not rest:
         key = where if below is None else below.key
-        return node.with_item(name, None if value is None else Node(value.value, where, key))
+        return node.with_item(name, None if value is None else Node(value.value, value.where, key))
     if below is None:
         if rest[0].isdecimal():
             said = f"'{name}' is not written in the graph; set the whole list"

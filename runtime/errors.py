@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 
-@dataclass(frozen=True, order=True)
+@dataclass(frozen=True, order=True, slots=True)
 class Where:
     """A place in a text: file, line and column, counted from 1; line 0 is the whole file."""
 
@@ -22,6 +22,7 @@ class Where:
 
 
 NOWHERE = Where()
+MAX_PROBLEMS = 1_000
 
 
 @dataclass(frozen=True, order=True)
@@ -105,7 +106,7 @@ class MissingLibraryError(SpikeblocksError):
 
 @dataclass
 class Problems:
-    """Collects problems, so that a reader sees them all at once.
+    """Collects problems, so that a reader sees them all at once, or the first thousand.
 
     What stands at a silenced place is unknown, for a reason that is reported: whatever else
     could be said about it would only hide that reason.
@@ -117,6 +118,9 @@ class Problems:
     def add(self, where: Where, address: str, text: str, is_name: bool = False) -> None:
         if where not in self._silenced and address not in self._silenced:
             self.found.append(Problem(where, address, text, is_name))
+            if len(self.found) > MAX_PROBLEMS:
+                said = f"more than {MAX_PROBLEMS} problems; those that follow were found first"
+                raise GraphError([Problem(NOWHERE, "", said), *self.found])
 
     def silence(self, where: Where, address: str) -> None:
         """Take no more problems of the value that stands here, or of a list that it is in."""

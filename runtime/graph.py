@@ -50,6 +50,7 @@ class Graph:
         self.source: Path | None = None
         self.overrides: tuple[str, ...] = ()
         self.notes: tuple[str, ...] = ()
+        self.modules = True
 
     @classmethod
     def _of(
@@ -58,6 +59,7 @@ class Graph:
         classes: Mapping[str, type[Block]] | None = None,
         source: Path | None = None,
         overrides: tuple[str, ...] = (),
+        modules: bool = True,
     ) -> Graph:
         graph = cls.__new__(cls)
         graph._document = document
@@ -66,10 +68,12 @@ class Graph:
         graph.source = source
         graph.overrides = overrides
         graph.notes = ()
+        graph.modules = modules
         return graph
 
     def _changed(self, document: Node, *overrides: str) -> Graph:
-        changed = Graph._of(document, self._classes, self.source, (*self.overrides, *overrides))
+        changes = (*self.overrides, *overrides)
+        changed = Graph._of(document, self._classes, self.source, changes, self.modules)
         changed.notes = self.notes
         changed._kinds = dict(self._kinds)
         return changed
@@ -91,7 +95,7 @@ class Graph:
         ------
         GraphError : listing all that is wrong.
         """
-        return build(self._document, self._classes, self._kinds)
+        return build(self._document, self._classes, self._kinds, self.modules)
 
     def program(self, plots: Container[str] | None = None, profiled: bool = False) -> Program:
         """What runs of this graph share, whatever their seeds.
@@ -223,9 +227,11 @@ class Graph:
 
     def _set(self, path: str, value: Any, origin: str = "") -> Graph:
         """The copy of :meth:`set`, not looked at yet."""
-        if path == "world" and isinstance(value, str):
-            value = load_document({"world": value}).plain()["world"]
-        changed = set_entry(self._document, path, value, origin)
+        node: Any = value
+        if path.strip() == "world" and isinstance(value, str):
+            # The world's nodes keep the places where they stand in its file.
+            node = load_document({"world": value}).get("world")
+        changed = set_entry(self._document, path, node, origin)
         return self._changed(changed, f"set {path}={value!r}")
 
     def wire(self, consumer: str, source: Any, *, origin: str = "") -> Graph:
@@ -272,7 +278,9 @@ class Graph:
 
         Parameters and wires that the new type has as well stay; ``notes`` says what fell away.
         """
-        changed, notes = replace_block(self._document, name, kind, self._classes, origin)
+        changed, notes = replace_block(
+            self._document, name, kind, self._classes, origin, self.modules
+        )
         graph = self._changed(changed, f"replace {name}={kind}")
         graph.notes = (*self.notes, *notes)
         return graph
@@ -372,8 +380,11 @@ def _source_file(cls: type[Block]) -> str:
     return str(Path(file).resolve())
 
 
-def load(source: str | Path | Mapping[str, Any]) -> Graph:
+def load(source: str | Path | Mapping[str, Any], *, modules: bool = True) -> Graph:
     """Load a graph from a file, the name of a shipped graph, or a mapping.
+
+    Loading reads text alone. Python files that the text names as ``module`` are imported when the
+    graph is checked, and never with ``modules=False``: their blocks are then errors.
 
     Raises
     ------
@@ -381,4 +392,4 @@ def load(source: str | Path | Mapping[str, Any]) -> Graph:
     """
     document = load_document(source)
     path = None if isinstance(source, Mapping) else Path(document.where.file)
-    return Graph._of(document, source=path)
+    return Graph._of(document, source=path, modules=modules)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from blocks.params import hint
 from runtime.document import Node, from_python, parse_yaml
 from runtime.errors import NOWHERE, GraphError, Problem, Problems, Where
+from runtime.limits import MAX_LEVELS, Work
 from runtime.sections import meant
 from runtime.syntax import place
 
@@ -16,6 +18,7 @@ SHIPPED = Path(__file__).resolve().parent.parent / "graphs"
 # The texts of a run's, a sweep's or an ablation's folder that can be run again.
 TEXTS = ("plan.yaml", "graph.resolved.yaml")
 SUFFIX = ".yaml"
+MAX_BYTES = 32 * 2**20  # of one file: more than a million values take
 Place = tuple[Where, str]
 TYPED = ("blocks", "plots", "metrics")
 
@@ -45,22 +48,34 @@ def load_document(source: str | Path | Mapping[str, Any]) -> Node:
     return document or Node({})
 
 
-def merge(base: Node, top: Node, section: str = "", key: str = "") -> Node:
+def _uncounted(entries: int) -> None:
+    """Counts nothing."""
+
+
+def merge(
+    base: Node,
+    top: Node,
+    section: str = "",
+    key: str = "",
+    charge: Callable[[int], None] = _uncounted,
+) -> Node:
     """Lay one tree over another: mappings merge, null deletes, everything else replaces.
 
     A world replaces the one below, and so does a block, plot or metric of another ``type``,
     ``kind`` or ``part``, since the parameters of one mean nothing to the other. A null that finds
     nothing to delete stays, and is an error where it is read: it may be a slip of the pen.
-    ``section`` and ``key`` name the mapping that holds the two, and the two in it.
+    ``section`` and ``key`` name the mapping that holds the two, and the two in it; ``charge``
+    is called with the number of entries that each step merges.
     """
     is_another = section in TYPED and _is_another(base, top)
     is_world = key == "world" and not section
     if not (base.is_map and top.is_map) or is_another or is_world:
         return top
-    return _merge_entries(base, top, key)
+    return _merge_entries(base, top, key, charge)
 
 
-def _merge_entries(base: Node, top: Node, key: str) -> Node:
+def _merge_entries(base: Node, top: Node, key: str, charge: Callable[[int], None]) -> Node:
+    charge(len(base.value) + len(top.value))
     merged = dict(base.value)
     for name, node in top.items():
         below = merged.get(name)
@@ -69,7 +84,7 @@ def _merge_entries(base: Node, top: Node, key: str) -> Node:
         elif node.value is None:
             del merged[name]
         else:
-            merged[name] = merge(below, node, key, name)
+            merged[name] = merge(below, node, key, name, charge)
     return Node(merged, top.where, top.key)
 
 
@@ -117,6 +132,31 @@ def find_file(name: str, at: Place, folder: Path, noun: str = "graph") -> Path:
     raise GraphError([Problem(*at, f"'{name}': {said}{mend}")])
 
 
+def read_text(path: Path, at: Place) -> str:
+    """The text of a graph's file, UTF-8 with or without a byte order mark.
+
+    ``at`` is where in a graph the file is named.
+
+    Raises
+    ------
+    GraphError : it cannot be read, is no UTF-8, or is larger than :data:`MAX_BYTES`.
+    """
+    try:
+        with path.open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+        if len(data) > MAX_BYTES:
+            said = f"'{path}' is larger than {MAX_BYTES // 2**20} MiB; no graph is that long"
+            raise GraphError([Problem(*at, said)])
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        before = data[: error.start].decode("utf-8-sig")
+        said = f"byte 0x{data[error.start]:02X} is not UTF-8; save the file as UTF-8"
+        raise GraphError([Problem(place(before, len(before), str(path)), "", said)]) from None
+    except OSError as error:
+        said = f"cannot read '{path}': {error.strerror}"
+        raise GraphError([Problem(*at, said)]) from None
+
+
 class _Loader:
     """Reads files, and goes on after a problem, so that all of them are found.
 
@@ -125,11 +165,13 @@ class _Loader:
 
     def __init__(self) -> None:
         self.problems = Problems()
+        self.work = Work(self.problems)
+        self.done: dict[str, Node | None] = {}
 
     def file(self, name: str, at: Place, folder: Path, above: tuple[Path, ...]) -> Node | None:
+        """A graph's file, complete; each file is read once, however often it is named."""
         try:
             path = find_file(name, at, folder)
-            document = parse_yaml(self.text(path, at), str(path))
         except GraphError as error:
             self.problems.found += error.problems
             return None
@@ -138,23 +180,29 @@ class _Loader:
             said = f"graphs refer to each other in a circle: {chain}"
             self.problems.add(*at, said)
             return None
+        if len(above) >= MAX_LEVELS:
+            said = f"graphs extend or contain each other more than {MAX_LEVELS} levels deep"
+            self.work.stop(*at, said)
+        key = str(path)
+        if key not in self.done:
+            self.done[key] = self.read(path, at, (*above, path.resolve()))
+        found = self.done[key]
+        if found is not None:
+            self.work.check(found, found.where if at[0] == NOWHERE else at[0], at[1])
+        return found
+
+    def read(self, path: Path, at: Place, above: tuple[Path, ...]) -> Node | None:
+        try:
+            document = parse_yaml(read_text(path, at), str(path))
+        except GraphError as error:
+            self.problems.found += error.problems
+            return None
         if not document.is_map:
             said = f"expected a mapping with blocks and wires, got {document.describe()}"
             self.problems.add(document.where, "", said)
             return None
-        return self.complete(document, (*above, path.resolve()))
-
-    def text(self, path: Path, at: Place) -> str:
-        try:
-            data = path.read_bytes()
-            return data.decode("utf-8-sig")
-        except UnicodeDecodeError as error:
-            before = data[: error.start].decode("utf-8-sig")
-            said = f"byte 0x{data[error.start]:02X} is not UTF-8; save the file as UTF-8"
-            raise GraphError([Problem(place(before, len(before), str(path)), "", said)]) from None
-        except OSError as error:
-            said = f"cannot read '{path}': {error.strerror}"
-            raise GraphError([Problem(*at, said)]) from None
+        self.work.charge(self.work.measure.of(document)[0], document.where)
+        return self.complete(document, above)
 
     def named(self, node: Node, address: str, what: str, above: tuple[Path, ...]) -> Node | None:
         """The graph that a text in a graph names."""
@@ -174,8 +222,14 @@ class _Loader:
         for node in extends.value if extends.is_list else [extends]:
             below = self.named(node, "extends", "a graph's file or name", above)
             if below is not None:
-                base = below if base is None else merge(base, below)
-        return document if base is None else merge(base, document)
+                base = below if base is None else self.merged(base, below, node)
+        return document if base is None else self.merged(base, document, extends)
+
+    def merged(self, base: Node, top: Node, at: Node) -> Node:
+        return merge(base, top, charge=partial(self.charge, at))
+
+    def charge(self, at: Node, entries: int) -> None:
+        self.work.charge(entries, at.where, "extends")
 
     def world(self, document: Node) -> Node:
         """Put in the world that a text names."""
@@ -185,7 +239,7 @@ class _Loader:
         try:
             at = (node.where, "world")
             path = find_file(node.value, at, _folder(node), "world")
-            world = parse_yaml(self.text(path, at), str(path))
+            world = parse_yaml(read_text(path, at), str(path))
         except GraphError as error:
             self.problems.found += error.problems
             return document.with_item("world", None)
@@ -195,19 +249,19 @@ class _Loader:
         blocks = document.get("blocks")
         if blocks is None or not blocks.is_map:
             return document
+        entries = dict(blocks.items())
         for name, entry in blocks.items():
             inner = f"{address}.{name}"
             part, module = entry.get("graph"), entry.get("module")
             if part is not None:
-                blocks = blocks.with_item(name, self.part(entry, part, inner, above))
+                entries[name] = self.part(entry, part, inner, above)
             elif entry.get("blocks") is not None:
-                blocks = blocks.with_item(name, self.parts(entry, f"{inner}.blocks", above))
+                entries[name] = self.parts(entry, f"{inner}.blocks", above)
             elif module is not None and is_path(module):
                 # From here on the tree stands by itself; the path must not hang on this file.
                 file = str((_folder(module) / module.value).resolve())
-                changed = entry.with_item("module", Node(file, module.where, module.key))
-                blocks = blocks.with_item(name, changed)
-        return document.with_item("blocks", blocks)
+                entries[name] = entry.with_item("module", Node(file, module.where, module.key))
+        return document.with_item("blocks", Node(entries, blocks.where, blocks.key))
 
     def part(self, entry: Node, part: Node, address: str, above: tuple[Path, ...]) -> Node:
         below = self.named(part, f"{address}.graph", "the file of a part", above)
@@ -222,7 +276,8 @@ class _Loader:
                 self.problems.add(node.key, f"{address}.params.{name}", said)
         below = below.with_item("graph", None)
         rest = self.parts(entry.with_item("graph", None), f"{address}.blocks", above)
-        merged = _merge_entries(below, rest, "").with_item("part", part)
+        charge = partial(self.charge, part)
+        merged = _merge_entries(below, rest, "", charge).with_item("part", part)
         return Node(merged.value, entry.where, entry.key)
 
 

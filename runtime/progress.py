@@ -6,6 +6,8 @@ import shutil
 import sys
 import time
 
+from runtime.terminal import draw, printable
+
 WIDTH = 28
 
 
@@ -19,7 +21,7 @@ class Progress:
     """
 
     def __init__(self, label: str, wanted: bool = True) -> None:
-        self.label = label
+        self.label = printable(label)
         self.active = wanted and sys.stderr.isatty()
         self.began = time.monotonic()
         self.before = 0
@@ -40,15 +42,13 @@ class Progress:
             left = spent * (total - done) / (done - self.before)
             text += f"  {duration(left)} left"
         columns = shutil.get_terminal_size().columns - 1
-        below = f"\n{note[:columns]}\033[K\033[A" if note else ""
-        sys.stderr.write(f"\r{text[:columns]}\033[K{below}")
-        sys.stderr.flush()
+        below = f"\n{printable(note)[:columns]}\033[K\033[A" if note else ""
+        draw(f"\r{text[:columns]}\033[K{below}")
 
     def close(self) -> None:
         """Wipe the bar, and what is below."""
         if self.active:
-            sys.stderr.write("\r\033[J")
-            sys.stderr.flush()
+            draw("\r\033[J")
 
 
 def duration(seconds: float) -> str:

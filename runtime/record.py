@@ -22,6 +22,7 @@ SCHEMA_VERSION = 1
 TIME = "time"
 MANIFEST, METRICS, PROBES = "manifest.json", "metrics.json", "probes.npz"
 WRITTEN, RESOLVED = "graph.yaml", "graph.resolved.yaml"
+DIAGRAM = "diagram.json"
 
 
 def new_folder(root: Path, title: str) -> Path:

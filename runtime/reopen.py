@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import struct
@@ -9,15 +10,25 @@ import warnings
 import zipfile
 import zlib
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from blocks.signals import FloatArray
 from blocks.world import World
 from runtime.errors import UsageError
+from runtime.files import read_text
 from runtime.observe import PlotSpec
-from runtime.record import MANIFEST, METRICS, PROBES, RESOLVED, SCHEMA_VERSION, TIME, WRITTEN
+from runtime.record import (
+    DIAGRAM,
+    MANIFEST,
+    METRICS,
+    PROBES,
+    RESOLVED,
+    SCHEMA_VERSION,
+    TIME,
+    WRITTEN,
+)
 from runtime.result import Recorded, Result
 
 LARGEST = 1e308
@@ -74,8 +85,12 @@ def open_run(path: str | Path) -> Result:
     metrics = _mapping(folder / METRICS)
     if any(v is not None and not _is_number(v) for v in metrics.values()):
         raise _damaged(folder / METRICS, "expected a number or null for each metric")
+    if not all(name.isprintable() for name in metrics):
+        raise _damaged(folder / METRICS, "expected printable names")
     arrays = _arrays(folder / PROBES)
     texts = {name: _text(folder / name) for name in (WRITTEN, RESOLVED)}
+    if (folder / DIAGRAM).is_file():
+        texts[DIAGRAM] = _text(folder / DIAGRAM)
     try:
         probes = {
             name: _recorded(name, info, arrays) for name, info in manifest.pop("probes").items()
@@ -88,7 +103,7 @@ def open_run(path: str | Path) -> Result:
         walls = manifest.pop("world", None)
         world = None if walls is None else World(walls)
         failures = [str(text) for text in manifest.pop("failures")]
-        notes = [str(text) for text in manifest["notes"]]
+        notes = [str(text) for text in manifest["notes"]] + _changed_files(folder, manifest)
         _check_facts(manifest)
     except KeyError as error:
         raise _damaged(folder / MANIFEST, f"{error} is missing") from None
@@ -105,6 +120,8 @@ def _recorded(name: str, info: dict[str, Any], arrays: dict[str, FloatArray]) ->
     for wanted in (name, f"{name}.{TIME}"):
         if wanted not in arrays:
             raise ValueError(f"probe '{name}': there is no array '{wanted}' in {PROBES}")
+    if not name.isprintable():
+        raise ValueError("probes: expected printable names")
     values, t = arrays[name], arrays[f"{name}.{TIME}"]
     if t.ndim != 1 or not values.ndim or len(values) != len(t):
         raise ValueError(f"probe '{name}': {len(t)} times for values of shape {values.shape}")
@@ -122,6 +139,8 @@ def _check_facts(manifest: dict[str, Any]) -> None:
     for key in ("graph", "status"):
         if not isinstance(manifest[key], str):
             raise ValueError(f"{key}: expected a text, got {manifest[key]!r}")
+        if not manifest[key].isprintable():
+            raise ValueError(f"{key}: expected one printable line")
     for key in ("seed", "dt", "until", "ticks", "wall_s", "us_per_tick"):
         if not _is_number(manifest[key]) or not math.isfinite(manifest[key]):
             raise ValueError(f"{key}: expected a number, got {manifest[key]!r}")
@@ -141,11 +160,13 @@ def _is_number(value: Any) -> bool:
 
 def _text(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
+        return read_text(path)
     except OSError as error:
         raise UsageError(f"cannot read '{path}': {error.strerror or error}") from None
     except UnicodeDecodeError:
         raise _damaged(path, "it is no UTF-8 text") from None
+    except ValueError as error:
+        raise _damaged(path, str(error)) from None
 
 
 def _mapping(path: Path) -> dict[str, Any]:
@@ -165,6 +186,7 @@ def _arrays(path: Path) -> dict[str, FloatArray]:
         # Opened here, since numpy leaves a file open that is no archive.
         with warnings.catch_warnings(), path.open("rb") as file:
             warnings.simplefilter("error")
+            _check_members(file)
             arrays = dict(np.load(file, allow_pickle=False))
     except FileNotFoundError:
         raise UsageError(f"cannot read '{path}': No such file or directory") from None
@@ -174,6 +196,51 @@ def _arrays(path: Path) -> dict[str, FloatArray]:
         if array.dtype != np.float64:
             raise _damaged(path, f"array '{name}' is {array.dtype}, expected float64")
     return arrays
+
+
+def _check_members(file: BinaryIO) -> None:
+    """Refuse an archive that would unfold to more than the file holds: runs are not compressed."""
+    size = file.seek(0, 2)
+    file.seek(0)
+    with zipfile.ZipFile(file) as archive:
+        members = archive.infolist()
+    if any(member.compress_type != zipfile.ZIP_STORED for member in members):
+        raise ValueError("it is compressed, which no run is")
+    if sum(member.file_size for member in members) > size:
+        raise ValueError("its arrays are said to be larger than the file")
+    file.seek(0)
+
+
+def _changed_files(folder: Path, manifest: dict[str, Any]) -> list[str]:
+    """A note for each file that differs from what the manifest says was saved.
+
+    Raises
+    ------
+    UsageError : the numbers themselves differ.
+    """
+    notes = []
+    hashes = manifest.get("hashes", {})
+    if not isinstance(hashes, dict):
+        raise ValueError(f"hashes: expected an object, got {type(hashes).__name__}")
+    for name, digest in hashes.items():
+        path = folder / name
+        if Path(name).name != name or not name.isprintable():
+            raise ValueError("hashes: expected names of files in the folder")
+        if path.is_file() and not path.is_symlink() and _sha256(path) == digest:
+            continue
+        if name in (METRICS, PROBES):
+            raise _damaged(path, f"it is not the file that was saved (SHA-256 in {MANIFEST})")
+        said = "was changed after" if path.is_file() else "is gone since"
+        notes.append(f"'{name}' {said} the run was saved (SHA-256 in {MANIFEST})")
+    return notes
+
+
+def _sha256(path: Path) -> str:
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise UsageError(f"cannot read '{path}': {error.strerror or error}") from None
 
 
 def _damaged(path: Path, said: str) -> UsageError:

@@ -20,7 +20,12 @@ Gone = Callable[[str], bool]
 
 
 def replace_block(
-    document: Node, name: str, kind: str, classes: Mapping[str, type[Block]], origin: str = ""
+    document: Node,
+    name: str,
+    kind: str,
+    classes: Mapping[str, type[Block]],
+    origin: str = "",
+    modules: bool = True,
 ) -> tuple[Node, list[str]]:
     """The document with a block, or a whole part, replaced by a block of another type.
 
@@ -33,6 +38,7 @@ def replace_block(
     kind : the new type, or ``file.py:Type`` for one of your own.
     classes : block types beside the library's.
     origin : where the change was written, for messages.
+    modules : whether Python files may be imported.
 
     Returns
     -------
@@ -50,7 +56,7 @@ def replace_block(
     if colon:
         entry["module"] = Node(str(Path(module).resolve()), where, where)
     problems = Problems()
-    cls = block_class(Node(entry, where, where), name, classes, problems)
+    cls = block_class(Node(entry, where, where), name, classes, problems, modules)
     problems.raise_any()
     if cls is None:
         raise UsageError(f"{where}: no block type '{kind}'")

@@ -10,6 +10,7 @@ from blocks.params import hint
 from blocks.signals import SignalType, signal_type
 from runtime.document import Node
 from runtime.errors import Problems, Where
+from runtime.limits import Work
 from runtime.sections import (
     PART_SECTIONS,
     SECTIONS,
@@ -72,10 +73,12 @@ def expand(document: Node, problems: Problems) -> tuple[Scope, Node]:
     -------
     The top scope, and the document with every ``$name`` of the top level filled in.
     """
+    work = Work(problems)
+    work.check(document, document.where, "")
     check_keys(document, SECTIONS, "", problems, "section")
-    filled = fill_sections(document, document.get("params"), "", problems)
+    filled = fill_sections(document, document.get("params"), "", problems, work)
     top = Scope("", "", unread=_unread(document, SECTIONS))
-    return _scope(filled, top, problems), filled
+    return _scope(filled, top, problems, work), filled
 
 
 def _unread(document: Node, known: Iterable[str]) -> set[str]:
@@ -85,7 +88,7 @@ def _unread(document: Node, known: Iterable[str]) -> set[str]:
     return found | {"wires"} if strange and document.get("wires") is None else found
 
 
-def _scope(document: Node, scope: Scope, problems: Problems) -> Scope:
+def _scope(document: Node, scope: Scope, problems: Problems, work: Work) -> Scope:
     def entries(name: str) -> dict[str, Node]:
         return section(document, name, scope.path(name, ""), problems, scope.unread)
 
@@ -106,8 +109,9 @@ def _scope(document: Node, scope: Scope, problems: Problems) -> Scope:
             problems.add(entry.where, address, said)
             scope.broken.add(name)
         elif is_part(entry):
-            scope.parts[name] = _part(entry, scope, name, address, problems)
+            scope.parts[name] = _part(entry, scope, name, address, problems, work)
         else:
+            work.block(entry.key, address)
             scope.blocks[name] = entry
     if not (scope.blocks or scope.parts or scope.broken or scope.unread & {"blocks"}):
         node = document.get("blocks")
@@ -127,7 +131,9 @@ def _misnamed(name: str) -> str:
     return ""
 
 
-def _part(entry: Node, above: Scope, name: str, address: str, problems: Problems) -> Scope:
+def _part(
+    entry: Node, above: Scope, name: str, address: str, problems: Problems, work: Work
+) -> Scope:
     declared = entry.get("params")
     for key, item in entry.items():
         if key not in PART_SECTIONS:
@@ -135,10 +141,10 @@ def _part(entry: Node, above: Scope, name: str, address: str, problems: Problems
             mend = hint(key, PART_SECTIONS[:5]) or f"; it has {', '.join(PART_SECTIONS[:5])}"
             mend = f"; write it as params: {{{key}: ...}}" if known else mend
             problems.add(item.key, f"{address}.{key}", f"a part has no '{key}'{mend}")
-    filled = fill_sections(entry, declared, address, problems)
+    filled = fill_sections(entry, declared, address, problems, work)
     scope = Scope(f"{above.prefix}{name}.", address, above, name, where=entry.key)
     scope.unread = _unread(entry, PART_SECTIONS)
-    return _scope(filled, scope, problems)
+    return _scope(filled, scope, problems, work)
 
 
 def part_input(

@@ -13,12 +13,14 @@ from typing import Any
 
 from blocks.signals import FloatArray
 from runtime.choice import take_compiled
+from runtime.diagrams.stored import stored_picture
 from runtime.document import dump_yaml
 from runtime.engine import Engine, Outcome
 from runtime.graph import Graph
 from runtime.observe import Probe
 from runtime.profile import Profile
-from runtime.record import RESOLVED, SCHEMA_VERSION, WRITTEN, portable_modules
+from runtime.program import Program
+from runtime.record import DIAGRAM, RESOLVED, SCHEMA_VERSION, WRITTEN, portable_modules
 from runtime.recorder import Recorder
 from runtime.result import Recorded, Result, evaluate
 from runtime.run_section import DEFAULT_MEMORY
@@ -67,7 +69,7 @@ def simulate(
         probes=probes,
         metrics=metrics,
         plots=observation.plots,
-        manifest=_manifest(graph, outcome, notes, began),
+        manifest=_manifest(graph, outcome, program, notes, began),
         origin=partial(_origin, graph, outcome.engine),
         notes=notes,
         failures=failures,
@@ -101,7 +103,9 @@ def _origin(graph: Graph, engine: str) -> tuple[dict[str, str], dict[str, Path]]
     """The graph as it was written and as it was run, and the files of its own blocks."""
     resolved, files = portable_modules(_resolved(graph, engine))
     text = graph.source.read_text(encoding="utf-8") if graph.source else dump_yaml(resolved)
-    return {WRITTEN: text, RESOLVED: dump_yaml(resolved)}, files
+    texts = {WRITTEN: text, RESOLVED: dump_yaml(resolved)}
+    drawn = stored_picture(graph.network)
+    return (texts if drawn is None else {**texts, DIAGRAM: drawn}), files
 
 
 def _resolved(graph: Graph, engine: str) -> dict[str, Any]:
@@ -113,7 +117,9 @@ def _resolved(graph: Graph, engine: str) -> dict[str, Any]:
     return {**graph.to_dict(), "run": run}
 
 
-def _manifest(graph: Graph, outcome: Outcome, notes: list[str], began: datetime) -> dict[str, Any]:
+def _manifest(
+    graph: Graph, outcome: Outcome, program: Program, notes: list[str], began: datetime
+) -> dict[str, Any]:
     network = graph.network
     return {
         "schema_version": SCHEMA_VERSION,
@@ -133,9 +139,23 @@ def _manifest(graph: Graph, outcome: Outcome, notes: list[str], began: datetime)
         "argv": sys.argv,
         "overrides": list(graph.overrides),
         "removed": dict(network.removed),
+        "order": _order(program),
         "notes": notes,
         "versions": dict(versions()),
     }
+
+
+def _order(program: Program) -> list[str]:
+    """The probes in the order in which a tick computes what they see, causes first."""
+    ranks: dict[str, int] = {}
+    for step in program.plan.steps:
+        ranks.setdefault(step.block, len(ranks))
+
+    def rank(probe: Probe) -> int:
+        return min(ranks.get(signal.end.block, len(ranks)) for signal in probe.signals)
+
+    probes = program.observation.probes
+    return sorted(probes, key=lambda name: rank(probes[name]))
 
 
 @cache

@@ -8,12 +8,15 @@ from collections.abc import Iterator
 from blocks.params import hint
 from runtime.document import Node
 from runtime.errors import Problems
+from runtime.limits import Work
 from runtime.sections import SECTIONS, expected, is_part, misspelt
 
 _NAME = re.compile(r"\$([A-Za-z_]\w*)")
 
 
-def fill_sections(document: Node, declared: Node | None, address: str, problems: Problems) -> Node:
+def fill_sections(
+    document: Node, declared: Node | None, address: str, problems: Problems, work: Work
+) -> Node:
     """A graph with every ``$name`` filled in from its params.
 
     Parameters
@@ -28,7 +31,7 @@ def fill_sections(document: Node, declared: Node | None, address: str, problems:
         if params is None:
             said = f"{expected('params')}, got {declared.describe()}"
             problems.add(declared.where, f"{prefix}params", said)
-    filler = _Filler(params, problems)
+    filler = _Filler(params, problems, work)
     if not address:
         filler.refuse_nested()
     for name, node in document.items():
@@ -52,8 +55,9 @@ def _references(node: Node) -> Iterator[Node]:
 class _Filler:
     """Replaces ``$names``; ``params`` is None where they cannot be read."""
 
-    def __init__(self, params: dict[str, Node] | None, problems: Problems) -> None:
+    def __init__(self, params: dict[str, Node] | None, problems: Problems, work: Work) -> None:
         self.params = params
+        self.work = work
         self.problems = problems
         self.used: set[str] = set()
         self.missing: set[str] = set()
@@ -69,14 +73,16 @@ class _Filler:
         """The section ``blocks``; a part's inside waits for the part's own params."""
         if not node.is_map:
             return self.fill(node, address)
+        entries = dict(node.items())
         for name, entry in node.items():
             inner = f"{address}.{name}"
             if not is_part(entry):
-                node = node.with_item(name, self.fill(entry, inner))
+                entries[name] = self.fill(entry, inner)
             elif (params := entry.get("params")) is not None:
                 filled = self.fill(params, f"{inner}.params")
-                node = node.with_item(name, entry.with_item("params", filled))
-        return node
+                self.work.check(filled, params.where, f"{inner}.params")
+                entries[name] = entry.with_item("params", filled)
+        return Node(entries, node.where, node.key)
 
     def fill(self, node: Node, address: str) -> Node:
         if node.is_map:
@@ -93,6 +99,7 @@ class _Filler:
         found = (self.params or {}).get(name)
         if found is not None and found.value is not None:
             self.used.add(name)
+            self.work.charge(self.work.measure.of(found)[0], node.where, address)
             if any(_references(found)):
                 self.problems.silence(found.where, address)
             return Node(found.value, found.where, node.key)

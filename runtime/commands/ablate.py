@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,6 +9,7 @@ from typing import TYPE_CHECKING
 from runtime.commands.changes import add_changes, changed, with_changes
 from runtime.commands.workers import add_workers, chosen_seeds, crew_of, noted, start_early
 from runtime.errors import UsageError
+from runtime.terminal import show, show_json, tell
 
 if TYPE_CHECKING:
     from runtime.experiments.ablation import Ablated
@@ -78,11 +77,11 @@ def run(options: Namespace) -> int:
     )
     link_latest(folder)
     if done.is_interrupted:
-        print(f"interrupted; --resume {folder} goes on", file=sys.stderr)
+        tell(f"interrupted; --resume {folder} goes on")
         return 130
     pictures = [] if options.no_plots else _pictures(done)
     if options.json:
-        print(json.dumps({**done.to_dict(), "plots": [str(path) for path in pictures]}))
+        show_json({**done.to_dict(), "plots": [str(path) for path in pictures]})
     else:
         _print(done, pictures, options.quiet)
     return 3 if all(row.status != "ok" for rows in done.rows.values() for row in rows) else 0
@@ -95,7 +94,9 @@ def _asked(options: Namespace) -> tuple[Experiment, list[Variant], dict[str, str
 
     common, named = grouped(options.changes or ())
     options.changes = common
-    experiment = read_experiment(options.graph, lambda graph: changed(graph, options))
+    experiment = read_experiment(
+        options.graph, lambda graph: changed(graph, options), modules=not options.no_modules
+    )
     graph = experiment.graph.check()
     variants = [
         *experiment.variants,
@@ -124,18 +125,18 @@ def _print(done: Ablated, pictures: list[Path], quiet: bool) -> None:
     if not quiet:
         for variant in done.variants.values():
             for note in variant.graph.notes:
-                print(f"note: {variant.name}: {note}", file=sys.stderr)
-    print(f"{plan.name}: {len(plan.cases)} variants, seeds {plan.seeds}")
+                tell(f"note: {variant.name}: {note}")
+    show(f"{plan.name}: {len(plan.cases)} variants, seeds {plan.seeds}")
     lines = done.lines()
-    print(f"{table(lines)}\n\n{legend(lines, done.test)}")
+    show(f"{table(lines)}\n\n{legend(lines, done.test)}")
     for name, rows in done.rows.items():
         bad = [row for row in rows if row.status != "ok"]
         if bad:
-            print(f"{name}: {len(bad)} of {len(rows)} runs not ok, first: {bad[0].reason}")
+            show(f"{name}: {len(bad)} of {len(rows)} runs not ok, first: {bad[0].reason}")
     if done.essential:
-        print("\nessential, cannot be taken out alone:")
+        show("\nessential, cannot be taken out alone:")
         for name, reason in done.essential.items():
-            print(f"  {name}: {reason}")
-    print(f"\nablation folder: {done.folder}")
+            show(f"  {name}: {reason}")
+    show(f"\nablation folder: {done.folder}")
     for path in pictures:
-        print(f"  {path.relative_to(done.folder)}")
+        show(f"  {path.relative_to(done.folder)}")

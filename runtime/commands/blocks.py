@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from argparse import ArgumentParser, Namespace
 
 from runtime.errors import UsageError
+from runtime.terminal import show, show_json
 
 HELP = "the library, or one block's ports and parameters"
 
@@ -29,13 +29,13 @@ def run(options: Namespace) -> int:
         raise UsageError(f"no block type '{options.type}'{mend}")
     if options.json:
         chosen = known if options.type is None else {options.type: known[options.type]}
-        print(json.dumps({name: describe_json(cls) for name, cls in chosen.items()}))
+        show_json({name: describe_json(cls) for name, cls in chosen.items()})
     elif options.type is None:
         width = max(map(len, known))
         for name, cls in known.items():
             summary = (cls.__doc__ or "").strip().split("\n")[0]
-            print(f"{name:<{width}}  {summary}")
-        print("\n'runtime blocks TYPE' shows a block's ports and parameters.")
+            show(f"{name:<{width}}  {summary}")
+        show("\n'runtime blocks TYPE' shows a block's ports and parameters.")
     else:
-        print(describe_text(known[options.type]))
+        show(describe_text(known[options.type]))
     return 0

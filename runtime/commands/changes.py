@@ -44,6 +44,11 @@ def add_changes(parser: ArgumentParser, seed: bool = True, variants: bool = Fals
     if seed:
         change.add_argument("--seed", type=int, help="the run's seed")
     change.add_argument("--until", type=float, metavar="S", help="length of the run in seconds")
+    change.add_argument(
+        "--no-modules",
+        action="store_true",
+        help="import no Python file that the graph names; a block that needs one is an error",
+    )
     change.add_argument("--engine", help="python, compiled, or auto: compiled where that repays")
 
 

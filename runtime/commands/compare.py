@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from runtime.terminal import show, show_json
 
 if TYPE_CHECKING:
     from runtime.comparing.comparison import Comparison
@@ -59,14 +60,14 @@ def run(options: Namespace) -> int:
     if options.json:
         found = as_data(comparison, options.exact, options.rtol, options.atol)
         files = [str(path) for path in pictures]
-        print(json.dumps({**found, "plots": files}, allow_nan=False))
+        show_json({**found, "plots": files}, allow_nan=False)
     else:
         tolerances = (options.rtol, options.atol)
-        print(exact_summary(comparison) if options.exact else summary(comparison, *tolerances))
+        show(exact_summary(comparison) if options.exact else summary(comparison, *tolerances))
         if folder is not None and pictures and not options.quiet:
-            print(f"\npictures: {folder}")
+            show(f"\npictures: {folder}")
             for path in pictures:
-                print(f"  {path.name}")
+                show(f"  {path.name}")
     sys.stdout.flush()
     is_apart = options.exact and not all(other.is_same for other in comparison.others)
     return 1 if is_apart else 0

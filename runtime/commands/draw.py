@@ -8,6 +8,7 @@ from pathlib import Path
 
 from runtime.commands.changes import add_graph, changed
 from runtime.errors import UsageError
+from runtime.terminal import show
 
 HELP = "the block diagram: svg, png, dot, mermaid"
 
@@ -28,7 +29,7 @@ def run(options: Namespace) -> int:
     from runtime.diagrams.formats import diagram
     from runtime.graph import load
 
-    graph = changed(load(options.graph), options)
+    graph = changed(load(options.graph, modules=not options.no_modules), options)
     network = graph.network
     written = options.out or f"{Path(options.graph).stem}.{options.format or 'svg'}"
     suffix = Path(written).suffix.lstrip(".")
@@ -44,5 +45,5 @@ def run(options: Namespace) -> int:
         Path(written).write_bytes(content)
     except OSError as error:
         raise UsageError(f"cannot write '{written}': {error.strerror}") from None
-    print(written)
+    show(written)
     return 0

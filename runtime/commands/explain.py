@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from argparse import ArgumentParser, Namespace
 
 from runtime.commands.changes import add_graph, changed
+from runtime.terminal import show, show_json
 
 HELP = "order, rates, types and the function that runs"
 
@@ -21,9 +21,9 @@ def run(options: Namespace) -> int:
     from runtime.explain import explain_json, explain_text
     from runtime.graph import load
 
-    graph = changed(load(options.graph), options).check()
+    graph = changed(load(options.graph, modules=not options.no_modules), options).check()
     if options.json:
-        print(json.dumps(explain_json(graph)))
+        show_json(explain_json(graph))
     else:
-        print(explain_text(graph))
+        show(explain_text(graph))
     return 0

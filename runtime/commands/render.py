@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable
 from pathlib import Path
 
 from runtime.rendering.wish import VIEWS, Wish
+from runtime.terminal import show, show_json
 
 HELP = "a picture and a film of a run of a robot with physics"
 
@@ -38,10 +38,14 @@ def add(parser: ArgumentParser) -> None:
 
 def run(options: Namespace) -> int:
     """Draw, and print the files."""
+    from runtime.files import check_inside, refuse_link
     from runtime.rendering.process import render
     from runtime.reopen import run_folder
 
     folder = run_folder(options.run)
+    if not options.out:
+        check_inside(folder)
+        refuse_link(folder / "plots")
     files = render(
         Wish(
             run=str(folder),
@@ -59,9 +63,9 @@ def run(options: Namespace) -> int:
         )
     )
     if options.json:
-        print(json.dumps({"schema_version": 1, "files": [str(path) for path in files]}))
+        show_json({"schema_version": 1, "files": [str(path) for path in files]})
     else:
-        print("\n".join(map(str, files)))
+        show("\n".join(map(str, files)))
     return 0
 
 

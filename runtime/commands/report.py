@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
+
+from runtime.terminal import show, show_json
 
 HELP = "one self-contained HTML file on a run, a sweep or an ablation"
 
@@ -28,6 +29,7 @@ def add(parser: ArgumentParser) -> None:
 def run(options: Namespace) -> int:
     """Write the report and print where it is."""
     from runtime.errors import UsageError
+    from runtime.files import check_inside, write_whole
     from runtime.reports.report import report
 
     made = report(Path(options.path))
@@ -36,26 +38,26 @@ def run(options: Namespace) -> int:
         return 0
     written = Path(options.out) if options.out else made.folder / "report.html"
     try:
-        _write(written.resolve(), made.html)
+        if options.out:
+            _write(written.resolve(), made.html)
+        else:
+            check_inside(made.folder)
+            write_whole(written, made.html)
     except OSError as error:
         raise UsageError(f"cannot write '{written}': {error.strerror or error}") from None
     if options.json:
         found = {"schema_version": 1, "kind": made.kind, "folder": str(made.folder)}
-        print(json.dumps({**found, "report": str(written)}))
+        show_json({**found, "report": str(written)})
     else:
-        print(written)
+        show(written)
     return 0
 
 
 def _write(path: Path, text: str) -> None:
     """Write a file that is there whole or not at all; what is no file, as a pipe, is written to."""
+    from runtime.files import write_whole
+
     if path.exists() and not path.is_file():
         path.write_text(text, encoding="utf-8")
         return
-    partial = path.with_name(f".{path.name}.partial")
-    try:
-        partial.write_text(text, encoding="utf-8")
-        partial.replace(path)
-    except OSError:
-        partial.unlink(missing_ok=True)
-        raise
+    write_whole(path, text)

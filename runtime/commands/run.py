@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import math
 import shutil
-import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runtime.commands.changes import add_graph, changed
 from runtime.errors import SimulationError, UsageError
+from runtime.terminal import show, show_json, tell
 
 if TYPE_CHECKING:
     from runtime.graph import Graph
@@ -40,7 +39,7 @@ def run(options: Namespace) -> int:
     from runtime.profile import Profile, profile_text
     from runtime.record import link_latest, new_folder, save
 
-    graph = changed(load(options.graph), options).check()
+    graph = changed(load(options.graph, modules=not options.no_modules), options).check()
     if options.animate:
         _check_animation(graph)
     if options.profile and graph.network.engine == "compiled":
@@ -56,11 +55,11 @@ def run(options: Namespace) -> int:
     pictures = _pictures(result, folder, not options.no_plots, options.animate)
     rows = profile.rows(result.manifest["ticks"], result.manifest["wall_s"]) if profile else []
     if options.json:
-        print(json.dumps(_summary(result, folder) | ({"profile": rows} if rows else {})))
+        show_json(_summary(result, folder) | ({"profile": rows} if rows else {}))
     else:
         _print_result(result, folder, pictures, options.quiet)
     if rows and not options.json:
-        print(profile_text(rows))
+        show(profile_text(rows))
     return _ended(result, failure, folder)
 
 
@@ -88,18 +87,18 @@ def _simulated(
 def _ended(result: Result, failure: SimulationError | None, folder: Path) -> int:
     """Say what went wrong; returns the exit code."""
     for text in ([str(failure)] if failure else []) + result.failures:
-        print(text, file=sys.stderr)
+        tell(text)
     if failure is not None:
-        print(f"what was recorded before is kept in {folder}", file=sys.stderr)
+        tell(f"what was recorded before is kept in {folder}")
         return failure.exit_code
     if result.status == "interrupted":
-        print(f"interrupted; what was recorded before is kept in {folder}", file=sys.stderr)
+        tell(f"interrupted; what was recorded before is kept in {folder}")
         return 130
     return 1 if result.failures else 0
 
 
 def _note(text: str) -> None:
-    print(text, file=sys.stderr)
+    tell(text)
 
 
 def _check_animation(graph: Graph) -> None:
@@ -146,19 +145,19 @@ def _print_result(result: Result, folder: Path, pictures: list[Path], quiet: boo
     manifest = result.manifest
     if not quiet:
         for note in result.notes:
-            print(f"note: {note}", file=sys.stderr)
+            tell(f"note: {note}")
     simulated = manifest["ticks"] * manifest["dt"]
-    print(
+    show(
         f"{result.title}: {simulated:g} s in {manifest['wall_s']:.2f} s "
         f"({manifest['us_per_tick']:.1f} us a tick, {manifest['engine']} engine), "
         f"seed {manifest['seed']}"
     )
     width = max((len(name) for name in result.metrics), default=0)
     for name, value in result.metrics.items():
-        print(f"  {name:<{width}}  {number(value)}")
-    print(f"run folder: {folder}")
+        show(f"  {name:<{width}}  {number(value)}")
+    show(f"run folder: {folder}")
     for path in pictures:
-        print(f"  {path.relative_to(folder)}")
+        show(f"  {path.relative_to(folder)}")
 
 
 def number(value: float | None) -> str:

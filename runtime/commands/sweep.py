@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from argparse import ArgumentParser, Namespace
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +10,7 @@ from typing import TYPE_CHECKING
 from runtime.commands.changes import add_changes, changed
 from runtime.commands.workers import add_workers, chosen_seeds, crew_of, noted, start_early
 from runtime.errors import NOWHERE, Problems, UsageError, Where
+from runtime.terminal import show, show_json, tell
 
 if TYPE_CHECKING:
     from runtime.experiments.experiment import Experiment
@@ -61,7 +60,9 @@ def run(options: Namespace) -> int:
     from runtime.experiments.sweeping import Way, sweep
     from runtime.progress import Progress
 
-    experiment = read_experiment(options.graph, lambda graph: changed(graph, options))
+    experiment = read_experiment(
+        options.graph, lambda graph: changed(graph, options), modules=not options.no_modules
+    )
     own = experiment.graph.check().network.seed
     seeds = chosen_seeds(options) or experiment.seeds or Seeds(((own, own),))
     experiment = _completed(experiment, options, seeds)
@@ -74,12 +75,12 @@ def run(options: Namespace) -> int:
     swept = sweep(plan, way, Progress(plan.name, wanted=not quiet))
     pictures = [] if options.no_plots or swept.is_interrupted else _pictures(swept)
     if options.json:
-        print(json.dumps({**swept.summary(), "plots": [str(path) for path in pictures]}))
+        show_json({**swept.summary(), "plots": [str(path) for path in pictures]})
     else:
         _print(swept, pictures)
     if swept.is_interrupted:
         said = f"interrupted after {swept.tally.done} of {plan.total} points"
-        print(f"{said}; --resume goes on with {swept.folder}", file=sys.stderr)
+        tell(f"{said}; --resume goes on with {swept.folder}")
         return 130
     return 3 if swept.tally.counts["ok"] == 0 else 0
 
@@ -143,23 +144,23 @@ def _print(swept: Swept, pictures: list[Path]) -> None:
     plan, tally = swept.plan, swept.tally
     counts = ", ".join(f"{count} {status}" for status, count in sorted(tally.counts.items()))
     settings = plan.total // len(plan.seeds)
-    print(
+    show(
         f"{plan.name}: {tally.done} of {plan.total} points ({settings} settings, seeds "
         f"{plan.seeds}): {counts}; {swept.wall_s:.1f} s"
     )
     if plan.objective is not None and not tally.best:
-        print(f"no setting has a value of {plan.objective.metric} for every seed")
+        show(f"no setting has a value of {plan.objective.metric} for every seed")
     elif plan.objective is not None:
         goal = "smallest" if plan.objective.goal == "minimize" else "largest"
-        print(f"{goal} {plan.objective.metric}, mean and 95 % interval over seeds:")
+        show(f"{goal} {plan.objective.metric}, mean and 95 % interval over seeds:")
         for ranked in tally.best:
             found = ranked.objective
             ends = f"  [{found.low:.4g}, {found.high:.4g}]" if found.n > 1 else ""
             values = zip(plan.columns.knobs, ranked.cells, strict=True)
             setting = ", ".join(f"{knob}={value}" for knob, value in values)
-            print(f"  {found.mean:<10.4g}{ends}  {setting}".rstrip())
+            show(f"  {found.mean:<10.4g}{ends}  {setting}".rstrip())
     for told in tally.told():
-        print(f"  {told['count']} x {told['reason']}", file=sys.stderr)
-    print(f"sweep folder: {swept.folder}")
+        tell(f"  {told['count']} x {told['reason']}")
+    show(f"sweep folder: {swept.folder}")
     for path in pictures:
-        print(f"  {path.relative_to(swept.folder)}")
+        show(f"  {path.relative_to(swept.folder)}")

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import json
-import sys
 from argparse import ArgumentParser, Namespace
 
 from runtime.commands.changes import add_changes, changed
 from runtime.errors import GraphError, MissingExtraError
+from runtime.terminal import show, show_json, tell
 
 HELP = "check graphs, run nothing"
 
@@ -28,15 +27,15 @@ def run(options: Namespace) -> int:
     missing: MissingExtraError | None = None
     for name in options.graphs:
         try:
-            graph = changed(load(name), options).check()
+            graph = changed(load(name, modules=not options.no_modules), options).check()
         except GraphError as error:
             problems[name] = [str(problem) for problem in error.problems]
             if not options.json:
-                print(error, file=sys.stderr)
+                tell(error)
             continue
         except MissingExtraError as error:
             missing = error
-            print(error, file=sys.stderr)
+            tell(error)
             problems[name] = []
             continue
         problems[name] = []
@@ -44,10 +43,10 @@ def run(options: Namespace) -> int:
             network = graph.network
             blocks, wires = len(network.entries), len(network.wires)
             for note in network.notes:
-                print(f"note: {note}", file=sys.stderr)
-            print(f"{name}: fine ({blocks} blocks, {wires} wires, {network.ticks} ticks)")
+                tell(f"note: {note}")
+            show(f"{name}: fine ({blocks} blocks, {wires} wires, {network.ticks} ticks)")
     if options.json:
-        print(json.dumps({"schema_version": 1, "problems": problems}))
+        show_json({"schema_version": 1, "problems": problems})
     if any(problems.values()):
         return 2
     return 0 if missing is None else missing.exit_code

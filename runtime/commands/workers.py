@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 import os
-import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from runtime.errors import Problems
+from runtime.terminal import tell
 
 if TYPE_CHECKING:
     from runtime.experiments.crew import Crew
@@ -76,7 +76,7 @@ def chosen_seeds(options: Namespace) -> Seeds | None:
 
 def noted(quiet: bool) -> Callable[[str], None]:
     """What takes lines for people."""
-    return (lambda text: None) if quiet else (lambda text: print(text, file=sys.stderr))
+    return (lambda text: None) if quiet else tell
 
 
 def start_early(options: Namespace) -> None:

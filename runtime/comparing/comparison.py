@@ -9,12 +9,12 @@ from typing import Any
 from runtime.comparing.documents import Difference, differences
 from runtime.comparing.probes import Pair, Place, pair
 from runtime.comparing.runs import Run
-from runtime.errors import SpikeblocksError, UsageError
-from runtime.record import METRICS, PROBES, RESOLVED, WRITTEN
+from runtime.errors import UsageError
+from runtime.record import DIAGRAM, METRICS, PROBES, RESOLVED, WRITTEN
 
 CIRCUMSTANCES = ("status", "error", "ticks", "engine", "git", "versions")
 # What a run folder holds in any case; the other files are modules of own blocks.
-COMMON_FILES = (WRITTEN, RESOLVED, METRICS, PROBES)
+COMMON_FILES = (WRITTEN, RESOLVED, DIAGRAM, METRICS, PROBES)
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def compare(
     for run in rest:
         _check_shared(first, run)
     if causes_first:
-        order = _order(first, names)
+        order = _order(first)
         names = sorted(names, key=lambda name: order.get(name, len(order)))
     metrics = dict.fromkeys(name for run in runs for name in run.result.metrics)
     return Comparison(
@@ -135,25 +135,11 @@ def _compared(first: Run, run: Run, names: Iterable[str]) -> Compared:
     return Compared(run, pairs, missing)
 
 
-def _order(run: Run, names: Iterable[str]) -> dict[str, int]:
+def _order(run: Run) -> dict[str, int]:
     """Places of probes in the order in which a tick computes what they see, causes first.
 
-    Empty where the graph cannot be built here, as with blocks of a module that is gone.
+    Empty for a run whose folder does not say, as those of earlier versions.
     """
-    from runtime.graph import load
-    from runtime.observe import observe
-    from runtime.plan import make_plan
-
-    try:
-        network = load(run.folder / RESOLVED).network
-        steps = make_plan(network).steps
-        probes = observe(network).probes
-    except SpikeblocksError:
-        return {}
-    ranks = {step.block: i for i, step in reversed(list(enumerate(steps)))}
-    seen = [name for name in names if name in probes]
-    by_rank = {
-        name: min(ranks.get(signal.end.block, len(ranks)) for signal in probes[name].signals)
-        for name in seen
-    }
-    return {name: i for i, name in enumerate(sorted(seen, key=lambda name: by_rank[name]))}
+    found = run.result.manifest.get("order")
+    names = found if isinstance(found, list) else []
+    return {name: i for i, name in enumerate(names) if isinstance(name, str)}

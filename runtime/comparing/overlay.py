@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 
 from blocks.signals import FloatArray
 from runtime.comparing.runs import Run
+from runtime.files import own_file
 from runtime.observe import PlotSpec
 from runtime.pictures import style, walls
 from runtime.pictures.plots import DPI, THIN_ABOVE, THIN_TO
@@ -69,7 +70,7 @@ def save_overlays(runs: Sequence[Run], probes: Sequence[str], folder: Path) -> l
     paths = []
     for name, figure in overlays(runs, probes):
         paths.append(folder / f"{re.sub(r'[^A-Za-z0-9_.-]+', '_', name)}.png")
-        figure.savefig(paths[-1], dpi=DPI)
+        figure.savefig(own_file(paths[-1]), dpi=DPI)
     return paths
 
 

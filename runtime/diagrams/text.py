@@ -53,7 +53,7 @@ def to_mermaid(picture: Picture) -> str:
     """The diagram for Mermaid: parts as subgraphs, wires named ``output → input``."""
     ids = _identifiers([*picture.boxes, *picture.parts])
     lines = [
-        *("---", f"title: {json.dumps(picture.title)}", "---", "flowchart LR"),
+        *("---", f"title: {json.dumps(_plain(picture.title))}", "---", "flowchart LR"),
         *_nested(
             picture,
             lambda box: f'{ids[box.name]}["{_mermaid_label(box)}"]',
@@ -153,12 +153,17 @@ def _dot_edge(net: Net, target: tuple[str, str], colour: str, is_back: bool) -> 
 
 
 def _dot_text(text: str) -> str:
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
+    escaped = _plain(text).replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
     return f'"{escaped}"'
 
 
 def _html(text: str) -> str:
-    return html.escape(text, quote=True)
+    return html.escape(_plain(text), quote=True)
+
+
+def _plain(text: str) -> str:
+    """A text without control and bidirectional characters, which become question marks."""
+    return "".join(c if c.isprintable() or c == "\n" else "?" for c in text)
 
 
 def _mermaid_label(box: Box) -> str:

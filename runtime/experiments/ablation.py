@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from runtime.diagrams.formats import diagram
+from runtime.diagrams.stored import stored_picture
 from runtime.errors import UsageError
 from runtime.experiments.comparison import Line, compare
 from runtime.experiments.crew import Crew
@@ -22,6 +23,7 @@ from runtime.experiments.statistics import CONFIDENCE, CORRECTION, TESTS, Test
 from runtime.experiments.sweeping import write_json
 from runtime.experiments.variants import BASELINE, Variant
 from runtime.experiments.worker import Task
+from runtime.files import own_file, own_folder
 from runtime.graph import Graph
 from runtime.observe import observe
 from runtime.progress import Progress
@@ -185,10 +187,14 @@ def _run(
 def _draw_diagrams(plan: Plan, variants: dict[str, Variant], folder: Path) -> None:
     target = folder / DIAGRAMS
     try:
-        target.mkdir(exist_ok=True)
+        own_folder(target)
         for case in plan.cases:
-            drawn = diagram(_graph(variants, case).network, "svg")
-            (target / f"{case.slug}.svg").write_text(str(drawn), encoding="utf-8")
+            network = _graph(variants, case).network
+            texts = {"svg": str(diagram(network, "svg")), "json": stored_picture(network)}
+            for suffix, text in texts.items():
+                if text is not None:
+                    path = own_file(target / f"{case.slug}.{suffix}")
+                    path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise UsageError(f"cannot write '{target}': {error.strerror}") from None
 

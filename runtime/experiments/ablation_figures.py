@@ -20,6 +20,7 @@ from runtime.experiments.ablation import RUNS, TABLE
 from runtime.experiments.index import Columns, Row, read_rows
 from runtime.experiments.plan import INDEX
 from runtime.experiments.worker import WAYS
+from runtime.files import own_file, own_folder
 from runtime.pictures import style, walls
 from runtime.pictures.style import GREY
 from runtime.reopen import open_run
@@ -41,8 +42,8 @@ def save_ablation_figure(folder: Path) -> Path:
     """
     path = folder / FILE
     try:
-        path.parent.mkdir(exist_ok=True)
-        ablation_figure(folder).savefig(path, dpi=DPI)
+        own_folder(path.parent)
+        ablation_figure(folder).savefig(own_file(path), dpi=DPI)
     except OSError as error:
         raise UsageError(f"cannot write '{path}': {error.strerror}") from None
     return path

@@ -16,7 +16,7 @@ from runtime.experiments.objective import Objective
 from runtime.experiments.seeds import Seeds, parse_seeds
 from runtime.experiments.variants import Variant
 from runtime.graph import Graph, load
-from runtime.loader import find_file
+from runtime.loader import find_file, read_text
 from runtime.sections import check_keys, texts
 
 CHANGES = ("with", "set", "wire", "without", "bypass", "replace")
@@ -41,27 +41,27 @@ class Experiment:
     variants: tuple[Variant, ...] = ()
 
 
-def read_experiment(source: str, change: Change = lambda graph: graph) -> Experiment:
+def read_experiment(
+    source: str, change: Change = lambda graph: graph, *, modules: bool = True
+) -> Experiment:
     """Read an experiment; a graph is one as well, that leaves everything open.
 
     Parameters
     ----------
     source : a file, or the name of a shipped graph.
     change : what else to change in the baseline, before variants are made from it.
+    modules : whether Python files that the graphs name may be imported.
 
     Raises
     ------
     GraphError : with every problem of the file.
     """
     path = find_file(source, (NOWHERE, ""), Path())
-    try:
-        document = parse_yaml(path.read_text(encoding="utf-8-sig"), str(path))
-    except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"cannot read '{path}': {error}") from None
+    document = parse_yaml(read_text(path, (NOWHERE, "")), str(path))
     if not any(document.get(key) for key in ("experiment", "vary", "variants")):
-        graph = change(load(source))
+        graph = change(load(source, modules=modules))
         return Experiment(slug(graph.title), graph)
-    return _Reader(document, path.parent, change).read(path.stem)
+    return _Reader(document, path.parent, change, modules).read(path.stem)
 
 
 def slug(title: str) -> str:
@@ -76,6 +76,7 @@ class _Reader:
     document: Node
     folder: Path
     change: Change
+    modules: bool
 
     def __post_init__(self) -> None:
         self.problems = Problems()
@@ -122,7 +123,7 @@ class _Reader:
             return None
         try:
             file = find_file(named.value, (named.where, f"{prefix}graph"), self.folder)
-            return self.changed(load(str(file)), node, prefix)
+            return self.changed(load(str(file), modules=self.modules), node, prefix)
         except GraphError as error:
             self.problems.found += error.problems
             return None

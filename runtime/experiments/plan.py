@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from runtime.choice import take_compiled
+from runtime.diagrams.stored import stored_picture
 from runtime.document import dump_yaml, parse_yaml
 from runtime.errors import GraphError, UsageError
 from runtime.experiments.design import Design
@@ -24,6 +25,7 @@ from runtime.experiments.seeds import Seeds
 from runtime.experiments.variants import BASELINE, Variant, slugs
 from runtime.graph import Graph
 from runtime.observe import observe
+from runtime.record import DIAGRAM
 from runtime.running import silent
 
 SCHEMA_VERSION = 1
@@ -207,6 +209,9 @@ def create(plan: Plan, folder: Path) -> None:
         shutil.rmtree(partial, ignore_errors=True)
         partial.mkdir()
         _write_recipe(plan.recipe, partial)
+        drawn = stored_picture(plan.graph.network)
+        if drawn is not None:
+            (partial / DIAGRAM).write_text(drawn, encoding="utf-8")
         for case in plan.cases:
             if case.name != BASELINE:
                 _write_recipe(case.recipe, partial / VARIANTS / case.slug)

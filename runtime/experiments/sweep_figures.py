@@ -20,6 +20,7 @@ from blocks.signals import FloatArray
 from runtime.errors import UsageError
 from runtime.experiments.objective import Objective
 from runtime.experiments.sweep_data import Axis, SweepData, read_sweep, spread
+from runtime.files import own_file, own_folder
 from runtime.pictures import style
 
 DPI = 150
@@ -44,10 +45,10 @@ def save_sweep_figures(folder: Path) -> list[Path]:
     target = folder / "plots"
     files = []
     try:
-        target.mkdir(exist_ok=True)
+        own_folder(target)
         for name, figure in sweep_figures(folder):
             files.append(target / f"{name}.png")
-            figure.savefig(files[-1], dpi=DPI)
+            figure.savefig(own_file(files[-1]), dpi=DPI)
     except OSError as error:
         raise UsageError(f"cannot write '{target}': {error.strerror}") from None
     return files

@@ -17,6 +17,7 @@ from runtime.experiments.index import Index, Row, remaining
 from runtime.experiments.keeping import Keeper
 from runtime.experiments.plan import INDEX, SCHEMA_VERSION, Plan, check_same, create
 from runtime.experiments.runner import run_points
+from runtime.files import own_file
 from runtime.progress import Progress
 
 SUMMARY = "summary.json"
@@ -171,7 +172,7 @@ def write_json(path: Path, value: Any) -> None:
     """
     partial = path.with_name(f".{path.name}.partial")
     try:
-        partial.write_text(json.dumps(value, indent=2) + "\n", encoding="utf-8")
+        own_file(partial).write_text(json.dumps(value, indent=2) + "\n", encoding="utf-8")
         partial.replace(path)
     except OSError as error:
         partial.unlink(missing_ok=True)

@@ -21,6 +21,7 @@ from matplotlib.figure import Figure
 
 from blocks.signals import FloatArray
 from runtime.errors import UsageError
+from runtime.files import own_file
 from runtime.observe import PlotSpec
 from runtime.pictures import style
 from runtime.pictures.trajectory import equal_scales
@@ -88,7 +89,7 @@ def save_plots(result: Result, folder: Path) -> list[Path]:
     paths = []
     for plot in result.plots:
         path = folder / f"{re.sub(r'[^A-Za-z0-9_.-]+', '_', plot.name)}.png"
-        draw(plot, result).savefig(path, dpi=DPI)
+        draw(plot, result).savefig(own_file(path), dpi=DPI)
         paths.append(path)
     return paths
 

@@ -7,13 +7,15 @@ from pathlib import Path
 from typing import Any
 
 from blocks.mujoco_vacuum import MujocoVacuum
-from blocks.params import hint
+from blocks.params import ParameterError, hint
 from blocks.signals import FloatArray
 from blocks.world import World
-from runtime.errors import UsageError
-from runtime.graph import load
+from runtime.document import parse_yaml
+from runtime.errors import Problems, UsageError
 from runtime.record import RESOLVED
 from runtime.reopen import open_run, run_folder
+from runtime.result import Result
+from runtime.scope import expand
 
 STATE = "physics"
 
@@ -46,19 +48,35 @@ def recorded_motion(path: str | Path, name: str = "") -> Motion:
     """
     folder = run_folder(path)
     result = open_run(folder)
-    network = load(folder / RESOLVED).network
-    robots = {
-        key: entry.block
-        for key, entry in network.entries.items()
-        if isinstance(entry.block, MujocoVacuum)
-    }
+    robots = _robots(result, str(folder / RESOLVED))
     chosen = _chosen(robots, name, folder)
     address = f"{chosen}.{STATE}"
-    if network.world is None or address not in result or not len(result[address]):
+    if result.world is None or address not in result or not len(result[address]):
         said = f"'{folder}' has no states of '{chosen}' to draw; record them with probes: "
         raise UsageError(f"{said}{{{STATE}: {{of: {address}, every: 50}}}}, and run it again")
     states = result[address]
-    return Motion(result.title, robots[chosen], network.world, result.time(address), states)
+    return Motion(result.title, robots[chosen], result.world, result.time(address), states)
+
+
+def _robots(result: Result, file: str) -> dict[str, MujocoVacuum]:
+    """The graph's robots, made from its text alone: viewing a run imports no module."""
+    problems = Problems()
+    scope, _ = expand(parse_yaml(result.texts[RESOLVED], file), problems)
+    problems.raise_any()
+    known, removed = MujocoVacuum.spec.params, result.manifest["removed"]
+    robots = {}
+    for inner in scope.walk():
+        for name, node in inner.blocks.items():
+            kind = node.get("type")
+            is_robot = kind is not None and kind.value == MujocoVacuum.__name__
+            if not is_robot or node.get("module") or inner.prefix + name in removed:
+                continue
+            values = {key: item.plain() for key, item in node.items() if key in known}
+            try:
+                robots[inner.prefix + name] = MujocoVacuum(**values)
+            except ParameterError as error:
+                raise UsageError(f"'{file}': block '{inner.prefix}{name}': {error}") from None
+    return robots
 
 
 def _chosen(robots: dict[str, Any], name: str, folder: Path) -> str:

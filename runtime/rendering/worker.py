@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from runtime.files import own_file
 from runtime.progress import Progress
 from runtime.rendering.motion import recorded_motion
 from runtime.rendering.wish import Wish
@@ -29,7 +30,7 @@ def make(wish: Wish) -> list[Path]:
     folder = Path(wish.folder)
     folder.mkdir(parents=True, exist_ok=True)
     stage = Stage(motion, wish.views, wish.height)
-    files = [folder / PICTURE]
+    files = [own_file(folder / PICTURE)]
     last = float(motion.t[-1])
     _save(stage.picture(stage.row_at(last if wish.at is None else wish.at)), files[0])
     stage.close()
@@ -54,7 +55,7 @@ def _film(stage: Any, wish: Wish, end: float, path: Path) -> None:
     rows = [stage.row_at(t) for t in np.arange(wish.begin, end, wish.speed / wish.fps)]
     first = stage.picture(rows[0])
     height, width, _ = first.shape
-    partial = path.with_name(f".{path.name}")
+    partial = own_file(path.with_name(f".{path.name}"))
     # yuv420p is what every player takes; it needs even sizes.
     sink = imageio_ffmpeg.write_frames(
         str(partial),

@@ -150,5 +150,5 @@ def _diagrams(folder: Path, found: Mapping[str, Any]) -> Iterator[Html]:
     for variant in found["variants"]:
         name = str(variant["name"])
         yield element("h3", name)
-        file = folder / DIAGRAMS / f"{variant['slug']}.svg"
+        file = folder / DIAGRAMS / f"{variant['slug']}.json"
         yield pieces.diagram_file(file, f"diagram-{variant['slug']}", f"block diagram of {name}")

@@ -8,9 +8,12 @@ import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-from xml.etree import ElementTree
 
-from runtime.errors import SpikeblocksError
+from runtime.diagrams.paint import draw
+from runtime.diagrams.stored import TOO_LARGE, read_picture
+from runtime.diagrams.svg import to_svg
+from runtime.files import read_text
+from runtime.record import RESOLVED
 from runtime.reports.html import Html, element, facts, join, scrolling, table
 from runtime.reports.svg import diagram_svg, figure_svg
 
@@ -60,25 +63,21 @@ def identifier(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9_-]+", "_", name)
 
 
-def diagram_of(file: Path) -> Html:
-    """The block diagram of a resolved graph; what cannot be built here is told in its place."""
-    from runtime.graph import load
-
-    try:
-        graph = load(file)
-        drawn = str(graph.diagram("svg"))
-    except SpikeblocksError as error:
-        said = f"The graph cannot be built here, so that there is no diagram: {error}"
-        return element("p", said, class_="soft")
-    return diagram_frame(drawn, "diagram", f"block diagram of {graph.title}")
-
-
 def diagram_file(file: Path, name: str, label: str) -> Html:
-    """A block diagram that was drawn before."""
+    """A block diagram, drawn from what a folder holds of it; a note where it holds nothing.
+
+    Neither is the graph built for it, which would import its modules, nor a drawing taken over.
+    """
     try:
-        return diagram_frame(file.read_text(encoding="utf-8"), name, label)
-    except (OSError, ValueError, ElementTree.ParseError) as error:
+        drawn = to_svg(draw(read_picture(read_text(file))))
+    except FileNotFoundError:
+        said = f"This folder holds no diagram: it is of an earlier version, or {TOO_LARGE}. "
+        again = element("code", f"runtime draw {file.parent / RESOLVED}")
+        more = " draws it, and runs the Python files that the graph names."
+        return element("p", said, again, more, class_="soft")
+    except (OSError, ValueError) as error:
         return element("p", f"The diagram cannot be read: {error}", class_="soft")
+    return diagram_frame(drawn, name, label)
 
 
 def diagram_frame(drawn: str, name: str, label: str) -> Html:
@@ -95,8 +94,8 @@ def diagram_frame(drawn: str, name: str, label: str) -> Html:
 def graph_file(file: Path, said: str) -> Html:
     """The text of a resolved graph, with the command that runs it."""
     try:
-        text = file.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        text = read_text(file)
+    except (OSError, ValueError) as error:
         return element("p", f"The graph cannot be read: {error}", class_="soft")
     again = element("code", f"runtime run {file}")
     first = element("p", said, " ", again, " runs it.", class_="soft")

@@ -9,7 +9,7 @@ from typing import Any
 from runtime.comparing.documents import text_of
 from runtime.document import parse_yaml
 from runtime.errors import UsageError
-from runtime.record import RESOLVED
+from runtime.record import DIAGRAM, RESOLVED
 from runtime.reopen import open_run, run_folder
 from runtime.reports import pieces
 from runtime.reports.html import Html, bullets, element, facts, join, table
@@ -35,7 +35,7 @@ def run_report(path: Path) -> str:
     sections = {
         "Metrics": _metrics(folder, result),
         "Figures": join(*_figures(result)),
-        "Diagram": pieces.diagram_of(folder / RESOLVED),
+        "Diagram": _diagram(folder, result),
         "Recorded signals": _signals(result),
         "Graph": _graph(folder, result),
         "Provenance": _provenance(folder, result),
@@ -159,6 +159,10 @@ def _figures(result: Result) -> Iterator[Html]:
 def _addresses(result: Result, probe: str) -> list[str]:
     recorded = result.probes.get(probe)
     return list(recorded.addresses) if recorded is not None else [probe]
+
+
+def _diagram(folder: Path, result: Result) -> Html:
+    return pieces.diagram_file(folder / DIAGRAM, "diagram", f"block diagram of {result.title}")
 
 
 def _signals(result: Result) -> Html:

@@ -12,7 +12,7 @@ from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from runtime.reports.html import Html
+from runtime.reports.html import SPACES, Html
 
 SVG, XLINK = "http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"
 MANY_MARKS = 2_000  # from there on, marks are drawn as an image
@@ -21,7 +21,6 @@ IMAGE_DPI = 200
 FONTS = "'DejaVu Sans', Verdana, sans-serif"
 # Any: the names of the settings are a literal type in some versions of matplotlib only.
 _SETTINGS: Any = {"svg.fonttype": "none", "svg.hashsalt": "report", "svg.image_inline": True}
-_UNPRINTABLE = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f\ud800-\udfff\ufffe\uffff]")
 _LINK = f"{{{XLINK}}}href"
 
 
@@ -39,7 +38,7 @@ def figure_svg(figure: Figure, name: str, label: str) -> Html:
     written = io.StringIO()
     with matplotlib.rc_context(_SETTINGS):
         figure.savefig(written, format="svg", dpi=IMAGE_DPI, metadata={"Date": None})
-    root = ElementTree.fromstring(_UNPRINTABLE.sub("\ufffd", written.getvalue()))
+    root = _parsed(written.getvalue())
     for child in list(root):
         if child.tag == f"{{{SVG}}}metadata":
             root.remove(child)
@@ -53,7 +52,14 @@ def figure_svg(figure: Figure, name: str, label: str) -> Html:
 
 def diagram_svg(drawn: str, name: str, label: str) -> Html:
     """A block diagram, as :mod:`runtime.diagrams` draws it, as an SVG element."""
-    return _inline(ElementTree.fromstring(_UNPRINTABLE.sub("\ufffd", drawn)), name, label)
+    return _inline(_parsed(drawn), name, label)
+
+
+def _parsed(drawn: str) -> ElementTree.Element:
+    """A drawing of ours as a tree; letters that a page may not hold become a replacement sign."""
+    if not drawn.isprintable():
+        drawn = "".join(c if c.isprintable() or c in SPACES else "\ufffd" for c in drawn)
+    return ElementTree.fromstring(drawn)
 
 
 def _is_dense(artist: object) -> bool:

@@ -16,6 +16,7 @@ from runtime.experiments.statistics import Estimate, estimate
 from runtime.experiments.sweep_data import SweepData, read_sweep
 from runtime.experiments.sweep_figures import sweep_figures
 from runtime.experiments.sweeping import SUMMARY
+from runtime.record import DIAGRAM
 from runtime.reports import pieces
 from runtime.reports.html import Html, element, facts, join, table
 from runtime.reports.page import page
@@ -74,7 +75,9 @@ def sweep_report(folder: Path) -> str:
         "Figures": join(*_figures(swept)),
         "All settings": _settings(swept, None, "all settings") if is_few else Html(""),
         "What did not end well": _failures(swept),
-        "Diagram": pieces.diagram_of(folder / GRAPH),
+        "Diagram": pieces.diagram_file(
+            folder / DIAGRAM, "diagram", f"block diagram of {swept.data.name}"
+        ),
         "Graph": pieces.graph_file(folder / GRAPH, "As it was before the knobs were turned."),
         "Provenance": pieces.plan_provenance(folder, swept.plan),
     }

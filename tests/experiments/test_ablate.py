@@ -79,7 +79,7 @@ def test_what_a_folder_holds(here: Run, draw: Path, tmp_path: Path) -> None:
     assert [Path(plot).name for plot in facts["plots"]] == ["ablation.png"]
     assert {path.name for path in folder.iterdir()} == {
         *("plan.yaml", "graph.resolved.yaml", "own.py", "index.csv", "ablation.json"),
-        *("variants", "diagrams", "runs", "plots"),
+        *("diagram.json", "variants", "diagrams", "runs", "plots"),
     }
     plan = parse_yaml((folder / "plan.yaml").read_text(), "plan").plain()
     assert plan["kind"] == "ablation"

@@ -227,11 +227,12 @@ def test_a_diagram_that_is_gone_is_told_in_its_place(
     folders: dict[str, Path], tmp_path: Path
 ) -> None:
     folder = Path(shutil.copytree(folders["ablation"], tmp_path / "x"))
-    drawn = sorted((folder / "diagrams").iterdir())
+    drawn = sorted((folder / "diagrams").glob("*.json"))
     drawn[0].unlink()
-    drawn[1].write_text("<svg")
+    drawn[1].write_text("{")
     html = report(folder).html
-    assert len(re.findall("The diagram cannot be read", html)) == 2
+    assert len(re.findall("The diagram cannot be read", html)) == 1
+    assert len(re.findall("This folder holds no diagram", html)) == 1
 
 
 def test_forms_of_plain_data() -> None:

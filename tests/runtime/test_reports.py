@@ -266,10 +266,12 @@ def test_a_run_that_failed_says_so(broken: Path) -> None:
     assert [e.text for e in find(html, "span", class_="bad")] == ["failed", "failed"]
 
 
-def test_a_graph_that_cannot_be_built_here_is_reported_without_its_diagram(broken: Path) -> None:
+def test_a_report_needs_no_module_and_says_that_it_is_gone(broken: Path) -> None:
     (broken / "own.py").unlink()
     html = report(broken).html
-    assert "no diagram" in html
+    shown = [e for e in elements(html) if e.attributes.get("data-kind") == "block"]
+    assert [e.attributes["data-name"] for e in shown] == ["x"]
+    assert "'own.py' is gone since the run was saved" in html.replace("&#x27;", "'")
     assert rows(html, "metrics")[0][0] == "end"
 
 
