@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib.metadata
 import importlib.util
+import linecache
 import sys
 from collections.abc import Mapping
 from functools import cache
@@ -30,6 +32,7 @@ from blocks.tracking import TrackingError
 from blocks.wall_fitter import WallFitter
 
 ENTRY_POINTS = "spikeblocks.blocks"
+_CONTENT = "__spikeblocks_content__"
 
 BUILTIN: Mapping[str, type[Block]] = {
     block.__name__: block
@@ -55,21 +58,30 @@ def installed() -> dict[str, type[Block]]:
 def blocks_of_module(file: FilePath) -> dict[str, type[Block]]:
     """Block types that a Python file defines; the file is run once per process and version.
 
+    What runs is what the file held when it was read here, also where its text is looked at later
+    (by the compiled engine, by a traceback, by a run's folder).
+
     Raises
     ------
     OSError, SyntaxError and whatever the file itself raises.
     """
-    stamp = file.stat()
-    name = f"_blocks_of_{file.stem}_{abs(hash((str(file.resolve()), stamp.st_mtime_ns)))}"
+    data, where = file.read_bytes(), str(file.resolve())
+    digest = hashlib.sha256(where.encode("utf-8", "backslashreplace") + b"\0" + data)
+    name = f"_blocks_of_{file.stem}_{digest.hexdigest()[:16]}"
     module = sys.modules.get(name)
     if module is None:
         spec = importlib.util.spec_from_file_location(name, file)
         if spec is None or spec.loader is None:
             raise ImportError(f"{file} is no Python file")
         module = importlib.util.module_from_spec(spec)
+        setattr(module, _CONTENT, {where: data})
         sys.modules[name] = module
         try:
-            spec.loader.exec_module(module)
+            code = compile(data, str(file), "exec", dont_inherit=True)
+            lines = importlib.util.decode_source(data).splitlines(keepends=True)
+            # Without a time of change, which lets linecache keep it whatever the file becomes.
+            linecache.cache[str(file)] = (len(data), None, lines, str(file))
+            exec(code, vars(module))
         except BaseException:
             del sys.modules[name]
             raise
@@ -78,3 +90,9 @@ def blocks_of_module(file: FilePath) -> dict[str, type[Block]]:
         for key, value in vars(module).items()
         if isinstance(value, type) and issubclass(value, Block) and value.__module__ == name
     }
+
+
+def module_text(cls: type[Block]) -> dict[str, bytes]:
+    """The content of the file that :func:`blocks_of_module` ran for a type, by resolved path."""
+    found: dict[str, bytes] = getattr(sys.modules.get(cls.__module__), _CONTENT, {})
+    return found

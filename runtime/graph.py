@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from blocks.block import Block
-from blocks.registry import BUILTIN
+from blocks.registry import BUILTIN, module_text
 from runtime.build import build
 from runtime.document import Node, dump_yaml, from_python
 from runtime.edits import add_names, set_entry, set_wire
 from runtime.errors import UsageError
-from runtime.loader import load_document, merge
+from runtime.loader import merge, read_graph
 from runtime.network import Network
 from runtime.replacement import replace_block
 
@@ -46,6 +46,7 @@ class Graph:
         self._document = from_python({"graph": title, "run": run, "blocks": {}})
         self._classes: dict[str, type[Block]] = {}
         self.source: Path | None = None
+        self.read: dict[str, bytes] = {}
         self.overrides: tuple[str, ...] = ()
         self.notes: tuple[str, ...] = ()
 
@@ -56,17 +57,20 @@ class Graph:
         classes: Mapping[str, type[Block]] | None = None,
         source: Path | None = None,
         overrides: tuple[str, ...] = (),
+        read: Mapping[str, bytes] | None = None,
     ) -> Graph:
         graph = cls.__new__(cls)
         graph._document = document
         graph._classes = dict(classes or {})
         graph.source = source
         graph.overrides = overrides
+        graph.read = dict(read or {})
         graph.notes = ()
         return graph
 
     def _changed(self, document: Node, *overrides: str) -> Graph:
-        changed = Graph._of(document, self._classes, self.source, (*self.overrides, *overrides))
+        overrides = (*self.overrides, *overrides)
+        changed = Graph._of(document, self._classes, self.source, overrides, self.read)
         changed.notes = self.notes
         return changed
 
@@ -187,10 +191,15 @@ class Graph:
 
     def set(self, path: str, value: Any, *, origin: str = "") -> Graph:
         """A copy with one entry changed, as in ``set("blocks.lqr.q", [1, 1, 1])``."""
+        read: dict[str, bytes] = {}
         if path == "world" and isinstance(value, str):
-            value = load_document({"world": value}).plain()["world"]
-        changed = set_entry(self._document, path, value, origin)
-        return self._changed(changed, f"set {path}={value!r}")
+            document, read = read_graph({"world": value})
+            value = document.plain()["world"]
+        changed = self._changed(
+            set_entry(self._document, path, value, origin), f"set {path}={value!r}"
+        )
+        changed.read |= read
+        return changed
 
     def wire(self, consumer: str, source: Any, *, origin: str = "") -> Graph:
         """A copy with one input wired anew, as in ``wire("lqr.error", "error.state")``."""
@@ -199,9 +208,12 @@ class Graph:
 
     def overlay(self, source: str | Path | Mapping[str, Any]) -> Graph:
         """A copy with another graph, or part of one, laid on top as ``extends`` would."""
-        changed = merge(self._document, load_document(source))
+        document, read = read_graph(source)
         name = "mapping" if isinstance(source, Mapping) else source
-        return self._changed(changed, f"with {name}")
+        changed = self._changed(merge(self._document, document), f"with {name}")
+        # The file that this graph came from stays as it was read then.
+        changed.read = read | changed.read
+        return changed
 
     def without(self, *names: str, origin: str = "") -> Graph:
         """A copy without these blocks or parts and their wires."""
@@ -266,6 +278,17 @@ class Graph:
         ordered = {key: plain[key] for key in SECTION_ORDER if key in plain}
         return {**ordered, **{key: value for key, value in plain.items() if key not in ordered}}
 
+    @property
+    def texts(self) -> dict[str, bytes]:
+        """The content, as it was read, of the graph's files and of those of its own blocks.
+
+        The keys are the files' resolved paths.
+        """
+        own: dict[str, bytes] = {}
+        for entry in (*self.network.entries.values(), *self.network.ghosts.values()):
+            own |= module_text(entry.cls)
+        return self.read | own
+
     def to_yaml(self) -> str:
         """The graph as a text that :func:`runtime.load` reads back equal."""
         plain = self.to_dict()
@@ -321,6 +344,6 @@ def load(source: str | Path | Mapping[str, Any]) -> Graph:
     ------
     GraphError : the text cannot be read. Use :meth:`Graph.check` for the graph itself.
     """
-    document = load_document(source)
+    document, read = read_graph(source)
     path = None if isinstance(source, Mapping) else Path(document.where.file)
-    return Graph._of(document, source=path)
+    return Graph._of(document, source=path, read=read)

@@ -36,13 +36,22 @@ def load_document(source: str | Path | Mapping[str, Any]) -> Node:
     ------
     GraphError : texts, or files that they name, cannot be read; all of them are named.
     """
+    return read_graph(source)[0]
+
+
+def read_graph(source: str | Path | Mapping[str, Any]) -> tuple[Node, dict[str, bytes]]:
+    """Read a graph as :func:`load_document` does, and with it the content of every file read.
+
+    Files are named by their resolved paths. Each is read once, so that what is kept of a run is
+    what ran, whatever becomes of the files meanwhile.
+    """
     loader = _Loader()
     if isinstance(source, Mapping):
         document: Node | None = loader.complete(from_python(source), ())
     else:
         document = loader.file(str(source), (NOWHERE, ""), Path(), ())
     loader.problems.raise_any()
-    return document or Node({})
+    return document or Node({}), loader.read
 
 
 def merge(base: Node, top: Node, section: str = "", key: str = "") -> Node:
@@ -120,11 +129,13 @@ def find_file(name: str, at: Place, folder: Path, noun: str = "graph") -> Path:
 class _Loader:
     """Reads files, and goes on after a problem, so that all of them are found.
 
-    ``above`` holds the files that are being read, the outermost first.
+    ``above`` holds the files that are being read, the outermost first; ``read`` the content of
+    each file that was.
     """
 
     def __init__(self) -> None:
         self.problems = Problems()
+        self.read: dict[str, bytes] = {}
 
     def file(self, name: str, at: Place, folder: Path, above: tuple[Path, ...]) -> Node | None:
         try:
@@ -146,7 +157,10 @@ class _Loader:
 
     def text(self, path: Path, at: Place) -> str:
         try:
-            data = path.read_bytes()
+            name = str(path.resolve())
+            if name not in self.read:
+                self.read[name] = path.read_bytes()
+            data = self.read[name]
             return data.decode("utf-8-sig")
         except UnicodeDecodeError as error:
             before = data[: error.start].decode("utf-8-sig")

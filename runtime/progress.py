@@ -20,7 +20,7 @@ class Progress:
 
     def __init__(self, label: str, wanted: bool = True) -> None:
         self.label = label
-        self.active = wanted and sys.stderr.isatty()
+        self.active = wanted and sys.stderr is not None and sys.stderr.isatty()
         self.began = time.monotonic()
         self.before = 0
 
@@ -41,14 +41,19 @@ class Progress:
             text += f"  {duration(left)} left"
         columns = shutil.get_terminal_size().columns - 1
         below = f"\n{note[:columns]}\033[K\033[A" if note else ""
-        sys.stderr.write(f"\r{text[:columns]}\033[K{below}")
-        sys.stderr.flush()
+        self._write(f"\r{text[:columns]}\033[K{below}")
 
     def close(self) -> None:
         """Wipe the bar, and what is below."""
         if self.active:
-            sys.stderr.write("\r\033[J")
+            self._write("\r\033[J")
+
+    def _write(self, text: str) -> None:
+        try:
+            sys.stderr.write(text)
             sys.stderr.flush()
+        except (OSError, ValueError):  # the terminal is gone, which must not end what goes on
+            self.active = False
 
 
 def duration(seconds: float) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import platform
 import sys
 from collections.abc import Callable, Container
@@ -11,6 +12,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from blocks.signals import FloatArray
 from runtime.choice import take_compiled
 from runtime.document import dump_yaml
@@ -18,8 +21,7 @@ from runtime.engine import Engine, Outcome
 from runtime.graph import Graph
 from runtime.observe import Observation, Probe
 from runtime.profile import Profile
-from runtime.record import RESOLVED, SCHEMA_VERSION, WRITTEN, portable_modules
-from runtime.recorder import Recorder
+from runtime.record import RESOLVED, SCHEMA_VERSION, WRITTEN, begin, contents, portable_modules
 from runtime.result import Recorded, Result, evaluate
 from runtime.run_section import DEFAULT_MEMORY
 from runtime.running import silent
@@ -54,20 +56,23 @@ def simulate(
     engine = Engine(program, network.seed, compiled, note, profile, folder)
     if program.gathered:
         note(f"recording to disk, since it takes more than {readable_bytes(network.memory)}")
+        if folder is not None:
+            _begin(graph, engine, observation, began, folder)
     outcome = engine.run(progress)
     probes = {
-        name: _recorded(probe, outcome.arrays[name], engine.recorder, network.dt)
+        name: _recorded(probe, rows, engine.recorder.times(name, len(rows), network.dt))
         for name, probe in observation.probes.items()
+        for rows in (outcome.arrays[name],)
     }
-    metrics, failures = evaluate(observation.metrics, probes, network.world)
+    metrics, failures, notes = evaluate(observation.metrics, probes, network.world)
     result = Result(
         title=network.title,
         probes=probes,
         metrics=metrics,
         plots=observation.plots,
-        manifest=_manifest(graph, outcome, observation, began),
+        manifest=_manifest(graph, outcome, [*graph.notes, *observation.notes, *notes], began),
         origin=partial(_origin, graph, outcome.engine),
-        notes=[*graph.notes, *observation.notes],
+        notes=[*graph.notes, *observation.notes, *notes],
         failures=failures,
         world=network.world,
     )
@@ -77,7 +82,7 @@ def simulate(
     return result
 
 
-def _recorded(probe: Probe, values: FloatArray, recorder: Recorder, dt: float) -> Recorded:
+def _recorded(probe: Probe, values: FloatArray, times: FloatArray) -> Recorded:
     addresses, start = {}, 0
     for signal in probe.signals:
         width = len(signal.labels)
@@ -85,7 +90,7 @@ def _recorded(probe: Probe, values: FloatArray, recorder: Recorder, dt: float) -
         start += width
     return Recorded(
         name=probe.name,
-        t=recorder.times(probe.name, len(values), dt),
+        t=times,
         values=values,
         labels=probe.labels,
         units=probe.units,
@@ -95,11 +100,38 @@ def _recorded(probe: Probe, values: FloatArray, recorder: Recorder, dt: float) -
     )
 
 
-def _origin(graph: Graph, engine: str) -> tuple[dict[str, str], dict[str, Path]]:
+def _begin(
+    graph: Graph, engine: Engine, observation: Observation, began: datetime, folder: Path
+) -> None:
+    """Put beside a recording on disk what it takes to read it if the process is killed."""
+    outcome = Outcome({}, 0, "interrupted", "compiled" if engine.compiled else "python")
+    notes = [*graph.notes, *observation.notes]
+    empty = {
+        name: _recorded(probe, engine.arrays[name][:0], np.empty(0))
+        for name, probe in observation.probes.items()
+    }
+    begin(
+        Result(
+            title=graph.network.title,
+            probes=empty,
+            metrics=dict.fromkeys(metric.name for metric in observation.metrics),
+            plots=observation.plots,
+            manifest=_manifest(graph, outcome, notes, began),
+            origin=partial(_origin, graph, outcome.engine),
+            world=graph.network.world,
+        ),
+        observation.probes,
+        folder,
+    )
+
+
+def _origin(graph: Graph, engine: str) -> tuple[dict[str, str], dict[str, bytes]]:
     """The graph as it was written and as it was run, and the files of its own blocks."""
     resolved, files = portable_modules(_resolved(graph, engine))
-    text = graph.source.read_text(encoding="utf-8") if graph.source else dump_yaml(resolved)
-    return {WRITTEN: text, RESOLVED: dump_yaml(resolved)}, files
+    read = graph.texts
+    source = None if graph.source is None else read.get(str(graph.source.resolve()))
+    text = dump_yaml(resolved) if source is None else source.decode("utf-8-sig")
+    return {WRITTEN: text, RESOLVED: dump_yaml(resolved)}, contents(files, read)
 
 
 def _resolved(graph: Graph, engine: str) -> dict[str, Any]:
@@ -112,13 +144,15 @@ def _resolved(graph: Graph, engine: str) -> dict[str, Any]:
 
 
 def _manifest(
-    graph: Graph, outcome: Outcome, observation: Observation, began: datetime
+    graph: Graph, outcome: Outcome, notes: list[str], began: datetime
 ) -> dict[str, Any]:
     network = graph.network
+    read = {path: hashlib.sha256(data).hexdigest() for path, data in graph.texts.items()}
     return {
         "schema_version": SCHEMA_VERSION,
         "graph": network.title,
         "source": str(graph.source) if graph.source else None,
+        "read": read,
         "status": outcome.status,
         "error": str(outcome.error) if outcome.error else None,
         "seed": network.seed,
@@ -133,7 +167,7 @@ def _manifest(
         "argv": sys.argv,
         "overrides": list(graph.overrides),
         "removed": dict(network.removed),
-        "notes": [*graph.notes, *observation.notes],
+        "notes": notes,
         "versions": dict(versions()),
     }
 

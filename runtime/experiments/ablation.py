@@ -164,9 +164,7 @@ def _run(
         for point, ended in run_points(points, crew, task):
             name = point.setting.cells[0]
             if ended.result is not None:
-                inside = folder if name == BASELINE else folder / VARIANTS / slugs[name]
-                modules = point.setting.recipe.modules
-                ended.result.files = {file: inside / file for file, _ in modules}
+                ended.result.files = point.setting.recipe.files
                 kept = folder / RUNS / slugs[name]
                 shutil.rmtree(kept, ignore_errors=True)
                 save(ended.result, kept)
