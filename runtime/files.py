@@ -91,8 +91,9 @@ def sha256(path: Path) -> str:
 
 def remove_tree(folder: Path) -> None:
     """Remove a folder as far as that is possible; links in it are removed, not followed."""
-    if not folder.is_symlink():
-        shutil.rmtree(folder, ignore_errors=True)
+    with suppress(OSError):
+        if not folder.is_symlink():
+            shutil.rmtree(folder, ignore_errors=True)
 
 
 def point_link(link: Path, target: str) -> None:

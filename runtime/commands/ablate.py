@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING
 from runtime.commands.changes import add_changes, changed, with_changes
 from runtime.commands.workers import add_workers, chosen_seeds, crew_of, noted, start_early
 from runtime.errors import UsageError
+from runtime.files import json_text
 
 if TYPE_CHECKING:
     from runtime.experiments.ablation import Ablated
@@ -82,7 +82,7 @@ def run(options: Namespace) -> int:
         return 130
     pictures = [] if options.no_plots else _pictures(done)
     if options.json:
-        print(json.dumps({**done.to_dict(), "plots": [str(path) for path in pictures]}))
+        print(json_text({**done.to_dict(), "plots": [str(path) for path in pictures]}))
     else:
         _print(done, pictures, options.quiet)
     return 3 if all(row.status != "ok" for rows in done.rows.values() for row in rows) else 0

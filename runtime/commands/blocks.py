@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from argparse import ArgumentParser, Namespace
 
 from runtime.errors import UsageError
+from runtime.files import json_text
 
 HELP = "the library, or one block's ports and parameters"
 
@@ -29,7 +29,7 @@ def run(options: Namespace) -> int:
         raise UsageError(f"no block type '{options.type}'{mend}")
     if options.json:
         chosen = known if options.type is None else {options.type: known[options.type]}
-        print(json.dumps({name: describe_json(cls) for name, cls in chosen.items()}))
+        print(json_text({name: describe_json(cls) for name, cls in chosen.items()}))
     elif options.type is None:
         width = max(map(len, known))
         for name, cls in known.items():

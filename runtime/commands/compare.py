@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import math
 import sys
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from runtime.files import json_text
 
 if TYPE_CHECKING:
     from runtime.comparing.comparison import Comparison
@@ -59,7 +60,7 @@ def run(options: Namespace) -> int:
     if options.json:
         found = as_data(comparison, options.exact, options.rtol, options.atol)
         files = [str(path) for path in pictures]
-        print(json.dumps({**found, "plots": files}, allow_nan=False))
+        print(json_text({**found, "plots": files}))
     else:
         tolerances = (options.rtol, options.atol)
         print(exact_summary(comparison) if options.exact else summary(comparison, *tolerances))

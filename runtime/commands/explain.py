@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from argparse import ArgumentParser, Namespace
 
 from runtime.commands.changes import add_graph, changed
+from runtime.files import json_text
 
 HELP = "order, rates, types and the function that runs"
 
@@ -23,7 +23,7 @@ def run(options: Namespace) -> int:
 
     graph = changed(load(options.graph), options).check()
     if options.json:
-        print(json.dumps(explain_json(graph)))
+        print(json_text(explain_json(graph)))
     else:
         print(explain_text(graph))
     return 0

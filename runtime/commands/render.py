@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import math
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable
 from pathlib import Path
 
+from runtime.files import json_text
 from runtime.rendering.wish import VIEWS, Wish
 
 HELP = "a picture and a film of a run of a robot with physics"
@@ -59,7 +59,7 @@ def run(options: Namespace) -> int:
         )
     )
     if options.json:
-        print(json.dumps({"schema_version": 1, "files": [str(path) for path in files]}))
+        print(json_text({"schema_version": 1, "files": [str(path) for path in files]}))
     else:
         print("\n".join(map(str, files)))
     return 0

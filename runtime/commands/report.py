@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
+
+from runtime.files import json_text
 
 HELP = "one self-contained HTML file on a run, a sweep or an ablation"
 
@@ -41,7 +42,7 @@ def run(options: Namespace) -> int:
         raise UsageError(f"cannot write '{written}': {error.strerror or error}") from None
     if options.json:
         found = {"schema_version": 1, "kind": made.kind, "folder": str(made.folder)}
-        print(json.dumps({**found, "report": str(written)}))
+        print(json_text({**found, "report": str(written)}))
     else:
         print(written)
     return 0

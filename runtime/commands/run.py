@@ -50,6 +50,8 @@ def run(options: Namespace) -> int:
     quiet = options.quiet or options.json
     profile = Profile() if options.profile else None
     draft = Draft(new_folder(Path(options.out), graph.title))
+    if not quiet:
+        _tell_leftovers(draft.folder.parent)
     with Interrupts() as interrupts:
         result, failure = _simulated(graph, quiet, profile, draft)
         folder = _saved(result, draft)
@@ -146,6 +148,16 @@ def _tell_end(result: Result, failure: SimulationError | None, folder: Path) -> 
 
 def _note(text: str) -> None:
     print(text, file=sys.stderr)
+
+
+def _tell_leftovers(folder: Path) -> None:
+    """Name what killed runs of the same graph left behind."""
+    from runtime.leftovers import leftovers
+
+    found = leftovers(folder)
+    if found:
+        text = f"killed runs left {len(found)} hidden folder{'s' * (len(found) > 1)} in '{folder}'"
+        _note(f"{text}, as '{found[0].path.name}'; 'runtime clean {folder}' lists them")
 
 
 def _check_animation(graph: Graph) -> None:

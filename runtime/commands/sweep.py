@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from argparse import ArgumentParser, Namespace
 from dataclasses import replace
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING
 from runtime.commands.changes import add_changes, changed
 from runtime.commands.workers import add_workers, chosen_seeds, crew_of, noted, start_early
 from runtime.errors import NOWHERE, Problems, UsageError, Where
+from runtime.files import json_text
 
 if TYPE_CHECKING:
     from runtime.experiments.experiment import Experiment
@@ -74,7 +74,7 @@ def run(options: Namespace) -> int:
     swept = sweep(plan, way, Progress(plan.name, wanted=not quiet))
     pictures = [] if options.no_plots or swept.is_interrupted else _pictures(swept)
     if options.json:
-        print(json.dumps({**swept.summary(), "plots": [str(path) for path in pictures]}))
+        print(json_text({**swept.summary(), "plots": [str(path) for path in pictures]}))
     else:
         _print(swept, pictures)
     if swept.is_interrupted:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from argparse import ArgumentParser, Namespace
 
 from runtime.commands.changes import add_changes, changed
 from runtime.errors import GraphError, MissingExtraError
+from runtime.files import json_text
 
 HELP = "check graphs, run nothing"
 
@@ -45,7 +45,7 @@ def run(options: Namespace) -> int:
             blocks, wires = len(network.entries), len(network.wires)
             print(f"{name}: fine ({blocks} blocks, {wires} wires, {network.ticks} ticks)")
     if options.json:
-        print(json.dumps({"schema_version": 1, "problems": problems}))
+        print(json_text({"schema_version": 1, "problems": problems}))
     if any(problems.values()):
         return 2
     return 0 if missing is None else missing.exit_code

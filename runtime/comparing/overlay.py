@@ -167,9 +167,9 @@ def _plane(runs: Sequence[Run], plot: PlotSpec, probes: Sequence[str]) -> Figure
             paths = [first[n] for n in plot.of if n in first and first[n].kinds == ("Path",)]
             top = draw_trajectory(figure, [*ways, *paths], style.run_end(runs[0].result))
         style.head(top, plot.title, _subtitle(runs))
+        style.literal(figure)
         if plot.kind == "trajectory":
             equal_scales(figure, top)
-        style.literal(figure)
     return figure
 
 

@@ -19,9 +19,9 @@ from runtime.experiments.points import Point
 from runtime.experiments.pool import Crew
 from runtime.experiments.runner import run_points
 from runtime.experiments.statistics import CONFIDENCE, CORRECTION, TESTS, Test
-from runtime.experiments.sweeping import write_json
 from runtime.experiments.variants import BASELINE, Variant
 from runtime.experiments.worker import Task
+from runtime.files import write_json
 from runtime.graph import Graph
 from runtime.observe import observe
 from runtime.progress import Progress

@@ -67,9 +67,9 @@ def draw(plot: PlotSpec, result: Result) -> Figure:
             shown = [result.probes[name] for name in plot.of]
             top = PAINTERS[plot.kind](figure, shown, style.run_end(result))
         style.set_title(top, plot.title, result)
+        style.literal(figure)
         if plot.kind == "trajectory":
             equal_scales(figure, top)
-        style.literal(figure)
     return figure
 
 
