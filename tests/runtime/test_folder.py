@@ -352,10 +352,10 @@ def test_a_git_that_hangs_hangs_nothing(tmp_path: Path, monkeypatch: pytest.Monk
 
 BIG = """
 graph: big
-run: {dt: 0.001, until: 30, memory: 4M, engine: python}
+run: {dt: 0.001, until: 15, memory: 4M, engine: python}
 blocks: {w: {type: Wave, module: wave.py}}
 probes: {wide: w.out}
-metrics: {settled: {kind: settling_time, of: wide, band: 5.0, after: 29.9}}
+metrics: {settled: {kind: settling_time, of: wide, band: 5.0, after: 14.9}}
 """
 WAVE = """
 import numpy as np, blocks
@@ -380,7 +380,7 @@ def peak(script: Path, folder: Path, *arguments: str) -> int:
 def test_a_recording_larger_than_memory_is_never_held_in_it(script: Path, tmp_path: Path) -> None:
     (tmp_path / "big.yaml").write_text(BIG)
     (tmp_path / "wave.py").write_text(WAVE)
-    size = 30_000 * 601 * 8
+    size = 15_000 * 601 * 8
     small = peak(script, tmp_path, "run", "big.yaml", "-q", "--no-plots", "--until", "0.01")
     for _ in range(2):
         large = peak(script, tmp_path, "run", "big.yaml", "-q", "--no-plots")
