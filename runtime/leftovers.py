@@ -1,7 +1,7 @@
 """What killed runs left behind: found, made into runs that can be read, removed.
 
-A run's hidden folder is locked while its process lives (:mod:`runtime.record`), so that what belongs
-to a run that goes on is never touched. Links are neither followed nor removed.
+A run's hidden folder is locked while its process lives (:mod:`runtime.record`), so that what
+belongs to a run that goes on is never touched. Links are neither followed nor removed.
 """
 
 from __future__ import annotations
@@ -139,8 +139,9 @@ def _recovered(source: Path) -> Result:
             rows = _rows(source / recording_file(name))
             if rows is not None:
                 arrays[name] = rows
-                arrays[f"{name}.time"] = np.arange(len(rows), dtype=np.float64) * float(dt * every[name])
-        ticks = max((len(arrays[name]) * every[name] for name in arrays if name in every), default=0)
+                step = float(dt * every[name])
+                arrays[f"{name}.time"] = np.arange(len(rows), dtype=np.float64) * step
+        ticks = max((len(arrays[n]) * every[n] for n in arrays if n in every), default=0)
         details["probes"] = {n: info for n, info in details["probes"].items() if n in arrays}
         details["plots"] = [p for p in details["plots"] if set(p["of"]) <= set(arrays)]
         details |= {"status": "interrupted", "error": RECOVERED, "ticks": ticks}

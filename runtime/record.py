@@ -1,7 +1,7 @@
 """A run on disk: a folder that is made before the first tick and complete in one step.
 
-Until then all lies in a hidden folder beside it, ``.<name>-<id>.partial``, which is locked while its
-process lives: ``recording/`` takes what does not fit into memory, ``run/`` what is to be the run.
+Until then all lies in a hidden folder beside it, ``.<name>-<id>.partial``, which is locked while
+its process lives: ``recording/`` takes what does not fit into memory, ``run/`` what is to be the run.
 What is killed leaves it behind, see :mod:`runtime.leftovers`.
 """
 

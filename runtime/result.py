@@ -57,8 +57,8 @@ class Result:
     """A run: ``result["plant.pose"]`` is an array, ``result.metrics`` a dict.
 
     Names are those of probes, or the addresses that they record. ``world`` holds the walls that
-    the graph had, if any. ``origin`` makes the graph's texts, and those of its own blocks' files, by
-    name, from what was read before the run: a sweep's runs are hardly ever asked for them.
+    the graph had, if any. ``origin`` makes the graph's texts, and those of its own blocks' files,
+    by name, from what was read before the run: a sweep's runs are hardly ever asked for them.
     """
 
     title: str

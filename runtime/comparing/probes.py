@@ -177,7 +177,9 @@ def pair(a: Recorded, b: Recorded, dt: float) -> Pair:
         b = replace(b, t=b.t[:0], values=a.values[:0])
     left, right = _shared(a.t, b.t, RESOLUTION * dt)
     # Rows that are all shared are looked at where they lie, on disk if they are there.
-    here, there = (slice(None) if len(i) == n else i for i, n in ((left, len(a.t)), (right, len(b.t))))
+    here, there = (
+        slice(None) if len(i) == n else i for i, n in ((left, len(a.t)), (right, len(b.t)))
+    )
     labels, units = _names(a)
     return Pair(
         name=a.name,
