@@ -14,7 +14,7 @@ from runtime.diagrams.diagram import diagram
 from runtime.errors import UsageError
 from runtime.experiments.comparison import Line, compare
 from runtime.experiments.index import Index, Row, remaining
-from runtime.experiments.plan import INDEX, SCHEMA_VERSION, VARIANTS, Case, Plan, check_same, create
+from runtime.experiments.plan import INDEX, SCHEMA_VERSION, Case, Plan, check_same, create
 from runtime.experiments.points import Point
 from runtime.experiments.pool import Crew
 from runtime.experiments.runner import run_points
