@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib.metadata
 import importlib.util
+import linecache
 import sys
 import threading
 from collections.abc import Mapping
@@ -35,6 +37,7 @@ from blocks.wall_fitter import WallFitter
 ENTRY_POINTS = "spikeblocks.blocks"
 # A module is registered before its text has run: another thread must not look into it till then.
 _LOADING = threading.RLock()
+_CONTENT = "__spikeblocks_content__"
 
 BUILTIN: Mapping[str, type[Block]] = {
     block.__name__: block
@@ -59,6 +62,9 @@ def installed() -> dict[str, type[Block]]:
 
 def blocks_of_module(file: FilePath) -> dict[str, type[Block]]:
     """Block types that a Python file defines; the file is run once per process and version.
+
+    What runs is what the file held when it was read here, also where its text is looked at later
+    (by the compiled engine, by a traceback, by a run's folder).
 
     Raises
     ------
@@ -90,18 +96,30 @@ def _module(file: FilePath) -> ModuleType:
 
 
 def _loaded(file: FilePath) -> ModuleType:
-    stamp = file.stat()
-    name = f"_blocks_of_{file.stem}_{abs(hash((str(file.resolve()), stamp.st_mtime_ns)))}"
+    data, where = file.read_bytes(), str(file.resolve())
+    digest = hashlib.sha256(where.encode("utf-8", "backslashreplace") + b"\0" + data)
+    name = f"_blocks_of_{file.stem}_{digest.hexdigest()[:16]}"
     module = sys.modules.get(name)
     if module is None:
         spec = importlib.util.spec_from_file_location(name, file)
         if spec is None or spec.loader is None:
             raise ImportError(f"{file} is no Python file")
         module = importlib.util.module_from_spec(spec)
+        setattr(module, _CONTENT, {where: data})
         sys.modules[name] = module
         try:
-            spec.loader.exec_module(module)
+            code = compile(data, str(file), "exec", dont_inherit=True)
+            lines = importlib.util.decode_source(data).splitlines(keepends=True)
+            # Without a time of change, which lets linecache keep it whatever the file becomes.
+            linecache.cache[str(file)] = (len(data), None, lines, str(file))
+            exec(code, vars(module))
         except BaseException:
             del sys.modules[name]
             raise
     return module
+
+
+def module_text(cls: type[Block]) -> dict[str, bytes]:
+    """The content of the file that :func:`blocks_of_module` ran for a type, by resolved path."""
+    found: dict[str, bytes] = getattr(sys.modules.get(cls.__module__), _CONTENT, {})
+    return found

@@ -1,20 +1,23 @@
 """The command line: ``runtime run graph.yaml`` and its sisters.
 
 Exit codes: 0 fine; 1 it ran and an expectation failed; 2 usage or an invalid graph; 3 the
-simulation failed (what was recorded is kept); 4 an optional extra is missing; 130 interrupted.
+simulation failed (what was recorded is kept); 4 an optional extra is missing; 130 interrupted
+(``runtime run`` keeps what was recorded on SIGTERM and SIGHUP, too, and ends with 143 and 129).
 Results go to stdout, everything else to stderr.
 """
 
 from __future__ import annotations
 
 import argparse
+import io
 import os
 import sys
 from collections.abc import Sequence
-from typing import NoReturn
+from contextlib import suppress
+from typing import NoReturn, TextIO
 
 from runtime.commands import NAMES, command
-from runtime.errors import SpikeblocksError
+from runtime.errors import SpikeblocksError, UsageError
 from runtime.terminal import printable, show, tell
 
 EPILOG = """examples:
@@ -52,7 +55,68 @@ def make_parser() -> argparse.ArgumentParser:
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and leave with its exit code."""
-    sys.exit(run(arguments))
+    _open_streams()
+    sys.exit(_flushed(run(arguments)))
+
+
+class _Messages(io.TextIOWrapper):
+    """stderr, where a message that cannot be written ends nothing: a full disk, a terminal gone."""
+
+    def write(self, text: str) -> int:
+        with suppress(OSError):
+            super().write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        with suppress(OSError):
+            super().flush()
+
+
+def _open_streams() -> None:
+    """Make stdout and stderr take any text, and be there at all.
+
+    A closed stream gives its number to the next file that is opened, which then gets the messages:
+    so it is opened to nowhere. What a terminal's encoding does not have is written as an escape.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            nowhere = os.open(os.devnull, os.O_RDONLY if number == 0 else os.O_WRONLY)
+            if nowhere != number:
+                os.dup2(nowhere, number)
+                os.close(nowhere)
+            setattr(sys, name, os.fdopen(number, "r" if number == 0 else "w", encoding="utf-8"))
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
+    if isinstance(sys.stderr, io.TextIOWrapper):
+        sys.stderr = _Messages(
+            sys.stderr.buffer, sys.stderr.encoding, "backslashreplace", line_buffering=True
+        )
+
+
+def _flushed(code: int) -> int:
+    """The exit code, once all is written; 2 where results could not be, for want of room."""
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        # The reader of our output is gone (as in '| head'): nothing is left to say to it.
+        _to_nowhere(sys.stdout)
+    except OSError as error:
+        _to_nowhere(sys.stdout)
+        code = code or _told(f"cannot write to stdout: {error.strerror}", UsageError.exit_code)
+    return code
+
+
+def _to_nowhere(stream: TextIO) -> None:
+    """Let what is left in a stream's buffer go nowhere, instead of failing again at the end."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, stream.fileno())
+    os.close(nowhere)
+
+
+def _told(text: str, code: int) -> int:
+    """Say what ends a command; returns its exit code."""
+    tell(text)
+    return code
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
@@ -71,13 +135,21 @@ def run(arguments: Sequence[str] | None = None) -> int:
         code = command(options.command).run(options)
         sys.stdout.flush()
     except SpikeblocksError as error:
-        tell(str(error))
-        return error.exit_code
+        return _told(str(error), error.exit_code)
     except KeyboardInterrupt:
-        tell("interrupted")
-        return 130
+        return _told("interrupted", 130)
     except BrokenPipeError:
         # The reader of our output is gone (as in '| head'): nothing is left to say to it.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _to_nowhere(sys.stdout)
         return 0
+    except (OSError, RecursionError) as error:
+        return _told(_reason(error), UsageError.exit_code)
     return code
+
+
+def _reason(error: OSError | RecursionError) -> str:
+    """What the system refused, where a verb has no better words for it."""
+    if isinstance(error, RecursionError):
+        return "something in the input is nested too deep"
+    named = f"'{error.filename}': " if error.filename else "cannot write to stdout: "
+    return f"{named}{error.strerror or error}"

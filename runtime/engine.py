@@ -18,6 +18,7 @@ from blocks.block import BlockState
 from blocks.signals import FloatArray
 from runtime.diagnosis import Diagnosis
 from runtime.errors import SimulationError, UsageError
+from runtime.interrupts import stoppable
 from runtime.network import Network
 from runtime.observe import state_shape
 from runtime.plan import GLOBALS, Plan
@@ -109,9 +110,10 @@ class Engine:
         began = time.perf_counter()
         outcome = Outcome(self.arrays, 0, engine="compiled" if self.compiled else "python")
         try:
-            held = self._first_tick()
-            outcome.ready_s = time.perf_counter() - began
-            self._loop(held, progress)
+            with stoppable():
+                held = self._first_tick()
+                outcome.ready_s = time.perf_counter() - began
+                self._loop(held, progress)
         except KeyboardInterrupt as error:
             self.locate(error)
             outcome.status = "interrupted"

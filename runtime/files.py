@@ -1,14 +1,34 @@
-"""Files in folders that somebody else may have made: bounded reading, and no links followed."""
+"""Files as everything here writes and reads them: whole or not at all, and never through links."""
 
 from __future__ import annotations
 
-import os
-import tempfile
+import hashlib
+import json
+import math
+import re
+import secrets
+import shutil
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from runtime.errors import UsageError
 
 MAX_TEXT = 64 * 2**20  # bytes of a text that a folder holds
+NAME_BYTES = 120  # of a file name that is made from a text; file systems take 255
+
+
+def slug(text: str, otherwise: str = "graph") -> str:
+    """A text as a safe name of a file: ASCII, no separators, not hidden, not too long.
+
+    A name that had to be shortened ends in a hash of the text, so that two long texts keep two
+    names.
+    """
+    name = re.sub(r"[^A-Za-z0-9_.-]+", "_", text).strip("._") or otherwise
+    if len(name) <= NAME_BYTES:
+        return name
+    digest = hashlib.sha256(text.encode("utf-8", "backslashreplace")).hexdigest()[:8]
+    return f"{name[: NAME_BYTES - 9]}-{digest}"
 
 
 def read_text(path: Path) -> str:
@@ -68,21 +88,77 @@ def check_inside(folder: Path) -> None:
         raise UsageError(f"'{folder}' {said}, or where to write with --out")
 
 
-def write_whole(path: Path, text: str) -> None:
-    """Write a file that is there whole or not at all; a link in its place is replaced.
+def write_whole(path: Path, content: str | bytes) -> None:
+    """Write a file that is there whole or not at all; a link of that name is replaced.
 
     Raises
     ------
-    OSError : it cannot be written.
+    OSError : it cannot be written; what was there before is still there.
     """
-    handle, name = tempfile.mkstemp(prefix=f".{path.name[:80]}.", dir=path.parent)
+    data = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
+    partial = path.with_name(f".{secrets.token_hex(6)}.partial")
     try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-        mask = os.umask(0)
-        os.umask(mask)
-        Path(name).chmod(0o666 & ~mask)
-        Path(name).replace(path)
-    except OSError:
-        Path(name).unlink(missing_ok=True)
+        partial.write_bytes(data)
+        partial.replace(path)
+    except BaseException:
+        with suppress(OSError):
+            partial.unlink(missing_ok=True)
         raise
+
+
+def json_text(value: Any, indent: int | None = None) -> str:
+    """A value as JSON that every reader takes.
+
+    JSON has no infinity and no NaN, which become null, and no half characters (such as Python
+    makes of file names that are not UTF-8), which become escapes.
+    """
+    return json.dumps(_plain(value), indent=indent, allow_nan=False)
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write a JSON file that is there whole or not at all.
+
+    Raises
+    ------
+    UsageError : it cannot be written.
+    """
+    try:
+        write_whole(path, json_text(value, indent=2) + "\n")
+    except OSError as error:
+        raise UsageError(f"cannot write '{path}': {error.strerror or error}") from None
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, str):
+        return value.encode("utf-8", "backslashreplace").decode()
+    if isinstance(value, dict):
+        return {_plain(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    return value
+
+
+def sha256(path: Path) -> str:
+    """The hash of a file of any size."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def remove_tree(folder: Path) -> None:
+    """Remove a folder as far as that is possible; links in it are removed, not followed."""
+    with suppress(OSError):
+        if not folder.is_symlink():
+            shutil.rmtree(folder, ignore_errors=True)
+
+
+def point_link(link: Path, target: str) -> None:
+    """Point a link at a folder beside it; left out where links are not supported."""
+    fresh = link.parent / f".{link.name}-{secrets.token_hex(3)}"
+    try:
+        fresh.symlink_to(target, target_is_directory=True)
+        fresh.replace(link)
+    except OSError:
+        with suppress(OSError):
+            fresh.unlink(missing_ok=True)

@@ -9,13 +9,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from blocks.block import Block
-from blocks.registry import BUILTIN
+from blocks.registry import BUILTIN, module_text
 from blocks.signals import SignalType
 from runtime.build import build
 from runtime.document import Node, dump_yaml, from_python
 from runtime.edits import add_names, set_entry, set_wire
 from runtime.errors import GraphError, MissingExtraError, UsageError
-from runtime.loader import load_document, merge
+from runtime.loader import merge, read_graph
 from runtime.network import Network
 from runtime.replacement import replace_block
 
@@ -48,6 +48,7 @@ class Graph:
         self._classes: dict[str, type[Block]] = {}
         self._kinds: dict[str, SignalType] = {}
         self.source: Path | None = None
+        self.read: dict[str, bytes] = {}
         self.overrides: tuple[str, ...] = ()
         self.notes: tuple[str, ...] = ()
         self.modules = True
@@ -60,6 +61,7 @@ class Graph:
         source: Path | None = None,
         overrides: tuple[str, ...] = (),
         modules: bool = True,
+        read: Mapping[str, bytes] | None = None,
     ) -> Graph:
         graph = cls.__new__(cls)
         graph._document = document
@@ -67,13 +69,14 @@ class Graph:
         graph._kinds = {}
         graph.source = source
         graph.overrides = overrides
+        graph.read = dict(read or {})
         graph.notes = ()
         graph.modules = modules
         return graph
 
     def _changed(self, document: Node, *overrides: str) -> Graph:
         changes = (*self.overrides, *overrides)
-        changed = Graph._of(document, self._classes, self.source, changes, self.modules)
+        changed = Graph._of(document, self._classes, self.source, changes, self.modules, self.read)
         changed.notes = self.notes
         changed._kinds = dict(self._kinds)
         return changed
@@ -228,11 +231,15 @@ class Graph:
     def _set(self, path: str, value: Any, origin: str = "") -> Graph:
         """The copy of :meth:`set`, not looked at yet."""
         node: Any = value
+        read: dict[str, bytes] = {}
         if path.strip() == "world" and isinstance(value, str):
             # The world's nodes keep the places where they stand in its file.
-            node = load_document({"world": value}).get("world")
+            document, read = read_graph({"world": value})
+            node = document.get("world")
         changed = set_entry(self._document, path, node, origin)
-        return self._changed(changed, f"set {path}={value!r}")
+        graph = self._changed(changed, f"set {path}={value!r}")
+        graph.read |= read
+        return graph
 
     def wire(self, consumer: str, source: Any, *, origin: str = "") -> Graph:
         """A copy with one input wired anew, as in ``wire("lqr.error", "error.state")``.
@@ -247,9 +254,12 @@ class Graph:
 
     def overlay(self, source: str | Path | Mapping[str, Any]) -> Graph:
         """A copy with another graph, or part of one, laid on top as ``extends`` would."""
-        changed = merge(self._document, load_document(source))
+        document, read = read_graph(source)
         name = "mapping" if isinstance(source, Mapping) else source
-        return self._changed(changed, f"with {name}")
+        changed = self._changed(merge(self._document, document), f"with {name}")
+        # The file that this graph came from stays as it was read then.
+        changed.read = read | changed.read
+        return changed
 
     def without(self, *names: str, origin: str = "") -> Graph:
         """A copy without these blocks or parts and their wires.
@@ -328,6 +338,17 @@ class Graph:
         ordered = {key: plain[key] for key in SECTION_ORDER if key in plain}
         return {**ordered, **{key: value for key, value in plain.items() if key not in ordered}}
 
+    @property
+    def texts(self) -> dict[str, bytes]:
+        """The content, as it was read, of the graph's files and of those of its own blocks.
+
+        The keys are the files' resolved paths.
+        """
+        own: dict[str, bytes] = {}
+        for entry in (*self.network.entries.values(), *self.network.ghosts.values()):
+            own |= module_text(entry.cls)
+        return self.read | own
+
     def to_yaml(self) -> str:
         """The graph as a text that :func:`runtime.load` reads back equal."""
         plain = self.to_dict()
@@ -390,6 +411,6 @@ def load(source: str | Path | Mapping[str, Any], *, modules: bool = True) -> Gra
     ------
     GraphError : the text cannot be read. Use :meth:`Graph.check` for the graph itself.
     """
-    document = load_document(source)
+    document, read = read_graph(source)
     path = None if isinstance(source, Mapping) else Path(document.where.file)
-    return Graph._of(document, source=path, modules=modules)
+    return Graph._of(document, source=path, modules=modules, read=read)

@@ -39,13 +39,22 @@ def load_document(source: str | Path | Mapping[str, Any]) -> Node:
     ------
     GraphError : texts, or files that they name, cannot be read; all of them are named.
     """
+    return read_graph(source)[0]
+
+
+def read_graph(source: str | Path | Mapping[str, Any]) -> tuple[Node, dict[str, bytes]]:
+    """Read a graph as :func:`load_document` does, and with it the content of every file read.
+
+    Files are named by their resolved paths. Each is read once, so that what is kept of a run is
+    what ran, whatever becomes of the files meanwhile.
+    """
     loader = _Loader()
     if isinstance(source, Mapping):
         document: Node | None = loader.complete(from_python(source), ())
     else:
         document = loader.file(str(source), (NOWHERE, ""), Path(), ())
     loader.problems.raise_any()
-    return document or Node({})
+    return document or Node({}), loader.contents
 
 
 def _uncounted(entries: int) -> None:
@@ -132,14 +141,14 @@ def find_file(name: str, at: Place, folder: Path, noun: str = "graph") -> Path:
     raise GraphError([Problem(*at, f"'{name}': {said}{mend}")])
 
 
-def read_text(path: Path, at: Place) -> str:
-    """The text of a graph's file, UTF-8 with or without a byte order mark.
+def read_file(path: Path, at: Place) -> bytes:
+    """The content of a graph's file.
 
     ``at`` is where in a graph the file is named.
 
     Raises
     ------
-    GraphError : it cannot be read, is no UTF-8, or is larger than :data:`MAX_BYTES`.
+    GraphError : it cannot be read, or is larger than :data:`MAX_BYTES`.
     """
     try:
         with path.open("rb") as file:
@@ -147,26 +156,39 @@ def read_text(path: Path, at: Place) -> str:
         if len(data) > MAX_BYTES:
             said = f"'{path}' is larger than {MAX_BYTES // 2**20} MiB; no graph is that long"
             raise GraphError([Problem(*at, said)])
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        before = data[: error.start].decode("utf-8-sig")
-        said = f"byte 0x{data[error.start]:02X} is not UTF-8; save the file as UTF-8"
-        raise GraphError([Problem(place(before, len(before), str(path)), "", said)]) from None
+        return data
     except OSError as error:
         said = f"cannot read '{path}': {error.strerror}"
         raise GraphError([Problem(*at, said)]) from None
 
 
+def decoded(data: bytes, path: Path) -> str:
+    """The text of a graph's file, UTF-8 with or without a byte order mark.
+
+    Raises
+    ------
+    GraphError : it is no UTF-8.
+    """
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        before = data[: error.start].decode("utf-8-sig")
+        said = f"byte 0x{data[error.start]:02X} is not UTF-8; save the file as UTF-8"
+        raise GraphError([Problem(place(before, len(before), str(path)), "", said)]) from None
+
+
 class _Loader:
     """Reads files, and goes on after a problem, so that all of them are found.
 
-    ``above`` holds the files that are being read, the outermost first.
+    ``above`` holds the files that are being read, the outermost first; ``contents`` that of
+    each file that was.
     """
 
     def __init__(self) -> None:
         self.problems = Problems()
         self.work = Work(self.problems)
         self.done: dict[str, Node | None] = {}
+        self.contents: dict[str, bytes] = {}
 
     def file(self, name: str, at: Place, folder: Path, above: tuple[Path, ...]) -> Node | None:
         """A graph's file, complete; each file is read once, however often it is named."""
@@ -193,7 +215,7 @@ class _Loader:
 
     def read(self, path: Path, at: Place, above: tuple[Path, ...]) -> Node | None:
         try:
-            document = parse_yaml(read_text(path, at), str(path))
+            document = parse_yaml(self.text(path, at), str(path))
         except GraphError as error:
             self.problems.found += error.problems
             return None
@@ -203,6 +225,12 @@ class _Loader:
             return None
         self.work.charge(self.work.measure.of(document)[0], document.where)
         return self.complete(document, above)
+
+    def text(self, path: Path, at: Place) -> str:
+        """The text of a file, whose content is kept."""
+        data = read_file(path, at)
+        self.contents[str(path.resolve())] = data
+        return decoded(data, path)
 
     def named(self, node: Node, address: str, what: str, above: tuple[Path, ...]) -> Node | None:
         """The graph that a text in a graph names."""
@@ -239,7 +267,7 @@ class _Loader:
         try:
             at = (node.where, "world")
             path = find_file(node.value, at, _folder(node), "world")
-            world = parse_yaml(read_text(path, at), str(path))
+            world = parse_yaml(self.text(path, at), str(path))
         except GraphError as error:
             self.problems.found += error.problems
             return document.with_item("world", None)

@@ -22,7 +22,7 @@ class Progress:
 
     def __init__(self, label: str, wanted: bool = True) -> None:
         self.label = printable(label)
-        self.active = wanted and sys.stderr.isatty()
+        self.active = wanted and sys.stderr is not None and sys.stderr.isatty()
         self.began = time.monotonic()
         self.before = 0
 
@@ -43,12 +43,18 @@ class Progress:
             text += f"  {duration(left)} left"
         columns = shutil.get_terminal_size().columns - 1
         below = f"\n{printable(note)[:columns]}\033[K\033[A" if note else ""
-        draw(f"\r{text[:columns]}\033[K{below}")
+        self._draw(f"\r{text[:columns]}\033[K{below}")
 
     def close(self) -> None:
         """Wipe the bar, and what is below."""
         if self.active:
-            draw("\r\033[J")
+            self._draw("\r\033[J")
+
+    def _draw(self, text: str) -> None:
+        try:
+            draw(text)
+        except (OSError, ValueError):  # the terminal is gone, which must not end what goes on
+            self.active = False
 
 
 def duration(seconds: float) -> str:

@@ -7,9 +7,11 @@ the run.
 
 from __future__ import annotations
 
+import math
 import shutil
 import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import BinaryIO
@@ -19,6 +21,7 @@ import numpy as np
 
 from blocks.signals import FloatArray
 from runtime.errors import UsageError
+from runtime.files import slug
 from runtime.signals import Probe, readable_bytes
 
 TIMES_AT_ONCE = 1 << 20
@@ -45,6 +48,7 @@ class Stream:
         self.rows = 0
         self.file: BinaryIO = path.open("w+b")
         self._header()
+        self.start = self.file.tell()
 
     def _header(self) -> None:
         self.file.seek(0)
@@ -53,19 +57,25 @@ class Stream:
         np.lib.format.write_array_header_1_0(self.file, described)
 
     def append(self, rows: FloatArray) -> None:
-        """Add rows (n, ...) at the end."""
-        self.file.seek(0, 2)
+        """Add rows (n, ...) at the end; what an append that broke off left there is replaced."""
+        self.file.seek(self.start + 8 * self.rows * math.prod(self.shape))
         self.file.write(np.ascontiguousarray(rows, dtype="<f8").data)
         self.rows += len(rows)
         self._header()
         self.file.flush()
 
     def close(self) -> FloatArray:
-        """The whole recording, read from the file where it is looked at."""
-        self.file.close()
-        if not self.rows:
-            return np.empty((0, *self.shape))
-        mapped = np.load(self.path, mmap_mode="r")
+        """The whole recording, read from the file where it is looked at, even if it is removed."""
+        with self.file:
+            try:
+                self._header()
+                self.file.flush()
+            except OSError:
+                pass  # on a full disk: the rows are there, and this process knows how many
+            if not self.rows or not math.prod(self.shape):
+                return np.empty((self.rows, *self.shape))
+            shape = (self.rows, *self.shape)
+            mapped = np.memmap(self.file, "<f8", "r", self.start, shape)
         return np.asarray(mapped)
 
 
@@ -81,7 +91,7 @@ class Recorder:
 
     Raises
     ------
-    UsageError : there is no room on the disk.
+    UsageError : there is no room on the disk, for the recordings and for the run's own file.
     """
 
     def __init__(
@@ -94,11 +104,20 @@ class Recorder:
         self.probes, self.gathered = probes, gathered
         self.streams: dict[str, Stream] = {}
         self.full = False
+        self.constants_saved = False
         self.folder: Path | None = None
+        # Each row with its time; what is streamed is written once more, into the run's own file.
+        size = sum(probe.size(ticks) + 8 * probe.rows(ticks) for probe in probes.values())
         if gathered:
-            self.folder = self._opened(folder, sum(probes[name].size(ticks) for name in gathered))
+            self.folder = self._opened(folder, 2 * size)
             for name in gathered:
-                self.streams[name] = Stream(self.folder / f"{name}.npy", probes[name].shape)
+                path = self.folder / recording_file(name)
+                try:
+                    self.streams[name] = Stream(path, probes[name].shape)
+                except OSError as error:
+                    raise UsageError(f"cannot record to '{path}': {error.strerror}") from None
+        elif folder is not None:
+            _check_room(folder.parent, size)
         self.arrays = {
             name: np.full((gathered.get(name, probe.rows(ticks)), *probe.shape), np.nan)
             for name, probe in probes.items()
@@ -111,14 +130,9 @@ class Recorder:
                 # What is mapped into memory stays readable after its file is gone.
                 finalize(self, shutil.rmtree, folder, ignore_errors=True)
             folder.mkdir(parents=True, exist_ok=True)
-            free = shutil.disk_usage(folder).free
         except OSError as error:
             raise UsageError(f"cannot record to '{folder}': {error.strerror or error}") from None
-        # The run's own file is written from these at the end.
-        if 2 * size > free:
-            said = f"recording takes {readable_bytes(2 * size)} on the way, and '{folder}' has "
-            said += f"{readable_bytes(free)}; record less often, as with 'every: 100', or less"
-            raise UsageError(said)
+        _check_room(folder, size)
         return folder
 
     def boundary(self) -> int:
@@ -139,6 +153,10 @@ class Recorder:
         for name, stream in self.streams.items():
             if self.probes[name].rows(tick) - stream.rows >= self.gathered[name]:
                 self._append(stream, self.arrays[name])
+        if self.folder is not None and not self.constants_saved:
+            self.constants_saved = True
+            for name in self.probes.keys() - self.streams.keys():
+                np.save(self.folder / recording_file(name), self.arrays[name])
 
     def _append(self, stream: Stream, rows: FloatArray) -> None:
         try:
@@ -159,7 +177,9 @@ class Recorder:
             stream = self.streams[name]
             left = filled - stream.rows
             if left > 0 and not self.full:
-                self._append(stream, self.arrays[name][:left])
+                # A disk that is full by now takes the last rows from no run: the others are there.
+                with suppress(UsageError):
+                    self._append(stream, self.arrays[name][:left])
             found[name] = stream.close()
         return found
 
@@ -168,8 +188,27 @@ class Recorder:
         step = self.probes[name].every * dt
         if self.folder is None or name not in self.streams:
             return np.arange(rows, dtype=np.float64) * step
-        stream = Stream(self.folder / f"{name}.time.npy", ())
-        for first in range(0, rows, TIMES_AT_ONCE):
-            last = min(rows, first + TIMES_AT_ONCE)
-            self._append(stream, np.arange(first, last, dtype=np.float64) * step)
-        return stream.close()
+        try:
+            stream = Stream(self.folder / recording_file(f"{name}.time"), ())
+            for first in range(0, rows, TIMES_AT_ONCE):
+                last = min(rows, first + TIMES_AT_ONCE)
+                stream.append(np.arange(first, last, dtype=np.float64) * step)
+            return stream.close()
+        except OSError:  # the disk is full: what is recorded must not be lost for want of its times
+            return np.arange(rows, dtype=np.float64) * step
+
+
+def recording_file(name: str) -> str:
+    """The file that a probe is recorded to."""
+    return f"{slug(name, 'probe')}.npy"
+
+
+def _check_room(folder: Path, size: float) -> None:
+    try:
+        free = shutil.disk_usage(folder).free
+    except OSError as error:
+        raise UsageError(f"cannot record to '{folder}': {error.strerror or error}") from None
+    if size > free:
+        text = f"recording takes {readable_bytes(size)} on the way, and '{folder}' has "
+        text += f"{readable_bytes(free)}; record less often, as with 'every: 100', or less"
+        raise UsageError(text)

@@ -10,10 +10,11 @@ import warnings
 import zipfile
 import zlib
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 
+from blocks.params import show
 from blocks.signals import FloatArray
 from blocks.world import World
 from runtime.errors import UsageError
@@ -30,6 +31,7 @@ from runtime.record import (
     WRITTEN,
 )
 from runtime.result import Recorded, Result
+from runtime.streaming import open_arrays
 
 LARGEST = 1e308
 # What numpy and zipfile raise over a file that is cut off or overwritten.
@@ -52,13 +54,20 @@ def run_folder(path: str | Path) -> Path:
     """
     path = Path(path)
     folder = path.parent if path.name == MANIFEST else path
-    if (folder / MANIFEST).is_file():
-        return folder
-    if not path.exists():
-        raise UsageError(f"there is no '{path}'; expected a run folder, as in runs/<graph>/latest")
-    if not folder.is_dir():
+    try:
+        if (folder / MANIFEST).is_file():
+            return folder
+        path.stat()
+        is_folder = folder.is_dir()
+        inside = sorted(child.parent for child in folder.glob(f"*/{MANIFEST}")) if is_folder else []
+    except FileNotFoundError:
+        text = f"there is no '{path}'; expected a run folder, as in runs/<graph>/latest"
+        raise UsageError(text) from None
+    except (OSError, ValueError) as error:
+        shown = show(str(path))
+        raise UsageError(f"{shown}: {getattr(error, 'strerror', None) or error}") from None
+    if not is_folder:
         raise UsageError(f"'{path}' is a file; expected a run folder, as in runs/<graph>/latest")
-    inside = sorted(child.parent for child in folder.glob(f"*/{MANIFEST}"))
     latest = folder / "latest"
     found = latest if latest in inside else inside[-1] if inside else None
     mend = f"; did you mean '{found}'?" if found else ", as in runs/<graph>/latest"
@@ -77,17 +86,42 @@ def open_run(path: str | Path) -> Result:
     UsageError : there is no run, or one of its files is missing, damaged, or of a newer version.
     """
     folder = run_folder(path)
-    manifest = _mapping(folder / MANIFEST)
-    version = manifest.get("schema_version")
-    if isinstance(version, int) and version > SCHEMA_VERSION:
-        said = f"written by a newer version (schema {version}, this one reads {SCHEMA_VERSION})"
-        raise UsageError(f"'{folder / MANIFEST}' was {said}; upgrade spikeblocks")
+    manifest = read_manifest(folder)
     metrics = _mapping(folder / METRICS)
     if any(v is not None and not _is_number(v) for v in metrics.values()):
         raise _damaged(folder / METRICS, "expected a number or null for each metric")
     if not all(name.isprintable() for name in metrics):
         raise _damaged(folder / METRICS, "expected printable names")
-    arrays = _arrays(folder / PROBES)
+    return described_run(folder, manifest, _arrays(folder / PROBES), metrics)
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """The manifest of a run.
+
+    Raises
+    ------
+    UsageError : it cannot be read, or is of a newer version.
+    """
+    manifest = _mapping(folder / MANIFEST)
+    version = manifest.get("schema_version")
+    if isinstance(version, int) and version > SCHEMA_VERSION:
+        said = f"written by a newer version (schema {version}, this one reads {SCHEMA_VERSION})"
+        raise UsageError(f"'{folder / MANIFEST}' was {said}; upgrade spikeblocks")
+    return manifest
+
+
+def described_run(
+    folder: Path,
+    manifest: dict[str, Any],
+    arrays: dict[str, FloatArray],
+    metrics: dict[str, float | None],
+) -> Result:
+    """The run that a manifest describes, with its arrays, and the texts in its folder.
+
+    Raises
+    ------
+    UsageError : they do not go together, or a text cannot be read.
+    """
     texts = {name: _text(folder / name) for name in (WRITTEN, RESOLVED)}
     if (folder / DIAGRAM).is_file():
         texts[DIAGRAM] = _text(folder / DIAGRAM)
@@ -183,11 +217,9 @@ def _mapping(path: Path) -> dict[str, Any]:
 
 def _arrays(path: Path) -> dict[str, FloatArray]:
     try:
-        # Opened here, since numpy leaves a file open that is no archive.
-        with warnings.catch_warnings(), path.open("rb") as file:
+        with warnings.catch_warnings():
             warnings.simplefilter("error")
-            _check_members(file)
-            arrays = dict(np.load(file, allow_pickle=False))
+            arrays = open_arrays(path)
     except FileNotFoundError:
         raise UsageError(f"cannot read '{path}': No such file or directory") from None
     except _BROKEN_ARRAYS as error:
@@ -196,19 +228,6 @@ def _arrays(path: Path) -> dict[str, FloatArray]:
         if array.dtype != np.float64:
             raise _damaged(path, f"array '{name}' is {array.dtype}, expected float64")
     return arrays
-
-
-def _check_members(file: BinaryIO) -> None:
-    """Refuse an archive that would unfold to more than the file holds: runs are not compressed."""
-    size = file.seek(0, 2)
-    file.seek(0)
-    with zipfile.ZipFile(file) as archive:
-        members = archive.infolist()
-    if any(member.compress_type != zipfile.ZIP_STORED for member in members):
-        raise ValueError("it is compressed, which no run is")
-    if sum(member.file_size for member in members) > size:
-        raise ValueError("its arrays are said to be larger than the file")
-    file.seek(0)
 
 
 def _changed_files(folder: Path, manifest: dict[str, Any]) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
@@ -44,7 +45,10 @@ class Recorded:
         return self.values[:, start] if stop == start + 1 else self.values[:, start:stop]
 
 
-def _made(texts: dict[str, str], files: dict[str, Path]) -> tuple[dict[str, str], dict[str, Path]]:
+Texts = tuple[dict[str, str], dict[str, bytes]]
+
+
+def _made(texts: dict[str, str], files: dict[str, bytes]) -> Texts:
     return texts, files
 
 
@@ -53,8 +57,8 @@ class Result:
     """A run: ``result["plant.pose"]`` is an array, ``result.metrics`` a dict.
 
     Names are those of probes, or the addresses that they record. ``world`` holds the walls that
-    the graph had, if any. ``origin`` makes the graph's texts, and the files of its own blocks, by
-    name: a sweep's runs are hardly ever asked for them.
+    the graph had, if any. ``origin`` makes the graph's texts, and those of its own blocks' files,
+    by name, from what was read before the run: a sweep's runs are hardly ever asked for them.
     """
 
     title: str
@@ -62,7 +66,7 @@ class Result:
     metrics: dict[str, float | None]
     plots: list[PlotSpec]
     manifest: dict[str, Any]
-    origin: Callable[[], tuple[dict[str, str], dict[str, Path]]] = lambda: ({}, {})
+    origin: Callable[[], Texts] = lambda: ({}, {})
     notes: list[str] = field(default_factory=list)
     failures: list[str] = field(default_factory=list)
     world: World | None = None
@@ -73,8 +77,8 @@ class Result:
         return self.origin()[0]
 
     @cached_property
-    def files(self) -> dict[str, Path]:
-        """The files of the graph's own blocks, by the names that its text gives them."""
+    def files(self) -> dict[str, bytes]:
+        """What the files of the graph's own blocks hold, by the names that its text gives them."""
         return self.origin()[1]
 
     def __getstate__(self) -> dict[str, Any]:
@@ -150,9 +154,20 @@ class Result:
 
 def evaluate(
     metrics: list[Metric], probes: Mapping[str, Recorded], world: World | None = None
-) -> tuple[dict[str, float | None], list[str]]:
-    """All metrics' values, and what is wrong with those that carry an expectation."""
+) -> tuple[dict[str, float | None], list[str], list[str]]:
+    """All metrics' values, what is wrong with those that carry an expectation, and notes.
+
+    A value that is infinite, as the distance that a beam measures where it hits nothing, is none
+    that means or files could hold: it becomes None with a note. It is what expectations see.
+    """
     series = {name: Series(r.t, r.values) for name, r in probes.items()}
-    values = {metric.name: metric.value(series, world) for metric in metrics}
-    failures = [text for m in metrics if (text := m.expectation(values[m.name]))]
-    return values, failures
+    values: dict[str, float | None] = {}
+    failures, notes = [], []
+    for metric in metrics:
+        value = metric.value(series, world)
+        failures += [text] if (text := metric.expectation(value)) else []
+        if value is not None and not math.isfinite(value):
+            notes.append(f"metric '{metric.name}' is infinite ({value:g}): it counts as no value")
+            value = None
+        values[metric.name] = value
+    return values, failures, notes

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import platform
 import sys
 from collections.abc import Callable, Container
@@ -10,6 +11,8 @@ from functools import cache, partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from blocks.signals import FloatArray
 from runtime.choice import take_compiled
@@ -20,8 +23,15 @@ from runtime.graph import Graph
 from runtime.observe import Probe
 from runtime.profile import Profile
 from runtime.program import Program
-from runtime.record import DIAGRAM, RESOLVED, SCHEMA_VERSION, WRITTEN, portable_modules
-from runtime.recorder import Recorder
+from runtime.record import (
+    DIAGRAM,
+    RESOLVED,
+    SCHEMA_VERSION,
+    WRITTEN,
+    begin,
+    contents,
+    portable_modules,
+)
 from runtime.result import Recorded, Result, evaluate
 from runtime.run_section import DEFAULT_MEMORY
 from runtime.running import silent
@@ -56,13 +66,16 @@ def simulate(
     engine = Engine(program, network.seed, compiled, note, profile, folder)
     if program.gathered:
         note(f"recording to disk, since it takes more than {readable_bytes(network.memory)}")
+        if folder is not None:
+            _begin(graph, engine, program, began, folder)
     outcome = engine.run(progress)
     probes = {
-        name: _recorded(probe, outcome.arrays[name], engine.recorder, network.dt)
+        name: _recorded(probe, rows, engine.recorder.times(name, len(rows), network.dt))
         for name, probe in observation.probes.items()
+        for rows in (outcome.arrays[name],)
     }
-    metrics, failures = evaluate(observation.metrics, probes, network.world)
-    notes = [*graph.notes, *observation.notes]
+    metrics, failures, unclear = evaluate(observation.metrics, probes, network.world)
+    notes = [*graph.notes, *observation.notes, *unclear]
     notes += engine.diagnosis.notes(outcome.ticks) if outcome.ticks else []
     result = Result(
         title=network.title,
@@ -81,7 +94,7 @@ def simulate(
     return result
 
 
-def _recorded(probe: Probe, values: FloatArray, recorder: Recorder, dt: float) -> Recorded:
+def _recorded(probe: Probe, values: FloatArray, times: FloatArray) -> Recorded:
     addresses, start = {}, 0
     for signal in probe.signals:
         width = len(signal.labels)
@@ -89,7 +102,7 @@ def _recorded(probe: Probe, values: FloatArray, recorder: Recorder, dt: float) -
         start += width
     return Recorded(
         name=probe.name,
-        t=recorder.times(probe.name, len(values), dt),
+        t=times,
         values=values,
         labels=probe.labels,
         units=probe.units,
@@ -99,13 +112,39 @@ def _recorded(probe: Probe, values: FloatArray, recorder: Recorder, dt: float) -
     )
 
 
-def _origin(graph: Graph, engine: str) -> tuple[dict[str, str], dict[str, Path]]:
+def _begin(graph: Graph, engine: Engine, program: Program, began: datetime, folder: Path) -> None:
+    """Put beside a recording on disk what it takes to read it if the process is killed."""
+    observation = program.observation
+    outcome = Outcome({}, 0, "interrupted", "compiled" if engine.compiled else "python")
+    notes = [*graph.notes, *observation.notes]
+    empty = {
+        name: _recorded(probe, engine.arrays[name][:0], np.empty(0))
+        for name, probe in observation.probes.items()
+    }
+    begin(
+        Result(
+            title=graph.network.title,
+            probes=empty,
+            metrics=dict.fromkeys(metric.name for metric in observation.metrics),
+            plots=observation.plots,
+            manifest=_manifest(graph, outcome, program, notes, began),
+            origin=partial(_origin, graph, outcome.engine),
+            world=graph.network.world,
+        ),
+        observation.probes,
+        folder,
+    )
+
+
+def _origin(graph: Graph, engine: str) -> tuple[dict[str, str], dict[str, bytes]]:
     """The graph as it was written and as it was run, and the files of its own blocks."""
     resolved, files = portable_modules(_resolved(graph, engine))
-    text = graph.source.read_text(encoding="utf-8") if graph.source else dump_yaml(resolved)
+    read = graph.texts
+    source = None if graph.source is None else read.get(str(graph.source.resolve()))
+    text = dump_yaml(resolved) if source is None else source.decode("utf-8-sig")
     texts = {WRITTEN: text, RESOLVED: dump_yaml(resolved)}
     drawn = stored_picture(graph.network)
-    return (texts if drawn is None else {**texts, DIAGRAM: drawn}), files
+    return (texts if drawn is None else {**texts, DIAGRAM: drawn}), contents(files, read)
 
 
 def _resolved(graph: Graph, engine: str) -> dict[str, Any]:
@@ -121,10 +160,12 @@ def _manifest(
     graph: Graph, outcome: Outcome, program: Program, notes: list[str], began: datetime
 ) -> dict[str, Any]:
     network = graph.network
+    read = {path: hashlib.sha256(data).hexdigest() for path, data in graph.texts.items()}
     return {
         "schema_version": SCHEMA_VERSION,
         "graph": network.title,
         "source": str(graph.source) if graph.source else None,
+        "read": read,
         "status": outcome.status,
         "error": str(outcome.error) if outcome.error else None,
         "seed": network.seed,

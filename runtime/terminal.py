@@ -6,9 +6,10 @@ cursor, change colours or reorder letters is shown as an escape, never carried o
 
 from __future__ import annotations
 
-import json
 import sys
 from typing import Any, TextIO
+
+from runtime.files import json_text
 
 
 def printable(text: str) -> str:
@@ -38,10 +39,10 @@ def draw(text: str) -> None:
     sys.stderr.flush()
 
 
-def show_json(value: Any, *, allow_nan: bool = True) -> None:
+def show_json(value: Any) -> None:
     """Print one JSON object in ASCII on stdout."""
     # json leaves DEL as it is.
-    text = json.dumps(value, allow_nan=allow_nan).replace("\x7f", "\\u007f")
+    text = json_text(value).replace("\x7f", "\\u007f")
     _write(sys.stdout, f"{text}\n")
 
 

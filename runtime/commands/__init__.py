@@ -12,7 +12,7 @@ from typing import Protocol, cast
 
 NAMES = (
     *("run", "validate", "draw", "explain", "blocks"),
-    *("ablate", "sweep", "compare", "report", "render"),
+    *("ablate", "sweep", "compare", "report", "render", "clean"),
 )
 
 

@@ -60,7 +60,7 @@ def run(options: Namespace) -> int:
     if options.json:
         found = as_data(comparison, options.exact, options.rtol, options.atol)
         files = [str(path) for path in pictures]
-        show_json({**found, "plots": files}, allow_nan=False)
+        show_json({**found, "plots": files})
     else:
         tolerances = (options.rtol, options.atol)
         show(exact_summary(comparison) if options.exact else summary(comparison, *tolerances))

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-import shutil
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runtime.commands.changes import add_graph, changed
-from runtime.errors import SimulationError, UsageError
+from runtime.errors import SimulationError, UsageError, one_line
 from runtime.terminal import show, show_json, tell
 
 if TYPE_CHECKING:
     from runtime.graph import Graph
+    from runtime.interrupts import Interrupts
     from runtime.profile import Profile
+    from runtime.record import Draft
     from runtime.result import Result
 
 HELP = "simulate, record, draw the probes, print the metrics"
@@ -36,23 +37,32 @@ def add(parser: ArgumentParser) -> None:
 def run(options: Namespace) -> int:
     """Simulate, write the run folder and its pictures, print the metrics."""
     from runtime.graph import load
+    from runtime.interrupts import Interrupts
     from runtime.profile import Profile, profile_text
-    from runtime.record import link_latest, new_folder, save
+    from runtime.record import Draft, link_latest, new_folder
 
     graph = changed(load(options.graph, modules=not options.no_modules), options).check()
     if options.animate:
         _check_animation(graph)
     if options.profile and graph.network.engine == "compiled":
         raise UsageError("--profile times blocks one by one, which takes --engine python")
+    quiet = options.quiet or options.json
     profile = Profile() if options.profile else None
-    folder = new_folder(Path(options.out), graph.title)
-    # What does not fit into memory lies beside the run's folder until that is written.
-    recordings = folder.with_name(f".{folder.name}.recording")
-    result, failure = _simulated(graph, options.quiet or options.json, profile, recordings)
-    save(result, folder)
-    shutil.rmtree(recordings, ignore_errors=True)
-    link_latest(folder)
-    pictures = _pictures(result, folder, not options.no_plots, options.animate)
+    draft = Draft(new_folder(Path(options.out), graph.title))
+    if not quiet:
+        _tell_leftovers(draft.folder.parent)
+    with Interrupts() as interrupts:
+        result, failure = _simulated(graph, quiet, profile, draft)
+        folder = _saved(result, draft)
+    if folder == draft.folder:
+        link_latest(folder)
+    code = _exit_code(result, failure, interrupts, folder == draft.folder)
+    pictures: list[Path] = []
+    if interrupts.leaves_time:
+        try:
+            pictures = _pictures(result, folder, not options.no_plots, options.animate)
+        except KeyboardInterrupt:
+            code = code or 130
     rows = profile.rows(result.manifest["ticks"], result.manifest["wall_s"]) if profile else []
     if options.json:
         show_json(_summary(result, folder) | ({"profile": rows} if rows else {}))
@@ -60,11 +70,12 @@ def run(options: Namespace) -> int:
         _print_result(result, folder, pictures, options.quiet)
     if rows and not options.json:
         show(profile_text(rows))
-    return _ended(result, failure, folder)
+    _tell_end(result, failure, folder)
+    return code
 
 
 def _simulated(
-    graph: Graph, quiet: bool, profile: Profile | None, recordings: Path
+    graph: Graph, quiet: bool, profile: Profile | None, draft: Draft
 ) -> tuple[Result, SimulationError | None]:
     """What was recorded, and what ended it early if something failed."""
     from runtime.progress import Progress
@@ -75,30 +86,77 @@ def _simulated(
     progress = Progress(graph.title, wanted=not quiet)
     note = silent if quiet else _note
     try:
-        return simulate(graph, progress, note=note, profile=profile, folder=recordings), None
+        folder = draft.recordings
+        return simulate(graph, progress, note=note, profile=profile, folder=folder), None
     except SimulationError as error:
         if not isinstance(error.result, Result):
+            draft.close()
             raise
         return error.result, error
+    except BaseException:
+        draft.close()
+        raise
     finally:
         progress.close()
 
 
-def _ended(result: Result, failure: SimulationError | None, folder: Path) -> int:
-    """Say what went wrong; returns the exit code."""
+def _saved(result: Result, draft: Draft) -> Path:
+    """Write the run; if its folder cannot be written, wherever there is room for it."""
+    from runtime.record import save_elsewhere
+
+    try:
+        folder = draft.save(result)
+    except UsageError as error:
+        try:
+            folder = save_elsewhere(result, draft.folder.name)
+        except UsageError as other:
+            text = f"{error}; {other}"
+            if draft.recordings.is_dir():
+                text += f"; what was recorded is left in '{draft.partial}': make room, then "
+                text += "'runtime clean --recover' makes a run of it"
+            else:
+                draft.close()
+            raise UsageError(text) from None
+        tell(f"{error}; the run is kept in '{folder}'")
+    draft.close()
+    return folder
+
+
+def _exit_code(
+    result: Result, failure: SimulationError | None, interrupts: Interrupts, in_place: bool
+) -> int:
+    """The exit code: of a failure, else of the signal that came, else of where the run lies."""
+    if failure is not None:
+        return failure.exit_code
+    if interrupts.caught is not None or result.status == "interrupted":
+        return interrupts.exit_code
+    if not in_place:
+        return UsageError.exit_code
+    return 1 if result.failures else 0
+
+
+def _tell_end(result: Result, failure: SimulationError | None, folder: Path) -> None:
+    """Say what went wrong."""
     for text in ([str(failure)] if failure else []) + result.failures:
         tell(text)
     if failure is not None:
         tell(f"what was recorded before is kept in {folder}")
-        return failure.exit_code
-    if result.status == "interrupted":
+    elif result.status == "interrupted":
         tell(f"interrupted; what was recorded before is kept in {folder}")
-        return 130
-    return 1 if result.failures else 0
 
 
 def _note(text: str) -> None:
     tell(text)
+
+
+def _tell_leftovers(folder: Path) -> None:
+    """Name what killed runs of the same graph left behind."""
+    from runtime.leftovers import leftovers
+
+    found = leftovers(folder)
+    if found:
+        text = f"killed runs left {len(found)} hidden folder{'s' * (len(found) > 1)} in '{folder}'"
+        _note(f"{text}, as '{found[0].path.name}'; 'runtime clean {folder}' lists them")
 
 
 def _check_animation(graph: Graph) -> None:
@@ -110,16 +168,22 @@ def _check_animation(graph: Graph) -> None:
 
 
 def _pictures(result: Result, folder: Path, plots: bool, animation: bool) -> list[Path]:
-    """Draw what was asked for into a run's folder; returns the files."""
+    """Draw what was asked for into a run's folder; returns the files.
+
+    What cannot be drawn is a note of the result: the run, and the other pictures, stay.
+    """
     files = []
     if plots:
         from runtime.pictures.plots import save_plots
 
-        files += save_plots(result, folder / "plots")
+        files += save_plots(result, folder / "plots", result.notes.append)
     if animation:
         from runtime.pictures.animation import animate
 
-        files.append(animate(result, folder / "plots" / "animation.gif"))
+        try:
+            files.append(animate(result, folder / "plots" / "animation.gif"))
+        except Exception as error:  # noqa: BLE001 -- matplotlib raises anything over odd numbers
+            result.notes.append(f"no animation: {one_line(str(error) or type(error).__name__)}")
     return files
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,10 +13,10 @@ from matplotlib.figure import Figure
 
 from blocks.signals import FloatArray
 from runtime.comparing.runs import Run
-from runtime.files import own_file
+from runtime.files import slug
 from runtime.observe import PlotSpec
 from runtime.pictures import style, walls
-from runtime.pictures.plots import DPI, THIN_ABOVE, THIN_TO
+from runtime.pictures.plots import THIN_ABOVE, THIN_TO, save_figure
 from runtime.pictures.raster import WINDOW
 from runtime.pictures.trajectory import draw_trajectory, equal_scales
 from runtime.result import Recorded
@@ -69,8 +68,8 @@ def save_overlays(runs: Sequence[Run], probes: Sequence[str], folder: Path) -> l
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
     for name, figure in overlays(runs, probes):
-        paths.append(folder / f"{re.sub(r'[^A-Za-z0-9_.-]+', '_', name)}.png")
-        figure.savefig(own_file(paths[-1]), dpi=DPI)
+        paths.append(folder / f"{slug(name, 'probe')}.png")
+        save_figure(figure, paths[-1])
     return paths
 
 
@@ -95,6 +94,7 @@ def _courses(runs: Sequence[Run], name: str, recorded: Mapping[str, Recorded]) -
         handles, labels = column[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=min(3, len(labels)))
         style.head(column[0], name, _subtitle(runs))
+        style.literal(figure)
     return figure
 
 
@@ -167,6 +167,7 @@ def _plane(runs: Sequence[Run], plot: PlotSpec, probes: Sequence[str]) -> Figure
             paths = [first[n] for n in plot.of if n in first and first[n].kinds == ("Path",)]
             top = draw_trajectory(figure, [*ways, *paths], style.run_end(runs[0].result))
         style.head(top, plot.title, _subtitle(runs))
+        style.literal(figure)
         if plot.kind == "trajectory":
             equal_scales(figure, top)
     return figure

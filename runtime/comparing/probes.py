@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -12,10 +11,9 @@ import numpy.typing as npt
 
 from blocks.signals import FloatArray
 from runtime.result import Recorded
+from runtime.streaming import row_blocks
 
 RESOLUTION = 1e-3  # ticks: times nearer than that are the same
-BLOCK = 2**22  # numbers that are compared at a time
-BoolArray = npt.NDArray[np.bool_]
 IntArray = npt.NDArray[np.signedinteger[Any]]
 
 
@@ -71,26 +69,31 @@ class Pair:
         return not self.fault and self.rows == (len(self.t), len(self.t))
 
     @cached_property
-    def parted(self) -> BoolArray:
-        """Where the bits of two values differ, (k, columns)."""
-        parted: BoolArray = self.a.view(np.int64) != self.b.view(np.int64)
-        return parted
+    def parted(self) -> tuple[int, Place | None]:
+        """How many shared rows hold a value whose bits differ, and the first such value."""
+        count, place = 0, None
+        for rows, (a, b) in row_blocks(self.a, self.b):
+            parted = _bits(a) != _bits(b)
+            found = np.flatnonzero(parted.any(axis=1))
+            count += len(found)
+            if place is None and len(found):
+                row = int(found[0])
+                place = self._place(rows.start + row, int(parted[row].argmax()))
+        return count, place
+
+    def _place(self, row: int, column: int) -> Place:
+        values = (float(self.a[row, column]), float(self.b[row, column]))
+        t = float(self.t[row])
+        return Place(round(t / self.dt), t, self.labels[column], values)
 
     @property
     def differing(self) -> int:
         """How many shared rows hold a value whose bits differ."""
-        return int(self.parted.any(axis=1).sum())
+        return self.parted[0]
 
     def first(self) -> Place | None:
         """The first shared row and column whose bits differ; None if all are equal."""
-        rows = self.parted.any(axis=1)
-        if not rows.any():
-            return None
-        row = int(rows.argmax())
-        column = int(self.parted[row].argmax())
-        values = (float(self.a[row, column]), float(self.b[row, column]))
-        t = float(self.t[row])
-        return Place(round(t / self.dt), t, self.labels[column], values)
+        return self.parted[1]
 
     def columns(self, rtol: float, atol: float) -> list[Column]:
         """Every column's differences, beyond ``atol + rtol * |a|`` or not.
@@ -99,38 +102,65 @@ class Pair:
         """
         if not len(self.t):
             return []
-        # Some columns at a time: a recording may take a good part of the memory.
-        size = max(1, BLOCK // len(self.t))
-        starts = range(0, len(self.labels), size)
-        return [column for i in starts for column in self._columns(i, i + size, rtol, atol)]
+        count = len(self.labels)
+        largest, rms = np.zeros(count), np.zeros(count)
+        worst, since = np.zeros(count, dtype=np.int64), np.full(count, -1)
+        beyond = np.zeros(count, dtype=np.int64)
+        for rows, (a, b) in row_blocks(self.a, self.b):
+            apart, outside = _apart(a, b, rtol, atol)
+            at = apart.argmax(axis=0)
+            most = apart[at, np.arange(count)]
+            rms = _pooled(rms, largest, apart, most)
+            worst = np.where(most > largest, rows.start + at, worst)
+            largest = np.maximum(largest, most)
+            first = (since < 0) & outside.any(axis=0)
+            since = np.where(first, rows.start + outside.argmax(axis=0), since)
+            beyond += outside.sum(axis=0)
+        with np.errstate(invalid="ignore"):
+            rms = np.where(np.isinf(largest), np.inf, largest * np.sqrt(rms / len(self.t)))
+        return [
+            Column(
+                label=self.labels[i],
+                unit=self.units[i],
+                largest=float(largest[i]),
+                at=float(self.t[worst[i]]),
+                rms=float(rms[i]),
+                beyond=int(beyond[i]),
+                since=float(self.t[since[i]]) if since[i] >= 0 else None,
+            )
+            for i in range(count)
+        ]
 
-    def _columns(self, start: int, stop: int, rtol: float, atol: float) -> Iterator[Column]:
-        a, b = self.a[:, start:stop], self.b[:, start:stop]
-        with np.errstate(invalid="ignore", over="ignore"):
-            apart = np.abs(a - b)
-            within = apart <= atol + rtol * np.abs(a)
-        apart[(a == b) | (np.isnan(a) & np.isnan(b))] = 0.0
-        apart[np.isnan(apart)] = np.inf
-        beyond = (apart > 0.0) & (~within | np.isinf(apart))
-        for i in range(apart.shape[1]):
-            yield self._column(start + i, apart[:, i], beyond[:, i])
 
-    def _column(self, i: int, apart: FloatArray, beyond: BoolArray) -> Column:
-        worst = int(apart.argmax())
-        scale = float(apart[worst])
-        # Scaled, since the square of a small difference may be nothing.
-        rms = scale
-        if 0.0 < scale < np.inf:
-            rms *= float(np.sqrt(np.mean((apart / scale) ** 2)))
-        return Column(
-            label=self.labels[i],
-            unit=self.units[i],
-            largest=scale,
-            at=float(self.t[worst]),
-            rms=rms,
-            beyond=int(beyond.sum()),
-            since=float(self.t[int(beyond.argmax())]) if beyond.any() else None,
-        )
+def _bits(values: FloatArray) -> IntArray:
+    bits: IntArray = np.ascontiguousarray(values).view(np.int64)
+    return bits
+
+
+def _apart(
+    a: FloatArray, b: FloatArray, rtol: float, atol: float
+) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+    """Absolute differences, and which of them are beyond tolerance."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        apart = np.abs(a - b)
+        within = apart <= atol + rtol * np.abs(a)
+    apart[(a == b) | (np.isnan(a) & np.isnan(b))] = 0.0
+    apart[np.isnan(apart)] = np.inf
+    return apart, (apart > 0.0) & (~within | np.isinf(apart))
+
+
+def _pooled(
+    before: FloatArray, scale: FloatArray, apart: FloatArray, most: FloatArray
+) -> FloatArray:
+    """Sums of squares of differences, in units of the largest so far squared, with a block more.
+
+    Scaled, since the square of a small difference may be nothing, and that of a large one infinite.
+    """
+    new = np.maximum(scale, most)
+    unit = np.where((new > 0.0) & np.isfinite(new), new, 1.0)
+    with np.errstate(invalid="ignore", over="ignore"):
+        sums = before * (scale / unit) ** 2 + ((apart / unit) ** 2).sum(axis=0)
+    return np.where(np.isfinite(new), sums, 0.0)
 
 
 def pair(a: Recorded, b: Recorded, dt: float) -> Pair:
@@ -146,12 +176,16 @@ def pair(a: Recorded, b: Recorded, dt: float) -> Pair:
     if fault:
         b = replace(b, t=b.t[:0], values=a.values[:0])
     left, right = _shared(a.t, b.t, RESOLUTION * dt)
+    # Rows that are all shared are looked at where they lie, on disk if they are there.
+    here, there = (
+        slice(None) if len(i) == n else i for i, n in ((left, len(a.t)), (right, len(b.t)))
+    )
     labels, units = _names(a)
     return Pair(
         name=a.name,
-        t=a.t[left],
-        a=_flat(a.values[left]),
-        b=_flat(b.values[right]),
+        t=a.t[here],
+        a=_flat(a.values[here]),
+        b=_flat(b.values[there]),
         labels=labels,
         units=units,
         rows=rows,
@@ -173,6 +207,8 @@ def _fault(a: Recorded, b: Recorded) -> str:
 
 def _shared(a: FloatArray, b: FloatArray, apart: float) -> tuple[IntArray, IntArray]:
     """Indices of the rows whose times are in both; times less than ``apart`` (s) are the same."""
+    if len(a) == len(b) and np.abs(a - b).max(initial=0.0) < 0.5 * apart:
+        return (np.arange(len(a)),) * 2
     here, there = (np.rint(t / apart).astype(np.int64) for t in (a, b))
     _, left, right = np.intersect1d(here, there, return_indices=True)
     return left, right
@@ -193,4 +229,4 @@ def _names(recorded: Recorded) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 
 def _flat(values: FloatArray) -> FloatArray:
-    return np.ascontiguousarray(values.reshape(len(values), int(np.prod(values.shape[1:]))))
+    return values.reshape(len(values), int(np.prod(values.shape[1:])))

@@ -16,14 +16,13 @@ from runtime.errors import UsageError
 from runtime.experiments.comparison import Line, compare
 from runtime.experiments.crew import Crew
 from runtime.experiments.index import Index, Row, remaining
-from runtime.experiments.plan import INDEX, SCHEMA_VERSION, VARIANTS, Case, Plan, check_same, create
+from runtime.experiments.plan import INDEX, SCHEMA_VERSION, Case, Plan, check_same, create
 from runtime.experiments.points import Point
 from runtime.experiments.runner import run_points
 from runtime.experiments.statistics import CONFIDENCE, CORRECTION, TESTS, Test
-from runtime.experiments.sweeping import write_json
 from runtime.experiments.variants import BASELINE, Variant
 from runtime.experiments.worker import Task
-from runtime.files import own_file, own_folder
+from runtime.files import own_file, own_folder, write_json
 from runtime.graph import Graph
 from runtime.observe import observe
 from runtime.progress import Progress
@@ -166,9 +165,7 @@ def _run(
         for point, ended in run_points(points, crew, task):
             name = point.setting.cells[0]
             if ended.result is not None:
-                inside = folder if name == BASELINE else folder / VARIANTS / slugs[name]
-                modules = point.setting.recipe.modules
-                ended.result.files = {file: inside / file for file, _ in modules}
+                ended.result.files = point.setting.recipe.files
                 kept = folder / RUNS / slugs[name]
                 shutil.rmtree(kept, ignore_errors=True)
                 save(ended.result, kept)

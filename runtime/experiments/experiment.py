@@ -16,7 +16,7 @@ from runtime.experiments.objective import Objective
 from runtime.experiments.seeds import Seeds, parse_seeds
 from runtime.experiments.variants import Variant
 from runtime.graph import Graph, load
-from runtime.loader import find_file, read_text
+from runtime.loader import decoded, find_file, read_file
 from runtime.sections import check_keys, texts
 
 CHANGES = ("with", "set", "wire", "without", "bypass", "replace")
@@ -57,7 +57,7 @@ def read_experiment(
     GraphError : with every problem of the file.
     """
     path = find_file(source, (NOWHERE, ""), Path())
-    document = parse_yaml(read_text(path, (NOWHERE, "")), str(path))
+    document = parse_yaml(decoded(read_file(path, (NOWHERE, "")), path), str(path))
     if not any(document.get(key) for key in ("experiment", "vary", "variants")):
         graph = change(load(source, modules=modules))
         return Experiment(slug(graph.title), graph)

@@ -75,12 +75,8 @@ class Keeper:
             return
         path = self.path(point.number)
         shutil.rmtree(path, ignore_errors=True)
-        done.result.files = self._modules(point)
+        done.result.files = point.setting.recipe.files
         save(done.result, path)
-
-    def _modules(self, point: Point) -> dict[str, Path]:
-        """The modules of own blocks, which the plan's folder holds."""
-        return {name: self.folder / name for name, _ in point.setting.recipe.modules}
 
     def settle(self, row: Row) -> None:
         """After a row: let go of the folder that is no longer among the best."""

@@ -6,10 +6,10 @@ import hashlib
 import json
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runtime.document import dump_yaml, parse_yaml
+from runtime.errors import UsageError
 from runtime.experiments.seeds import Seeds
 from runtime.writer import flow_yaml
 
@@ -33,13 +33,23 @@ class Recipe:
 
         Raises
         ------
-        UsageError : a block type is defined in no file.
+        UsageError : a block type is defined in no file, or in one that cannot be read.
         """
-        from runtime.record import portable_modules
+        from runtime.record import contents, portable_modules
 
         plain, files = portable_modules(parse_yaml(graph.to_yaml(), "graph").plain())
-        modules = {name: Path(path).read_text(encoding="utf-8") for name, path in files.items()}
+        modules = {}
+        for name, content in contents(files, graph.texts).items():
+            try:
+                modules[name] = content.decode("utf-8")
+            except UnicodeDecodeError:
+                raise UsageError(f"'{files[name]}' is not UTF-8; save the file as UTF-8") from None
         return cls(dump_yaml(plain), tuple(sorted(modules.items())))
+
+    @property
+    def files(self) -> dict[str, bytes]:
+        """What the modules' files hold, by name."""
+        return {name: text.encode("utf-8") for name, text in self.modules}
 
     @property
     def digest(self) -> str:

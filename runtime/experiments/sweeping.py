@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable
 from contextlib import closing
@@ -17,7 +16,7 @@ from runtime.experiments.index import Index, Row, remaining
 from runtime.experiments.keeping import Keeper
 from runtime.experiments.plan import INDEX, SCHEMA_VERSION, Plan, check_same, create
 from runtime.experiments.runner import run_points
-from runtime.files import own_file
+from runtime.files import write_json
 from runtime.progress import Progress
 
 SUMMARY = "summary.json"
@@ -161,19 +160,3 @@ def _open_folder(plan: Plan, way: Way) -> None:
         raise UsageError(
             f"'{way.folder}' exists already; --resume goes on with it, --name begins another"
         )
-
-
-def write_json(path: Path, value: Any) -> None:
-    """Write a file that is there whole or not at all.
-
-    Raises
-    ------
-    UsageError : it cannot be written.
-    """
-    partial = path.with_name(f".{path.name}.partial")
-    try:
-        own_file(partial).write_text(json.dumps(value, indent=2) + "\n", encoding="utf-8")
-        partial.replace(path)
-    except OSError as error:
-        partial.unlink(missing_ok=True)
-        raise UsageError(f"cannot write '{path}': {error.strerror}") from None

@@ -5,10 +5,10 @@ Figures are made without pyplot, which costs a second to import and keeps every 
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +20,8 @@ from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 
 from blocks.signals import FloatArray
-from runtime.errors import UsageError
-from runtime.files import own_file
+from runtime.errors import UsageError, one_line
+from runtime.files import slug, write_whole
 from runtime.observe import PlotSpec
 from runtime.pictures import style
 from runtime.pictures.trajectory import equal_scales
@@ -68,30 +68,49 @@ def draw(plot: PlotSpec, result: Result) -> Figure:
             shown = [result.probes[name] for name in plot.of]
             top = painter(figure, shown, style.run_end(result))
         style.set_title(top, plot.title, result)
+        style.literal(figure)
         if plot.kind == "trajectory":
             equal_scales(figure, top)
     return figure
 
 
-def save_plots(result: Result, folder: Path) -> list[Path]:
+def save_plots(
+    result: Result, folder: Path, note: Callable[[str], None] | None = None
+) -> list[Path]:
     """Write every plot of a run as <name>.png.
 
     Parameters
     ----------
     result : the run.
     folder : where to; made if it is not there.
+    note : told of each plot that cannot be drawn or written, and the others are; without it, the
+        first of them raises what matplotlib or the system raised.
 
     Returns
     -------
     list of Path : the files, in the order of the graph's plots.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     paths = []
     for plot in result.plots:
-        path = folder / f"{re.sub(r'[^A-Za-z0-9_.-]+', '_', plot.name)}.png"
-        draw(plot, result).savefig(own_file(path), dpi=DPI)
-        paths.append(path)
+        path = folder / f"{slug(plot.name, 'plot')}.png"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            save_figure(draw(plot, result), path)
+        except Exception as error:
+            if note is None:
+                raise
+            text = " ".join((str(error) or type(error).__name__).split())
+            note(f"plot '{plot.name}' is not drawn: {one_line(text[:200])}")
+        else:
+            paths.append(path)
     return paths
+
+
+def save_figure(figure: Figure, path: Path) -> None:
+    """Write a figure as a picture that is there whole or not at all."""
+    content = BytesIO()
+    figure.savefig(content, dpi=DPI, format="png")
+    write_whole(path, content.getvalue())
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.ticker import MaxNLocator
+from matplotlib.text import Text
+from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
 from blocks.signals import FloatArray
 
@@ -63,6 +64,22 @@ def look(i: int) -> dict[str, Any]:
     """Colour and dashes of the i-th line of an axes."""
     dashes = LINESTYLES[i // len(COLOURS) % len(LINESTYLES)]
     return {"color": COLOURS[i % len(COLOURS)], "linestyle": dashes}
+
+
+def literal(figure: Figure) -> None:
+    """Show every text of a figure as it is written: names and titles are no formulas.
+
+    Numbers along an axis stay formulas, since theirs are matplotlib's own.
+    """
+    for text in figure.findobj(Text):
+        text.set_parse_math(False)
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            is_number = isinstance(axis.get_major_formatter(), ScalarFormatter)
+            axis.get_offset_text().set_parse_math(True)
+            for tick in axis.get_major_ticks():
+                for label in (tick.label1, tick.label2):
+                    label.set_parse_math(is_number)
 
 
 def set_title(axes: Axes, title: str, result: Result) -> None:

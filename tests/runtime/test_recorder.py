@@ -94,7 +94,7 @@ def test_a_run_that_is_killed_leaves_files_that_can_be_read(script: Path, tmp_pa
         while not found or found[0].stat().st_size < 100_000:
             with pytest.raises(subprocess.TimeoutExpired):
                 process.wait(timeout=0.05)
-            found = list(tmp_path.glob("runs/ramp/.*.recording/p0.npy"))
+            found = list(tmp_path.glob("runs/ramp/.*.partial/recording/p0.npy"))
     finally:
         os.kill(process.pid, signal.SIGKILL)
         process.wait()
@@ -117,7 +117,7 @@ def test_a_failure_keeps_the_rows_before_it() -> None:
 def test_too_little_disk_is_told_before_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
     usage = type("Usage", (), {"free": 1000})
     monkeypatch.setattr(recorder.shutil, "disk_usage", lambda folder: usage)
-    with pytest.raises(runtime.UsageError, match=r"takes 15.62 KiB on the way.*has 1000 B"):
+    with pytest.raises(runtime.UsageError, match=r"takes 31.25 KiB on the way.*has 1000 B"):
         ramp((1,), 10.0).set("run.memory", 100).run()
 
 

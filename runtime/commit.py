@@ -1,0 +1,129 @@
+"""The commit of the project in the current folder, found without running anything of its.
+
+Git runs what a repository's own configuration names (``core.fsmonitor``, filters, hooks), and a
+repository may be somebody else's. So the commit is read from its files, and git is asked only
+whether files differ from it, with an empty configuration in place of the repository's.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+from contextlib import suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory, TemporaryFile
+
+PATIENCE = 5.0  # s
+_HASH = re.compile(r"[0-9a-f]{40}([0-9a-f]{24})?")
+LARGEST = 1 << 24  # bytes of a file that is read
+
+
+def git_commit(folder: Path | None = None) -> str | None:
+    """The commit of the project that a folder is in, marked if files differ; None outside one."""
+    try:
+        found = _repository(folder or Path.cwd())
+        if found is None:
+            return None
+        work, private, common = found
+        commit = _head(private, common)
+    except (OSError, ValueError):
+        return None
+    if commit is None:
+        return None
+    return commit + ("+changes" if _is_changed(commit, work, private, common) else "")
+
+
+def _repository(folder: Path) -> tuple[Path, Path, Path] | None:
+    """The working folder, its own git folder, and that which all its working folders share."""
+    for work in (folder, *folder.parents):
+        private = work / ".git"
+        if private.is_file():
+            named = _read(private).removeprefix("gitdir:").strip()
+            private = work / named
+        if (private / "HEAD").is_file():
+            shared = private / "commondir"
+            common = private / _read(shared).strip() if shared.is_file() else private
+            return work, private, common
+    return None
+
+
+def _read(path: Path) -> str:
+    with path.open("rb") as file:
+        return file.read(LARGEST).decode("utf-8")
+
+
+def _head(private: Path, common: Path) -> str | None:
+    """The hash that HEAD leads to; None before the first commit."""
+    text = _read(private / "HEAD").strip()
+    for _ in range(5):
+        if not text.startswith("ref:"):
+            break
+        text = _reference(text.removeprefix("ref:").strip(), private, common)
+    return text if _HASH.fullmatch(text) else None
+
+
+def _reference(name: str, private: Path, common: Path) -> str:
+    if ".." in name or name.startswith("/"):
+        return ""
+    for folder in (private, common):
+        if (folder / name).is_file():
+            return _read(folder / name).strip()
+    packed = common / "packed-refs"
+    if packed.is_file():
+        for line in _read(packed).splitlines():
+            if line.endswith(f" {name}"):
+                return line.split()[0]
+    return ""
+
+
+def _is_changed(commit: str, work: Path, private: Path, common: Path) -> bool:
+    """Whether files that git knows differ from the commit; False where git cannot tell."""
+    try:
+        with TemporaryDirectory(prefix="spikeblocks-git-") as empty:
+            form = "\n[extensions]\n\tobjectFormat = sha256\n" if len(commit) == 64 else ""
+            version = "1" if form else "0"
+            bare = Path(empty)
+            (bare / "config").write_text(f"[core]\n\trepositoryformatversion = {version}\n{form}")
+            (bare / "HEAD").write_text(f"{commit}\n")
+            (bare / "refs").mkdir()
+            (bare / "objects").mkdir()
+            environment = {
+                **{key: text for key, text in os.environ.items() if not key.startswith("GIT_")},
+                "GIT_DIR": str(bare),
+                "GIT_WORK_TREE": str(work),
+                "GIT_INDEX_FILE": str(private / "index"),
+                "GIT_OBJECT_DIRECTORY": str(common / "objects"),
+                **{"GIT_CONFIG_NOSYSTEM": "1", "GIT_CONFIG_GLOBAL": os.devnull},
+                **{"GIT_OPTIONAL_LOCKS": "0", "GIT_TERMINAL_PROMPT": "0"},
+                **{"GIT_NO_LAZY_FETCH": "1", "LC_ALL": "C"},
+            }
+            return bool(_git(environment, work))
+    except (OSError, subprocess.SubprocessError):
+        return False
+
+
+def _git(environment: dict[str, str], work: Path) -> bytes:
+    """The lines of ``git status``; git and whatever it started are ended after some seconds."""
+    # No submodule is looked into: each is a repository with a configuration of its own.
+    asked = ("status", "--porcelain", "--untracked-files=no", "--ignore-submodules=all")
+    with TemporaryFile() as answer:
+        process = subprocess.Popen(
+            ["git", *asked],
+            stdin=subprocess.DEVNULL,
+            stdout=answer,
+            stderr=subprocess.DEVNULL,
+            env=environment,
+            cwd=work,
+            start_new_session=True,
+        )
+        try:
+            code = process.wait(PATIENCE)
+        finally:
+            if process.poll() is None:
+                with suppress(OSError):
+                    os.killpg(process.pid, signal.SIGKILL)
+                process.wait(PATIENCE)
+        answer.seek(0)
+        return answer.read() if code == 0 else b""

@@ -1,0 +1,86 @@
+"""Signals that end a run: raised only where a run can stop, remembered everywhere else.
+
+Ctrl-C, SIGTERM and SIGHUP end a simulation between two lines of Python. While its result is
+measured and written they are only remembered, so that a second Ctrl-C loses nothing.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any
+
+ENDING = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+)
+
+
+class Interrupts:
+    """Takes over the signals that end a process, as a context.
+
+    ``caught`` is the first that came, None while none did. Signals that the process was started to
+    ignore (as under ``nohup``) stay ignored. Other threads than the main one have no say.
+    """
+
+    def __init__(self) -> None:
+        self.caught: int | None = None
+        self.count = 0
+        self.armed = False
+        self._before: dict[int, Any] = {}
+
+    def __enter__(self) -> Interrupts:
+        global _current
+        if threading.current_thread() is threading.main_thread():
+            _current = self
+            for number in ENDING:
+                if signal.getsignal(number) is not signal.SIG_IGN:
+                    self._before[number] = signal.signal(number, self._handle)
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        global _current
+        for number, before in self._before.items():
+            signal.signal(number, before)
+        if _current is self:
+            _current = None
+
+    @property
+    def exit_code(self) -> int:
+        """What a shell reports for a process that the signal ended: 130, 143 or 129."""
+        return 128 + (self.caught or signal.SIGINT)
+
+    @property
+    def leaves_time(self) -> bool:
+        """Whether pictures may still be drawn: not after a second Ctrl-C, nor after the others."""
+        return not self.count or (self.count == 1 and self.caught == signal.SIGINT)
+
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        self.caught = self.caught or number
+        self.count += 1
+        if self.armed:
+            raise KeyboardInterrupt
+
+
+_current: Interrupts | None = None
+
+
+@contextmanager
+def stoppable() -> Iterator[None]:
+    """Where a signal ends the work at once, with KeyboardInterrupt.
+
+    Does nothing where no :class:`Interrupts` is in charge: Python's own Ctrl-C goes on as ever.
+    """
+    interrupts = _current
+    if interrupts is None or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    try:
+        interrupts.armed = True
+        if interrupts.caught is not None:
+            raise KeyboardInterrupt
+        yield
+    finally:
+        interrupts.armed = False

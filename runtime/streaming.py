@@ -1,0 +1,109 @@
+"""Arrays larger than memory: read and written some rows at a time."""
+
+from __future__ import annotations
+
+import mmap
+import zipfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from blocks.signals import FloatArray
+
+BLOCK = 1 << 22  # bytes that are held of an array at a time
+MAPPED_ABOVE = 1 << 26  # bytes of an archive from which its arrays are mapped, not read
+
+
+def row_blocks(*arrays: FloatArray) -> Iterator[tuple[slice, list[FloatArray]]]:
+    """The same rows of arrays of equal length, some at a time, with where they are.
+
+    What was read from a file is let go before the next block is.
+    """
+    widest = max(array[:1].nbytes for array in arrays) or 8
+    count = max(1, BLOCK // widest)
+    for first in range(0, len(arrays[0]), count):
+        rows = slice(first, first + count)
+        yield rows, [array[rows] for array in arrays]
+        for array in arrays:
+            release(array)
+
+
+def release(array: FloatArray) -> None:
+    """Let the system drop what it holds in memory of a file that is mapped for reading."""
+    base: Any = array
+    while base is not None and not isinstance(base, mmap.mmap):
+        base = getattr(base, "base", None)
+    if base is not None and hasattr(base, "madvise"):
+        base.madvise(mmap.MADV_DONTNEED)
+
+
+def save_arrays(path: Path, arrays: Mapping[str, FloatArray]) -> None:
+    """Write arrays as :func:`numpy.savez` does, without holding one of them in memory."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
+        for name, array in arrays.items():
+            described = {"descr": "<f8", "fortran_order": False, "shape": array.shape}
+            with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
+                np.lib.format.write_array_header_1_0(file, described)
+                for _, (rows,) in row_blocks(array):
+                    file.write(np.ascontiguousarray(rows, dtype="<f8").data)
+
+
+def open_arrays(path: Path) -> dict[str, FloatArray]:
+    """The arrays of an archive; those of a large one stay on disk until they are looked at.
+
+    Raises
+    ------
+    OSError, ValueError, zipfile.BadZipFile and what else numpy and zipfile raise for damaged
+    files. All of an archive is read once and held against its checksums.
+    """
+    with path.open("rb") as file:
+        _check_members(file)
+        if path.stat().st_size <= MAPPED_ABOVE:
+            return dict(np.load(file, allow_pickle=False))
+        with zipfile.ZipFile(file) as archive:
+            return {
+                info.filename.removesuffix(".npy"): _mapped(path, archive, info)
+                for info in archive.infolist()
+            }
+
+
+def _check_members(file: BinaryIO) -> None:
+    """Refuse an archive that would unfold to more than the file holds: runs are not compressed."""
+    size = file.seek(0, 2)
+    file.seek(0)
+    with zipfile.ZipFile(file) as archive:
+        members = archive.infolist()
+    if any(member.compress_type != zipfile.ZIP_STORED for member in members):
+        raise ValueError("it is compressed, which no run is")
+    if sum(member.file_size for member in members) > size:
+        raise ValueError("its arrays are said to be larger than the file")
+    file.seek(0)
+
+
+def _mapped(path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> FloatArray:
+    if info.compress_type != zipfile.ZIP_STORED:
+        raise ValueError(f"'{info.filename}' is compressed; expected arrays that are stored")
+    with archive.open(info) as member:
+        version = np.lib.format.read_magic(member)
+        if version != (1, 0):
+            raise ValueError(f"'{info.filename}' has format {version}; expected (1, 0)")
+        shape, fortran, dtype = np.lib.format.read_array_header_1_0(member)
+        header = member.tell()
+        if dtype != np.float64 or fortran:
+            raise ValueError(f"'{info.filename}' is {dtype}; expected rows of float64")
+        size = header
+        # Reading to the end compares the checksum.
+        while block := member.read(BLOCK):
+            size += len(block)
+    if size - header != 8 * int(np.prod(shape, dtype=object)):
+        raise ValueError(f"'{info.filename}' holds {size - header} bytes for shape {shape}")
+    with path.open("rb") as file:
+        file.seek(info.header_offset + 26)
+        lengths = file.read(4)
+        start = 30 + int.from_bytes(lengths[:2], "little") + int.from_bytes(lengths[2:], "little")
+    offset = info.header_offset + start + header
+    if size == header:
+        return np.empty(shape)
+    return np.asarray(np.memmap(path, "<f8", "r", offset, shape))
