@@ -30,6 +30,8 @@ def run(options: Namespace) -> int:
     from runtime.errors import UsageError
     from runtime.reports.report import report
 
+    if options.out == "-" and options.json:
+        raise UsageError("'--out -' writes the page to stdout, where --json writes; leave one out")
     made = report(Path(options.path))
     if options.out == "-":
         sys.stdout.buffer.write(made.html.encode())
