@@ -32,7 +32,7 @@ REAL = 25  # of so many lines that could run in this process, one runs as a proc
 FOLDERS = ("runs/tiny/a", "runs/tiny/latest", "runs/tiny", "sweeps/tiny", "ablation", ".")
 GRAPHS = ("tiny.yaml", "tiny.yaml", "tiny.yaml", "exp.yaml", "scanning.yaml", "broken.yaml")
 UNKIND = ("", " ", "-", ",", "=", "nope", "bytes.yaml", "own.py", "/dev/null", "tiny.yaml/x", "ü")
-BAD = ("x" * 300, "\udcff.yaml", "a\x00b")
+BAD = ("x" * 300, "\udcff.yaml", "\x1b[31m")
 PLAUSIBLE: dict[str, tuple[str, ...]] = {
     "graph": GRAPHS,
     "graphs": GRAPHS,

@@ -44,6 +44,7 @@ RESUMING: tuple[tuple[str, tuple[str, ...]], ...] = (
     (ABLATION, ("ablate", "exp.yaml", "--resume", ABLATION, "-j", "1", "--no-plots")),
     (RUN, ("render", RUN, "--json")),
 )
+WRITTEN = "report.html"
 OUTSIDE = "outside.txt"
 UNTOUCHED = "nobody may write here\n"
 
@@ -79,6 +80,8 @@ def files(folder: str) -> tuple[str, ...]:
 def damages(draw: st.DrawFn, folder: str) -> Damage:
     """One damage."""
     names = files(folder)
+    if not LINKS and draw(st.integers(0, 9)) == 0:
+        return Damage(f"{folder}/{WRITTEN}", "link out")
     top = [name for name in names if name.count("/") <= folder.count("/") + 1]
     name = draw(st.one_of(st.sampled_from(top), st.sampled_from(names)))
     data = (made() / name).read_bytes()
@@ -136,7 +139,7 @@ def cases() -> st.SearchStrategy[Case]:
 def inflict(damage: Damage) -> None:
     """Do what the damage says, in the working folder."""
     path = Path(damage.file)
-    if not path.is_file():
+    if damage.how != "link out" and not path.is_file():
         return  # an earlier damage took its folder
     if damage.how == "exchange":
         other = Path(damage.other)
@@ -145,7 +148,9 @@ def inflict(damage: Damage) -> None:
             path.write_bytes(other.read_bytes())
             other.write_bytes(mine)
         return
-    path.unlink()
+    path.unlink(missing_ok=True)
+    if not path.parent.is_dir():
+        return
     if damage.how in ("bytes", "text", "values"):
         path.write_bytes(damage.content)
     elif damage.how == "folder":

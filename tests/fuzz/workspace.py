@@ -11,6 +11,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import unicodedata
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -23,6 +24,8 @@ from runtime.document import dump_yaml
 from tests.fuzz.known import CONTROLS, INFINITY
 
 SCRIPT = Path(sys.executable).parent / "runtime"
+# Unicode's classes of what steers a terminal or turns the direction of writing.
+CONTROL = {"Cc", "Cf", "Cs", "Zl", "Zp"}
 CODES = {0, 1, 2, 3, 4, 130}
 # Seconds on the clock for a process that may hang; none needs a tenth of it.
 PATIENCE = 300.0
@@ -184,7 +187,7 @@ def assert_answered(answer: Answer, arguments: Sequence[str]) -> None:
     assert told or answer.code in (0, 1), f"exit code {answer.code} without a word"
     if not CONTROLS:
         for text in (answer.err, answer.out):
-            raw = [c for c in text if not c.isprintable() and c not in "\n\t"]
+            raw = {c for c in text if unicodedata.category(c) in CONTROL} - {"\n", "\t"}
             assert not raw, f"raw control characters {raw!r}"
 
 
