@@ -8,6 +8,7 @@ takes seconds: so the same graph runs with several seeds.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,8 +30,9 @@ WHAT = (
 )
 HOLDS = (
     "All recorded signals are equal to 1e-9, spikes exactly; a run that fails does so in the same "
-    "block, at the same tick, with the same recording before."
+    "block and port, at the same tick, with the same recording before."
 )
+PORT = re.compile(r"output '(\w+)' is not finite")
 TICKS = 200
 TOLERANCE = 1e-9
 DT = 0.01
@@ -214,7 +216,8 @@ def compare(graph: runtime.Graph, seed: int) -> str:
         try:
             ended.append((graph.run(seed=seed, engine=engine), None))
         except SimulationError as error:
-            ended.append((error.result, (error.block, error.tick)))
+            port = PORT.search(str(error))
+            ended.append((error.result, (error.block, port and port[1], error.tick)))
     (a, failed), (b, failed_too) = ended
     assert failed == failed_too, f"python: {failed}, compiled: {failed_too}"
     for name, recorded in a.probes.items():
