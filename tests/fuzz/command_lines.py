@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from runtime.cli import make_parser
 from tests.fuzz.campaign import Record, campaign
-from tests.fuzz.known import BAD_NAMES
+from tests.fuzz.known import KNOWN
 from tests.fuzz.workspace import assert_answered, call, fresh, made, spawn
 
 TITLE = "Command lines"
@@ -101,7 +101,7 @@ def verbs() -> dict[str, ArgumentParser]:
 
 def _values(action: Action, key: str) -> st.SearchStrategy[str]:
     likely = PLAUSIBLE.get(key) or PLAUSIBLE.get(action.option_strings[0]) or UNKIND
-    unkind = st.sampled_from(UNKIND if BAD_NAMES else UNKIND + BAD)
+    unkind = st.sampled_from(UNKIND if "names" in KNOWN else UNKIND + BAD)
     anything = st.text(st.characters(exclude_categories=["Cs", "Cc"]), max_size=5)
     return st.one_of(*[st.sampled_from(likely)] * 6, unkind, anything)
 

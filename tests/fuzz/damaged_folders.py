@@ -14,7 +14,7 @@ from pathlib import Path
 from hypothesis import strategies as st
 
 from tests.fuzz.campaign import Record, campaign
-from tests.fuzz.known import LINKS
+from tests.fuzz.known import KNOWN
 from tests.fuzz.mutation import entries, mutate_bytes, mutate_text, mutate_tree
 from tests.fuzz.workspace import assert_answered, call, fresh, made, spawn
 
@@ -80,7 +80,7 @@ def files(folder: str) -> tuple[str, ...]:
 def damages(draw: st.DrawFn, folder: str) -> Damage:
     """One damage."""
     names = files(folder)
-    if not LINKS and draw(st.integers(0, 9)) == 0:
+    if "links" not in KNOWN and draw(st.integers(0, 9)) == 0:
         return Damage(f"{folder}/{WRITTEN}", "link out")
     top = [name for name in names if name.count("/") <= folder.count("/") + 1]
     name = draw(st.one_of(st.sampled_from(top), st.sampled_from(names)))
@@ -88,7 +88,7 @@ def damages(draw: st.DrawFn, folder: str) -> Damage:
     ways = ["bytes", "delete", "exchange", "folder", "unreadable name"]
     ways += ["values"] * 4 if name.endswith((".json", ".csv")) else []
     ways += ["text"] * 2 if not name.endswith(".npz") else []
-    ways += [] if LINKS else ["link out", "link to itself", "dangling link"]
+    ways += [] if "links" in KNOWN else ["link out", "link to itself", "dangling link"]
     how = draw(st.sampled_from(ways))
     other = draw(st.sampled_from(names)) if how == "exchange" else ""
     if how == "bytes":

@@ -1,19 +1,16 @@
-"""Faults that are known and not repaired yet: each name keeps a fuzzer away from one of them.
+"""Faults that are known and not repaired yet, by a word for each, and what is not tried meanwhile.
 
-Take a name out, with the lines that ask for it, as soon as its fault is repaired.
+An entry is taken out as soon as its fault is repaired; the fuzzers then reach what it kept them
+away from. The page lists what is here.
 """
 
 from __future__ import annotations
 
-# Names and texts reach the terminal with their control characters.
-CONTROLS = True
-# --json prints Infinity where a LiDAR misses.
-INFINITY = True
-# Names that are too long or not UTF-8 end in tracebacks.
-BAD_NAMES = True
-# Links in a folder that is read are followed out of it.
-LINKS = True
-# A kernel stands for a method that a subclass overrides.
-KERNELS = True
-# A compile cache with other damages than missing files ends the run.
-CACHES = True
+KNOWN: dict[str, str] = {
+    "control characters": "that names and texts reach the terminal without control characters",
+    "infinity": "that no metric puts Infinity into the output of --json",
+    "names": "command lines with names that are too long or not UTF-8",
+    "links": "links inside of a folder that is read",
+    "kernels": "subclasses that override a method that has a form in loops",
+    "caches": "damages of a compile cache other than missing files",
+}

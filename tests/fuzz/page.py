@@ -11,6 +11,7 @@ from typing import Any
 
 import tests.fuzz
 from tests.fuzz.campaign import Record
+from tests.fuzz.known import KNOWN
 
 RESULTS = Path(__file__).with_name("results.json")
 PAGE = Path(__file__).parents[2] / "docs" / "reliability.md"
@@ -69,6 +70,9 @@ def page() -> str:
         else:
             rows.append(f"| {title} | {result['examples']:,} | {result['failures']} |")
         sections.append(_section(name, title, module, result))
+    if KNOWN:
+        sections += ["## Not tried yet", "", "Faults that are known are kept away from:", ""]
+        sections += [*(f"* {text}" for text in KNOWN.values()), ""]
     return "\n".join([HEAD, *rows, "", *sections])
 
 

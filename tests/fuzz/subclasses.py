@@ -19,7 +19,7 @@ from blocks.registry import BUILTIN
 from blocks.signals import PortType, Same
 from tests.fuzz import engines
 from tests.fuzz.campaign import Record, campaign
-from tests.fuzz.known import KERNELS
+from tests.fuzz.known import KNOWN
 
 TITLE = "Subclasses under both engines"
 WHAT = (
@@ -59,7 +59,7 @@ def targets() -> list[tuple[str, Evaluation]]:
         found += [
             (kind, call)
             for call in calls
-            if not (KERNELS and hasattr(BUILTIN[kind], f"loop_{call.method}"))
+            if not ("kernels" in KNOWN and hasattr(BUILTIN[kind], f"loop_{call.method}"))
         ]
     return found
 

@@ -22,12 +22,12 @@ from tests.fuzz.campaign import Record, bounded, campaign
 
 Run = Callable[[int, int], Record]
 TRIED: list[tuple[Run, int]] = [
-    (graphs.run, 600),
-    (command_lines.run_quick, 100),
-    (damaged_folders.run_quick, 60),
-    (damaged_caches.run, 3),
+    (graphs.run, 500),
+    (command_lines.run_quick, 60),
+    (damaged_folders.run_quick, 40),
+    (damaged_caches.run, 2),
     (engines.run, 2),
-    (subclasses.run, 3),
+    (subclasses.run, 2),
 ]
 
 

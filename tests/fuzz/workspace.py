@@ -21,7 +21,7 @@ from typing import Any, NoReturn
 import runtime
 from runtime import cli
 from runtime.document import dump_yaml
-from tests.fuzz.known import CONTROLS, INFINITY
+from tests.fuzz.known import KNOWN
 
 SCRIPT = Path(sys.executable).parent / "runtime"
 # Unicode's classes of what steers a terminal or turns the direction of writing.
@@ -185,7 +185,7 @@ def assert_answered(answer: Answer, arguments: Sequence[str]) -> None:
         strict_json(answer.out)
     told = is_help or is_json or bool(answer.err.strip())
     assert told or answer.code in (0, 1), f"exit code {answer.code} without a word"
-    if not CONTROLS:
+    if "control characters" not in KNOWN:
         for text in (answer.err, answer.out):
             raw = {c for c in text if unicodedata.category(c) in CONTROL} - {"\n", "\t"}
             assert not raw, f"raw control characters {raw!r}"
@@ -193,7 +193,7 @@ def assert_answered(answer: Answer, arguments: Sequence[str]) -> None:
 
 def strict_json(text: str) -> Any:
     """The one JSON value of a text, in which NaN and Infinity are errors."""
-    return json.loads(text, parse_constant=None if INFINITY else _refuse)
+    return json.loads(text, parse_constant=None if "infinity" in KNOWN else _refuse)
 
 
 def _refuse(name: str) -> NoReturn:
