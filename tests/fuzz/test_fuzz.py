@@ -22,7 +22,7 @@ from tests.fuzz.campaign import Record, bounded, campaign
 
 Run = Callable[[int, int], Record]
 TRIED: list[tuple[Run, int]] = [
-    (graphs.run, 500),
+    (graphs.run, 400),
     (command_lines.run_quick, 60),
     (damaged_folders.run_quick, 40),
     (damaged_caches.run, 2),
