@@ -149,6 +149,8 @@ class Grower:
                 found[name] = self.draw(st.sampled_from(declared.choices))
             elif declared.required and declared.kind == "float":
                 found[name] = self.draw(st.sampled_from([0.05, 0.3, 2.0]))
+        if "tau_ref" in cls.spec.params:  # spikes need a step below it, and rates below its inverse
+            found.update(tau_ref=0.06, max_rates=[5.0, 12.0])
         if cls.__name__ == "Constant":
             kind = given["T"]
             values = [self.draw(NUMBERS) for _ in range(int(np.prod(kind.shape)))]
