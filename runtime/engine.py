@@ -262,17 +262,13 @@ class Engine:
             self._check_value(block, port, item)
         return value
 
-    def not_finite(self, block: str, *values: Any) -> NoReturn:
-        """Called by the plan where an output holds a number that is none: say which."""
-        ports = [
-            step.evaluation.outputs
-            for step in self.plan.steps
-            if step.block == block and len(step.evaluation.outputs) == len(values)
-        ]
-        for outputs in ports:
-            for port, value in zip(outputs, values, strict=True):
-                if is_bad(self.network.types[block, port], value):
-                    raise NotFiniteError(f"output '{port}' is not finite: {brief(value)}")
+    def not_finite(self, block: str, method: str, *values: Any) -> NoReturn:
+        """Called by the plan where what a method returned is not finite: say which output."""
+        evaluations = self.network.entries[block].cls.spec.evaluations
+        (outputs,) = (each.outputs for each in evaluations if each.method == method)
+        for port, value in zip(outputs, values, strict=True):
+            if is_bad(self.network.types[block, port], value):
+                raise NotFiniteError(f"output '{port}' is not finite: {brief(value)}")
         raise NotFiniteError(f"an output is not finite: {brief(values)}")
 
     def _check_value(self, block: str, port: str, value: Any) -> None:

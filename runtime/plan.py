@@ -235,7 +235,8 @@ class Emitter:
             if kind.form == "array":
                 self.code(f"{target} = sealed({target})", step.block)
         test = finite_test(dict(zip(targets, kinds, strict=True)))
-        self.code(f"{test} or not_finite({step.block!r}, {', '.join(targets)})", step.block)
+        which = ", ".join(map(repr, (step.block, step.evaluation.method)))
+        self.code(f"{test} or not_finite({which}, {', '.join(targets)})", step.block)
 
     def call(self, block: str, evaluation: Evaluation, targets: str, checked: bool = False) -> None:
         name = self.plan.names[block]

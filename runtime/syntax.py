@@ -10,6 +10,7 @@ import yaml
 from runtime.errors import Problem, Where
 
 _ILLEGAL = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 _MENDS = {
     "mapping values are not allowed in this context": (
         "a ':' too many; quote a text that holds ': ', or check the indentation"
@@ -54,8 +55,18 @@ def explain(error: yaml.YAMLError | UnicodeError, text: str, file: str) -> Probl
     elif "could not find expected ':'" in said and context is not None:
         mark = context
     said = _MENDS.get(said, said)
-    where = Where(file, mark.line + 1, mark.column + 1) if mark else Where(file)
-    return Problem(where, "", f"not valid YAML: {said}")
+    return Problem(_where(text, mark, file), "", f"not valid YAML: {said}")
+
+
+def _where(text: str, mark: Any, file: str) -> Where:
+    """The place of a parser's mark, which lies inside the text."""
+    if mark is None:
+        return Where(file)
+    # Where the last line has no line break, the parser places the end of the text below it.
+    last = len(_BREAK.findall(text))
+    if mark.line > last:
+        return Where(file, last + 1, len(_BREAK.split(text)[-1]) + 1)
+    return Where(file, mark.line + 1, mark.column + 1)
 
 
 def place(text: str, index: int, file: str) -> Where:

@@ -32,6 +32,8 @@ def run(options: Namespace) -> int:
     from runtime.files import check_inside, write_whole
     from runtime.reports.report import report
 
+    if options.out == "-" and options.json:
+        raise UsageError("'--out -' writes the page to stdout, where --json writes; leave one out")
     made = report(Path(options.path))
     if options.out == "-":
         sys.stdout.buffer.write(made.html.encode())

@@ -288,7 +288,8 @@ class CompiledEmitter(Emitter):
             if kind.form == "array":
                 self.code(f"{target} = sealed({target})", step.block)
         test = finite_test(dict(zip(targets, kinds, strict=True)))
-        self.code(f"{test} or not_finite({step.block!r}, {', '.join(targets)})", step.block)
+        which = ", ".join(map(repr, (step.block, step.evaluation.method)))
+        self.code(f"{test} or not_finite({which}, {', '.join(targets)})", step.block)
         for target, kind in zip(targets, kinds, strict=True):
             self.code(f"{target} = {as_held(target, kind)}")
 

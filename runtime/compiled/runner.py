@@ -105,7 +105,7 @@ class CompiledRunner:
             else:
                 value = next(entries)
                 values.append(np.full(kind.shape, value) if kind.form == "array" else value)
-        self.engine.not_finite(block, *values)
+        self.engine.not_finite(block, evaluation.method, *values)
 
     def locate(self, error: BaseException) -> tuple[int, str]:
         """The tick and the block that an exception came from."""

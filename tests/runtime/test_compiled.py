@@ -144,6 +144,18 @@ def test_failures_are_told_alike(kind: str) -> None:
     assert len(kept[0]) == 4
 
 
+@pytest.mark.parametrize("engine", ["python", "compiled"])
+def test_a_number_that_is_not_finite_is_told_with_its_own_output(engine: str) -> None:
+    # The plant's pose is one output as well, and finite: only the wheels are too fast.
+    graph = runtime.Graph("fast", dt=0.1, until=1.0)
+    graph.add("go", blocks.Constant(value=[1e308, 1e308], signal="Twist"))
+    graph.add("plant", blocks.DifferentialDrive(wheel_base=10.0)).connect(
+        "go.value", "plant.command"
+    )
+    with pytest.raises(runtime.SimulationError, match="output 'wheels' is not finite"):
+        graph.run(engine=engine)
+
+
 def test_a_block_that_breaks_its_promise_is_named_with_numbas_reason() -> None:
     graph = runtime.Graph("promise", dt=0.1, until=1.0).add("bad", Broken()).probe("bad.out")
     notes: list[str] = []

@@ -133,7 +133,7 @@ def test_what_was_wrong_before_a_syntax_error_is_told_too() -> None:
     assert [(p.where.line, p.where.column) for p in caught.value.problems] == [
         (2, 1),
         (3, 4),
-        (5, 1),
+        (4, 5),
     ]
 
 

@@ -283,6 +283,9 @@ def test_through_the_console_script(cli: Run, broken: Path, tmp_path: Path) -> N
     assert (tmp_path / "r.html").read_text(encoding="utf-8").startswith("<!doctype html>")
     assert cli("report", "run").stdout == "run/report.html\n"
     assert (broken / "report.html").is_file()
+    both = cli("report", "run", "-o", "-", "--json")
+    assert (both.returncode, both.stdout) == (2, "")
+    assert "leave one out" in both.stderr
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")

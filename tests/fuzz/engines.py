@@ -1,0 +1,236 @@
+"""Random graphs of shipped blocks do the same under both engines.
+
+Blocks are added one after another; each input takes an output that fits, or a new source of its
+type, or a ``UnitDelay`` that is wired to a later output in the end and so closes a loop. Numbers
+and seeds are arguments of compiled text, but every other graph is another plan to compile, which
+takes seconds: so the same graph runs with several seeds.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from hypothesis import strategies as st
+
+import runtime
+from blocks.block import Block
+from blocks.registry import BUILTIN
+from blocks.signals import Pose, Same, Scalar, SignalType, Twist
+from runtime.document import dump_yaml
+from runtime.errors import GraphError, SimulationError
+from tests.fuzz.campaign import Record, campaign
+
+TITLE = "Both engines"
+WHAT = (
+    "Random well-typed graphs of shipped blocks, with loops, two rates and random parameters, "
+    "run under the Python engine and the compiled engine for 200 ticks."
+)
+HOLDS = (
+    "All recorded signals are equal to 1e-9, spikes exactly; a run that fails does so in the same "
+    "block and port, at the same tick, with the same recording before."
+)
+PORT = re.compile(r"output '(\w+)' is not finite")
+TICKS = 200
+TOLERANCE = 1e-9
+DT = 0.01
+ROOM = {"room": [[-3, -3], [3, -3], [3, 3], [-3, 3]], "circles": [[1.5, 1.0, 0.3]]}
+# Called from Python under either engine, with seconds of physics: nothing to compare.
+LEFT_OUT = {"MujocoVacuum"}
+SIZES: dict[str, int] = {"samples": 150, "beams": 24, "neurons": 8, "wall_points": 20}
+# Blocks that give a signal of a type from nothing, or from what can be had from nothing.
+SOURCES: dict[str, tuple[str, str]] = {
+    "Scalar": ("Constant", "value"),
+    "Vector": ("Constant", "value"),
+    "Twist": ("Constant", "value"),
+    "Pose": ("DifferentialDrive", "pose"),
+    "WheelSpeeds": ("DifferentialDrive", "wheels"),
+    "TrackingState": ("TrackingError", "state"),
+    "Path": ("SinePath", "path"),
+    "Scan": ("Lidar", "scan"),
+}
+NUMBERS = st.sampled_from([0.0, 0.5, 1.0, -1.0, 0.1, 2.0, -0.3])
+
+
+@dataclass(frozen=True)
+class Case:
+    """A graph, as a mapping, and the seed of its run."""
+
+    graph: dict[str, Any]
+    seed: int
+
+    def __repr__(self) -> str:
+        return f"# seed {self.seed}\n{dump_yaml(self.graph)}"
+
+
+class Grower:
+    """Grows a graph block by block; knows the type of every output."""
+
+    def __init__(self, draw: st.DrawFn) -> None:
+        self.draw = draw
+        self.blocks: dict[str, dict[str, Any]] = {}
+        self.wires: dict[str, dict[str, Any]] = {}
+        self.outputs: dict[str, SignalType] = {}
+        self.loops: dict[str, SignalType] = {}
+
+    def add(self, kind: str, **given: SignalType) -> str:
+        """A block with all its inputs wired; ``given`` settles type variables."""
+        cls = BUILTIN[kind]
+        name = f"b{len(self.blocks)}"
+        entry: dict[str, Any] = {"type": kind, **self.parameters(cls, given)}
+        if self.draw(st.integers(0, 4)) == 0:
+            entry["dt"] = 5 * DT
+        self.blocks[name] = entry
+        variables = dict(given)
+        lengths = {**SIZES}
+        wires: dict[str, Any] = {}
+        for port, declared in cls.spec.inputs.items():
+            if declared.absent is not None and self.draw(st.booleans()):
+                continue
+            if isinstance(declared.type, Same):
+                wanted = variables.setdefault(declared.type.variable, self.some_type())
+            elif declared.type.symbol in lengths:
+                wanted = declared.type.sized(lengths[str(declared.type.symbol)])
+            elif declared.type.symbol:
+                size = SIZES["samples"] if declared.type.name == "Path" else self.small()
+                wanted = declared.type.sized(lengths.setdefault(declared.type.symbol, size))
+            else:
+                wanted = declared.type
+            if declared.many:
+                number = len(entry["signs"]) if "signs" in entry else self.draw(st.integers(1, 3))
+                wires[port] = [self.output_of(wanted) for _ in range(number)]
+            else:
+                wires[port] = self.output_of(wanted)
+        if wires:
+            self.wires[name] = wires
+        for port, out in cls.spec.outputs.items():
+            made = out.type
+            if isinstance(made, Same):
+                made = variables.setdefault(made.variable, Scalar)
+            self.outputs[f"{name}.{port}"] = (
+                made.sized(lengths[str(made.symbol)]) if made.symbol else made
+            )
+        return name
+
+    def small(self) -> int:
+        return self.draw(st.integers(1, 3))
+
+    def some_type(self) -> SignalType:
+        """The type of an output that there is, or a common one."""
+        usual = [kind for kind in self.outputs.values() if kind.finite]
+        return self.draw(st.sampled_from([*usual, Scalar, Pose, Twist]))
+
+    def output_of(self, kind: SignalType) -> str:
+        """An address that gives signals of a type."""
+        fitting = [name for name, made in self.outputs.items() if made == kind]
+        way = self.draw(st.sampled_from(["there", "there", "there", "loop", "new"]))
+        if fitting and way == "there":
+            return self.draw(st.sampled_from(fitting))
+        if way == "loop" and len(self.loops) < 2 and kind.name in ("Scalar", "Twist", "Pose"):
+            name = f"loop{len(self.loops)}"
+            self.blocks[name] = {"type": "UnitDelay"}
+            self.loops[name] = kind
+            return f"{name}.out"
+        if kind.name not in SOURCES:  # WallFitter's wall and spikes go nowhere
+            return self.draw(st.sampled_from(fitting))
+        source, port = SOURCES[kind.name]
+        name = self.add(source, T=kind) if source == "Constant" else self.add(source)
+        return f"{name}.{port}"
+
+    def parameters(self, cls: type[Block], given: dict[str, SignalType]) -> dict[str, Any]:
+        """Required parameters, sizes that keep runs short, and some others."""
+        found: dict[str, Any] = {}
+        for name, declared in cls.spec.params.items():
+            if name in SIZES:
+                found[name] = SIZES[name]
+            elif declared.choices:
+                found[name] = self.draw(st.sampled_from(declared.choices))
+            elif declared.required and declared.kind == "float":
+                found[name] = self.draw(st.sampled_from([0.05, 0.3, 2.0]))
+        if "tau_ref" in cls.spec.params:  # spikes need a step below it, and rates below its inverse
+            found.update(tau_ref=0.06, max_rates=[5.0, 12.0])
+        if cls.__name__ == "Constant":
+            kind = given["T"]
+            values = [self.draw(NUMBERS) for _ in range(int(np.prod(kind.shape)))]
+            found = {"signal": kind.name, "value": values if kind.shape else values[0]}
+        elif cls.__name__ == "WaypointPath":
+            found["points"] = [[0, 0], [1, 0.5], [2, 0], [3, 1], [4, 0]]
+        elif cls.__name__ == "Sum":
+            signs = self.draw(st.lists(st.sampled_from([1, -1]), min_size=1, max_size=3))
+            found["signs"] = signs
+        elif cls.__name__ == "Gain":
+            found["gain"] = self.draw(st.sampled_from([0.5, -0.9, 1.5]))
+        elif cls.__name__ == "DifferentialDrive":
+            found["body_radius"] = self.draw(st.sampled_from([0.0, 0.2]))
+        return found
+
+    def close(self) -> None:
+        """Wire each delay of a loop to something of its type."""
+        for name, kind in self.loops.items():
+            fitting = [a for a, made in self.outputs.items() if made == kind]
+            if not fitting:
+                source, port = SOURCES[kind.name]
+                made = self.add(source, T=kind) if source == "Constant" else self.add(source)
+                fitting = [f"{made}.{port}"]
+            self.wires[name] = {"input": self.draw(st.sampled_from(fitting))}
+
+
+@st.composite
+def graphs(draw: st.DrawFn, most: int = 5, kinds: tuple[str, ...] = ()) -> Case:
+    """A graph of up to ``most`` drawn blocks, beside what these need as sources."""
+    grower = Grower(draw)
+    there = sorted(kinds or BUILTIN.keys() - LEFT_OUT)
+    for kind in draw(st.lists(st.sampled_from(there), min_size=1, max_size=most)):
+        if kind == "Constant":
+            grower.add(kind, T=Scalar)
+        else:
+            grower.add(kind)
+    grower.close()
+    probes = {address.replace(".", "_"): address for address in grower.outputs}
+    graph = {
+        "graph": "random",
+        "run": {"dt": DT, "until": TICKS * DT},
+        "world": ROOM,
+        "blocks": grower.blocks,
+        "wires": grower.wires,
+        "probes": probes,
+    }
+    return Case(graph, draw(st.integers(0, 2)))
+
+
+def check(case: Case) -> str:
+    """Run a graph under both engines; returns how it ended."""
+    try:
+        graph = runtime.load(case.graph).check()
+    except GraphError as error:
+        open_types = ("is open; wire a typed signal", "algebraic loop")
+        assert all(any(o in p.text for o in open_types) for p in error.problems), str(error)
+        return "refused"
+    return compare(graph, case.seed)
+
+
+def compare(graph: runtime.Graph, seed: int) -> str:
+    """Hold the engines against each other on one graph."""
+    ended = []
+    for engine in ("python", "compiled"):
+        try:
+            ended.append((graph.run(seed=seed, engine=engine), None))
+        except SimulationError as error:
+            port = PORT.search(str(error))
+            ended.append((error.result, (error.block, port and port[1], error.tick)))
+    (a, failed), (b, failed_too) = ended
+    assert failed == failed_too, f"python: {failed}, compiled: {failed_too}"
+    for name, recorded in a.probes.items():
+        x, y = recorded.values, b.probes[name].values
+        assert x.shape == y.shape, name
+        if "Spikes" in " ".join(recorded.kinds):
+            assert np.array_equal(x, y), name
+        np.testing.assert_allclose(y, x, rtol=TOLERANCE, atol=TOLERANCE, err_msg=name)
+    return "failed alike" if failed else "equal"
+
+
+def run(examples: int, seed: int) -> Record:
+    """Try graphs; shrinking would compile hundreds more."""
+    return campaign("engines", graphs(), check, examples, seed, shrink=False)
