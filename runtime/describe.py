@@ -15,8 +15,8 @@ from blocks.params import Param
 from blocks.registry import BUILTIN, blocks_of_module, installed
 from runtime.errors import UsageError
 from runtime.metric_kinds import Common, Kind
-from runtime.metrics import KINDS as METRICS
-from runtime.plot_specs import KINDS as PLOTS
+from runtime.metrics import METRIC_KINDS
+from runtime.plot_specs import PLOT_KINDS
 from runtime.plot_specs import PlotKind
 
 HEADER = """# Blocks
@@ -156,11 +156,11 @@ def blocks_page() -> str:
 
 def observing_page() -> str:
     """docs/observing.md."""
-    lines = [OBSERVING, "## Plots", "", *_kinds_table(PLOTS, "plot")]
+    lines = [OBSERVING, "## Plots", "", *_kinds_table(PLOT_KINDS, "plot")]
     common = list(Common.declared.items())
     lines += ["", "## Metrics", "", "Every metric takes, besides its own options:", ""]
     lines += [f"* {_option(name, declared)}" for name, declared in common]
-    lines += ["", *_kinds_table(METRICS, "metric", hidden=dict(common))]
+    lines += ["", *_kinds_table(METRIC_KINDS, "metric", hidden=dict(common))]
     return "\n".join(lines) + "\n"
 
 

@@ -69,7 +69,7 @@ class Engine:
     ----------
     program : the graph's plan, and what to record.
     seed : of all noise and neurons.
-    compiled : take the plan and its blocks through numba.
+    make_runner : makes what runs the ticks after the first; the plan's Python text by default.
     note : called with a line of text for people, when something takes a while.
     profile : measures what each block takes; the Python engine's only.
     folder : for recordings that are too large for memory; a temporary one by default.
@@ -77,7 +77,7 @@ class Engine:
 
     program: Program
     seed: int
-    compiled: bool = False
+    make_runner: MakeRunner | None = None
     note: Callable[[str], None] = silent
     profile: Profile | None = None
     folder: Path | None = None
@@ -108,7 +108,7 @@ class Engine:
     def run(self, progress: Progress | None = None) -> Outcome:
         """Run all ticks; an interrupt or a failure ends the run and keeps what was recorded."""
         began = time.perf_counter()
-        outcome = Outcome(self.arrays, 0, engine="compiled" if self.compiled else "python")
+        outcome = Outcome(self.arrays, 0, engine="python" if self.make_runner is None else "compiled")
         try:
             with stoppable():
                 held = self._first_tick()
@@ -166,10 +166,10 @@ class Engine:
         return SimulationError(block, self.tick, self.tick * self.network.dt, text)
 
     def _runner(self) -> Runner:
-        if self.compiled:
-            from runtime.compiled.runner import CompiledRunner
-
-            return CompiledRunner(self, self.note)
+        if self.make_runner is not None:
+            return self.make_runner(
+                RunContext(self.program, self.states, self.namespace, self.not_finite, self.note)
+            )
         return PythonRunner(self.program.emitter().held(), self._compile(checked=False))
 
     def _start(self) -> None:

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from typing import Any
 
-from runtime.choice import python_seconds, take_compiled
+from runtime.choice import python_seconds
 from runtime.engine import Engine
 from runtime.graph import Graph
-from runtime.running import silent
+from runtime.simulate import chosen_runner
 
 
 def explain_json(graph: Graph) -> dict[str, Any]:
     """Order, rates, types and source as plain data."""
     network = graph.network
-    compiled = take_compiled(network, 1, silent)
-    engine = Engine(graph.program(), network.seed, compiled)
+    runner = chosen_runner(network)
+    engine = Engine(graph.program(), network.seed, runner)
     return {
         "schema_version": 1,
         "graph": network.title,
@@ -42,7 +42,7 @@ def explain_json(graph: Graph) -> dict[str, Any]:
         "engine": {"asked": network.engine, "python_s": python_seconds(network)}
         | (
             _compiled(engine)
-            if compiled
+            if runner is not None
             else {"taken": "python", "source": engine.program.source()}
         ),
     }

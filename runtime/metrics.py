@@ -41,7 +41,7 @@ class Metric:
         if "engaged" in series:
             engaged = first_time({"of": series["engaged"]}, {"level": ENGAGED})
             series["of"] = series["of"].after(math.inf if engaged is None else engaged)
-        number = KINDS[self.kind].value(series, self.options, world)
+        number = METRIC_KINDS[self.kind].value(series, self.options, world)
         return None if number is None or math.isnan(number) else float(number)
 
     def expectation(self, value: float | None) -> str:
@@ -164,7 +164,7 @@ def lqr_cost(series: Mapping[str, Series], options: Mapping[str, Any]) -> float:
     return float(0.5 * (running + np.einsum("i,ij,j->", x[-1], q_final, x[-1])))
 
 
-KINDS: dict[str, Kind] = {
+METRIC_KINDS: dict[str, Kind] = {
     "settling_time": Kind(
         settling_time,
         "first time (s) from which all columns stay within ±`band` to the end, for `hold` at "
@@ -197,5 +197,5 @@ KINDS: dict[str, Kind] = {
         forms=("columns",),
         agrees=_same_rows,
     ),
-    **wall_metrics.KINDS,
+    **wall_metrics.WALL_KINDS,
 }

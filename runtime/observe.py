@@ -11,7 +11,7 @@ from blocks.params import hint
 from runtime.addresses import AddressError, ReportedError, find
 from runtime.document import Node
 from runtime.errors import Problems, Where
-from runtime.metrics import KINDS as METRIC_KINDS
+from runtime.metrics import METRIC_KINDS
 from runtime.metrics import Metric, Watched
 from runtime.network import Network, check_output
 from runtime.plot_specs import (

@@ -78,21 +78,21 @@ class PlotKind:
 
 def plot_keys(kind: str) -> tuple[str, ...]:
     """What may stand in a plot of a kind; in any plot, where the kind is none that is known."""
-    kinds = [KINDS[kind]] if kind in KINDS else KINDS.values()
+    kinds = [PLOT_KINDS[kind]] if kind in PLOT_KINDS else PLOT_KINDS.values()
     return tuple(dict.fromkeys(key for entry in kinds for key in entry.keys))
 
 
 def offered(kind: str, has_world: bool) -> tuple[str, ...]:
     """The kinds that a message should name: those of a world only where there is one."""
-    everywhere = tuple(name for name, entry in KINDS.items() if not entry.in_world)
-    return tuple(KINDS) if has_world or kind in KINDS.keys() - everywhere else everywhere
+    everywhere = tuple(name for name, entry in PLOT_KINDS.items() if not entry.in_world)
+    return tuple(PLOT_KINDS) if has_world or kind in PLOT_KINDS.keys() - everywhere else everywhere
 
 
 def check_options(kind: str, options: Mapping[str, Any], has_world: bool) -> Checks:
     """Everything wrong with a plot's options, as (key, text)."""
-    if kind not in KINDS:
+    if kind not in PLOT_KINDS:
         return
-    declared = KINDS[kind]
+    declared = PLOT_KINDS[kind]
     if declared.in_world and not has_world:
         yield "kind", "needs a world, as in 'world: worlds/paper_room.yaml'"
     faults = dict(declared.options.check(options))
@@ -103,7 +103,7 @@ def check_options(kind: str, options: Mapping[str, Any], has_world: bool) -> Che
 
 def used_options(kind: str, options: Mapping[str, Any]) -> dict[str, Any]:
     """Declared options as numbers, whatever they are written as; none where one is wrong."""
-    declared = KINDS[kind].options
+    declared = PLOT_KINDS[kind].options
     if dict(declared.check(options)):
         return {}
     read = declared.read(options)
@@ -113,7 +113,7 @@ def used_options(kind: str, options: Mapping[str, Any]) -> dict[str, Any]:
 def source_options(kind: str, probes: Sequence[Probe], network: Network) -> dict[str, Any]:
     """Options that the blocks behind the signals know: bearings of a scan, radius of a robot."""
     found: dict[str, Any] = {}
-    takes = KINDS[kind].options.declared
+    takes = PLOT_KINDS[kind].options.declared
     for signal in (signal for probe in probes for signal in probe.signals):
         block = network.entries[signal.end.block].block
         if signal.kind == "Scan" and "angles" in takes and hasattr(block, "angle_min"):
@@ -141,7 +141,7 @@ def unfit(
     if said:
         return [*faults, ("of", said)]
     items = [written] if isinstance(written, str) else written
-    kind = KINDS[plot.kind]
+    kind = PLOT_KINDS[plot.kind]
     said = kind.together(probes)
     is_short = len(plot.of) < len(items)
     if is_short and (said or (kind.has_lead and plot.of[0] != items[0])):
@@ -151,7 +151,7 @@ def unfit(
 
 def _misfit(kind: str, probe: Probe) -> str:
     """Why a picture cannot show a probe; '' if it can."""
-    text = KINDS[kind].each(probe)
+    text = PLOT_KINDS[kind].each(probe)
     kinds = {signal.kind for signal in probe.signals}
     return f"{text}; '{probe.name}' is a {', '.join(sorted(kinds))}" if text else ""
 
@@ -240,7 +240,7 @@ def _moments(options: Mapping[str, Any]) -> Checks:
         yield "angles", said + show(options["angles"])
 
 
-KINDS: Mapping[str, PlotKind] = {
+PLOT_KINDS: Mapping[str, PlotKind] = {
     "timeseries": PlotKind(
         "columns over time, one axis per unit",
         "runtime.pictures.plots:draw_timeseries",

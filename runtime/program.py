@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import CodeType, MappingProxyType
-from typing import TYPE_CHECKING
 
 from runtime.network import Network
 from runtime.observe import Observation
 from runtime.plan import Emitter, Plan, Recording, make_plan
 from runtime.profile import ProfilingEmitter
 from runtime.recorder import buffer_rows
-from runtime.running import FILENAME
 
-if TYPE_CHECKING:
-    from runtime.compiled.template import Template
+FILENAME = "<the plan>"
 
 
 @dataclass(frozen=True)
@@ -26,7 +23,7 @@ class Code:
     lines: Mapping[int, str]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Program:
     """A network's plan and its text, and what is recorded; shared by threads, and never changed.
 
@@ -53,7 +50,6 @@ class Program:
     _codes: dict[tuple[bool, tuple[str, ...] | None], Code] = field(
         init=False, default_factory=dict
     )
-    _templates: dict[str, Template] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         network, probes = self.network, self.observation.probes
@@ -83,15 +79,6 @@ class Program:
             code = compile(emitter.emit(checked, held), FILENAME, "exec")
             made = self._codes[key] = Code(code, MappingProxyType(emitter.lines))
         return made
-
-    @property
-    def template(self) -> Template | None:
-        """The text that compiled runs took last, which may not fit the next seed."""
-        return self._templates.get("last")
-
-    def keep_template(self, made: Template) -> None:
-        """Offer a compiled text to the runs that follow."""
-        self._templates["last"] = made
 
 
 def recordings(observation: Observation, gathered: Mapping[str, int]) -> list[Recording]:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from dataclasses import dataclass
+from typing import Any, NoReturn, Protocol
 
-FILENAME = "<the plan>"
+from blocks.block import BlockState
+from runtime.program import FILENAME, Program
+
 Progress = Callable[[int, int], None]
 Held = tuple[Any, ...]
 Run = Callable[[int, int, Held], Held]
@@ -26,6 +29,24 @@ class Runner(Protocol):
 
     def locate(self, error: BaseException) -> tuple[int, str] | None:
         """The tick and the block that an exception came from."""
+
+
+@dataclass(frozen=True)
+class RunContext:
+    """What a runner gets of the engine, once states are filled and constants computed.
+
+    ``namespace`` are the names that the plan's text uses. ``not_finite`` raises the error of a
+    block's method whose outputs are not finite. ``note`` takes lines for people.
+    """
+
+    program: Program
+    states: Mapping[str, BlockState]
+    namespace: Mapping[str, Any]
+    not_finite: Callable[..., NoReturn]
+    note: Callable[[str], None]
+
+
+MakeRunner = Callable[[RunContext], Runner]
 
 
 class PythonRunner:

@@ -34,7 +34,8 @@ from runtime.record import (
 )
 from runtime.result import Recorded, Result, evaluate
 from runtime.run_section import DEFAULT_MEMORY
-from runtime.running import silent
+from runtime.network import Network
+from runtime.running import MakeRunner, silent
 from runtime.signals import readable_bytes
 
 PACKAGES = (
@@ -62,8 +63,8 @@ def simulate(
     program = graph.program(plots, profiled=profile is not None)
     observation = program.observation
     began = datetime.now().astimezone()
-    compiled = take_compiled(network, 1, note) and profile is None
-    engine = Engine(program, network.seed, compiled, note, profile, folder)
+    runner = chosen_runner(network, note) if profile is None else None
+    engine = Engine(program, network.seed, runner, note, profile, folder)
     if program.gathered:
         note(f"recording to disk, since it takes more than {readable_bytes(network.memory)}")
         if folder is not None:
@@ -94,6 +95,20 @@ def simulate(
     return result
 
 
+def chosen_runner(network: Network, note: Callable[[str], None] = silent) -> MakeRunner | None:
+    """What makes the runner of a graph that is run once; None for the plan's Python text.
+
+    Raises
+    ------
+    MissingExtraError : the compiled engine is asked for and not installed.
+    """
+    if not take_compiled(network, 1, note):
+        return None
+    from runtime.compiled.runner import CompiledRunner
+
+    return CompiledRunner
+
+
 def _recorded(probe: Probe, values: FloatArray, times: FloatArray) -> Recorded:
     addresses, start = {}, 0
     for signal in probe.signals:
@@ -115,7 +130,7 @@ def _recorded(probe: Probe, values: FloatArray, times: FloatArray) -> Recorded:
 def _begin(graph: Graph, engine: Engine, program: Program, began: datetime, folder: Path) -> None:
     """Put beside a recording on disk what it takes to read it if the process is killed."""
     observation = program.observation
-    outcome = Outcome({}, 0, "interrupted", "compiled" if engine.compiled else "python")
+    outcome = Outcome({}, 0, "interrupted", "python" if engine.make_runner is None else "compiled")
     notes = [*graph.notes, *observation.notes]
     empty = {
         name: _recorded(probe, engine.arrays[name][:0], np.empty(0))

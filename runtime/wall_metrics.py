@@ -148,7 +148,7 @@ def _kind(
     )
 
 
-KINDS: Mapping[str, Kind] = {
+WALL_KINDS: Mapping[str, Kind] = {
     "distance_mae": _kind(
         distance_mae,
         "mean of abs(distance to the nearest surface - `distance`) (m), from when the contour is "

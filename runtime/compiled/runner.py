@@ -3,34 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from blocks.signals import FloatArray
 from runtime.compiled import cache
 from runtime.compiled.template import template
 from runtime.compiled.writing import plain
-
-if TYPE_CHECKING:
-    from blocks.signals import FloatArray
-    from runtime.engine import Engine
+from runtime.running import RunContext
 
 DRIVER = "<the loop around the compiled plan>"
 LARGEST_REPORT = 256
 
 
 class CompiledRunner:
-    """The compiled plan of one engine, ready to run.
+    """The compiled plan of one run, ready to run its ticks."""
 
-    Parameters
-    ----------
-    engine : after its start: states filled, constants computed.
-    note : called with a line of text when something is compiled.
-    """
-
-    def __init__(self, engine: Engine, note: Callable[[str], None]) -> None:
-        self.engine = engine
-        made = template(engine.program, engine.states, note)
+    def __init__(self, context: RunContext) -> None:
+        self.context = context
+        self.network = context.program.network
+        made = template(context.program, context.states, context.note)
         self.kernels, self.text = made.kernels, made.text
         self.function: Any = made.function
         self.held = self.text.held
@@ -44,13 +37,13 @@ class CompiledRunner:
         self.run = self._driver() if self.text.driver else self._whole
 
     def _fields(self, block: str) -> tuple[Any, ...]:
-        made = self.engine.network.entries[block].made
-        return self.kernels.compiled[block].fields(made, self.engine.states[block])
+        made = self.network.entries[block].made
+        return self.kernels.compiled[block].fields(made, self.context.states[block])
 
     def _argument(self, name: str) -> Any:
         """A constant, a state or a probe's array by its name in the text."""
         owner, dot, state = name.partition(".")
-        value = self.engine.namespace[owner]
+        value = self.context.namespace[owner]
         return plain(getattr(value, state) if dot else value, name)
 
     def adopt(self, held: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -85,11 +78,11 @@ class CompiledRunner:
     def _given(
         self, first: int, last: int, low: int, high: int, held: tuple[Any, ...]
     ) -> tuple[Any, ...]:
-        ticks = (first, last, low, high, self.engine.network.dt)
+        ticks = (first, last, low, high, self.network.dt)
         return (*ticks, self.at, self.report, held, *self.arguments)
 
     def _driver(self) -> Callable[[int, int, tuple[Any, ...]], tuple[Any, ...]]:
-        scope = {**self.engine.namespace, "run": self._part, "own": own, "seen": seen}
+        scope = {**self.context.namespace, "run": self._part, "own": own, "seen": seen}
         exec(compile(self.text.driver, DRIVER, "exec"), scope)
         drive: Callable[[int, int, tuple[Any, ...]], tuple[Any, ...]] = scope["drive"]
         return drive
@@ -99,13 +92,13 @@ class CompiledRunner:
         values: list[Any] = []
         entries = iter(self.report.tolist())
         for port in evaluation.outputs:
-            kind = self.engine.network.types[block, port]
+            kind = self.network.types[block, port]
             if kind.form == "record":
                 values.append(tuple(next(entries) for _ in kind.components))
             else:
                 value = next(entries)
                 values.append(np.full(kind.shape, value) if kind.form == "array" else value)
-        self.engine.not_finite(block, evaluation.method, *values)
+        self.context.not_finite(block, evaluation.method, *values)
 
     def locate(self, error: BaseException) -> tuple[int, str]:
         """The tick and the block that an exception came from."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
+from weakref import WeakKeyDictionary
 
 from blocks.block import BlockState
 from runtime.compiled import cache
@@ -26,8 +27,12 @@ class Template:
     owners: dict[str, str]
 
 
+# The text that compiled runs of a program took last; it may not fit the next seed.
+_latest: WeakKeyDictionary[Program, Template] = WeakKeyDictionary()
+
+
 def template(
-    program: Program, states: dict[str, BlockState], note: Callable[[str], None]
+    program: Program, states: Mapping[str, BlockState], note: Callable[[str], None]
 ) -> Template:
     """The template of a program: the one it has, if it fits these states, or another one.
 
@@ -36,7 +41,7 @@ def template(
     states : after ``start``.
     note : called with a line of text when something is compiled, and so takes a while.
     """
-    known = program.template
+    known = _latest.get(program)
     entries = program.network.entries
     if known is not None and all(
         kernel.fits(entries[name].made, states[name])
@@ -50,5 +55,5 @@ def template(
     text = emitter.compiled()
     owners = {fields_name(program.plan, name): name for name in kernels.compiled}
     made = Template(kernels, text, cache.module("plan", text.text).run, owners)
-    program.keep_template(made)
+    _latest[program] = made
     return made

@@ -25,7 +25,7 @@ from runtime.files import slug, write_whole
 from runtime.observe import PlotSpec
 from runtime.pictures import style
 from runtime.pictures.trajectory import equal_scales
-from runtime.plot_specs import KINDS, offered
+from runtime.plot_specs import PLOT_KINDS, offered
 from runtime.result import Recorded, Result
 
 DPI = 150
@@ -52,7 +52,7 @@ def draw(plot: PlotSpec, result: Result) -> Figure:
     ------
     UsageError : no such kind of plot, a probe was not recorded, or the run has no world to show.
     """
-    if plot.kind not in KINDS:
+    if plot.kind not in PLOT_KINDS:
         known = ", ".join(offered(plot.kind, result.world is not None))
         raise UsageError(f"plot '{plot.name}': expected one of {known}, got '{plot.kind}'")
     missing = [name for name in plot.of if name not in result.probes]
@@ -60,9 +60,9 @@ def draw(plot: PlotSpec, result: Result) -> Figure:
         raise UsageError(f"plot '{plot.name}' shows '{missing[0]}', which was not recorded")
     with matplotlib.rc_context(style.STYLE):
         figure = Figure(layout="constrained")
-        module, _, function = KINDS[plot.kind].painter.partition(":")
+        module, _, function = PLOT_KINDS[plot.kind].painter.partition(":")
         painter = getattr(import_module(module), function)
-        if KINDS[plot.kind].in_world:
+        if PLOT_KINDS[plot.kind].in_world:
             top = painter(figure, plot, result)
         else:
             shown = [result.probes[name] for name in plot.of]

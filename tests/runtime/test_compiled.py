@@ -260,7 +260,7 @@ def test_what_is_drawn_at_the_start_is_drawn_for_each_seed() -> None:
 
 
 def test_the_plan_is_compiled_for_one_signature_only() -> None:
-    engine = Engine(chain(Doubled(), Named(), dt=0.05).program(), 0, compiled=True)
+    engine = Engine(chain(Doubled(), Named(), dt=0.05).program(), 0, CompiledRunner)
     engine.run()
     assert len(engine.runner.function.signatures) == 1  # type: ignore[attr-defined]
 

@@ -21,7 +21,7 @@ from runtime.errors import (
     UsageError,
     Where,
 )
-from runtime.metrics import KINDS
+from runtime.metrics import METRIC_KINDS
 from runtime.sections import SECTIONS
 from tests.runtime.broken import PART, SOUND, changed, problems, with_part
 
@@ -387,7 +387,7 @@ CASES = {
     ],
     "metric's kind": [
         "metrics: {m: {of: pose}}\n",
-        f"g.yaml:18:11: metrics.m.kind: missing; expected one of {', '.join(KINDS)}",
+        f"g.yaml:18:11: metrics.m.kind: missing; expected one of {', '.join(METRIC_KINDS)}",
     ],
     "metric of several columns": [
         "metrics: {m: {kind: final, of: pose}}\n",

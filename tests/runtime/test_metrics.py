@@ -17,7 +17,7 @@ from blocks.signals import FloatArray
 from runtime.document import parse_yaml
 from runtime.errors import GraphError
 from runtime.metric_kinds import Common, Kind
-from runtime.metrics import KINDS, Metric, Series, Watched
+from runtime.metrics import METRIC_KINDS, Metric, Series, Watched
 from tests.runtime.broken import SOUND, changed
 
 T = np.linspace(0.0, 10.0, 1001)
@@ -198,7 +198,7 @@ TABLE = Watched((5, 2), ("m", "m"))
 
 
 def complaints(kind: str, options: dict[str, Any], **signals: Watched) -> list[tuple[str, str]]:
-    return list(KINDS[kind].check(options, signals))
+    return list(METRIC_KINDS[kind].check(options, signals))
 
 
 @pytest.mark.parametrize("kind", ["mean_abs", "rms", "max_abs", "min", "final"])
@@ -304,7 +304,7 @@ def test_options_of_a_new_kind_are_held_against_their_declaration(
     def percentile(series: Any, options: Any) -> float:
         return float(np.percentile(series["of"].values, options["percentile"]))
 
-    monkeypatch.setitem(KINDS, "percentile", Kind(percentile, "a percentile", Percentile))
+    monkeypatch.setitem(METRIC_KINDS, "percentile", Kind(percentile, "a percentile", Percentile))
     plain = parse_yaml(SOUND, "g").plain()
     entry = {"kind": "percentile", "of": "plant.pose.x", "percentile": written}
     graph = runtime.load({**plain, "metrics": {"p": entry}})

@@ -9,7 +9,7 @@ import pytest
 
 from blocks import World
 from runtime import wall_metrics
-from runtime.metrics import KINDS, Metric, Series
+from runtime.metrics import METRIC_KINDS, Metric, Series
 
 D = 0.2
 POST = World({"circles": [[1.0, -1.0, 0.5]]})
@@ -97,8 +97,8 @@ def test_only_places_clear_of_the_walls_count_as_along_a_cylinder() -> None:
 
 def test_first_time() -> None:
     series = {"of": Series(np.arange(5) * 0.1, np.array([0.0, 0.2, 1.0, 0.0, 1.0]))}
-    assert KINDS["first_time"].value(series, {}) == pytest.approx(0.2)
-    assert KINDS["first_time"].value(series, {"level": 2.0}) is None
+    assert METRIC_KINDS["first_time"].value(series, {}) == pytest.approx(0.2)
+    assert METRIC_KINDS["first_time"].value(series, {"level": 2.0}) is None
 
 
 @pytest.mark.parametrize("kind", ["distance_mae", "distance_mae_cylinders", "strayed", "loops"])
