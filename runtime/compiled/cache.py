@@ -96,6 +96,8 @@ def write(name: str, text: str) -> Path:
     """Put a file into the folder, whole or not at all; one that holds the text already stays."""
     path = folder() / name
     if _bytes(path) != text.encode():
+        if path.is_dir():
+            _discard(path)
         with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False, encoding="utf-8") as f:
             f.write(text)
         Path(f.name).replace(path)
@@ -127,7 +129,7 @@ def module(kind: str, text: str) -> ModuleType:
         listed = read_record(f"{name}.sealed")
         if listed != _hashes(name):
             for file in _kept(name):
-                file.unlink(missing_ok=True)
+                _discard(file)
         sys.modules.setdefault(PACKAGE, ModuleType(PACKAGE))
         made = ModuleType(full)
         made.__file__ = str(path)
@@ -148,6 +150,14 @@ def _kept(name: str) -> list[Path]:
     """What numba keeps of a module: an index for each function, and its machine code."""
     found = (folder() / "__pycache__").glob(f"{name}.*")
     return sorted(file for file in found if file.suffix in (".nbi", ".nbc"))
+
+
+def _discard(path: Path) -> None:
+    """Remove what stands in a file's place, be it a folder."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
 
 
 def _hashes(name: str) -> dict[str, str]:

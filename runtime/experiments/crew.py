@@ -74,18 +74,18 @@ def cluster_crew(address: str) -> Crew:
         executor.shutdown(wait=finished)
         client.close()
 
+    gone = UsageError(
+        f"--scheduler {address}: the scheduler is gone; once there is one again, --resume goes on"
+    )
+
     def check() -> None:
         if client.status != "running":
-            raise UsageError(
-                f"--scheduler {address}: the scheduler is gone; once there is one again, "
-                "--resume goes on"
-            )
+            raise gone
 
     def width() -> int:
         try:
             return max(2, 2 * int(sum(client.nthreads().values())))
         except (OSError, RuntimeError):
-            check()
-            raise
+            raise gone from None
 
     return Crew(executor, width, leave, (KilledWorker, CancelledError), check)

@@ -36,6 +36,7 @@ BAD = ("x" * 300, "\udcff.yaml", "\x1b[31m")
 PLAUSIBLE: dict[str, tuple[str, ...]] = {
     "graph": GRAPHS,
     "graphs": GRAPHS,
+    "folder": ("runs", "runs/tiny", ".", "nope"),
     "run": FOLDERS,
     "runs": FOLDERS[:4],
     "path": FOLDERS,

@@ -6,11 +6,4 @@ away from. The page lists what is here.
 
 from __future__ import annotations
 
-KNOWN: dict[str, str] = {
-    "control characters": "that names and texts reach the terminal without control characters",
-    "infinity": "that no metric puts Infinity into the output of --json",
-    "names": "command lines with names that are too long or not UTF-8",
-    "links": "links inside of a folder that is read",
-    "kernels": "subclasses that override a method that has a form in loops",
-    "caches": "damages of a compile cache other than missing files",
-}
+KNOWN: dict[str, str] = {}

@@ -171,7 +171,7 @@ run: {until: 0.01}
         (["a"], "expected two runs or more, got 1"),
         (["a", "nowhere"], "there is no 'nowhere'; expected a run folder"),
         (["a", "cut"], "'cut/probes.npz' is damaged"),
-        (["a", "text"], "text/graph.resolved.yaml:2:1: not valid YAML"),
+        (["a", "text"], "text/graph.resolved.yaml:1:10: not valid YAML"),
         (["a", "other"], "nothing to compare: 'a' (graph nudged) and 'other' (graph other)"),
         (["a", "b", "--probes", "pse"], "no run has a probe 'pse', did you mean 'pose'?"),
         (["a", "b", "--rtol", "-1"], "expected a number from 0, got '-1'"),

@@ -397,7 +397,7 @@ def test_a_figure_that_fails_is_a_note(
         axes.set_xlim(0.0, float("nan"))
         return axes
 
-    monkeypatch.setitem(plots.PAINTERS, "heatmap", painter)
+    monkeypatch.setattr(plots, "draw_heatmap", painter)
     acting("pass")
     graph = runtime.load(tmp_path / "g.yaml")
     graph = graph.plot("bad", "heatmap", "seen").plot(

@@ -209,7 +209,7 @@ REFUSED: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
             "b.yaml": "a: [",
         },
         [
-            "b.yaml:2:1: not valid YAML: expected a value here",
+            "b.yaml:1:5: not valid YAML: expected a value here",
             f"g.yaml:1:11: extends: 'qqqqq': no such graph; {NO_GRAPHS}",
             "g.yaml:2:21: blocks.p.graph: expected the file of a part, got 3",
             f"g.yaml:2:36: blocks.q.graph: 'zzzzz.yaml': no such graph; {NO_GRAPHS}",

@@ -230,4 +230,4 @@ def test_hints_among_many_names_compare_few_of_them(monkeypatch: pytest.MonkeyPa
     found = messages(runtime.load(plain))
     assert len(found) == 300 and all("did you mean 'controller_" in line for line in found)
     assert "'cnotroller_123'" in found[123] and "did you mean 'controller_123'?" in found[123]
-    assert max(compared) <= params.MANY_NAMES
+    assert max(compared) <= params.CANDIDATES

@@ -51,9 +51,8 @@ def test_a_robot_that_sees_nothing_searches_slowly() -> None:
     """Beams that are all lost once it follows: no path, so half the explorer's speed."""
     graph = runtime.load("wall_following").without("adaptive").set("plots", {}).set("metrics", {})
     blind = graph.set("lidar.range_max", 0.06).set("blocks.explore.engage_distance", 100.0)
-    blind = blind.wire("follow.select", "now.value").set(
-        "blocks.now", {"type": "Constant", "value": 1}
-    )
+    blind = blind.set("blocks.now", {"type": "Constant", "value": 1})
+    blind = blind.wire("follow.select", "now.value")
     result = (
         blind.set("probes.v", "limit.limited").set("probes.valid", "fitter.valid").run(until=3.0)
     )
