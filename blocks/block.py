@@ -43,9 +43,6 @@ from blocks.params import ParameterError, hint, plain, show
 from blocks.reading import STATED, read_declarations
 from blocks.signals import SignalType
 
-if TYPE_CHECKING:
-    from blocks.world import World
-
 __all__ = [
     "Block",
     "BlockSpec",
@@ -67,13 +64,13 @@ class Setting:
     types : the resolved signal type of each port.
     terms : for each input that takes many wires, one flag per term as written: whether it is
         still connected (a removed block takes its wires along).
-    world : the walls and obstacles of the graph's ``world:`` section, if it has one.
+    world : the :class:`blocks.World` of the graph's ``world:`` section; None without one.
     """
 
     dt: float
     types: Mapping[str, SignalType]
     terms: Mapping[str, tuple[bool, ...]] = field(default_factory=dict)
-    world: World | None = None
+    world: object = None
 
 
 class BlockState:

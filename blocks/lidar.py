@@ -11,7 +11,7 @@ from blocks.kernels import kernel_of
 from blocks.params import ParameterError, param
 from blocks.signals import FloatArray, Pose, PoseValue, Scan
 from blocks.surfaces import loop_cast
-from blocks.world import World
+from blocks.world import World, world_of
 
 FULL_TURN = 2.0 * math.pi
 
@@ -42,10 +42,11 @@ def required_world(setting: Setting) -> World:
     ------
     ParameterError : the graph has none.
     """
-    if setting.world is None:
+    world = world_of(setting)
+    if world is None:
         said = "needs a world: section in the graph, such as world: {circles: [[2.0, 0.0, 0.5]]}"
         raise ParameterError([("world", said)])
-    return setting.world
+    return world
 
 
 class Lidar(Block):

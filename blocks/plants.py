@@ -11,7 +11,7 @@ from blocks.kernels import kernel_of
 from blocks.params import ParameterError, param
 from blocks.signals import FloatArray, Pose, PoseValue, Scalar, Twist, TwistValue, WheelSpeeds
 from blocks.surfaces import Surfaces, nearest
-from blocks.world import World
+from blocks.world import World, world_of
 
 # What is nearest where there is nothing (m): signals are finite.
 NOTHING_NEAR = 1000.0
@@ -88,11 +88,12 @@ class DifferentialDrive(Block):
     def validate_in(self, setting: Setting) -> None:
         if self.body_radius == 0.0:
             return
-        if setting.world is None:
+        world = world_of(setting)
+        if world is None:
             said = "a body needs something to touch: the graph has no world: section"
             raise ParameterError([("body_radius", said)])
         x, y, _ = self.x0.tolist()
-        distance = setting.world.nearest(x, y)[0]
+        distance = world.nearest(x, y)[0]
         if distance < self.body_radius:
             said = f"a body of radius {self.body_radius:g} m does not fit at ({x:g}, {y:g})"
             said += f": the nearest surface is {distance:.3g} m away" if distance > 0.0 else ""
@@ -101,7 +102,7 @@ class DifferentialDrive(Block):
     def start(self, state: BlockState) -> None:
         state.pose_state[:] = self.x0
         state.step = INTEGRATORS[self.integrator]
-        state.world = world = state.setting.world
+        state.world = world = world_of(state.setting)
         state.surfaces = None if world is None else world.arrays
         x, y, _ = self.x0.tolist()
         near = NOTHING_NEAR if world is None else world.nearest(x, y)[0] - self.body_radius

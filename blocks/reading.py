@@ -7,23 +7,18 @@ import types
 import typing
 from collections.abc import Container, Iterator, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from blocks.declarations import BlockSpec, DeclarationError, Evaluation, Input, Output, State
 from blocks.params import KINDS, Kind, Param, hint, param
 from blocks.signals import Same, SignalType
-
-if TYPE_CHECKING:
-    from blocks.block import Block
 
 RESERVED_PARAMETERS = ("type", "module", "dt")
 STATED = "_signal"
 RESERVED_STATES = ("setting", "dt", "seed", "rng", "_declared")
 
 
-def read_declarations(
-    cls: type[Block], own_sizes: bool = False, own_variables: bool = False
-) -> BlockSpec:
+def read_declarations(cls: type, own_sizes: bool = False, own_variables: bool = False) -> BlockSpec:
     """Collect ports, states and parameters of a class, inherited ones first.
 
     ``own_sizes`` says that the class gives lengths beyond those of its integer parameters,
@@ -213,7 +208,7 @@ def _check_defaults(cls: type, params: Mapping[str, Param]) -> None:
 
 
 def _output_methods(
-    cls: type[Block], inputs: Mapping[str, Input], outputs: Mapping[str, Output]
+    cls: type, inputs: Mapping[str, Input], outputs: Mapping[str, Output]
 ) -> tuple[Evaluation, ...]:
     methods = [name for name in dir(cls) if name.startswith("output_")]
     for method in methods:
@@ -236,7 +231,7 @@ def _output_methods(
     return tuple(evaluations)
 
 
-def _needs(cls: type[Block], method: str, ports: Mapping[str, Any]) -> tuple[str, ...]:
+def _needs(cls: type, method: str, ports: Mapping[str, Any]) -> tuple[str, ...]:
     found = inspect.signature(getattr(cls, method)).parameters
     names = list(found)
     if len(names) < 3 or names[1:3] != ["state", "t"]:

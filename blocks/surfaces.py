@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -13,9 +13,6 @@ from blocks.curves import Curve, Line, wrapped
 from blocks.kernels import kernel_of
 from blocks.rays import OVERHANG
 from blocks.signals import FloatArray
-
-if TYPE_CHECKING:
-    from blocks.world import World
 
 Edge = tuple[float, float, float, float, float, float]
 IntArray = npt.NDArray[np.int64]
@@ -63,7 +60,11 @@ def as_arrays(
     )
 
 
-def nearest(world: World, x: float, y: float) -> Nearest:
+class _Nearby(Protocol):
+    def nearest(self, x: float, y: float) -> Nearest: ...
+
+
+def nearest(world: _Nearby, x: float, y: float) -> Nearest:
     """Signed distance to the nearest surface, and the normal there: :meth:`World.nearest`."""
     return world.nearest(x, y)
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from blocks.block import Setting
 from blocks.curves import Curve, foot
 from blocks.fillet import deviation
 from blocks.level_set import kinks, level_set, loops, sampled
@@ -260,6 +261,11 @@ class World:
 
     def __repr__(self) -> str:
         return f"World({self.description})"
+
+
+def world_of(setting: Setting) -> World | None:
+    """The world of the graph that a block is in; None without one."""
+    return setting.world if isinstance(setting.world, World) else None
 
 
 def _edges(corners: FloatArray) -> tuple[Edge, ...]:

@@ -23,13 +23,13 @@ if TYPE_CHECKING:
         UsageError,
     )
     from runtime.graph import Graph, load
-    from runtime.reopen import open_run as open
     from runtime.result import Result
+    from runtime.result import open_run as open
 
 _HOMES = {
     "Graph": ("runtime.graph", "Graph"),
     "load": ("runtime.graph", "load"),
-    "open": ("runtime.reopen", "open_run"),
+    "open": ("runtime.result", "open_run"),
     "Result": ("runtime.result", "Result"),
     **{
         name: ("runtime.errors", name)

@@ -18,12 +18,11 @@ from runtime.document import Node
 from runtime.errors import MissingExtraError, Problems
 from runtime.inference import infer_types, report_open
 from runtime.network import Entry, Network
-from runtime.observe import check_observation
 from runtime.removal import remove
 from runtime.run_section import MAX_TICKS, read_run, seconds
 from runtime.scope import Scope, expand
 from runtime.sections import meant, section
-from runtime.signals import MAX_BYTES, whole_shape
+from runtime.shapes import MAX_BYTES, whole_shape
 from runtime.units import check_units
 from runtime.unwired import report_unwired
 from runtime.wiring import Wiring
@@ -34,21 +33,23 @@ MAX_TITLE = 120
 
 def build(
     document: Node,
+    problems: Problems,
     classes: Mapping[str, type[Block]] | None = None,
     kinds: Mapping[str, SignalType] | None = None,
     modules: bool = True,
-) -> Network:
+) -> tuple[Network, MissingExtraError | None]:
     """Build the network of a document that stands by itself (nothing to extend or inline).
 
-    ``classes`` and ``kinds`` are block types and signal types beside the library's, for graphs
-    made in Python. Python files that the graph names are imported only with ``modules``.
+    Parameters
+    ----------
+    problems : takes what is wrong; the network is sound only if there is nothing.
+    classes, kinds : block types and signal types beside the library's, of graphs made in Python.
+    modules : whether Python files that the graph names are imported.
 
-    Raises
-    ------
-    GraphError : with every problem that was found, in the order of the text.
-    MissingExtraError : all is well but for a package that a block needs.
+    Returns
+    -------
+    tuple : the network, and the extra that one of its blocks needs and that is not installed.
     """
-    problems = Problems()
     scope, document = expand(document, problems)
     before = len(problems.found)
     network = _empty_network(document, scope, problems)
@@ -67,11 +68,8 @@ def build(
     if not problems.found:
         report_open(network, problems)
     missing = _check_settings(network, problems) if can_run else None
-    check_observation(network, problems)
-    problems.raise_any()
-    if missing is not None:
-        raise MissingExtraError(missing.feature, missing.extra)
-    return network
+    extra = None if missing is None else MissingExtraError(missing.feature, missing.extra)
+    return network, extra
 
 
 def _empty_network(document: Node, scope: Scope, problems: Problems) -> Network:

@@ -9,7 +9,7 @@ from importlib.util import find_spec
 from blocks.signals import Same
 from runtime.errors import MissingExtraError
 from runtime.network import Network
-from runtime.observe import state_shape
+from runtime.shapes import state_shape
 
 # Rough costs in Python (s), as measured on case A: a call of a block, and each number that an
 # update may move; and on case C: each number of an array that a block works out from its inputs

@@ -16,8 +16,7 @@ from blocks.registry import BUILTIN, blocks_of_module, installed
 from runtime.errors import UsageError
 from runtime.metric_kinds import Common, Kind
 from runtime.metrics import METRIC_KINDS
-from runtime.plot_specs import PLOT_KINDS
-from runtime.plot_specs import PlotKind
+from runtime.plot_specs import PLOT_KINDS, PlotKind
 
 HEADER = """# Blocks
 

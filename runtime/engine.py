@@ -20,12 +20,22 @@ from runtime.diagnosis import Diagnosis
 from runtime.errors import SimulationError, UsageError
 from runtime.interrupts import stoppable
 from runtime.network import Network
-from runtime.observe import state_shape
 from runtime.plan import GLOBALS, Plan
 from runtime.profile import Profile
 from runtime.program import Program
 from runtime.recorder import Recorder
-from runtime.running import Held, Progress, PythonRunner, Run, Runner, located, silent
+from runtime.running import (
+    Held,
+    MakeRunner,
+    Progress,
+    PythonRunner,
+    Run,
+    RunContext,
+    Runner,
+    located,
+    silent,
+)
+from runtime.shapes import state_shape
 from runtime.values import brief, form, has_form, is_bad, sealed
 
 CHUNK_SECONDS = 0.1
@@ -108,7 +118,8 @@ class Engine:
     def run(self, progress: Progress | None = None) -> Outcome:
         """Run all ticks; an interrupt or a failure ends the run and keeps what was recorded."""
         began = time.perf_counter()
-        outcome = Outcome(self.arrays, 0, engine="python" if self.make_runner is None else "compiled")
+        engine = "python" if self.make_runner is None else "compiled"
+        outcome = Outcome(self.arrays, 0, engine=engine)
         try:
             with stoppable():
                 held = self._first_tick()

@@ -14,13 +14,16 @@ from blocks.signals import SignalType
 from runtime.build import build
 from runtime.document import Node, dump_yaml, from_python
 from runtime.edits import add_names, set_entry, set_wire
-from runtime.errors import GraphError, MissingExtraError, UsageError
+from runtime.errors import GraphError, MissingExtraError, Problems, UsageError
 from runtime.loader import merge, read_graph
 from runtime.network import Network
+from runtime.observe import Observation, observe
 from runtime.replacement import replace_block
 
 if TYPE_CHECKING:
     from runtime.program import Program
+    from runtime.result import Result
+    from runtime.simulate import PreparedRun
 
 SECTION_ORDER = (
     *("graph", "run", "params", "blocks", "wires", "without", "bypass"),
@@ -91,29 +94,44 @@ class Graph:
         return self.network.title
 
     @cached_property
+    def _checked(self) -> tuple[Network, Observation]:
+        problems = Problems()
+        network, missing = build(self._document, problems, self._classes, self._kinds, self.modules)
+        observation = observe(network, problems)
+        problems.raise_any()
+        if missing is not None:
+            raise missing
+        return network, observation
+
+    @property
     def network(self) -> Network:
         """The checked network.
 
         Raises
         ------
         GraphError : listing all that is wrong.
+        MissingExtraError : all is well but for a package that a block needs.
         """
-        return build(self._document, self._classes, self._kinds, self.modules)
+        return self._checked[0]
+
+    @property
+    def observation(self) -> Observation:
+        """What a run records, draws and measures; raises as :attr:`network` does."""
+        return self._checked[1]
 
     def program(self, plots: Container[str] | None = None, profiled: bool = False) -> Program:
         """What runs of this graph share, whatever their seeds.
 
         ``plots`` limits what is recorded to the metrics' probes and those of plots of these kinds.
         """
-        from runtime.observe import observe
         from runtime.program import Program
 
         programs = self.__dict__.setdefault("_programs", {})
         key = (None if plots is None else repr(plots), profiled)
         if key not in programs:
-            observation = observe(self.network)
-            observation = observation if plots is None else observation.reduced(plots)
-            programs[key] = Program(self.network, observation, profiled)
+            seen = self.observation
+            reduced = seen if plots is None else seen.reduced(plots)
+            programs[key] = Program(self.network, reduced, profiled)
         made: Program = programs[key]
         return made
 
@@ -129,7 +147,7 @@ class Graph:
 
     def _edit(self, document: Node) -> Graph:
         self._document = document
-        self.__dict__.pop("network", None)
+        self.__dict__.pop("_checked", None)
         self.__dict__.pop("_programs", None)
         return self
 
@@ -298,9 +316,10 @@ class Graph:
     def with_seed(self, seed: int) -> Graph:
         """A copy with another seed, which shares the checked network if that is built already."""
         changed = self._set("run.seed", seed)
-        network = self.__dict__.get("network")
-        if network is not None and type(seed) is int and seed >= 0:
-            changed.__dict__["network"] = replace(network, seed=seed)
+        checked = self.__dict__.get("_checked")
+        if checked is not None and type(seed) is int and seed >= 0:
+            network, observation = checked
+            changed.__dict__["_checked"] = (replace(network, seed=seed), observation)
             changed.__dict__["_programs"] = self.__dict__.setdefault("_programs", {})
         return changed
 
@@ -311,7 +330,7 @@ class Graph:
         until: float | None = None,
         engine: str | None = None,
         progress: Callable[[int, int], None] | None = None,
-    ) -> Any:
+    ) -> Result:
         """Simulate; see :class:`runtime.result.Result`.
 
         ``engine`` is "python", "compiled" or "auto", which compiles where that repays itself.
@@ -330,7 +349,21 @@ class Graph:
             graph = graph._set("run.until", until)
         if engine is not None:
             graph = graph._set("run.engine", engine)
-        return simulate(graph, progress)
+        return simulate(graph.prepared(), progress)
+
+    def prepared(self, plots: Container[str] | None = None, profiled: bool = False) -> PreparedRun:
+        """All that a run needs of the graph; ``plots`` and ``profiled`` as for :meth:`program`."""
+        from runtime.simulate import PreparedRun
+
+        return PreparedRun(
+            self.program(plots, profiled),
+            self.network,
+            self.to_dict,
+            self.source,
+            self.texts,
+            self.overrides,
+            self.notes,
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """The graph as plain values, sections in their usual order."""

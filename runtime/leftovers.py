@@ -22,7 +22,7 @@ from runtime.files import remove_tree
 from runtime.record import LOCK, MANIFEST, PARTIAL, RECORDING, RESOLVED, WRITTEN, Draft, lock
 from runtime.recorder import recording_file
 from runtime.reopen import described_run, read_manifest
-from runtime.result import Result
+from runtime.run_data import RunData
 
 # The hidden folders of a run, and those of versions that had one for recordings alone.
 _HIDDEN = re.compile(rf"\.(?P<name>.+?)(-[0-9a-f]{{6}})?({re.escape(PARTIAL)}|\.recording)")
@@ -129,7 +129,7 @@ def recover(leftover: Leftover) -> Path:
         draft.close()
 
 
-def _recovered(source: Path) -> Result:
+def _recovered(source: Path) -> RunData:
     details = read_manifest(source)
     every, dt = details.pop("every", {}), details.get("dt")
     names = details.pop("metrics", [])

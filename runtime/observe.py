@@ -11,8 +11,7 @@ from blocks.params import hint
 from runtime.addresses import AddressError, ReportedError, find
 from runtime.document import Node
 from runtime.errors import Problems, Where
-from runtime.metrics import METRIC_KINDS
-from runtime.metrics import Metric, Watched
+from runtime.metrics import METRIC_KINDS, Metric, Watched
 from runtime.network import Network, check_output
 from runtime.plot_specs import (
     COMMON,
@@ -26,17 +25,15 @@ from runtime.plot_specs import (
 from runtime.plot_specs import PlotSpec as PlotSpec
 from runtime.removal import follow, lost
 from runtime.sections import SECTIONS, check_keys, expected, misnamed, misspelt, section, texts
+from runtime.shapes import MAX_BYTES, whole_shape
 from runtime.signals import (
-    MAX_BYTES,
     MAX_RECORDING,
     Signal,
     make_signal,
     no_component,
     readable_bytes,
-    whole_shape,
 )
 from runtime.signals import Probe as Probe
-from runtime.signals import state_shape as state_shape
 
 MAX_COLUMNS = 1_000_000
 _SOURCE = "a probe's name or an address"
@@ -60,30 +57,18 @@ class Observation:
         return Observation(probes, plots, self.metrics, self.notes)
 
 
-def observe(network: Network) -> Observation:
-    """Read the sections probes, plots and metrics.
-
-    Raises
-    ------
-    GraphError : with every problem found.
-    """
-    problems = Problems()
+def observe(network: Network, problems: Problems) -> Observation:
+    """Read the sections probes, plots and metrics, as far as the blocks they name are sound."""
     reader = _Reader(network, problems)
     reader.read(network.document)
     probes = reader.seen.probes.values()
     total = sum(probe.size(network.ticks) for probe in probes)
-    if total > MAX_RECORDING:
+    if total > MAX_RECORDING and not problems.found:
         worst = max(probes, key=lambda probe: probe.size(network.ticks))
         said = f"recording takes {readable_bytes(total)}, most of it '{worst.name}'; record it "
         said += f"less often, {{of: {worst.signals[0].end}, every: 100}}, or run shorter"
         problems.add(*reader.places[worst.name], said)
-    problems.raise_any()
     return reader.seen
-
-
-def check_observation(network: Network, problems: Problems) -> None:
-    """Check the three sections, as far as the blocks that they name are sound themselves."""
-    _Reader(network, problems).read(network.document)
 
 
 class _Reader:

@@ -28,7 +28,7 @@ from runtime.files import (
     write_whole,
 )
 from runtime.observe import Probe
-from runtime.result import Recorded, Result
+from runtime.run_data import Recorded, RunData
 from runtime.streaming import save_arrays
 
 try:
@@ -127,7 +127,7 @@ class Draft:
         """Where recordings go that are larger than memory."""
         return self.partial / RECORDING
 
-    def save(self, result: Result) -> Path:
+    def save(self, result: RunData) -> Path:
         """Write the run; its folder appears only when it is complete.
 
         Raises
@@ -153,7 +153,7 @@ class Draft:
             self._lock = None
 
 
-def save(result: Result, folder: Path) -> Path:
+def save(result: RunData, folder: Path) -> Path:
     """Write a result; the folder appears only when it is complete.
 
     Raises
@@ -167,7 +167,7 @@ def save(result: Result, folder: Path) -> Path:
         draft.close()
 
 
-def save_elsewhere(result: Result, name: str) -> Path:
+def save_elsewhere(result: RunData, name: str) -> Path:
     """Write a result into a fresh temporary folder, where its own place cannot take it.
 
     Raises
@@ -211,7 +211,7 @@ def _reason(error: Exception) -> str:
     return getattr(error, "strerror", None) or str(error)
 
 
-def begin(result: Result, probes: Mapping[str, Probe], folder: Path) -> None:
+def begin(result: RunData, probes: Mapping[str, Probe], folder: Path) -> None:
     """Write what a recording needs to be read without its process: texts and a manifest.
 
     Raises
@@ -227,14 +227,14 @@ def begin(result: Result, probes: Mapping[str, Probe], folder: Path) -> None:
     write_json(folder / MANIFEST, {**details, "metrics": list(result.metrics)})
 
 
-def _write_texts(result: Result, folder: Path) -> None:
+def _write_texts(result: RunData, folder: Path) -> None:
     for name, content in result.files.items():
         write_whole(folder / name, content)
     for name, text in result.texts.items():
         write_whole(folder / name, text)
 
 
-def _write(result: Result, folder: Path, commit: str | None) -> None:
+def _write(result: RunData, folder: Path, commit: str | None) -> None:
     arrays = {}
     for name, recorded in result.probes.items():
         arrays[name] = recorded.values
@@ -247,7 +247,7 @@ def _write(result: Result, folder: Path, commit: str | None) -> None:
     write_whole(folder / MANIFEST, details + "\n")
 
 
-def manifest(result: Result, hashes: Mapping[str, str], commit: str | None) -> dict[str, Any]:
+def manifest(result: RunData, hashes: Mapping[str, str], commit: str | None) -> dict[str, Any]:
     """What manifest.json holds; ``hashes`` are those of the folder's other files."""
     plots = [
         {"name": p.name, "kind": p.kind, "of": list(p.of), "title": p.title}

@@ -30,7 +30,7 @@ from runtime.record import (
     TIME,
     WRITTEN,
 )
-from runtime.result import Recorded, Result
+from runtime.run_data import Recorded, RunData
 from runtime.streaming import open_arrays
 
 LARGEST = 1e308
@@ -74,7 +74,7 @@ def run_folder(path: str | Path) -> Path:
     raise UsageError(f"'{folder}' holds no run (no {MANIFEST} in it); expected a run folder{mend}")
 
 
-def open_run(path: str | Path) -> Result:
+def read_run(path: str | Path) -> RunData:
     """Read a run back.
 
     Parameters
@@ -115,7 +115,7 @@ def described_run(
     manifest: dict[str, Any],
     arrays: dict[str, FloatArray],
     metrics: dict[str, float | None],
-) -> Result:
+) -> RunData:
     """The run that a manifest describes, with its arrays, and the texts in its folder.
 
     Raises
@@ -143,7 +143,7 @@ def described_run(
         raise _damaged(folder / MANIFEST, f"{error} is missing") from None
     except (ValueError, TypeError, AttributeError, IndexError) as error:
         raise _damaged(folder / MANIFEST, str(error)) from None
-    return Result(
+    return RunData(
         *(str(manifest["graph"]), probes, metrics, plots, manifest),
         *(lambda: (texts, {}), notes, failures, world),
     )

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
-from blocks.block import Setting, State
 from blocks.signals import SignalType
 from runtime.addresses import Endpoint
 from runtime.inference import component_type, unknown_component
 from runtime.network import Network
+from runtime.shapes import state_shape
 
-MAX_BYTES = 4 * 1024**3
 MAX_RECORDING = 1024**4
 
 
@@ -107,20 +105,6 @@ def readable_bytes(size: float) -> str:
     return f"{size:.4g} TiB"
 
 
-def whole_shape(network: Network, end: Endpoint) -> tuple[int, ...] | None:
-    """Shape of the output or state at an address; None while a type or the block is unknown."""
-    entry = network.entries.get(end.block)
-    if entry is None or entry.block is None:
-        return None
-    spec = entry.cls.spec
-    if end.port in spec.outputs:
-        kind = network.types.get((end.block, end.port))
-        return None if kind is None else kind.shape
-    if not network.is_typed(end.block):
-        return None
-    return state_shape(entry.block.sizes(), spec.states[end.port], network.setting(end.block), spec)
-
-
 def no_component(network: Network, end: Endpoint) -> str:
     """What is wrong with an address for which :func:`make_signal` finds nothing."""
     if (end.block, end.port) in network.types:
@@ -171,16 +155,3 @@ def _columns(
     unit = unit or (whole.units[0] if whole.units else "")
     labels = (label,) if count == 1 else tuple(f"{label}.{i}" for i in range(count))
     return labels, (unit,) * count
-
-
-def state_shape(
-    sizes: dict[str, int], state: State, setting: Setting, spec: Any
-) -> tuple[int, ...]:
-    """The shape of a declared state, with its symbols filled in."""
-    if state.like:
-        return setting.types[state.like].shape
-    lengths = dict(sizes)
-    for name, port in {**spec.inputs, **spec.outputs}.items():
-        if isinstance(port.type, SignalType) and port.type.symbol and name in setting.types:
-            lengths[port.type.symbol] = setting.types[name].shape[0]
-    return tuple(n if isinstance(n, int) else lengths[n] for n in state.shape)

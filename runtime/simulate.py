@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import platform
 import sys
-from collections.abc import Callable, Container
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from datetime import datetime
 from functools import cache, partial
 from importlib.metadata import PackageNotFoundError, version
@@ -15,11 +17,13 @@ from typing import Any
 import numpy as np
 
 from blocks.signals import FloatArray
+from blocks.world import World
 from runtime.choice import take_compiled
 from runtime.diagrams.stored import stored_picture
 from runtime.document import dump_yaml
 from runtime.engine import Engine, Outcome
-from runtime.graph import Graph
+from runtime.metrics import Metric, Series
+from runtime.network import Network
 from runtime.observe import Probe
 from runtime.profile import Profile
 from runtime.program import Program
@@ -32,9 +36,9 @@ from runtime.record import (
     contents,
     portable_modules,
 )
-from runtime.result import Recorded, Result, evaluate
+from runtime.result import Result
+from runtime.run_data import Recorded
 from runtime.run_section import DEFAULT_MEMORY
-from runtime.network import Network
 from runtime.running import MakeRunner, silent
 from runtime.signals import readable_bytes
 
@@ -44,23 +48,39 @@ PACKAGES = (
 )
 
 
+@dataclass(frozen=True)
+class PreparedRun:
+    """A checked graph as a run needs it.
+
+    program : what is executed and recorded. network : checked, with the run's seed.
+    document : gives the graph as plain values. source : the graph's file, if it came from one.
+    read : the content of all files that the graph was read from, by resolved path.
+    overrides : the changes made to it. notes : for people.
+    """
+
+    program: Program
+    network: Network
+    document: Callable[[], dict[str, Any]]
+    source: Path | None
+    read: Mapping[str, bytes]
+    overrides: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
 def simulate(
-    graph: Graph,
+    graph: PreparedRun,
     progress: Callable[[int, int], None] | None = None,
-    plots: Container[str] | None = None,
     note: Callable[[str], None] = silent,
     profile: Profile | None = None,
     folder: Path | None = None,
 ) -> Result:
     """Run a graph; see :meth:`runtime.graph.Graph.run`.
 
-    ``plots`` limits what is recorded to the metrics' probes and those of plots of these kinds.
     ``note`` is called with lines for people: what is compiled, and what is not. ``profile`` is
     filled with what each block takes under the Python engine. ``folder`` takes recordings that
     are larger than the graph's ``run.memory``; by default a temporary one.
     """
-    network = graph.network
-    program = graph.program(plots, profiled=profile is not None)
+    network, program = graph.network, graph.program
     observation = program.observation
     began = datetime.now().astimezone()
     runner = chosen_runner(network, note) if profile is None else None
@@ -68,7 +88,7 @@ def simulate(
     if program.gathered:
         note(f"recording to disk, since it takes more than {readable_bytes(network.memory)}")
         if folder is not None:
-            _begin(graph, engine, program, began, folder)
+            _begin(graph, engine, began, folder)
     outcome = engine.run(progress)
     probes = {
         name: _recorded(probe, rows, engine.recorder.times(name, len(rows), network.dt))
@@ -127,9 +147,9 @@ def _recorded(probe: Probe, values: FloatArray, times: FloatArray) -> Recorded:
     )
 
 
-def _begin(graph: Graph, engine: Engine, program: Program, began: datetime, folder: Path) -> None:
+def _begin(graph: PreparedRun, engine: Engine, began: datetime, folder: Path) -> None:
     """Put beside a recording on disk what it takes to read it if the process is killed."""
-    observation = program.observation
+    program, observation = graph.program, graph.program.observation
     outcome = Outcome({}, 0, "interrupted", "python" if engine.make_runner is None else "compiled")
     notes = [*graph.notes, *observation.notes]
     empty = {
@@ -151,10 +171,10 @@ def _begin(graph: Graph, engine: Engine, program: Program, began: datetime, fold
     )
 
 
-def _origin(graph: Graph, engine: str) -> tuple[dict[str, str], dict[str, bytes]]:
+def _origin(graph: PreparedRun, engine: str) -> tuple[dict[str, str], dict[str, bytes]]:
     """The graph as it was written and as it was run, and the files of its own blocks."""
     resolved, files = portable_modules(_resolved(graph, engine))
-    read = graph.texts
+    read = graph.read
     source = None if graph.source is None else read.get(str(graph.source.resolve()))
     text = dump_yaml(resolved) if source is None else source.decode("utf-8-sig")
     texts = {WRITTEN: text, RESOLVED: dump_yaml(resolved)}
@@ -162,20 +182,20 @@ def _origin(graph: Graph, engine: str) -> tuple[dict[str, str], dict[str, bytes]
     return (texts if drawn is None else {**texts, DIAGRAM: drawn}), contents(files, read)
 
 
-def _resolved(graph: Graph, engine: str) -> dict[str, Any]:
+def _resolved(graph: PreparedRun, engine: str) -> dict[str, Any]:
     """The document with everything about the run written out."""
     network = graph.network
     run = {"dt": network.dt, "until": network.until, "seed": network.seed, "engine": engine}
     if network.memory != DEFAULT_MEMORY:
         run["memory"] = network.memory
-    return {**graph.to_dict(), "run": run}
+    return {**graph.document(), "run": run}
 
 
 def _manifest(
-    graph: Graph, outcome: Outcome, program: Program, notes: list[str], began: datetime
+    graph: PreparedRun, outcome: Outcome, program: Program, notes: list[str], began: datetime
 ) -> dict[str, Any]:
     network = graph.network
-    read = {path: hashlib.sha256(data).hexdigest() for path, data in graph.texts.items()}
+    read = {path: hashlib.sha256(data).hexdigest() for path, data in graph.read.items()}
     return {
         "schema_version": SCHEMA_VERSION,
         "graph": network.title,
@@ -224,3 +244,24 @@ def versions() -> dict[str, str]:
         except PackageNotFoundError:
             found[name] = "not installed"
     return found
+
+
+def evaluate(
+    metrics: list[Metric], probes: Mapping[str, Recorded], world: World | None = None
+) -> tuple[dict[str, float | None], list[str], list[str]]:
+    """All metrics' values, what is wrong with those that carry an expectation, and notes.
+
+    A value that is infinite, as the distance that a beam measures where it hits nothing, is none
+    that means or files could hold: it becomes None with a note. It is what expectations see.
+    """
+    series = {name: Series(r.t, r.values) for name, r in probes.items()}
+    values: dict[str, float | None] = {}
+    failures, notes = [], []
+    for metric in metrics:
+        value = metric.value(series, world)
+        failures += [text] if (text := metric.expectation(value)) else []
+        if value is not None and not math.isfinite(value):
+            notes.append(f"metric '{metric.name}' is infinite ({value:g}): it counts as no value")
+            value = None
+        values[metric.name] = value
+    return values, failures, notes

@@ -87,7 +87,8 @@ def _simulated(
     note = silent if quiet else _note
     try:
         folder = draft.recordings
-        return simulate(graph, progress, note=note, profile=profile, folder=folder), None
+        prepared = graph.prepared(profiled=profile is not None)
+        return simulate(prepared, progress, note, profile, folder), None
     except SimulationError as error:
         if not isinstance(error.result, Result):
             draft.close()
@@ -161,10 +162,9 @@ def _tell_leftovers(folder: Path) -> None:
 
 def _check_animation(graph: Graph) -> None:
     """Refuse an animation of what has none before the run, not after it."""
-    from runtime.observe import observe
     from runtime.pictures.animation import animated
 
-    animated(observe(graph.network).plots, graph.network.world)
+    animated(graph.observation.plots, graph.network.world)
 
 
 def _pictures(result: Result, folder: Path, plots: bool, animation: bool) -> list[Path]:

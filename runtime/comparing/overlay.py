@@ -19,7 +19,7 @@ from runtime.pictures import style, walls
 from runtime.pictures.plots import THIN_ABOVE, THIN_TO, save_figure
 from runtime.pictures.raster import WINDOW
 from runtime.pictures.trajectory import draw_trajectory, equal_scales
-from runtime.result import Recorded
+from runtime.run_data import Recorded
 
 FEW = 6  # columns that have an axes each; more are shown by one number per row
 BELOW, BESIDE = 2.0, 1.0  # widths: a line that is covered by the next one shows on both sides

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from blocks.signals import FloatArray
-from runtime.result import Recorded
+from runtime.run_data import Recorded
 from runtime.streaming import row_blocks
 
 RESOLUTION = 1e-3  # ticks: times nearer than that are the same

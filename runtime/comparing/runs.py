@@ -12,8 +12,8 @@ from typing import Any
 from runtime.document import parse_yaml
 from runtime.errors import UsageError
 from runtime.record import RESOLVED
-from runtime.reopen import open_run, run_folder
-from runtime.result import Result
+from runtime.reopen import read_run, run_folder
+from runtime.run_data import RunData
 
 LABEL = 32  # letters, so that several stand beside each other
 _STAMP = re.compile(r"\d{8}-\d{6}-([0-9a-f]{6})")
@@ -25,7 +25,7 @@ class Run:
 
     label: str
     folder: Path
-    result: Result
+    result: RunData
     document: dict[str, Any]
 
 
@@ -48,7 +48,7 @@ def open_runs(paths: Sequence[str | Path], labels: Sequence[str] = ()) -> list[R
     if len(set(labels)) < len(labels) or "" in labels:
         raise UsageError(f"expected labels that differ, got {', '.join(map(repr, labels))}")
     folders = [run_folder(path) for path in paths]
-    results = [open_run(folder) for folder in folders]
+    results = [read_run(folder) for folder in folders]
     names = labels or _labels(folders, results)
     return [
         Run(name, folder, result, _document(folder, result))
@@ -56,14 +56,14 @@ def open_runs(paths: Sequence[str | Path], labels: Sequence[str] = ()) -> list[R
     ]
 
 
-def _document(folder: Path, result: Result) -> dict[str, Any]:
+def _document(folder: Path, result: RunData) -> dict[str, Any]:
     plain = parse_yaml(result.texts[RESOLVED], str(folder / RESOLVED)).plain()
     if not isinstance(plain, dict):
         raise UsageError(f"'{folder / RESOLVED}' is damaged: expected a mapping")
     return plain
 
 
-def _labels(folders: Sequence[Path], results: Sequence[Result]) -> list[str]:
+def _labels(folders: Sequence[Path], results: Sequence[RunData]) -> list[str]:
     """What sets each run apart: graph, changes, seed; the run's id where that is not enough."""
     changes = [[text for text in map(str, r.manifest["overrides"]) if text] for r in results]
     common = set.intersection(*map(set, changes))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from types import ModuleType
 from typing import Any
@@ -73,7 +73,7 @@ class _Candidate:
 
 
 def make_kernels(
-    network: Network, states: dict[str, BlockState], note: Callable[[str], None]
+    network: Network, states: Mapping[str, BlockState], note: Callable[[str], None]
 ) -> Kernels:
     """Compile every block that has anything to do in a tick.
 

@@ -16,7 +16,17 @@ from runtime.errors import UsageError
 from runtime.experiments.comparison import Line, compare
 from runtime.experiments.crew import Crew
 from runtime.experiments.index import Index, Row, remaining
-from runtime.experiments.plan import INDEX, SCHEMA_VERSION, Case, Plan, check_same, create
+from runtime.experiments.plan import (
+    DIAGRAMS,
+    INDEX,
+    RUNS,
+    SCHEMA_VERSION,
+    TABLE,
+    Case,
+    Plan,
+    check_same,
+    create,
+)
 from runtime.experiments.points import Point
 from runtime.experiments.runner import run_points
 from runtime.experiments.statistics import CONFIDENCE, CORRECTION, TESTS, Test
@@ -24,11 +34,9 @@ from runtime.experiments.variants import BASELINE, Variant
 from runtime.experiments.worker import Task
 from runtime.files import own_file, own_folder, write_json
 from runtime.graph import Graph
-from runtime.observe import observe
 from runtime.progress import Progress
 from runtime.record import save
 
-TABLE, DIAGRAMS, RUNS = "ablation.json", "diagrams", "runs"
 KEPT = ("ok", "failed", "timeout")
 
 
@@ -59,7 +67,7 @@ class Ablated:
         """Metrics of each variant that have lost what they measure."""
         gone = set()
         for name, variant in self.variants.items():
-            inputs = {m.name: m.inputs.values() for m in observe(variant.graph.network).metrics}
+            inputs = {m.name: m.inputs.values() for m in variant.graph.observation.metrics}
             gone |= {(name, m) for m in self.plan.metrics if None in inputs.get(m, (None,))}
         return gone
 

@@ -16,15 +16,14 @@ from matplotlib.lines import Line2D
 
 from blocks.signals import FloatArray
 from runtime.errors import UsageError
-from runtime.experiments.ablation import RUNS, TABLE
 from runtime.experiments.index import Columns, Row, read_rows
-from runtime.experiments.plan import INDEX
+from runtime.experiments.plan import INDEX, RUNS, TABLE
 from runtime.experiments.worker import WAYS
 from runtime.files import own_file, own_folder
 from runtime.pictures import style, walls
 from runtime.pictures.style import GREY
-from runtime.reopen import open_run
-from runtime.result import Recorded, Result
+from runtime.reopen import read_run
+from runtime.run_data import Recorded, RunData
 
 FILE = "plots/ablation.png"
 DPI = 150
@@ -167,17 +166,17 @@ def _dashes(i: int) -> str:
 
 def _ways(
     folder: Path, variants: Sequence[dict[str, Any]]
-) -> Iterator[tuple[int, str, Result, FloatArray]]:
+) -> Iterator[tuple[int, str, RunData, FloatArray]]:
     """The runs that were kept, with x and y of the first pose that their plots show."""
     for i, variant in enumerate(variants):
         kept = folder / RUNS / str(variant["slug"])
-        result = open_run(kept) if kept.is_dir() else None
+        result = read_run(kept) if kept.is_dir() else None
         pose = None if result is None else next(_shown(result, "Pose"), None)
         if result is not None and pose is not None:
             yield i, str(variant["name"]), result, pose.values[:, :2]
 
 
-def _shown(result: Result, kind: str) -> Iterator[Recorded]:
+def _shown(result: RunData, kind: str) -> Iterator[Recorded]:
     """What a run's trajectories and maps show of a kind."""
     for plot in result.plots:
         for name in plot.of if plot.kind in WAYS else ():
@@ -187,7 +186,7 @@ def _shown(result: Result, kind: str) -> Iterator[Recorded]:
 
 
 def _plane(
-    figure: Figure | SubFigure, ways: Sequence[tuple[int, str, Result, FloatArray]], title: str
+    figure: Figure | SubFigure, ways: Sequence[tuple[int, str, RunData, FloatArray]], title: str
 ) -> None:
     """All ways in one plane, over the path and the world of the first."""
     axes = figure.subplots()

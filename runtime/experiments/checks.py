@@ -12,7 +12,6 @@ from runtime.experiments.knobs import Knob
 from runtime.experiments.objective import Objective
 from runtime.experiments.seeds import Seeds
 from runtime.graph import Graph
-from runtime.observe import observe
 
 
 def check_knob(graph: Graph, knob: Knob, where: Where, problems: Problems) -> None:
@@ -57,7 +56,7 @@ def check_design(graph: Graph, design: Design, seeds: Seeds) -> None:
 
 def check_objective(graph: Graph, objective: Objective, where: Where, problems: Problems) -> None:
     """Check that a graph has the metric that is to be made small or large."""
-    known = [metric.name for metric in observe(graph.network).metrics]
+    known = [metric.name for metric in graph.observation.metrics]
     if objective.metric not in known:
         mend = hint(objective.metric, known) or f"; it has {', '.join(known) or 'none'}"
         said = f"the graph has no metric '{objective.metric}'{mend}"

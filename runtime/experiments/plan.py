@@ -24,13 +24,14 @@ from runtime.experiments.points import Point, Recipe, Setting, points_of, varied
 from runtime.experiments.seeds import Seeds
 from runtime.experiments.variants import BASELINE, Variant, slugs
 from runtime.graph import Graph
-from runtime.observe import observe
 from runtime.record import DIAGRAM
 from runtime.running import silent
 
 SCHEMA_VERSION = 1
 PLAN, GRAPH, INDEX = "plan.yaml", "graph.resolved.yaml", "index.csv"
 VARIANTS = "variants"
+TABLE, DIAGRAMS, RUNS = "ablation.json", "diagrams", "runs"
+SUMMARY = "summary.json"
 Kind = Literal["sweep", "ablation"]
 Note = Callable[[str], None]
 _WAYS_ON: dict[Kind, str] = {
@@ -184,7 +185,7 @@ def _recipe(graph: Graph, engine: str) -> Recipe:
 
 def metrics_of(graph: Graph) -> tuple[str, ...]:
     """Names of a graph's metrics."""
-    return tuple(metric.name for metric in observe(graph.network).metrics)
+    return tuple(metric.name for metric in graph.observation.metrics)
 
 
 def _checked(plan: Plan) -> Plan:

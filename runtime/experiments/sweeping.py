@@ -14,12 +14,10 @@ from runtime.experiments.crew import Crew
 from runtime.experiments.groups import Tally
 from runtime.experiments.index import Index, Row, remaining
 from runtime.experiments.keeping import Keeper
-from runtime.experiments.plan import INDEX, SCHEMA_VERSION, Plan, check_same, create
+from runtime.experiments.plan import INDEX, SCHEMA_VERSION, SUMMARY, Plan, check_same, create
 from runtime.experiments.runner import run_points
 from runtime.files import write_json
 from runtime.progress import Progress
-
-SUMMARY = "summary.json"
 
 
 @dataclass(frozen=True)

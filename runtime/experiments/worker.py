@@ -121,7 +121,7 @@ def _simulated(task: Task, deadline: Deadline) -> Result:
     setting = task.point.setting
     graph = _built(setting.recipe, setting.edits).with_seed(task.point.seed)
     plots = {"metrics": (), "ways": WAYS, "all": None}[task.record]
-    return simulate(graph, deadline, plots=plots)
+    return simulate(graph.prepared(plots), deadline)
 
 
 @lru_cache(GRAPHS_KEPT)

@@ -19,7 +19,7 @@ from runtime.errors import UsageError
 from runtime.observe import PlotSpec
 from runtime.pictures import style, walls
 from runtime.pictures.scans import Scene
-from runtime.result import Recorded, Result
+from runtime.run_data import Recorded, RunData
 
 FRAMES, RATE = 100, 11  # frames, and frames per second: 9 s
 DPI, SIDE = 90, 5.0
@@ -51,7 +51,7 @@ def animated(plots: Sequence[PlotSpec], world: World | None) -> PlotSpec:
     raise UsageError(said + "'plots: {scans: {kind: scans, of: [plant.pose, lidar.scan]}}'")
 
 
-def animate(result: Result, file: str | Path) -> Path:
+def animate(result: RunData, file: str | Path) -> Path:
     """Write a run as a gif of about nine seconds.
 
     Parameters
@@ -83,7 +83,7 @@ def animate(result: Result, file: str | Path) -> Path:
     return file
 
 
-def _write(plot: PlotSpec, result: Result, file: Path, times: list[float]) -> None:
+def _write(plot: PlotSpec, result: RunData, file: Path, times: list[float]) -> None:
     """Draw and write frame by frame."""
     figure = Figure(layout="constrained", dpi=DPI)
     canvas = FigureCanvasAgg(figure)
@@ -105,7 +105,7 @@ def _write(plot: PlotSpec, result: Result, file: Path, times: list[float]) -> No
             writer.grab_frame()
 
 
-def _stage(figure: Figure, plot: PlotSpec, result: Result) -> Axes:
+def _stage(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
     """The world without the robot."""
     world = walls.world_of(plot, result)
     robot = result.probes[next(n for n in plot.of if result.probes[n].kinds[0] == "Pose")]

@@ -14,14 +14,14 @@ from blocks.signals import FloatArray
 from blocks.world import World
 from runtime.observe import PlotSpec
 from runtime.pictures import style, walls
-from runtime.result import Recorded, Result
+from runtime.run_data import Recorded, RunData
 from runtime.wall_metrics import since_reached
 
 SIDE = 4.2  # inches, of the square that has the map's area
 FLATTEST, TALLEST = 2.2, 0.6
 
 
-def draw_map(figure: Figure, plot: PlotSpec, result: Result) -> Axes:
+def draw_map(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
     """Draw the world, the way of the plot's first pose in it, and the others as points.
 
     Parameters
@@ -103,7 +103,7 @@ def _dot(axes: Axes, xy: FloatArray, label: str, colour: str, edge: str = "white
     return dot
 
 
-def draw_wall_distance(figure: Figure, plot: PlotSpec, result: Result) -> Axes:
+def draw_wall_distance(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
     """Draw how much farther than ``distance`` the nearest wall was, over time.
 
     Parameters

@@ -26,7 +26,7 @@ from runtime.observe import PlotSpec
 from runtime.pictures import style
 from runtime.pictures.trajectory import equal_scales
 from runtime.plot_specs import PLOT_KINDS, offered
-from runtime.result import Recorded, Result
+from runtime.run_data import Recorded, RunData
 
 DPI = 150
 MANY_LINES = 10
@@ -36,7 +36,7 @@ HEAT_ROWS = 1_000
 FEW_ROWS = 12
 
 
-def draw(plot: PlotSpec, result: Result) -> Figure:
+def draw(plot: PlotSpec, result: RunData) -> Figure:
     """Draw one plot of a run.
 
     Parameters
@@ -75,7 +75,7 @@ def draw(plot: PlotSpec, result: Result) -> Figure:
 
 
 def save_plots(
-    result: Result, folder: Path, note: Callable[[str], None] | None = None
+    result: RunData, folder: Path, note: Callable[[str], None] | None = None
 ) -> list[Path]:
     """Write every plot of a run as <name>.png.
 

@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from blocks.signals import FloatArray
 from runtime.pictures import style
-from runtime.result import Recorded
+from runtime.run_data import Recorded
 
 MANY_SPIKES = 20_000
 BINS, SORTING_BINS = 400, 50

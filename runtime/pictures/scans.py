@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from blocks.signals import FloatArray
 from runtime.observe import PlotSpec
 from runtime.pictures import style, walls
-from runtime.result import Recorded, Result
+from runtime.run_data import Recorded, RunData
 
 PANELS = 4
 AROUND = 1.0  # m, from the robot to the edges of a panel
@@ -31,7 +31,7 @@ class Scene:
     result : the run.
     """
 
-    def __init__(self, axes: Axes, plot: PlotSpec, result: Result) -> None:
+    def __init__(self, axes: Axes, plot: PlotSpec, result: RunData) -> None:
         self.roles = roles(plot, result)
         low, high = plot.options.get("angles", (-math.pi, math.pi))
         self.angles = (float(low), float(high))
@@ -71,12 +71,12 @@ class Scene:
         return EMPTY if pose is None else walls.scan_points(scan, pose, self.angles)
 
 
-def roles(plot: PlotSpec, result: Result) -> Mapping[str, Recorded]:
+def roles(plot: PlotSpec, result: RunData) -> Mapping[str, Recorded]:
     """The recordings of a plot of scans, by the kind of their signal."""
     return {result.probes[name].kinds[0]: result.probes[name] for name in plot.of}
 
 
-def moments(plot: PlotSpec, result: Result) -> list[float]:
+def moments(plot: PlotSpec, result: RunData) -> list[float]:
     """The times (s) to show: those of ``at``, else some evenly spread over the following."""
     end = style.run_end(result)
     at = plot.options.get("at")
@@ -88,7 +88,7 @@ def moments(plot: PlotSpec, result: Result) -> list[float]:
     return [since + (end - since) * (i + 0.5) / PANELS for i in range(PANELS)]
 
 
-def draw_scans(figure: Figure, plot: PlotSpec, result: Result) -> Axes:
+def draw_scans(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
     """Draw what the robot saw and fitted at a few moments, a panel each.
 
     Parameters
@@ -127,7 +127,7 @@ def draw_scans(figure: Figure, plot: PlotSpec, result: Result) -> Axes:
     return panels[0]
 
 
-def _panel(axes: Axes, plot: PlotSpec, result: Result, t: float) -> None:
+def _panel(axes: Axes, plot: PlotSpec, result: RunData, t: float) -> None:
     """One moment, with the robot in the middle."""
     world = walls.world_of(plot, result)
     walls.draw_world(axes, world)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from runtime.result import Recorded, Result
+    from runtime.run_data import Recorded, RunData
 
 WIDTH = 6.5  # inches, the text width of a one-column paper
 GREY = "0.4"
@@ -82,7 +82,7 @@ def literal(figure: Figure) -> None:
                     label.set_parse_math(is_number)
 
 
-def set_title(axes: Axes, title: str, result: Result) -> None:
+def set_title(axes: Axes, title: str, result: RunData) -> None:
     """Write a plot's title, and below it in small what was run."""
     head(axes, title, subtitle(result))
 
@@ -102,7 +102,7 @@ def head(axes: Axes, title: str, small: str) -> None:
     )
 
 
-def subtitle(result: Result) -> str:
+def subtitle(result: RunData) -> str:
     """What was run, in one line: the graph, what was taken out of it, where it broke off."""
     removed: dict[str, str] = result.manifest.get("removed", {})
     overrides = result.manifest.get("overrides", [])
@@ -132,7 +132,7 @@ def _listed(names: list[str], most: int = 3) -> str:
     return ", ".join(names[:most]) + left
 
 
-def run_end(result: Result) -> float:
+def run_end(result: RunData) -> float:
     """The time (s) up to which the run came."""
     return float(result.manifest.get("ticks", 0) * result.manifest.get("dt", 0.0))
 

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 
 from blocks.signals import FloatArray
 from runtime.pictures import style
-from runtime.result import Recorded
+from runtime.run_data import Recorded
 
 ARROWS = 14
 MARGIN = 0.06  # of the longer side

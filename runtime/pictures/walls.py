@@ -15,7 +15,7 @@ from blocks.world import World
 from runtime.errors import UsageError
 from runtime.observe import PlotSpec
 from runtime.pictures.style import COLOURS
-from runtime.result import Recorded, Result
+from runtime.run_data import Recorded, RunData
 
 SOLID, OUTLINE = "0.88", "0.25"
 START, FOLLOWING, WAY = "#D62728", "#1F4FD8", COLOURS[2]
@@ -26,7 +26,7 @@ MARGIN, OPEN = 0.03, 0.12  # of the longer side, in a room and without one
 GAP = 4.0  # times the usual distance of fitted points: from there on it is another wall
 
 
-def world_of(plot: PlotSpec, result: Result) -> World:
+def world_of(plot: PlotSpec, result: RunData) -> World:
     """The world that a plot cannot do without.
 
     Raises
@@ -39,7 +39,7 @@ def world_of(plot: PlotSpec, result: Result) -> World:
     return result.world
 
 
-def engagement(plot: PlotSpec, result: Result) -> float | None:
+def engagement(plot: PlotSpec, result: RunData) -> float | None:
     """When following began (s); None if never, or if the plot does not say what tells."""
     recorded = result.probes.get(str(plot.options.get("engaged")))
     if recorded is None:

@@ -13,8 +13,8 @@ from blocks.world import World
 from runtime.document import parse_yaml
 from runtime.errors import Problems, UsageError
 from runtime.record import RESOLVED
-from runtime.reopen import open_run, run_folder
-from runtime.result import Result
+from runtime.reopen import read_run, run_folder
+from runtime.run_data import RunData
 from runtime.scope import expand
 
 STATE = "physics"
@@ -47,7 +47,7 @@ def recorded_motion(path: str | Path, name: str = "") -> Motion:
     UsageError : there is no such block, or its states were not recorded.
     """
     folder = run_folder(path)
-    result = open_run(folder)
+    result = read_run(folder)
     robots = _robots(result, str(folder / RESOLVED))
     chosen = _chosen(robots, name, folder)
     address = f"{chosen}.{STATE}"
@@ -58,7 +58,7 @@ def recorded_motion(path: str | Path, name: str = "") -> Motion:
     return Motion(result.title, robots[chosen], result.world, result.time(address), states)
 
 
-def _robots(result: Result, file: str) -> dict[str, MujocoVacuum]:
+def _robots(result: RunData, file: str) -> dict[str, MujocoVacuum]:
     """The graph's robots, made from its text alone: viewing a run imports no module."""
     problems = Problems()
     scope, _ = expand(parse_yaml(result.texts[RESOLVED], file), problems)

@@ -6,10 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from runtime.errors import UsageError
-from runtime.experiments.ablation import TABLE
 from runtime.experiments.ablation_figures import read_facts
 from runtime.experiments.index import Columns, read_rows
-from runtime.experiments.plan import INDEX
+from runtime.experiments.plan import INDEX, TABLE
 from runtime.reports.schema import MAYBE_NUMBER, check
 
 _ESTIMATE = {"n": int, "mean": MAYBE_NUMBER, "low": MAYBE_NUMBER, "high": MAYBE_NUMBER}

@@ -6,10 +6,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from runtime.experiments.ablation import DIAGRAMS
 from runtime.experiments.ablation_figures import ablation_figure
 from runtime.experiments.comparison import LEVEL
-from runtime.experiments.plan import GRAPH, read_plan
+from runtime.experiments.plan import DIAGRAMS, GRAPH, read_plan
 from runtime.reports import pieces
 from runtime.reports.ablation_data import read_ablation
 from runtime.reports.html import Html, element, facts, grouped_table, join, table

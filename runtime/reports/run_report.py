@@ -10,11 +10,11 @@ from runtime.comparing.documents import text_of
 from runtime.document import parse_yaml
 from runtime.errors import UsageError
 from runtime.record import DIAGRAM, RESOLVED
-from runtime.reopen import open_run, run_folder
+from runtime.reopen import read_run, run_folder
 from runtime.reports import pieces
 from runtime.reports.html import Html, bullets, element, facts, join, table
 from runtime.reports.page import page
-from runtime.result import Recorded, Result
+from runtime.run_data import Recorded, RunData
 
 STATUS = {"complete": "good", "interrupted": "warn", "failed": "bad"}
 
@@ -31,7 +31,7 @@ def run_report(path: Path) -> str:
     UsageError : there is no run, or it cannot be read.
     """
     folder = run_folder(path)
-    result = open_run(folder)
+    result = read_run(folder)
     sections = {
         "Metrics": _metrics(folder, result),
         "Figures": join(*_figures(result)),
@@ -44,7 +44,7 @@ def run_report(path: Path) -> str:
     return page("Run", result.title, _lead(result), _facts(result), sections, made_by)
 
 
-def _lead(result: Result) -> str:
+def _lead(result: RunData) -> str:
     """What was run, when, and how it was changed."""
     manifest = result.manifest
     source = manifest.get("source")
@@ -54,7 +54,7 @@ def _lead(result: Result) -> str:
     return f"{what}. Run on {pieces.moment(str(manifest.get('started', '')))}."
 
 
-def _facts(result: Result) -> Html:
+def _facts(result: RunData) -> Html:
     manifest = result.manifest
     dt, ticks = float(manifest["dt"]), result.ticks
     return facts(
@@ -69,7 +69,7 @@ def _facts(result: Result) -> Html:
     )
 
 
-def _metrics(folder: Path, result: Result) -> Html:
+def _metrics(folder: Path, result: RunData) -> Html:
     wrong = [str(result.manifest["error"])] if result.manifest.get("error") else []
     wrong += result.failures
     parts = [bullets(wrong, "notes failed")] if wrong else []
@@ -82,7 +82,7 @@ def _metrics(folder: Path, result: Result) -> Html:
     return join(*parts)
 
 
-def _metrics_table(folder: Path, result: Result) -> Html:
+def _metrics_table(folder: Path, result: RunData) -> Html:
     entries = _metric_entries(result.texts[RESOLVED], str(folder / RESOLVED))
     rows, expects = [], False
     for name, value in result.metrics.items():
@@ -143,7 +143,7 @@ def _definition(entry: Mapping[str, Any]) -> str:
     return ", ".join(part for part in said if part)
 
 
-def _figures(result: Result) -> Iterator[Html]:
+def _figures(result: RunData) -> Iterator[Html]:
     from runtime.pictures.plots import draw
 
     for i, spec in enumerate(result.plots):
@@ -156,16 +156,16 @@ def _figures(result: Result) -> Iterator[Html]:
         yield pieces.plot(figure, f"figure-{i + 1}", f"{spec.kind} of {shown}")
 
 
-def _addresses(result: Result, probe: str) -> list[str]:
+def _addresses(result: RunData, probe: str) -> list[str]:
     recorded = result.probes.get(probe)
     return list(recorded.addresses) if recorded is not None else [probe]
 
 
-def _diagram(folder: Path, result: Result) -> Html:
+def _diagram(folder: Path, result: RunData) -> Html:
     return pieces.diagram_file(folder / DIAGRAM, "diagram", f"block diagram of {result.title}")
 
 
-def _signals(result: Result) -> Html:
+def _signals(result: RunData) -> Html:
     head = ["probe", "signals", "type", "unit", "rows", "every"]
     rows = [_signal(recorded) for recorded in result.probes.values()]
     return table(head, rows, [4, 5], label="recorded signals", wraps=[1]) if rows else Html("")
@@ -183,14 +183,14 @@ def _signal(recorded: Recorded) -> list[str]:
     ]
 
 
-def _graph(folder: Path, result: Result) -> Html:
+def _graph(folder: Path, result: RunData) -> Html:
     said = "As it ran, with everything it extends and all changes of the command line. "
     again = element("code", f"runtime run {folder / RESOLVED}")
     first = element("p", said, again, " gives the same bits.", class_="soft")
     return join(first, pieces.source(result.texts[RESOLVED].rstrip(), "resolved graph"))
 
 
-def _provenance(folder: Path, result: Result) -> Html:
+def _provenance(folder: Path, result: RunData) -> Html:
     manifest = result.manifest
     more = [
         ("seed", str(manifest["seed"])),

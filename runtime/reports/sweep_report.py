@@ -11,11 +11,10 @@ from typing import Any
 from runtime.comparing.documents import text_of
 from runtime.experiments.groups import Group, Tally, gather
 from runtime.experiments.index import Columns, Row, read_rows
-from runtime.experiments.plan import GRAPH, INDEX, read_plan
+from runtime.experiments.plan import GRAPH, INDEX, SUMMARY, read_plan
 from runtime.experiments.statistics import Estimate, estimate
 from runtime.experiments.sweep_data import SweepData, read_sweep
 from runtime.experiments.sweep_figures import sweep_figures
-from runtime.experiments.sweeping import SUMMARY
 from runtime.record import DIAGRAM
 from runtime.reports import pieces
 from runtime.reports.html import Html, element, facts, join, table

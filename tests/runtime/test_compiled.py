@@ -13,6 +13,7 @@ import blocks
 import runtime
 from runtime import choice, cli
 from runtime.compiled import cache
+from runtime.compiled.runner import CompiledRunner
 from runtime.engine import Engine
 from runtime.explain import explain_json
 from runtime.simulate import simulate
@@ -159,7 +160,7 @@ def test_a_number_that_is_not_finite_is_told_with_its_own_output(engine: str) ->
 def test_a_block_that_breaks_its_promise_is_named_with_numbas_reason() -> None:
     graph = runtime.Graph("promise", dt=0.1, until=1.0).add("bad", Broken()).probe("bad.out")
     notes: list[str] = []
-    result = simulate(graph.set("run.engine", "compiled"), note=notes.append)
+    result = simulate(graph.set("run.engine", "compiled").prepared(), note=notes.append)
     assert result["bad.out"][-1] == pytest.approx(0.9)
     (note,) = [text for text in notes if "bad" in text]
     assert "block 'bad' is called from Python" in note

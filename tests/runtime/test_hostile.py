@@ -22,8 +22,8 @@ from runtime.diagrams.stored import MAX_BOXES, read_picture, stored_picture
 from runtime.diagrams.svg import to_svg
 from runtime.errors import GraphError, UsageError
 from runtime.record import DIAGRAM
-from runtime.reopen import open_run
 from runtime.reports.report import report
+from runtime.result import open_run
 from runtime.terminal import printable
 from tests.conftest import Run
 

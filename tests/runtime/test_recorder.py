@@ -50,10 +50,8 @@ def test_rows_on_disk_are_those_in_memory(every: tuple[int, ...], ticks: int, me
 
 
 def test_no_more_rows_are_gathered_than_memory_allows() -> None:
-    network = ramp((1, 4), 100.0).network
-    from runtime.observe import observe
-
-    probes = observe(network).probes
+    graph = ramp((1, 4), 100.0)
+    network, probes = graph.network, graph.observation.probes
     sizes = {name: probe.size(network.ticks) for name, probe in probes.items()}
     assert sizes == {"p0": 80_000, "p1": 20_000}
     assert buffer_rows(probes, network.ticks, 100_000) == {}

@@ -17,7 +17,8 @@ from hypothesis import strategies as st
 import runtime
 from runtime.errors import UsageError
 from runtime.record import link_latest
-from runtime.reopen import open_run, run_folder
+from runtime.reopen import run_folder
+from runtime.result import open_run
 
 GRAPH = {
     "graph": "small",
