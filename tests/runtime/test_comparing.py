@@ -20,7 +20,7 @@ from runtime.comparing.probes import pair
 from runtime.comparing.runs import open_runs
 from runtime.document import parse_yaml
 from runtime.errors import UsageError
-from runtime.result import Recorded
+from runtime.run_data import Recorded
 
 KEYS = st.sampled_from(["a", "b", "c", "long_name"])
 SCALARS = st.one_of(

@@ -21,7 +21,8 @@ from runtime.errors import GraphError, UsageError
 from runtime.observe import PlotSpec
 from runtime.pictures import animation, scans, walls
 from runtime.pictures.plots import draw
-from runtime.result import Recorded, Result
+from runtime.result import Result
+from runtime.run_data import Recorded
 
 ROOM = {
     "room": [[-2.0, -2.0], [2.0, -2.0], [2.0, 2.0], [-2.0, 2.0]],

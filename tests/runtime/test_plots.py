@@ -26,7 +26,8 @@ from runtime.errors import UsageError
 from runtime.observe import PlotSpec
 from runtime.pictures import style
 from runtime.pictures.plots import draw, save_plots
-from runtime.result import Recorded, Result
+from runtime.result import Result
+from runtime.run_data import Recorded
 
 KINDS = ("timeseries", "trajectory", "raster", "heatmap")
 DT = 0.001
