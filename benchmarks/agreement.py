@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from blocks.signals import FloatArray
+from blocks.core.signals import FloatArray
 
 TOLERANCE = 1e-9
 
@@ -39,14 +39,14 @@ def largest_difference(subject: str, runs: Mapping[str, Run]) -> float:
     largest = 0.0
     for name, run in others:
         if run.poses.shape != reference.poses.shape:
-            said = f"{run.poses.shape} poses against {reference.poses.shape} of {first}"
-            raise DisagreementError(f"{subject}: {name} gave {said}")
+            message = f"{run.poses.shape} poses against {reference.poses.shape} of {first}"
+            raise DisagreementError(f"{subject}: {name} gave {message}")
         apart = np.abs(run.poses - reference.poses).max(axis=1)
         # NaN compares false: it is a disagreement, too.
         if not (apart <= TOLERANCE).all():
             row = int(np.argmin(apart <= TOLERANCE))
-            said = f"part at row {row} by {apart[row]:.3g}; at most {TOLERANCE:g} is allowed"
-            raise DisagreementError(f"{subject}: {name} and {first} {said}")
+            message = f"part at row {row} by {apart[row]:.3g}; at most {TOLERANCE:g} is allowed"
+            raise DisagreementError(f"{subject}: {name} and {first} {message}")
         largest = max(largest, float(apart.max()))
     return largest
 

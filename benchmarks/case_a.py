@@ -13,8 +13,8 @@ from benchmarks.agreement import Run
 from benchmarks.by_hand import CaseA
 from benchmarks.tracking import run_of
 from blocks import LQR, LinePath, MatchingPoint, TrackingError
-from blocks.block import BlockState, Setting
-from blocks.signals import FloatArray, Path
+from blocks.core.block import BlockContext, BlockState
+from blocks.core.signals import FloatArray, Path
 
 DT = 0.001
 EVERY = 10
@@ -87,7 +87,7 @@ class Controller:
                 key: np.zeros(shapes.get(key, (2, 3) if key == "gain" else (3, 3)))
                 for key in block.spec.states
             }
-            state = BlockState(Setting(DT * EVERY, types), np.random.SeedSequence(0), arrays)
+            state = BlockState(BlockContext(DT * EVERY, types), np.random.SeedSequence(0), arrays)
             block.start(state)
             self.states[name] = state
         self.held = np.zeros(4)

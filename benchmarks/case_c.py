@@ -7,8 +7,8 @@ import time
 import numpy as np
 
 import runtime
-from blocks import Block, BlockState, Lidar, Pose, Scan, Setting, WallFitter, World
-from blocks.signals import FloatArray, PoseValue
+from blocks import Block, BlockContext, BlockState, Lidar, Pose, Scan, WallFitter, World
+from blocks.core.signals import FloatArray, PoseValue
 
 DT = 0.001
 DISTANCE = 0.18
@@ -29,7 +29,7 @@ def room() -> tuple[World, list[PoseValue]]:
     return world, [(row[0], row[1], row[2]) for row in rows]
 
 
-def started(block: Block, setting: Setting) -> BlockState:
+def started(block: Block, context: BlockContext) -> BlockState:
     """The state of a block outside of any graph."""
     sizes = dict(block.sizes())
     shapes = {
@@ -37,7 +37,7 @@ def started(block: Block, setting: Setting) -> BlockState:
         for name, state in block.spec.states.items()
     }
     arrays = {name: np.zeros(shape) for name, shape in shapes.items()}
-    state = BlockState(setting, np.random.SeedSequence(0), arrays)
+    state = BlockState(context, np.random.SeedSequence(0), arrays)
     block.start(state)
     return state
 
@@ -49,9 +49,9 @@ class Parts:
         world, self.poses = room()
         self.lidar, self.fitter = Lidar(), WallFitter()
         types = {"pose": Pose, "scan": Scan(self.lidar.beams)}
-        setting = Setting(0.1, types, world=world)
-        self.lidar_state = started(self.lidar, setting)
-        self.fitter_state = started(self.fitter, setting)
+        context = BlockContext(0.1, types, world=world)
+        self.lidar_state = started(self.lidar, context)
+        self.fitter_state = started(self.fitter, context)
         self.scans = [self._scan(pose) for pose in self.poses]
 
     def _scan(self, pose: PoseValue) -> FloatArray:

@@ -10,7 +10,7 @@ import runtime
 from benchmarks.case_c import started
 from benchmarks.tables import figure, table
 from benchmarks.timing import Timing, take_turns
-from blocks import MujocoVacuum, Scan, Setting
+from blocks import BlockContext, MujocoVacuum, Scan
 
 DT = 0.01
 TICKS = 1000
@@ -24,7 +24,7 @@ class Parts:
         self.robot = MujocoVacuum(scan_period=TICKS * DT)
         types = {"scan": Scan(self.robot.beams)}
         world = runtime.load("wall_following").network.world
-        self.state = started(self.robot, Setting(DT, types, world=world))
+        self.state = started(self.robot, BlockContext(DT, types, world=world))
 
     def step_seconds(self) -> float:
         """Seconds of ticks without a scan, driving in a circle."""

@@ -72,8 +72,8 @@ def section(seeds: int, until: float, rounds: int) -> str:
         rows.append(
             [engine, figure(alone, 1.0, "s", 3), figure(whole, 1.0, "s", 2), f"{ratio:.3f}"]
         )
-        said = f"{seeds} seeds, {engine} engine, against one run x {seeds} / {cores()} at most"
-        wanted.append(Goal(f"{said} {MOST:g}", ratio, most=MOST))
+        message = f"{seeds} seeds, {engine} engine, against one run x {seeds} / {cores()} at most"
+        wanted.append(Goal(f"{message} {MOST:g}", ratio, most=MOST))
     head = ["engine", "one run", f"sweep of {seeds} seeds", "sweep / ideal"]
     return (
         f"\n## What a sweep adds\n\nCase A over {until:g} s. 'One run' is warm and alone in its "

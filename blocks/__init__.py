@@ -1,33 +1,26 @@
 """Typed blocks: what a block is, and every block of the library."""
 
-from blocks.actuators import ActuatorFault, Saturator
-from blocks.arithmetic import Constant, Gain, Mux, Sum
-from blocks.bias import AdaptiveBias
-from blocks.block import (
+from blocks.control import (
+    LQR,
+    PID,
+    CirclePath,
+    LinePath,
+    MatchingPoint,
+    PurePursuit,
+    SinePath,
+    Stanley,
+    TrackingError,
+    WaypointPath,
+)
+from blocks.core import (
     Block,
+    BlockContext,
     BlockState,
     DeclarationError,
+    FloatArray,
     Input,
     Output,
-    Setting,
-    State,
-)
-from blocks.checking import CheckError, check_block
-from blocks.drivetrain import ActuatorDelay, ActuatorLag, WheelSlip
-from blocks.explorer import Explorer
-from blocks.kernels import kernel_of
-from blocks.lidar import Lidar
-from blocks.lqr import LQR
-from blocks.matching import MatchingPoint
-from blocks.memory import Lowpass, UnitDelay
-from blocks.mujoco_vacuum import MujocoVacuum
-from blocks.neurons import AdaptiveEnsemble, RateEnsemble
-from blocks.params import ParameterError, param
-from blocks.paths import CirclePath, LinePath, SinePath, WaypointPath
-from blocks.plants import DifferentialDrive
-from blocks.sensors import PoseNoise
-from blocks.signals import (
-    FloatArray,
+    ParameterError,
     Path,
     PointCloud,
     Pose,
@@ -36,16 +29,30 @@ from blocks.signals import (
     Scan,
     SignalType,
     Spikes,
+    State,
     TrackingState,
     Twist,
     Vector,
     WheelSpeeds,
+    kernel_of,
+    param,
 )
-from blocks.switch import Switch
-from blocks.trackers import PID, PurePursuit, Stanley
-from blocks.tracking import TrackingError
-from blocks.wall_fitter import WallFitter
-from blocks.world import World
+from blocks.generic import Constant, Gain, Lowpass, Mux, Sum, Switch, UnitDelay
+from blocks.learning import AdaptiveBias, AdaptiveEnsemble, RateEnsemble
+from blocks.mujoco import MujocoVacuum
+from blocks.testing import CheckError, check_block
+from blocks.vehicle import (
+    ActuatorDelay,
+    ActuatorFault,
+    ActuatorLag,
+    DifferentialDrive,
+    Explorer,
+    PoseNoise,
+    Saturator,
+    WheelSlip,
+)
+from blocks.wall_fitting import WallFitter
+from blocks.world import Lidar, World
 
 __all__ = [
     "LQR",
@@ -56,6 +63,7 @@ __all__ = [
     "AdaptiveBias",
     "AdaptiveEnsemble",
     "Block",
+    "BlockContext",
     "BlockState",
     "CheckError",
     "CirclePath",
@@ -84,7 +92,6 @@ __all__ = [
     "Saturator",
     "Scalar",
     "Scan",
-    "Setting",
     "SignalType",
     "SinePath",
     "Spikes",

@@ -13,26 +13,34 @@ from functools import cache
 from pathlib import Path as FilePath
 from types import ModuleType
 
-from blocks.actuators import ActuatorFault, Saturator
-from blocks.arithmetic import Constant, Gain, Mux, Sum
-from blocks.bias import AdaptiveBias
-from blocks.block import Block
-from blocks.drivetrain import ActuatorDelay, ActuatorLag, WheelSlip
-from blocks.explorer import Explorer
-from blocks.lidar import Lidar
-from blocks.lqr import LQR
-from blocks.matching import MatchingPoint
-from blocks.memory import Lowpass, UnitDelay
-from blocks.mujoco_vacuum import MujocoVacuum
-from blocks.neurons import AdaptiveEnsemble, RateEnsemble
-from blocks.paths import CirclePath, LinePath, SinePath, WaypointPath
-from blocks.plants import DifferentialDrive
-from blocks.sensors import PoseNoise
-from blocks.signals import SignalType
-from blocks.switch import Switch
-from blocks.trackers import PID, PurePursuit, Stanley
-from blocks.tracking import TrackingError
-from blocks.wall_fitter import WallFitter
+from blocks.control import (
+    LQR,
+    PID,
+    CirclePath,
+    LinePath,
+    MatchingPoint,
+    PurePursuit,
+    SinePath,
+    Stanley,
+    TrackingError,
+    WaypointPath,
+)
+from blocks.core import Block, SignalType
+from blocks.generic import Constant, Gain, Lowpass, Mux, Sum, Switch, UnitDelay
+from blocks.learning import AdaptiveBias, AdaptiveEnsemble, RateEnsemble
+from blocks.mujoco import MujocoVacuum
+from blocks.vehicle import (
+    ActuatorDelay,
+    ActuatorFault,
+    ActuatorLag,
+    DifferentialDrive,
+    Explorer,
+    PoseNoise,
+    Saturator,
+    WheelSlip,
+)
+from blocks.wall_fitting import WallFitter
+from blocks.world import Lidar
 
 ENTRY_POINTS = "spikeblocks.blocks"
 # A module is registered before its text has run: another thread must not look into it till then.

@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 
 import runtime
 from runtime.rendering.process import render
-from runtime.rendering.wish import Wish
+from runtime.rendering.request import RenderRequest
 
 IMAGES = Path(__file__).parent / "images"
 
@@ -21,5 +21,5 @@ walls.run().plot("room").savefig(IMAGES / "room.png", dpi=130)
 physics = runtime.load("wall_following_mujoco_robust").overlay("wheel_faults/turn_loss_35.yaml")
 with TemporaryDirectory() as folder:
     run = physics.run(until=100.0).save(Path(folder) / "run")
-    picture = render(Wish(run=str(run), folder=folder, height=600, film=False))[0]
+    picture = render(RenderRequest(run=str(run), folder=folder, height=600, film=False))[0]
     shutil.copyfile(picture, IMAGES / "physics.png")

@@ -23,14 +23,14 @@ if TYPE_CHECKING:
         UsageError,
     )
     from runtime.graph import Graph, load
-    from runtime.result import Result
-    from runtime.result import open_run as open
+    from runtime.runs import Result
+    from runtime.runs import open_run as open
 
 _HOMES = {
     "Graph": ("runtime.graph", "Graph"),
     "load": ("runtime.graph", "load"),
-    "open": ("runtime.result", "open_run"),
-    "Result": ("runtime.result", "Result"),
+    "open": ("runtime.runs.result", "open_run"),
+    "Result": ("runtime.runs.result", "Result"),
     **{
         name: ("runtime.errors", name)
         for name in (

@@ -119,8 +119,8 @@ class Problems:
         if where not in self._silenced and address not in self._silenced:
             self.found.append(Problem(where, address, text, is_name))
             if len(self.found) > MAX_PROBLEMS:
-                said = f"more than {MAX_PROBLEMS} problems; those that follow were found first"
-                raise GraphError([Problem(NOWHERE, "", said), *self.found])
+                message = f"more than {MAX_PROBLEMS} problems; those that follow were found first"
+                raise GraphError([Problem(NOWHERE, "", message), *self.found])
 
     def silence(self, where: Where, address: str) -> None:
         """Take no more problems of the value that stands here, or of a list that it is in."""

@@ -53,8 +53,8 @@ def refuse_link(path: Path) -> None:
     UsageError : it is one.
     """
     if path.is_symlink():
-        said = "is a link, which is not followed when files are written; name another folder"
-        raise UsageError(f"'{path}' {said}, or remove the link")
+        message = "is a link, which is not followed when files are written; name another folder"
+        raise UsageError(f"'{path}' {message}, or remove the link")
 
 
 def own_folder(path: Path) -> Path:
@@ -84,8 +84,8 @@ def check_inside(folder: Path) -> None:
     UsageError : it leads elsewhere, and writing there was not asked for.
     """
     if folder.is_symlink() and folder.resolve().parent != folder.parent.resolve():
-        said = f"is a link that leads to '{folder.resolve()}'; name that folder itself"
-        raise UsageError(f"'{folder}' {said}, or where to write with --out")
+        message = f"is a link that leads to '{folder.resolve()}'; name that folder itself"
+        raise UsageError(f"'{folder}' {message}, or where to write with --out")
 
 
 def write_whole(path: Path, content: str | bytes) -> None:

@@ -8,22 +8,25 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from blocks.block import Block
+from blocks.core import Block, SignalType
 from blocks.registry import BUILTIN, module_text
-from blocks.signals import SignalType
-from runtime.build import build
-from runtime.document import Node, dump_yaml, from_python
-from runtime.edits import add_names, set_entry, set_wire
+from runtime.document import (
+    Node,
+    add_names,
+    dump_yaml,
+    from_python,
+    merge,
+    read_graph,
+    set_entry,
+    set_wire,
+)
 from runtime.errors import GraphError, MissingExtraError, Problems, UsageError
-from runtime.loader import merge, read_graph
-from runtime.network import Network
-from runtime.observe import Observation, observe
-from runtime.replacement import replace_block
+from runtime.network import Network, build, replace_block, source_file
+from runtime.observation import Observation, observe
 
 if TYPE_CHECKING:
-    from runtime.program import Program
-    from runtime.result import Result
-    from runtime.simulate import PreparedRun
+    from runtime.engine import Program
+    from runtime.runs import PreparedRun, Result
 
 SECTION_ORDER = (
     *("graph", "run", "params", "blocks", "wires", "without", "bypass"),
@@ -43,18 +46,21 @@ class Graph:
     title : what a plot's title says.
     """
 
+    source: Path | None
+    overrides: tuple[str, ...]
+    notes: tuple[str, ...]
+    modules: bool
+    read: dict[str, bytes]
+    _document: Node
+    _classes: dict[str, type[Block]]
+    _kinds: dict[str, SignalType]
+
     def __init__(
         self, title: str = "graph", *, dt: float = 0.001, until: float = 10.0, seed: int = 0
     ) -> None:
         run = {"dt": dt, "until": until, "seed": seed}
-        self._document = from_python({"graph": title, "run": run, "blocks": {}})
-        self._classes: dict[str, type[Block]] = {}
-        self._kinds: dict[str, SignalType] = {}
-        self.source: Path | None = None
-        self.read: dict[str, bytes] = {}
-        self.overrides: tuple[str, ...] = ()
-        self.notes: tuple[str, ...] = ()
-        self.modules = True
+        empty = Graph._of(from_python({"graph": title, "run": run, "blocks": {}}))
+        self.__dict__.update(empty.__dict__)
 
     @classmethod
     def _of(
@@ -124,7 +130,7 @@ class Graph:
 
         ``plots`` limits what is recorded to the metrics' probes and those of plots of these kinds.
         """
-        from runtime.program import Program
+        from runtime.engine import Program
 
         programs = self.__dict__.setdefault("_programs", {})
         key = (None if plots is None else repr(plots), profiled)
@@ -331,7 +337,7 @@ class Graph:
         engine: str | None = None,
         progress: Callable[[int, int], None] | None = None,
     ) -> Result:
-        """Simulate; see :class:`runtime.result.Result`.
+        """Simulate; see :class:`runtime.runs.result.Result`.
 
         ``engine`` is "python", "compiled" or "auto", which compiles where that repays itself.
 
@@ -340,7 +346,7 @@ class Graph:
         GraphError : the graph cannot run.
         SimulationError : it failed on the way; ``error.result`` holds what was recorded.
         """
-        from runtime.simulate import simulate
+        from runtime.runs import simulate
 
         graph = self
         if seed is not None:
@@ -353,7 +359,7 @@ class Graph:
 
     def prepared(self, plots: Container[str] | None = None, profiled: bool = False) -> PreparedRun:
         """All that a run needs of the graph; ``plots`` and ``profiled`` as for :meth:`program`."""
-        from runtime.simulate import PreparedRun
+        from runtime.runs import PreparedRun
 
         return PreparedRun(
             self.program(plots, profiled),
@@ -388,7 +394,7 @@ class Graph:
         for entry in plain.get("blocks", {}).values():
             cls = self._classes.get(entry.get("type", ""))
             if cls is not None and "module" not in entry:
-                entry["module"] = _source_file(cls)
+                entry["module"] = source_file(cls)
         return dump_yaml(plain)
 
     def __eq__(self, other: object) -> bool:
@@ -407,7 +413,7 @@ class Graph:
 
     def diagram(self, format: str = "svg") -> str | bytes:
         """The block diagram as svg, png, dot or mermaid."""
-        from runtime.diagrams.formats import diagram
+        from runtime.diagrams import diagram
 
         return diagram(self.network, format)
 
@@ -417,21 +423,6 @@ class Graph:
             return str(self.diagram("svg"))
         except Exception:  # noqa: BLE001 -- what shows a graph must not hide where it went wrong
             return None
-
-
-def _source_file(cls: type[Block]) -> str:
-    import inspect
-
-    try:
-        file = inspect.getsourcefile(cls)
-    except TypeError:
-        file = None
-    if file is None or not Path(file).is_file():
-        raise UsageError(
-            f"block type {cls.__name__} is defined in no file, so a YAML graph cannot name it; "
-            "put the class into a .py file"
-        )
-    return str(Path(file).resolve())
 
 
 def load(source: str | Path | Mapping[str, Any], *, modules: bool = True) -> Graph:

@@ -10,7 +10,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from blocks.signals import FloatArray
+from blocks.core import FloatArray
 
 BLOCK = 1 << 22  # bytes that are held of an array at a time
 MAPPED_ABOVE = 1 << 26  # bytes of an archive from which its arrays are mapped, not read

@@ -67,8 +67,8 @@ def measure(page: Path, width: int) -> dict[str, Any]:
     """
     frame = page.with_name("frame.html")
     frame.write_text(MEASURE.format(page=page.as_uri(), width=width), encoding="utf-8")
-    said = find(load(frame).html, "pre")[0].text
-    found: dict[str, Any] = json.loads(said)
+    message = find(load(frame).html, "pre")[0].text
+    found: dict[str, Any] = json.loads(message)
     return found
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 import runtime
-from runtime.describe import blocks_page, observing_page
+from runtime.cli.describe import blocks_page, observing_page
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -22,9 +22,9 @@ ERRORS = re.search(r"```text\n(my\.yaml.*?)```", README, re.S)
 
 def test_the_blocks_page_is_current() -> None:
     page = (ROOT / "docs" / "blocks.md").read_text(encoding="utf-8")
-    assert page == blocks_page(), "run: python -m runtime.describe"
+    assert page == blocks_page(), "run: python -m runtime.cli.describe"
     page = (ROOT / "docs" / "observing.md").read_text(encoding="utf-8")
-    assert page == observing_page(), "run: python -m runtime.describe"
+    assert page == observing_page(), "run: python -m runtime.cli.describe"
 
 
 @pytest.fixture

@@ -1,1 +1,8 @@
 """The block diagram of a graph: layout, shapes, and the formats they are written in."""
+
+from runtime.diagrams.formats import diagram
+from runtime.diagrams.paint import draw
+from runtime.diagrams.stored import TOO_LARGE, read_picture, stored_picture
+from runtime.diagrams.svg import to_svg
+
+__all__ = ["TOO_LARGE", "diagram", "draw", "read_picture", "stored_picture", "to_svg"]

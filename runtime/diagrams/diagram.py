@@ -6,10 +6,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from blocks.signals import SignalType
-from runtime.addresses import Endpoint
-from runtime.inference import component_type
-from runtime.network import Entry, Network, Wire
+from blocks.core import SignalType
+from runtime.network import Endpoint, Entry, Network, Wire, component_type
 
 CONSTANT = "constant"
 FATES = {"without": "removed", "bypass": "bypassed"}

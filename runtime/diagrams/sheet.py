@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from runtime.diagrams.diagram import Box, Net, Picture
-from runtime.diagrams.layout import Layout, arrange
-from runtime.diagrams.layout_grid import Cell, Link, Pin
-from runtime.diagrams.layout_wires import simplified
+from runtime.diagrams.layout.grid import Cell, Link, Pin
+from runtime.diagrams.layout.layout import Layout, arrange
+from runtime.diagrams.layout.wires import simplified
 from runtime.diagrams.shapes import Point, text_width
 
 NAME_SIZE, TYPE_SIZE, PORT_SIZE, LABEL_SIZE = 13.0, 10.0, 9.5, 9.0

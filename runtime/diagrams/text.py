@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from itertools import zip_longest
 
 from runtime.diagrams.diagram import Box, Net, Part, Picture
-from runtime.diagrams.layout_grid import Link, find_feedback
+from runtime.diagrams.layout.grid import Link, find_feedback
 from runtime.diagrams.palette import (
     BORDER,
     FRAME_BORDER,

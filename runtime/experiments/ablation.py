@@ -10,38 +10,38 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from runtime.diagrams.formats import diagram
-from runtime.diagrams.stored import stored_picture
+from runtime.diagrams import diagram, stored_picture
 from runtime.errors import UsageError
-from runtime.experiments.comparison import Line, compare
-from runtime.experiments.crew import Crew
-from runtime.experiments.index import Index, Row, remaining
-from runtime.experiments.plan import (
+from runtime.experiments.analysis import CONFIDENCE, CORRECTION, TESTS, Line, Test, compare
+from runtime.experiments.design import BASELINE, Variant
+from runtime.experiments.execution import (
     DIAGRAMS,
     INDEX,
     RUNS,
     SCHEMA_VERSION,
     TABLE,
     Case,
+    Index,
     Plan,
+    Row,
+    Task,
+    Trial,
+    WorkerPool,
     check_same,
     create,
+    remaining,
+    run_points,
 )
-from runtime.experiments.points import Point
-from runtime.experiments.runner import run_points
-from runtime.experiments.statistics import CONFIDENCE, CORRECTION, TESTS, Test
-from runtime.experiments.variants import BASELINE, Variant
-from runtime.experiments.worker import Task
 from runtime.files import own_file, own_folder, write_json
 from runtime.graph import Graph
-from runtime.progress import Progress
-from runtime.record import save
+from runtime.runs import save
+from runtime.terminal import Progress
 
 KEPT = ("ok", "failed", "timeout")
 
 
 @dataclass
-class Ablated:
+class AblationResult:
     """An ablation that has ended: its rows by variant, and what they say."""
 
     plan: Plan
@@ -111,11 +111,11 @@ def ablate(
     variants: list[Variant],
     essential: dict[str, str],
     folder: Path,
-    crew: Callable[[], Crew],
+    pool: Callable[[], WorkerPool],
     test: Test = "t",
     timeout: float | None = None,
     progress: Progress | None = None,
-) -> Ablated:
+) -> AblationResult:
     """Run the baseline and all variants with all seeds, or what of them has no row yet.
 
     The way that the robot goes with the first seed is kept for each, under ``runs``.
@@ -134,11 +134,11 @@ def ablate(
     else:
         create(plan, folder)
     with closing(Index(folder / INDEX, plan.columns)) as index:
-        finished = _run(plan, folder, index, crew, timeout, progress or Progress("", wanted=False))
+        finished = _run(plan, folder, index, pool, timeout, progress or Progress("", wanted=False))
         rows: dict[str, list[Row]] = {case.name: [] for case in plan.cases}
         for row in sorted(index.rows(), key=lambda row: row.point):
             rows[row.cells[0]].append(row)
-    done = Ablated(plan, folder, everything, essential, test, rows, not finished)
+    done = AblationResult(plan, folder, everything, essential, test, rows, not finished)
     if finished:
         write_json(folder / TABLE, done.to_dict())
         _draw_diagrams(plan, everything, folder)
@@ -149,7 +149,7 @@ def _run(
     plan: Plan,
     folder: Path,
     index: Index,
-    make_crew: Callable[[], Crew],
+    make_crew: Callable[[], WorkerPool],
     timeout: float | None,
     progress: Progress,
 ) -> bool:
@@ -157,7 +157,7 @@ def _run(
     first = next(iter(plan.seeds))
     slugs = {case.name: case.slug for case in plan.cases}
 
-    def task(point: Point) -> Task:
+    def task(point: Trial) -> Task:
         if point.seed == first:
             return Task(point, "ways", KEPT, timeout=timeout)
         return Task(point, timeout=timeout)
@@ -168,12 +168,12 @@ def _run(
         return True
     progress.resume(done)
     finished = False
-    crew = make_crew()
+    pool = make_crew()
     try:
-        for point, ended in run_points(points, crew, task):
-            name = point.setting.cells[0]
+        for point, ended in run_points(points, pool, task):
+            name = point.configuration.cells[0]
             if ended.result is not None:
-                ended.result.files = point.setting.recipe.files
+                ended.result.files = point.configuration.bundle.files
                 kept = folder / RUNS / slugs[name]
                 shutil.rmtree(kept, ignore_errors=True)
                 save(ended.result, kept)
@@ -184,7 +184,7 @@ def _run(
     except KeyboardInterrupt:
         return False
     finally:
-        crew.leave(finished)
+        pool.leave(finished)
         progress.close()
     return True
 

@@ -6,16 +6,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from blocks.mujoco_vacuum import MujocoVacuum
-from blocks.params import ParameterError, hint
-from blocks.signals import FloatArray
+from blocks.core import FloatArray, ParameterError, hint
+from blocks.mujoco import MujocoVacuum
 from blocks.world import World
 from runtime.document import parse_yaml
 from runtime.errors import Problems, UsageError
-from runtime.record import RESOLVED
-from runtime.reopen import read_run, run_folder
-from runtime.run_data import RunData
-from runtime.scope import expand
+from runtime.network import expand
+from runtime.observation import RunData
+from runtime.runs import RESOLVED, read_run, run_folder
 
 STATE = "physics"
 
@@ -52,8 +50,8 @@ def recorded_motion(path: str | Path, name: str = "") -> Motion:
     chosen = _chosen(robots, name, folder)
     address = f"{chosen}.{STATE}"
     if result.world is None or address not in result or not len(result[address]):
-        said = f"'{folder}' has no states of '{chosen}' to draw; record them with probes: "
-        raise UsageError(f"{said}{{{STATE}: {{of: {address}, every: 50}}}}, and run it again")
+        message = f"'{folder}' has no states of '{chosen}' to draw; record them with probes: "
+        raise UsageError(f"{message}{{{STATE}: {{of: {address}, every: 50}}}}, and run it again")
     states = result[address]
     return Motion(result.title, robots[chosen], result.world, result.time(address), states)
 
@@ -86,8 +84,8 @@ def _chosen(robots: dict[str, Any], name: str, folder: Path) -> str:
         return name
     listed = ", ".join(robots)
     if name:
-        mend = hint(name, robots) or f"; there is {listed}"
-        raise UsageError(f"'{folder}' has no MujocoVacuum '{name}'{mend}")
+        suggestion = hint(name, robots) or f"; there is {listed}"
+        raise UsageError(f"'{folder}' has no MujocoVacuum '{name}'{suggestion}")
     if len(robots) > 1:
         raise UsageError(f"'{folder}' has several robots; choose one with --block: {listed}")
     return next(iter(robots))

@@ -11,11 +11,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from blocks import extras
-from blocks.extras import require
+from blocks.core import extras, require
 from runtime.errors import MissingExtraError, MissingLibraryError, UsageError
 from runtime.rendering.motion import recorded_motion
-from runtime.rendering.wish import Wish
+from runtime.rendering.request import RenderRequest
 
 MODULES = ("mujoco", "OpenGL", "imageio_ffmpeg")
 CHOICE = "MUJOCO_GL"
@@ -25,7 +24,7 @@ MEND = (
 )
 
 
-def render(wish: Wish) -> list[Path]:
+def render(request: RenderRequest) -> list[Path]:
     """Make a picture and a film of a run, in a process of their own; returns the files.
 
     Raises
@@ -41,12 +40,14 @@ def render(wish: Wish) -> list[Path]:
             require(name, "runtime render", "render")
     except extras.MissingExtraError as error:
         raise MissingExtraError(error.feature, error.extra) from None
-    last = float(recorded_motion(wish.run, wish.block).t[-1])
-    if wish.film and wish.begin >= min(last, wish.end or last):
-        raise UsageError(f"no film begins at {wish.begin:g} s: the run was recorded to {last:g} s")
+    last = float(recorded_motion(request.run, request.block).t[-1])
+    if request.film and request.begin >= min(last, request.end or last):
+        raise UsageError(
+            f"no film begins at {request.begin:g} s: the run was recorded to {last:g} s"
+        )
     tried = []
     for library in libraries:
-        answer = _ask(wish, library)
+        answer = _ask(request, library)
         if "files" in answer:
             return [Path(path) for path in answer["files"]]
         tried.append(f"{library or 'default'}: {answer['missing']}")
@@ -61,13 +62,13 @@ def _libraries() -> tuple[str, ...]:
     return ("egl", "osmesa") if sys.platform.startswith("linux") else ("",)
 
 
-def _ask(wish: Wish, library: str) -> dict[str, Any]:
+def _ask(request: RenderRequest, library: str) -> dict[str, Any]:
     """Let a process draw; what it answers, or what became of it."""
     environment = {key: value for key, value in os.environ.items() if key != "PYOPENGL_PLATFORM"}
     environment[CHOICE] = library
     done = subprocess.run(
         [sys.executable, "-m", "runtime.rendering.worker"],
-        input=json.dumps(asdict(wish)),
+        input=json.dumps(asdict(request)),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE if not sys.stderr.isatty() else None,
         text=True,
@@ -77,6 +78,6 @@ def _ask(wish: Wish, library: str) -> dict[str, Any]:
         return {"missing": f"ended by {signal.Signals(-done.returncode).name}"}
     if done.returncode:
         last = (done.stderr or "").strip().splitlines()[-1:] or ["see above"]
-        raise UsageError(f"'{wish.run}' cannot be rendered: {last[0]}")
+        raise UsageError(f"'{request.run}' cannot be rendered: {last[0]}")
     answer: dict[str, Any] = json.loads(done.stdout)
     return answer

@@ -12,27 +12,18 @@ import numpy as np
 import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
-from blocks.lidar import bearings
-from blocks.mujoco_lidar import Beams
-from blocks.mujoco_model import SEEN_GROUP, model_of
-from blocks.mujoco_vacuum import POSITION, state_parts
-from blocks.signals import FloatArray
+from blocks.core import FloatArray
+from blocks.mujoco import POSITION, SEEN_GROUP, Beams, model_of, state_parts
+from blocks.world import bearings
 from runtime.rendering.motion import Motion
-from runtime.rendering.views import (
-    SHAPES,
-    TRAIL_SEGMENTS,
-    draw_hits,
-    draw_trail,
-    extent_of,
-    place,
-)
+from runtime.rendering.views import SHAPES, TRAIL_SEGMENTS, draw_hits, draw_trail, extent_of, place
 
 Picture = npt.NDArray[np.uint8]
 SHAPES_OF_MODEL = 500
 FONT = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
 
 
-class Stage:
+class SceneRenderer:
     """The scene of one run, seen from one or more views side by side.
 
     Parameters

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from blocks.signals import FloatArray
+from blocks.core import FloatArray
 from blocks.world import World
 
 MARGIN = 0.15

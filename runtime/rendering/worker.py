@@ -14,30 +14,30 @@ from typing import Any
 import numpy as np
 
 from runtime.files import own_file
-from runtime.progress import Progress
 from runtime.rendering.motion import recorded_motion
-from runtime.rendering.wish import Wish
+from runtime.rendering.request import RenderRequest
+from runtime.terminal import Progress
 
 PICTURE = "render.png"
 FILM = "render.mp4"
 
 
-def make(wish: Wish) -> list[Path]:
+def make(request: RenderRequest) -> list[Path]:
     """Draw the picture and the film; returns the files."""
-    from runtime.rendering.stage import Stage
+    from runtime.rendering.stage import SceneRenderer
 
-    motion = recorded_motion(wish.run, wish.block)
-    folder = Path(wish.folder)
+    motion = recorded_motion(request.run, request.block)
+    folder = Path(request.folder)
     folder.mkdir(parents=True, exist_ok=True)
-    stage = Stage(motion, wish.views, wish.height)
+    stage = SceneRenderer(motion, request.views, request.height)
     files = [own_file(folder / PICTURE)]
     last = float(motion.t[-1])
-    _save(stage.picture(stage.row_at(last if wish.at is None else wish.at)), files[0])
+    _save(stage.picture(stage.row_at(last if request.at is None else request.at)), files[0])
     stage.close()
-    if wish.film:
+    if request.film:
         files.append(folder / FILM)
-        stage = Stage(motion, wish.views, wish.film_height, shadows=1024)
-        _film(stage, wish, min(last, last if wish.end is None else wish.end), files[1])
+        stage = SceneRenderer(motion, request.views, request.film_height, shadows=1024)
+        _film(stage, request, min(last, last if request.end is None else request.end), files[1])
         stage.close()
     return files
 
@@ -48,11 +48,11 @@ def _save(pixels: Any, path: Path) -> None:
     Image.fromarray(pixels).save(path, optimize=True)
 
 
-def _film(stage: Any, wish: Wish, end: float, path: Path) -> None:
+def _film(stage: Any, request: RenderRequest, end: float, path: Path) -> None:
     """Write an H.264 film in a mp4 file."""
     import imageio_ffmpeg
 
-    rows = [stage.row_at(t) for t in np.arange(wish.begin, end, wish.speed / wish.fps)]
+    rows = [stage.row_at(t) for t in np.arange(request.begin, end, request.speed / request.fps)]
     first = stage.picture(rows[0])
     height, width, _ = first.shape
     partial = own_file(path.with_name(f".{path.name}"))
@@ -60,7 +60,7 @@ def _film(stage: Any, wish: Wish, end: float, path: Path) -> None:
     sink = imageio_ffmpeg.write_frames(
         str(partial),
         (width, height),
-        fps=wish.fps,
+        fps=request.fps,
         codec="libx264",
         pix_fmt_out="yuv420p",
         macro_block_size=2,
@@ -85,7 +85,7 @@ def main() -> None:
     answer = sys.stdout
     sys.stdout = sys.stderr
     asked = json.load(sys.stdin)
-    wish = Wish(**{**asked, "views": tuple(asked["views"])})
+    request = RenderRequest(**{**asked, "views": tuple(asked["views"])})
     try:
         import mujoco
 
@@ -93,7 +93,7 @@ def main() -> None:
     except Exception as error:  # noqa: BLE001 -- a missing library shows in many ways
         json.dump({"missing": f"{type(error).__name__}: {error}".splitlines()[0]}, answer)
         return
-    json.dump({"files": [str(path) for path in make(wish)]}, answer)
+    json.dump({"files": [str(path) for path in make(request)]}, answer)
 
 
 if __name__ == "__main__":

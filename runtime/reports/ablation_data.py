@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from runtime.errors import UsageError
-from runtime.experiments.ablation_figures import read_facts
-from runtime.experiments.index import Columns, read_rows
-from runtime.experiments.plan import INDEX, TABLE
+from runtime.experiments.analysis.ablation_plots import read_facts
+from runtime.experiments.execution import INDEX, TABLE, Columns, read_rows
 from runtime.reports.schema import MAYBE_NUMBER, check
 
 _ESTIMATE = {"n": int, "mean": MAYBE_NUMBER, "low": MAYBE_NUMBER, "high": MAYBE_NUMBER}
@@ -43,8 +42,10 @@ def read_ablation(folder: Path) -> dict[str, Any]:
     """
     path = folder / TABLE
     if not path.is_file():
-        said = "it was interrupted, or is still running; 'runtime ablate --resume' goes on with it"
-        raise UsageError(f"'{folder}' holds an ablation without results: {said}")
+        message = (
+            "it was interrupted, or is still running; 'runtime ablate --resume' goes on with it"
+        )
+        raise UsageError(f"'{folder}' holds an ablation without results: {message}")
     facts = read_facts(folder)
     try:
         check(facts, _FACTS)

@@ -6,9 +6,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from runtime.experiments.ablation_figures import ablation_figure
-from runtime.experiments.comparison import LEVEL
-from runtime.experiments.plan import DIAGRAMS, GRAPH, read_plan
+from runtime.experiments.analysis import LEVEL
+from runtime.experiments.analysis.ablation_plots import ablation_figure
+from runtime.experiments.execution import DIAGRAMS, GRAPH, read_plan
 from runtime.reports import pieces
 from runtime.reports.ablation_data import read_ablation
 from runtime.reports.html import Html, element, facts, grouped_table, join, table
@@ -50,13 +50,13 @@ def _count(found: Mapping[str, Any]) -> str:
 def _facts(found: Mapping[str, Any], plan: Mapping[str, Any]) -> Html:
     variants = found["variants"]
     failed = sum(variant["failed"] for variant in variants)
-    said = element("span", str(failed), class_="bad") if failed else "none"
+    message = element("span", str(failed), class_="bad") if failed else "none"
     return facts(
         [
             ("variants", str(len(variants))),
             ("seeds", str(plan.get("seeds", ""))),
             ("runs", str(sum(variant["runs"] for variant in variants))),
-            ("failed runs", said),
+            ("failed runs", message),
             ("intervals", "95 %"),
             ("test", str(found["test"]).partition(" (")[0]),
         ]
@@ -128,9 +128,9 @@ def _variants(found: Mapping[str, Any]) -> Html:
     rows = []
     for variant in found["variants"]:
         reasons = "; ".join(f"{r['count']} × {r['reason']}" for r in variant["reasons"])
-        said = "; ".join(variant["notes"])
+        message = "; ".join(variant["notes"])
         changes = "; ".join(variant["changes"]) or "none"
-        rows.append([variant["name"], changes, str(variant["failed"]), reasons, said])
+        rows.append([variant["name"], changes, str(variant["failed"]), reasons, message])
     head = ["variant", "changes", "failed", "reasons", "notes"]
     kept = [i for i in range(len(head)) if i < 3 or any(row[i] for row in rows)]
     shown = [[row[i] for i in kept] for row in rows]

@@ -9,13 +9,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from runtime.diagrams.paint import draw
-from runtime.diagrams.stored import TOO_LARGE, read_picture
-from runtime.diagrams.svg import to_svg
+from runtime.diagrams import TOO_LARGE, draw, read_picture, to_svg
 from runtime.files import read_text
-from runtime.record import RESOLVED
 from runtime.reports.html import Html, element, facts, join, scrolling, table
 from runtime.reports.svg import diagram_svg, figure_svg
+from runtime.runs import RESOLVED
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -71,10 +69,10 @@ def diagram_file(file: Path, name: str, label: str) -> Html:
     try:
         drawn = to_svg(draw(read_picture(read_text(file))))
     except FileNotFoundError:
-        said = f"This folder holds no diagram: it is of an earlier version, or {TOO_LARGE}. "
+        message = f"This folder holds no diagram: it is of an earlier version, or {TOO_LARGE}. "
         again = element("code", f"runtime draw {file.parent / RESOLVED}")
         more = " draws it, and runs the Python files that the graph names."
-        return element("p", said, again, more, class_="soft")
+        return element("p", message, again, more, class_="soft")
     except (OSError, ValueError) as error:
         return element("p", f"The diagram cannot be read: {error}", class_="soft")
     return diagram_frame(drawn, name, label)
@@ -91,14 +89,14 @@ def diagram_frame(drawn: str, name: str, label: str) -> Html:
     return scrolling(styled, label, kind)
 
 
-def graph_file(file: Path, said: str) -> Html:
+def graph_file(file: Path, message: str) -> Html:
     """The text of a resolved graph, with the command that runs it."""
     try:
         text = read_text(file)
     except (OSError, ValueError) as error:
         return element("p", f"The graph cannot be read: {error}", class_="soft")
     again = element("code", f"runtime run {file}")
-    first = element("p", said, " ", again, " runs it.", class_="soft")
+    first = element("p", message, " ", again, " runs it.", class_="soft")
     return join(first, source(text.rstrip(), "resolved graph"))
 
 

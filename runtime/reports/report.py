@@ -6,10 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from runtime.errors import UsageError
-from runtime.experiments.plan import PLAN, read_plan
-from runtime.record import MANIFEST
-from runtime.reopen import run_folder
+from runtime.experiments.execution import PLAN, read_plan
 from runtime.reports.schema import check
+from runtime.runs import MANIFEST, run_folder
 
 _PLAN = {"kind": str, "experiment": str, "points": int, "metrics": [str]}
 
@@ -62,7 +61,7 @@ def _of_run(folder: Path) -> Report:
     inside = sorted(plan.parent for plan in folder.glob(f"*/{PLAN}"))
     if inside and not (folder / MANIFEST).is_file():
         found = folder / "latest" if folder / "latest" in inside else inside[-1]
-        said = "holds no run, sweep or ablation itself"
-        raise UsageError(f"'{folder}' {said}; did you mean '{found}'?")
+        message = "holds no run, sweep or ablation itself"
+        raise UsageError(f"'{folder}' {message}; did you mean '{found}'?")
     found = run_folder(folder)
     return Report("run", found, run_report(found))

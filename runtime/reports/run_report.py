@@ -6,15 +6,14 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from runtime.comparing.documents import text_of
+from runtime.compare import text_of
 from runtime.document import parse_yaml
 from runtime.errors import UsageError
-from runtime.record import DIAGRAM, RESOLVED
-from runtime.reopen import read_run, run_folder
+from runtime.observation import Recording, RunData
 from runtime.reports import pieces
 from runtime.reports.html import Html, bullets, element, facts, join, table
 from runtime.reports.page import page
-from runtime.run_data import Recorded, RunData
+from runtime.runs import DIAGRAM, RESOLVED, read_run, run_folder
 
 STATUS = {"complete": "good", "interrupted": "warn", "failed": "bad"}
 
@@ -36,7 +35,7 @@ def run_report(path: Path) -> str:
         "Metrics": _metrics(folder, result),
         "Figures": join(*_figures(result)),
         "Diagram": _diagram(folder, result),
-        "Recorded signals": _signals(result),
+        "Recording signals": _signals(result),
         "Graph": _graph(folder, result),
         "Provenance": _provenance(folder, result),
     }
@@ -124,9 +123,9 @@ def _expected(entry: Mapping[str, Any], value: float | None) -> Html:
     is_met = value is not None and all(
         value > bound if key == "above" else value < bound for key, bound in bounds
     )
-    said = " and ".join(f"{key} {bound:g}" for key, bound in bounds)
+    message = " and ".join(f"{key} {bound:g}" for key, bound in bounds)
     verdict = element("span", "met" if is_met else "failed", class_="good" if is_met else "bad")
-    return join(f"{said}: ", verdict)
+    return join(f"{message}: ", verdict)
 
 
 def _is_number(value: Any) -> bool:
@@ -136,15 +135,15 @@ def _is_number(value: Any) -> bool:
 def _definition(entry: Mapping[str, Any]) -> str:
     """A metric's kind and options as its graph has them."""
     left = {k: v for k, v in entry.items() if k not in ("kind", "of", "below", "above")}
-    said = [f"{entry.get('kind', '')} of {text_of(entry['of'])}" if "of" in entry else ""]
+    message = [f"{entry.get('kind', '')} of {text_of(entry['of'])}" if "of" in entry else ""]
     if "of" not in entry:
-        said = [str(entry.get("kind", ""))]
-    said += [f"{key} {text_of(value)}" for key, value in left.items()]
-    return ", ".join(part for part in said if part)
+        message = [str(entry.get("kind", ""))]
+    message += [f"{key} {text_of(value)}" for key, value in left.items()]
+    return ", ".join(part for part in message if part)
 
 
 def _figures(result: RunData) -> Iterator[Html]:
-    from runtime.pictures.plots import draw
+    from runtime.plots import draw
 
     for i, spec in enumerate(result.plots):
         shown = ", ".join(a for name in spec.of for a in _addresses(result, name))
@@ -171,7 +170,7 @@ def _signals(result: RunData) -> Html:
     return table(head, rows, [4, 5], label="recorded signals", wraps=[1]) if rows else Html("")
 
 
-def _signal(recorded: Recorded) -> list[str]:
+def _signal(recorded: Recording) -> list[str]:
     every = f"{recorded.t[1] - recorded.t[0]:g} s" if len(recorded.t) > 1 else "once"
     return [
         recorded.name,
@@ -184,9 +183,9 @@ def _signal(recorded: Recorded) -> list[str]:
 
 
 def _graph(folder: Path, result: RunData) -> Html:
-    said = "As it ran, with everything it extends and all changes of the command line. "
+    message = "As it ran, with everything it extends and all changes of the command line. "
     again = element("code", f"runtime run {folder / RESOLVED}")
-    first = element("p", said, again, " gives the same bits.", class_="soft")
+    first = element("p", message, again, " gives the same bits.", class_="soft")
     return join(first, pieces.source(result.texts[RESOLVED].rstrip(), "resolved graph"))
 
 

@@ -8,17 +8,22 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from runtime.comparing.documents import text_of
-from runtime.experiments.groups import Group, Tally, gather
-from runtime.experiments.index import Columns, Row, read_rows
-from runtime.experiments.plan import GRAPH, INDEX, SUMMARY, read_plan
-from runtime.experiments.statistics import Estimate, estimate
-from runtime.experiments.sweep_data import SweepData, read_sweep
-from runtime.experiments.sweep_figures import sweep_figures
-from runtime.record import DIAGRAM
+from runtime.compare import text_of
+from runtime.experiments.analysis import (
+    Estimate,
+    Group,
+    SweepData,
+    Tally,
+    estimate,
+    gather,
+    read_sweep,
+)
+from runtime.experiments.analysis.sweep_plots import sweep_figures
+from runtime.experiments.execution import GRAPH, INDEX, SUMMARY, Columns, Row, read_plan, read_rows
 from runtime.reports import pieces
 from runtime.reports.html import Html, element, facts, join, table
 from runtime.reports.page import page
+from runtime.runs import DIAGRAM
 
 FEW = 60  # settings that are all listed
 
@@ -34,7 +39,7 @@ class _Sweep:
     total: int
 
     @property
-    def knobs(self) -> list[str]:
+    def factors(self) -> list[str]:
         return [axis.path for axis in self.data.axes]
 
     @property
@@ -50,7 +55,7 @@ class _Sweep:
 
     def rows(self) -> Iterator[Row]:
         """The rows of the index, in the order in which they ended."""
-        columns = Columns(tuple(self.knobs), tuple(self.metrics))
+        columns = Columns(tuple(self.factors), tuple(self.metrics))
         return read_rows(self.folder / INDEX, columns)
 
 
@@ -66,9 +71,9 @@ def sweep_report(folder: Path) -> str:
     UsageError : its files cannot be read.
     """
     swept = _read(folder)
-    settings = swept.total // max(1, swept.data.seeds)
+    configurations = swept.total // max(1, swept.data.seeds)
     best = {ranked.cells: i for i, ranked in enumerate(swept.tally.best)}
-    is_few = len(best) < settings <= FEW
+    is_few = len(best) < configurations <= FEW
     sections = {
         "Best settings": _settings(swept, best, "best settings") if best else Html(""),
         "Figures": join(*_figures(swept)),
@@ -81,7 +86,9 @@ def sweep_report(folder: Path) -> str:
         "Provenance": pieces.plan_provenance(folder, swept.plan),
     }
     made_by = f"Made by runtime report from {folder.resolve().name}."
-    return page("Sweep", swept.data.name, _lead(swept), _facts(swept, settings), sections, made_by)
+    return page(
+        "Sweep", swept.data.name, _lead(swept), _facts(swept, configurations), sections, made_by
+    )
 
 
 def _read(folder: Path) -> _Sweep:
@@ -99,15 +106,15 @@ def _read(folder: Path) -> _Sweep:
 def _lead(swept: _Sweep) -> str:
     """The knobs with their ranges, and what is sought."""
     vary, goal = swept.plan.get("vary"), swept.data.objective
-    knobs = vary.items() if isinstance(vary, Mapping) else ()
-    ranges = [f"{path} = {v if isinstance(v, str) else text_of(v)}" for path, v in knobs]
-    said = f"Sweep over {', '.join(ranges)}"
+    factors = vary.items() if isinstance(vary, Mapping) else ()
+    ranges = [f"{path} = {v if isinstance(v, str) else text_of(v)}" for path, v in factors]
+    message = f"Sweep over {', '.join(ranges)}"
     if goal is None:
-        return f"{said}."
-    return f"{said}, to {goal.goal} {goal.metric}."
+        return f"{message}."
+    return f"{message}, to {goal.goal} {goal.metric}."
 
 
-def _facts(swept: _Sweep, settings: int) -> Html:
+def _facts(swept: _Sweep, configurations: int) -> Html:
     tally = swept.tally
     is_whole = tally.done >= swept.total
     status = f"{tally.done} of {swept.total}" if not is_whole else str(swept.total)
@@ -115,7 +122,7 @@ def _facts(swept: _Sweep, settings: int) -> Html:
     return facts(
         [
             ("points", status if is_whole else element("span", status, class_="warn")),
-            ("settings", str(settings)),
+            ("settings", str(configurations)),
             ("seeds", str(swept.plan.get("seeds", ""))),
             ("not ok", element("span", str(bad), class_="bad") if bad else "none"),
             ("sampling", swept.data.method),
@@ -141,11 +148,11 @@ def _settings(swept: _Sweep, best: Mapping[tuple[str, ...], int] | None, label: 
     else:
         found = [group for group in groups if group.cells in best]
         chosen = sorted(found, key=lambda group: best[group.cells])[: len(best)]
-    head = [*swept.knobs, "ok"]
+    head = [*swept.factors, "ok"]
     for metric in swept.shown:
         head += [metric, "95 % interval"]
     rows = [_setting(swept, group) for group in chosen]
-    numbers = range(len(swept.knobs), len(head))
+    numbers = range(len(swept.factors), len(head))
     told = element(
         "p",
         "Means and intervals are over the seeds; n/N: only n of the N seeds have a value.",

@@ -78,15 +78,15 @@ def straight(step: float) -> Run:
 
 
 @pytest.mark.parametrize(
-    ("other", "said"),
+    ("other", "message"),
     [
         (Run(1.0, straight(1.0).poses + 2e-9), "B and A part at row 0 by 2e-09"),
         (Run(1.0, straight(1.0).poses * np.nan), "B and A part at row 0"),
         (Run(1.0, straight(1.0).poses[1:]), r"B gave \(9, 3\) poses against \(10, 3\) of A"),
     ],
 )
-def test_disagreement_is_refused(other: Run, said: str) -> None:
-    with pytest.raises(DisagreementError, match=said):
+def test_disagreement_is_refused(other: Run, message: str) -> None:
+    with pytest.raises(DisagreementError, match=message):
         largest_difference("subject", {"A": straight(1.0), "B": other})
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from blocks import Block, BlockState, Setting, SignalType
+from blocks import Block, BlockContext, BlockState, SignalType
 
 # What the types of the library cannot be made without, or cannot run without at 1 ms; a new type
 # with such a parameter belongs here, and is then tested and checked with the others.
@@ -33,12 +33,12 @@ def state_of(
 ) -> BlockState:
     """A started state; the block's states must have shapes of numbers, or like a port's."""
     kinds: dict[str, Any] = {name: port.type for name, port in block.spec.ports.items()}
-    setting = Setting(dt, {**kinds, **(types or {})}, terms or {})
-    block.validate_in(setting)
+    context = BlockContext(dt, {**kinds, **(types or {})}, terms or {})
+    block.validate_in(context)
     arrays = {
-        name: np.zeros(setting.types[s.like].shape if s.like else s.shape)
+        name: np.zeros(context.types[s.like].shape if s.like else s.shape)
         for name, s in block.spec.states.items()
     }
-    state = BlockState(setting, np.random.SeedSequence(seed), arrays)
+    state = BlockState(context, np.random.SeedSequence(seed), arrays)
     block.start(state)
     return state

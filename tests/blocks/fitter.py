@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from blocks import BlockState, Scan, Setting
-from blocks.wall_fitter import WallFitter
+from blocks import BlockContext, BlockState, Scan
+from blocks.wall_fitting.fitter import WallFitter
 
 Pose = tuple[float, float, float]
 Fit = tuple[np.ndarray, np.ndarray, float]
@@ -16,11 +16,11 @@ class Fitter:
 
     def __init__(self, beams: int = 360, **parameters: object) -> None:
         self.block = WallFitter(**parameters)
-        setting = Setting(0.1, {"scan": Scan(beams)})
+        context = BlockContext(0.1, {"scan": Scan(beams)})
         shapes = {"last_path": (self.block.samples, 4), "last_wall": (self.block.wall_points, 2)}
         arrays = {name: np.zeros(shape) for name, shape in shapes.items()}
         arrays["fitted"] = np.zeros(1)
-        self.state = BlockState(setting, np.random.SeedSequence(0), arrays)
+        self.state = BlockState(context, np.random.SeedSequence(0), arrays)
         self.block.start(self.state)
 
     def __call__(self, scan: np.ndarray, pose: Pose = (0.0, 0.0, 0.0)) -> Fit:

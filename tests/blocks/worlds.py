@@ -14,10 +14,10 @@ from matplotlib.path import Path as Outline
 from scipy.spatial import cKDTree
 
 from blocks import Block, BlockState, ParameterError, Scan
-from blocks.bench import Bench
-from blocks.checking import settle
-from blocks.signals import FloatArray
-from blocks.world import World
+from blocks.core.signals import FloatArray
+from blocks.testing.bench import Bench
+from blocks.testing.checking import settle
+from blocks.world.world import World
 
 FOLDER = Path(__file__).parents[2] / "graphs" / "worlds"
 SHIPPED = {path.stem: yaml.safe_load(path.read_text()) for path in sorted(FOLDER.glob("*.yaml"))}

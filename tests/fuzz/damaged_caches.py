@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
-from runtime.document import dump_yaml
+from runtime.document.node import dump_yaml
 from tests.fuzz.campaign import Record, campaign
 from tests.fuzz.known import KNOWN
 from tests.fuzz.mutation import mutate_bytes

@@ -16,10 +16,10 @@ import numpy as np
 from hypothesis import strategies as st
 
 import runtime
-from blocks.block import Block
+from blocks.core.block import Block
+from blocks.core.signals import Pose, Same, Scalar, SignalType, Twist
 from blocks.registry import BUILTIN
-from blocks.signals import Pose, Same, Scalar, SignalType, Twist
-from runtime.document import dump_yaml
+from runtime.document.node import dump_yaml
 from runtime.errors import GraphError, SimulationError
 from tests.fuzz.campaign import Record, campaign
 

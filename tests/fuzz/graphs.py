@@ -20,9 +20,9 @@ from typing import Any
 from hypothesis import strategies as st
 
 import runtime
-from runtime.document import dump_yaml
+from runtime.document.node import dump_yaml
 from runtime.errors import GraphError, SimulationError, SpikeblocksError
-from runtime.experiments.experiment import read_experiment
+from runtime.experiments.design.experiment import read_experiment
 from tests.fuzz.campaign import Record, campaign
 from tests.fuzz.mutation import entries, mutate_bytes, mutate_text, mutate_tree
 

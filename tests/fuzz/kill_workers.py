@@ -26,7 +26,7 @@ from pathlib import Path
 
 MODULE = '''
 import blocks
-from blocks.signals import Vector
+from blocks.core.signals import Vector
 
 
 class Noise(blocks.Block):
@@ -114,9 +114,9 @@ def run(
     command = [str(script), "sweep", "noise.yaml", "--vary", f"noise.level=0..1:{POINTS}"]
     command += ["-j", "2", "--keep", "all", "--no-plots", "-q", "--resume", "--name", name]
     with (
-        tempfile.TemporaryFile() as said,
+        tempfile.TemporaryFile() as message,
         subprocess.Popen(
-            command, cwd=folder, stdout=said, stderr=said, start_new_session=True
+            command, cwd=folder, stdout=message, stderr=message, start_new_session=True
         ) as sweep,
     ):
         # Ctrl-C is for a sweep that has begun; one that still starts has nothing to lose.
@@ -135,8 +135,8 @@ def run(
         if sweep.poll() is None:
             found["hangs"] += 1
             sweep.kill()
-        said.seek(0)
-        text = said.read().decode()
+        message.seek(0)
+        text = message.read().decode()
         if "Traceback" in text:
             found["tracebacks"] += 1
             print(text, file=sys.stderr)
@@ -146,7 +146,7 @@ def run(
 def kill_one(sweep: int, moments: random.Random) -> bool:
     """Kill one of a sweep's workers; now and then the nursery."""
     nurseries = children(sweep)
-    workers = [pid for nursery in nurseries for pid in children(nursery)]
+    workers = [pid for fork_server in nurseries for pid in children(fork_server)]
     # Killed whenever there are no workers yet, the nursery would never come to fork any.
     chosen = nurseries if moments.random() < 0.1 else workers
     if not chosen:

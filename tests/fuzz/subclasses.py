@@ -14,9 +14,9 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from blocks.block import Block, Evaluation
+from blocks.core.block import Block, Evaluation
+from blocks.core.signals import PortType, Same
 from blocks.registry import BUILTIN
-from blocks.signals import PortType, Same
 from tests.fuzz import engines
 from tests.fuzz.campaign import Record, campaign
 from tests.fuzz.known import KNOWN

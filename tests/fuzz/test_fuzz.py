@@ -8,7 +8,7 @@ import pytest
 from hypothesis import strategies as st
 
 import runtime
-from runtime.document import parse_yaml
+from runtime.document.node import parse_yaml
 from tests.fuzz import (
     command_lines,
     damaged_caches,

@@ -20,7 +20,7 @@ from typing import Any, NoReturn
 
 import runtime
 from runtime import cli
-from runtime.document import dump_yaml
+from runtime.document.node import dump_yaml
 from tests.fuzz.known import KNOWN
 
 SCRIPT = Path(sys.executable).parent / "runtime"

@@ -14,8 +14,8 @@ from typing import TypeVar
 import numpy as np
 
 import runtime
-from runtime.loader import SHIPPED
-from runtime.wall_metrics import first_loop
+from runtime.document.loader import SHIPPED
+from runtime.observation.wall_metrics import first_loop
 
 WORKERS = 2
 ENGINE = "compiled" if find_spec("numba") else "python"

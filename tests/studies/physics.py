@@ -92,8 +92,8 @@ class Physics:
         best = np.all([ours < theirs for theirs in others], axis=0)
         n = len(self.seeds)
         return [
-            Claim("", "", said, f"{np.sum(holds)} of {n}", float(np.mean(holds)))
-            for said, holds in (
+            Claim("", "", message, f"{np.sum(holds)} of {n}", float(np.mean(holds)))
+            for message, holds in (
                 ("robust: all loops closed", loops >= 1.0),
                 ("robust: the smallest error of the three, on the same seed", best),
             )

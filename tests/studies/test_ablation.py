@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import runtime
-from runtime.experiments.seeds import Seeds
-from runtime.experiments.variants import BASELINE
-from runtime.loader import SHIPPED
+from runtime.document.loader import SHIPPED
+from runtime.experiments.design.seeds import Seeds
+from runtime.experiments.design.variants import BASELINE
 from tests.studies.ablation import runs
 from tests.studies.ablation.conclusions import ALL, INTEGRATOR, SPEED
 from tests.studies.ablation.judge import (
@@ -36,25 +36,25 @@ from tests.studies.ablation.judge import (
     controllers,
 )
 from tests.studies.ablation.page import page
-from tests.studies.ablation.runs import PRINTED, ROBUST, RULES, SETTINGS, Measured, Setting
+from tests.studies.ablation.runs import PRINTED, ROBUST, RULES, SETTINGS, Configuration, Measured
 
 EXPERIMENTS = sorted((SHIPPED / "experiments").glob("*.yaml"))
 LINE, SINE, IDEAL = SETTINGS[:3]
 SEEDS = tuple(range(20))
 # The mean error of a variant, by setting and rule.
-Error = Callable[[Setting, str, str], float]
+Error = Callable[[Configuration, str, str], float]
 
 
 @pytest.mark.parametrize("file", EXPERIMENTS, ids=lambda file: file.stem)
 def test_every_experiment_is_part_of_the_study(file: Path) -> None:
-    used = {setting.file(rule) for setting in SETTINGS for rule in RULES}
+    used = {configuration.file(rule) for configuration in SETTINGS for rule in RULES}
     assert file.stem in used
 
 
 @pytest.mark.parametrize("rule", RULES)
-@pytest.mark.parametrize("setting", SETTINGS, ids=lambda setting: setting.label)
-def test_all_variants_build_and_can_be_compared(setting: Setting, rule: str) -> None:
-    experiment = runs.read(setting, rule)
+@pytest.mark.parametrize("configuration", SETTINGS, ids=lambda configuration: configuration.label)
+def test_all_variants_build_and_can_be_compared(configuration: Configuration, rule: str) -> None:
+    experiment = runs.read(configuration, rule)
     graphs = {variant.name: variant.graph for variant in experiment.variants}
     assert {ALONE, BARE, *PARTS, TUNED, TUNED + APART} <= set(graphs)
     for name, graph in graphs.items():
@@ -74,8 +74,8 @@ def test_all_variants_build_and_can_be_compared(setting: Setting, rule: str) -> 
     assert experiment.seeds is not None
     assert min(experiment.seeds) > 9
     assert len(experiment.seeds) == len(SEEDS)
-    if setting.condition:
-        plain = runs.read(Setting(setting.case, "", setting.experiment), rule)
+    if configuration.condition:
+        plain = runs.read(Configuration(configuration.case, "", configuration.experiment), rule)
         found = {v.name: v.graph.to_dict() for v in plain.variants}
         assert all(graph.to_dict() != found[name] for name, graph in graphs.items())
 
@@ -83,29 +83,32 @@ def test_all_variants_build_and_can_be_compared(setting: Setting, rule: str) -> 
 @cache
 def variants_of(experiment: str, rule: str) -> list[str]:
     """All names, the baseline's first."""
-    return [BASELINE, *(v.name for v in runs.read(Setting("", "", experiment), rule).variants)]
+    return [
+        BASELINE,
+        *(v.name for v in runs.read(Configuration("", "", experiment), rule).variants),
+    ]
 
 
 def made_up(
     error: Error, spread: float = 0.02, seed: int = 1
-) -> dict[tuple[Setting, str], Measured]:
+) -> dict[tuple[Configuration, str], Measured]:
     """Numbers in place of runs: each with noise of its own, in part of the mean."""
     rng = np.random.default_rng(seed)
     results = {}
-    for setting in SETTINGS:
+    for configuration in SETTINGS:
         for rule in RULES:
             values = {
                 name: {
                     metric.name: list(
-                        error(setting, rule, name)
+                        error(configuration, rule, name)
                         * (1.0 + spread * rng.standard_normal(len(SEEDS)))
                     )
-                    for metric in METRICS[setting.case]
+                    for metric in METRICS[configuration.case]
                 }
                 | {"loops": [1.2] * len(SEEDS), "contacts": [0.0] * len(SEEDS)}
-                for name in variants_of(setting.experiment, rule)
+                for name in variants_of(configuration.experiment, rule)
             }
-            results[setting, rule] = Measured(values, SEEDS)
+            results[configuration, rule] = Measured(values, SEEDS)
     return results
 
 
@@ -113,11 +116,11 @@ def made_up(
 def judged() -> Judged:
     """As printed it halves the error in A, doubles it in B; nothing else matters much."""
 
-    def error(setting: Setting, rule: str, name: str) -> float:
+    def error(configuration: Configuration, rule: str, name: str) -> float:
         if rule == PRINTED and name == BASELINE:
-            return {"A": 0.5, "B": 2.0}.get(setting.case, 1.0)
+            return {"A": 0.5, "B": 2.0}.get(configuration.case, 1.0)
         if rule == ROBUST and name == "integrator":
-            return {"A": 1.3, "B": 1.03}.get(setting.case, 1.0)
+            return {"A": 1.3, "B": 1.03}.get(configuration.case, 1.0)
         return 1.0
 
     return Judged(made_up(error))

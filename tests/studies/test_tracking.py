@@ -9,7 +9,7 @@ import pytest
 
 import blocks
 import runtime
-from blocks.signals import FloatArray
+from blocks.core.signals import FloatArray
 
 
 def loop(

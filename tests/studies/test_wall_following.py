@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import runtime
-from runtime.loader import SHIPPED
+from runtime.document.loader import SHIPPED
 
 WORLDS = sorted(path.stem for path in (SHIPPED / "worlds").glob("*.yaml"))
 CONDITIONS = sorted(path.stem for path in (SHIPPED / "conditions").glob("*.yaml"))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import runtime
-from runtime.loader import SHIPPED
+from runtime.document.loader import SHIPPED
 
 GRAPHS = ("wall_following_mujoco", "wall_following_mujoco_robust")
 FAULTS = sorted(path.stem for path in (SHIPPED / "wheel_faults").glob("*.yaml"))

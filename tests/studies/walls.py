@@ -83,14 +83,14 @@ class Walls:
         rows = []
         for condition in ("turn rate -35 %", LOSS, "turn bias 0.15 rad/s", "mixed"):
             error = MM * self(ROBUST, condition, "distance_mae")
-            said = f"robust: at most 25 mm under {condition}"
+            message = f"robust: at most 25 mm under {condition}"
             measured = f"{spread(error, 'mm', 1)}, {error.max():.1f} at worst"
-            rows.append(Claim("", "", said, measured, float((error <= 25.0).mean())))
+            rows.append(Claim("", "", message, measured, float((error <= 25.0).mean())))
         for condition in CONDITIONS:
             ours, theirs = (self(name, condition, "distance_mae") for name in (ROBUST, FEEDFORWARD))
-            said = f"robust: better than LQR + feedforward on the same seed, {condition}"
+            message = f"robust: better than LQR + feedforward on the same seed, {condition}"
             measured = f"{(ours < theirs).sum()} of {len(ours)}"
-            rows.append(Claim("", "", said, measured, float((ours < theirs).mean())))
+            rows.append(Claim("", "", message, measured, float((ours < theirs).mean())))
         return rows
 
     def rows(self) -> list[tuple[str, ...]]:

@@ -11,9 +11,9 @@ import sys
 import tempfile
 from pathlib import Path
 
-from runtime.document import parse_yaml
+from runtime.document.node import parse_yaml
 from runtime.errors import Problems
-from runtime.experiments.seeds import Seeds, parse_seeds
+from runtime.experiments.design.seeds import Seeds, parse_seeds
 from tests.studies.ablation.judge import Judged
 from tests.studies.ablation.page import page
 from tests.studies.ablation.runs import RULES, SETTINGS, measure
@@ -28,10 +28,10 @@ def main(arguments: list[str]) -> None:
         folder = Path(arguments[1] if len(arguments) > 1 else scratch)
         folder.mkdir(parents=True, exist_ok=True)
         results = {}
-        for setting in SETTINGS:
+        for configuration in SETTINGS:
             for rule in RULES:
-                print(f"{setting.label}, {rule}", file=sys.stderr, flush=True)
-                results[setting, rule] = measure(setting, rule, folder, seeds)
+                print(f"{configuration.label}, {rule}", file=sys.stderr, flush=True)
+                results[configuration, rule] = measure(configuration, rule, folder, seeds)
     text = page(Judged(results), Judged(results, "bootstrap"))
     PAGE.write_text(text, encoding="utf-8")
     print(text)

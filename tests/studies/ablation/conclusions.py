@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from runtime.experiments.variants import BASELINE
+from runtime.experiments.design.variants import BASELINE
 from tests.studies.ablation.judge import (
     ALONE,
     APART,
@@ -43,13 +43,13 @@ class Question:
     def answers(self, judged: Judged) -> list[Effect | None]:
         """One for each setting; None where there is no such variant."""
         return [
-            judged(setting, self.rule, self.variant, self.against)
-            if self.variant in judged.results[setting, self.rule].values
+            judged(configuration, self.rule, self.variant, self.against)
+            if self.variant in judged.results[configuration, self.rule].values
             else None
-            for setting in SETTINGS
+            for configuration in SETTINGS
         ]
 
-    def said(self, judged: Judged, numbers: bool = False) -> str:
+    def message(self, judged: Judged, numbers: bool = False) -> str:
         """The settings by answer: 'helps in A; hurts in B'."""
         return grouped([e for e in self.answers(judged) if e is not None], self.word, numbers)
 
@@ -90,7 +90,7 @@ def overview(judged: Judged) -> str:
         rows.append(
             [question.title, *("" if e is None else share(e, question.word) for e in found)]
         )
-    return markdown(["", *(setting.label for setting in SETTINGS)], rows)
+    return markdown(["", *(configuration.label for configuration in SETTINGS)], rows)
 
 
 def opening(judged: Judged) -> str:
@@ -117,15 +117,15 @@ def conclusions(judged: Judged) -> list[str]:
     """The page's first sentences."""
 
     def told(questions: Sequence[Question]) -> str:
-        printed, ours = (question.said(judged) for question in questions)
+        printed, ours = (question.message(judged) for question in questions)
         if printed == ours:
             return f"{printed}, with either rule"
         return f"as printed, {printed}. With our rule, {ours}"
 
     return [
         f"**The printed rule**, beside the graph's LQR and feedforward: "
-        f"{ADDED[0].said(judged, numbers=True)}.",
-        f"**Our rule**, likewise: {ADDED[1].said(judged, numbers=True)}.",
+        f"{ADDED[0].message(judged, numbers=True)}.",
+        f"**Our rule**, likewise: {ADDED[1].message(judged, numbers=True)}.",
         f"**Beside a well-tuned LQR**: {told(TUNED_TOO)}.",
         f"**Beside PID, PurePursuit and Stanley**: {_trackers(judged)}.",
         f"**Do spikes matter?** Rate neurons in their place: {told(UNSPIKED)}.",
@@ -133,12 +133,13 @@ def conclusions(judged: Judged) -> list[str]:
         f"twice as fast: {told(FASTER)}.",
         f"**Which half?** Without the speed's: {told(STILL)}. Without the turn rate's: "
         f"{told(UNTURNED)}.",
-        f"**Feedforward alone**, beside the LQR: {FORWARD.said(judged, numbers=True)}. The network "
+        f"**Feedforward alone**, beside the LQR: {FORWARD.message(judged, numbers=True)}. "
+        f"The network "
         f"without it: {told(UNAIDED)}.",
         f"**Exact feedforward alone** (alpha = v_r where the graph has less): "
-        f"{EXACTLY.said(judged, numbers=True)}. The network beside it: {told(WITH_EXACT)}.",
+        f"{EXACTLY.message(judged, numbers=True)}. The network beside it: {told(WITH_EXACT)}.",
         f"**In place of learning**, against the graph's LQR with our rule. A well-tuned LQR: "
-        f"{INSTEAD[0].said(judged)}. PID, PurePursuit and Stanley: "
+        f"{INSTEAD[0].message(judged)}. PID, PurePursuit and Stanley: "
         f"{_tally(judged, INSTEAD[1:])}.",
     ]
 

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from runtime.experiments.comparison import LEVEL
-from runtime.experiments.statistics import (
+from runtime.experiments.analysis.comparison import LEVEL
+from runtime.experiments.analysis.statistics import (
     Difference,
     Estimate,
     Test,
@@ -16,8 +16,8 @@ from runtime.experiments.statistics import (
     estimate,
     presence,
 )
-from runtime.experiments.variants import BASELINE
-from tests.studies.ablation.runs import PRINTED, RULES, SETTINGS, Measured, Setting
+from runtime.experiments.design.variants import BASELINE
+from tests.studies.ablation.runs import PRINTED, RULES, SETTINGS, Configuration, Measured
 
 ALONE, APART = "no adaptive part", ", not adaptive"
 BARE, EXACT = f"no feedforward{APART}", f"exact feedforward{APART}"
@@ -63,7 +63,7 @@ METRICS = {
 class Asked:
     """A question: what becomes of a metric if ``against`` is changed into ``variant``?"""
 
-    setting: Setting
+    configuration: Configuration
     rule: str
     variant: str
     against: str
@@ -132,7 +132,7 @@ class Effect:
         return BETTER if self.is_improvement else WORSE
 
 
-Results = Mapping[tuple[Setting, str], Measured]
+Results = Mapping[tuple[Configuration, str], Measured]
 
 
 def controllers(measured: Measured) -> dict[str, tuple[str, str]]:
@@ -156,21 +156,25 @@ class Judged:
         self.effects = {e.asked: replace(e, p=a, p_presence=b) for e, a, b in found}
 
     def __call__(
-        self, setting: Setting, rule: str, variant: str, against: str, metric: int = 0
+        self, configuration: Configuration, rule: str, variant: str, against: str, metric: int = 0
     ) -> Effect:
         """An answer; ``metric`` 0 is the error."""
-        return self.effects[Asked(setting, rule, variant, against, METRICS[setting.case][metric])]
+        return self.effects[
+            Asked(configuration, rule, variant, against, METRICS[configuration.case][metric])
+        ]
 
-    def mean(self, setting: Setting, rule: str, variant: str, metric: Metric) -> Estimate:
+    def mean(
+        self, configuration: Configuration, rule: str, variant: str, metric: Metric
+    ) -> Estimate:
         """A variant's own mean."""
-        values = self.results[setting, rule](variant, metric.name)
+        values = self.results[configuration, rule](variant, metric.name)
         return estimate([value for value in values if value is not None])
 
     def _asked(self) -> Iterator[Asked]:
-        for setting in SETTINGS:
-            for metric in METRICS[setting.case]:
+        for configuration in SETTINGS:
+            for metric in METRICS[configuration.case]:
                 for rule in RULES:
-                    measured = self.results[setting, rule]
+                    measured = self.results[configuration, rule]
                     pairs = controllers(measured)
                     asked = [*pairs.values(), *((part, BASELINE) for part in PARTS)]
                     asked += [
@@ -184,10 +188,10 @@ class Judged:
                     else:
                         asked += [(a, BASELINE) for _, a in pairs.values() if a != ALONE]
                     for variant, against in asked:
-                        yield Asked(setting, rule, variant, against, metric)
+                        yield Asked(configuration, rule, variant, against, metric)
 
     def _effect(self, asked: Asked, test: Test) -> Effect:
-        measured, name = self.results[asked.setting, asked.rule], asked.metric.name
+        measured, name = self.results[asked.configuration, asked.rule], asked.metric.name
         own, base = measured(asked.variant, name), measured(asked.against, name)
         differs = [a is None for a in own] != [b is None for b in base]
         apart = difference(own, base, test)

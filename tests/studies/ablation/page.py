@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from runtime.experiments.comparison import LEVEL
-from runtime.experiments.statistics import CORRECTION
-from runtime.simulate import versions
+from runtime.experiments.analysis.comparison import LEVEL
+from runtime.experiments.analysis.statistics import CORRECTION
+from runtime.runs.simulate import versions
 from tests.studies.ablation.conclusions import conclusions, opening, overview
 from tests.studies.ablation.judge import MARGIN, Judged
 from tests.studies.ablation.tables import worth

@@ -6,16 +6,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from runtime.document.loader import SHIPPED
 from runtime.errors import UsageError
 from runtime.experiments.ablation import ablate
-from runtime.experiments.crew import Crew, local_crew
-from runtime.experiments.experiment import Experiment, read_experiment
-from runtime.experiments.plan import ablation_plan
-from runtime.experiments.seeds import Seeds
-from runtime.experiments.variants import check_variants
+from runtime.experiments.design.experiment import Experiment, read_experiment
+from runtime.experiments.design.seeds import Seeds
+from runtime.experiments.design.variants import check_variants
+from runtime.experiments.execution.backends import WorkerPool, local_pool
+from runtime.experiments.execution.plan import ablation_plan
 from runtime.graph import Graph
-from runtime.loader import SHIPPED
-from runtime.progress import Progress
+from runtime.terminal import Progress
 from tests.studies.following import ENGINE, WORKERS
 
 EXPERIMENTS = SHIPPED / "experiments"
@@ -24,7 +24,7 @@ RULES = (PRINTED, ROBUST)
 
 
 @dataclass(frozen=True)
-class Setting:
+class Configuration:
     """Where controllers are compared: a case, under a fault or none."""
 
     case: str
@@ -38,12 +38,12 @@ class Setting:
 
 
 SETTINGS = (
-    Setting("A", "A", "line"),
-    Setting("B", "B", "sine"),
-    Setting("C", "C ideal", "walls"),
-    Setting("C", "C turn loss", "walls", "turn_loss_50"),
-    Setting("C", "C turn bias", "walls", "turn_bias"),
-    Setting("C", "C mixed", "walls", "mixed"),
+    Configuration("A", "A", "line"),
+    Configuration("B", "B", "sine"),
+    Configuration("C", "C ideal", "walls"),
+    Configuration("C", "C turn loss", "walls", "turn_loss_50"),
+    Configuration("C", "C turn bias", "walls", "turn_bias"),
+    Configuration("C", "C mixed", "walls", "mixed"),
 )
 
 
@@ -59,22 +59,26 @@ class Measured:
         return self.values[variant][metric]
 
 
-def read(setting: Setting, rule: str, engine: str = ENGINE) -> Experiment:
+def read(configuration: Configuration, rule: str, engine: str = ENGINE) -> Experiment:
     """An experiment under the setting's condition: what ``--with`` and ``--set`` make of it."""
 
     def change(graph: Graph) -> Graph:
-        if setting.condition:
-            graph = graph.overlay(SHIPPED / "conditions" / f"{setting.condition}.yaml")
+        if configuration.condition:
+            graph = graph.overlay(SHIPPED / "conditions" / f"{configuration.condition}.yaml")
         return graph.set("run.engine", engine)
 
-    experiment = read_experiment(str(EXPERIMENTS / f"{setting.file(rule)}.yaml"), change)
+    experiment = read_experiment(str(EXPERIMENTS / f"{configuration.file(rule)}.yaml"), change)
     check_variants(experiment.variants)
-    name = f"{setting.file(rule)}_{setting.condition}".rstrip("_")
+    name = f"{configuration.file(rule)}_{configuration.condition}".rstrip("_")
     return replace(experiment, name=name)
 
 
 def measure(
-    setting: Setting, rule: str, folder: Path, seeds: Seeds | None = None, engine: str = ENGINE
+    configuration: Configuration,
+    rule: str,
+    folder: Path,
+    seeds: Seeds | None = None,
+    engine: str = ENGINE,
 ) -> Measured:
     """Run an experiment, or what of it the folder does not hold yet.
 
@@ -82,7 +86,7 @@ def measure(
     ----------
     seeds : in place of the experiment's own.
     """
-    experiment = read(setting, rule, engine)
+    experiment = read(configuration, rule, engine)
     chosen = seeds or experiment.seeds
     if chosen is None:
         raise UsageError(f"{experiment.name}: there are no seeds")
@@ -105,5 +109,5 @@ def measure(
     return Measured(values, tuple(chosen), broken)
 
 
-def _crew() -> Crew:
-    return local_crew(WORKERS, None)
+def _crew() -> WorkerPool:
+    return local_pool(WORKERS, None)

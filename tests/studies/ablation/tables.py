@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from runtime.experiments.variants import BASELINE
+from runtime.experiments.design.variants import BASELINE
 from tests.studies.ablation.judge import METRICS, Judged, Metric
 from tests.studies.ablation.judge import controllers as controllers_of
-from tests.studies.ablation.runs import PRINTED, ROBUST, RULES, SETTINGS, Setting
+from tests.studies.ablation.runs import PRINTED, ROBUST, RULES, SETTINGS, Configuration
 from tests.studies.ablation.words import change, markdown, own
 
 NAMES = {
@@ -28,27 +28,31 @@ def worth(judged: Judged) -> list[str]:
 
 
 def _worth(judged: Judged, case: str, metric: Metric) -> str:
-    settings = [setting for setting in SETTINGS if setting.case == case]
+    settings = [configuration for configuration in SETTINGS if configuration.case == case]
     counted = COUNTED.get(metric.name, {})
     rows = []
-    for setting in settings:
-        for name, (adaptive, alone) in controllers_of(judged.results[setting, PRINTED]).items():
-            cells = [setting.label] if len(settings) > 1 else []
-            cells += [NAMES.get(name, name), _mean(judged, setting, PRINTED, alone, metric)]
+    for configuration in settings:
+        for name, (adaptive, alone) in controllers_of(
+            judged.results[configuration, PRINTED]
+        ).items():
+            cells = [configuration.label] if len(settings) > 1 else []
+            cells += [NAMES.get(name, name), _mean(judged, configuration, PRINTED, alone, metric)]
             i = METRICS[case].index(metric)
-            cells += [change(judged(setting, rule, adaptive, alone, i)) for rule in RULES]
+            cells += [change(judged(configuration, rule, adaptive, alone, i)) for rule in RULES]
             for counts, tell in counted.values():
                 asked = ((PRINTED, alone), (PRINTED, adaptive), (ROBUST, adaptive))
-                found = (judged.results[setting, rule](v, counts) for rule, v in asked)
+                found = (judged.results[configuration, rule](v, counts) for rule, v in asked)
                 cells.append(", ".join(map(tell, found)))
             rows.append(cells)
     first = ["setting"] if len(settings) > 1 else []
     return markdown([*first, "controller", "alone", *RULES, *counted], rows)
 
 
-def _mean(judged: Judged, setting: Setting, rule: str, variant: str, metric: Metric) -> str:
-    runs = len(judged.results[setting, rule].seeds)
-    return own(judged.mean(setting, rule, variant, metric), runs, metric)
+def _mean(
+    judged: Judged, configuration: Configuration, rule: str, variant: str, metric: Metric
+) -> str:
+    runs = len(judged.results[configuration, rule].seeds)
+    return own(judged.mean(configuration, rule, variant, metric), runs, metric)
 
 
 def _closed(loops: Sequence[float | None]) -> str:

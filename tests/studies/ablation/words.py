@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 from operator import attrgetter
 
-from runtime.experiments.statistics import Estimate
+from runtime.experiments.analysis.statistics import Estimate
 from tests.studies.ablation.judge import AS_WELL, EQUAL, UNTOLD, Effect, Metric
 from tests.studies.ablation.runs import SETTINGS
 
@@ -80,21 +80,21 @@ def grouped(effects: Sequence[Effect], word: Word = verdict, numbers: bool = Fal
     """
     groups: dict[str, list[str]] = {}
     for effect in effects:
-        said = word(effect)
-        number = f" ({percent(effect)})" if numbers and said not in (UNTOLD, EQUAL) else ""
-        groups.setdefault(said, []).append(f"{effect.asked.setting.label}{number}")
+        message = word(effect)
+        number = f" ({percent(effect)})" if numbers and message not in (UNTOLD, EQUAL) else ""
+        groups.setdefault(message, []).append(f"{effect.asked.configuration.label}{number}")
     if len(groups) == 1 and len(effects) == len(SETTINGS) and not numbers:
         return f"{_shown(word(effects[0]))} everywhere"
     ordered = sorted(groups.items(), key=lambda group: group[0] in (UNTOLD, EQUAL))
-    return "; ".join(f"{_shown(said)} in {listed(places)}" for said, places in ordered)
+    return "; ".join(f"{_shown(message)} in {listed(places)}" for message, places in ordered)
 
 
 def tally(effects: Sequence[Effect], word: Word = verdict) -> str:
     """How often each verdict falls: 'helps 3 times, no difference told 15 times, of 18'."""
-    said = [word(effect) for effect in effects]
-    ordered = sorted(dict.fromkeys(said), key=lambda name: (name in (UNTOLD, EQUAL), name))
-    counts = ", ".join(f"{_shown(name)} {_times(said.count(name))}" for name in ordered)
-    return f"{counts}, of {len(said)}"
+    message = [word(effect) for effect in effects]
+    ordered = sorted(dict.fromkeys(message), key=lambda name: (name in (UNTOLD, EQUAL), name))
+    counts = ", ".join(f"{_shown(name)} {_times(message.count(name))}" for name in ordered)
+    return f"{counts}, of {len(message)}"
 
 
 def _times(n: int) -> str:

@@ -1,0 +1,21 @@
+"""blocks.control."""
+
+from blocks.control.lqr import LQR
+from blocks.control.matching import MatchingPoint
+from blocks.control.paths import CirclePath, LinePath, SinePath, WaypointPath, curvature
+from blocks.control.trackers import PID, PurePursuit, Stanley
+from blocks.control.tracking import TrackingError
+
+__all__ = [
+    "LQR",
+    "PID",
+    "CirclePath",
+    "LinePath",
+    "MatchingPoint",
+    "PurePursuit",
+    "SinePath",
+    "Stanley",
+    "TrackingError",
+    "WaypointPath",
+    "curvature",
+]

@@ -1,0 +1,237 @@
+"""What a block is: a passive description with typed ports, parameters and declared state.
+
+A block is written as a class::
+
+    class Saturator(Block):
+        command = Input(Twist)
+        limited = Output(Twist, through="command")
+        omega_max: float = param(unit="rad/s", above=0.0, doc="largest turn rate")
+
+        def output(self, state, t, command):
+            ...
+
+* The parameters of ``output`` after ``state, t`` name the inputs it needs *in this tick*: that is
+  the block's direct feedthrough. An output that needs none breaks a loop. Where outputs differ in
+  what they need, ``output_<port>`` computes that port alone and ``output`` the rest.
+* ``update(self, state, t, ...)`` names inputs, or the block's own outputs of this tick, and writes
+  into ``state`` in place. Arrays that come in are read-only; what goes out is a copy where it
+  shares memory with the state.
+* ``start(self, state)`` fills the state before the first tick.
+
+Each of them is called exactly once per tick of the block. A block never changes after it was
+made: all that moves lives in the :class:`BlockState` that the engine owns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from blocks.core.declarations import BlockSpec, DeclarationError, Evaluation, Input, Output, State
+from blocks.core.params import ParameterError, hint, plain, show
+from blocks.core.reading import STATED, read_declarations
+from blocks.core.signals import SignalType
+
+__all__ = [
+    "Block",
+    "BlockContext",
+    "BlockSpec",
+    "BlockState",
+    "DeclarationError",
+    "Evaluation",
+    "Input",
+    "Output",
+    "State",
+]
+
+
+@dataclass(frozen=True)
+class BlockContext:
+    """Where a block finds itself in a graph, once the graph is built.
+
+    dt : the block's own step (s).
+    types : the resolved signal type of each port.
+    terms : for each input that takes many wires, one flag per term as written: whether it is
+        still connected (a removed block takes its wires along).
+    world : the :class:`blocks.World` of the graph's ``world:`` section; None without one.
+    """
+
+    dt: float
+    types: Mapping[str, SignalType]
+    terms: Mapping[str, tuple[bool, ...]] = field(default_factory=dict)
+    world: object = None
+
+
+class BlockState:
+    """What moves during a run, for one block; made by the engine.
+
+    The arrays that the block declares are attributes; an assignment to one of them writes into
+    it, so that probes and both engines see it. Beside them: ``context``, its step ``dt``, and
+    ``rng``, the block's own generator. What ``start`` derives once from parameters may be kept
+    here too.
+
+    Every array is kept as a view: an output that is one of them, or a part of one, has a ``base``,
+    by which the engine sees that it must be copied.
+    """
+
+    def __init__(
+        self, context: BlockContext, seed: np.random.SeedSequence, arrays: Mapping[str, Any]
+    ) -> None:
+        self.__dict__["_declared"] = frozenset(arrays)
+        self.__dict__.update({name: array.view() for name, array in arrays.items()})
+        self.context = context
+        self.dt = context.dt
+        self.seed = seed
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        held = self.__dict__
+        if name in held["_declared"]:
+            # After `state.x += 1` it is the array itself that is assigned.
+            if value is not held[name]:
+                held[name][...] = value
+        elif isinstance(value, np.ndarray) and value.base is None:
+            held[name] = value.view()
+        else:
+            held[name] = value
+
+    @cached_property
+    def rng(self) -> np.random.Generator:
+        return np.random.Generator(np.random.PCG64(self.seed))
+
+    if TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any: ...
+
+
+class Block:
+    """Base of all blocks. Parameters are given by keyword and checked on construction.
+
+    Raises
+    ------
+    ParameterError : listing every parameter that is unknown, missing or out of bounds.
+    """
+
+    spec: ClassVar[BlockSpec] = BlockSpec()
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        cls.spec = read_declarations(
+            cls,
+            own_sizes=cls.sizes is not Block.sizes,
+            own_variables=cls.variables is not Block.variables,
+        )
+
+    def __init__(self, **values: Any) -> None:
+        problems: list[tuple[str, str]] = []
+        known = self.spec.params
+        problems += [
+            (name, f"unknown parameter{hint(name, known) or _listed(known)}")
+            for name in sorted(values.keys() - known.keys())
+        ]
+        for name, declared in known.items():
+            if name not in values and declared.required:
+                problems.append((name, f"missing; expected {declared.describe()}: {declared.doc}"))
+                continue
+            try:
+                value = declared.convert(values.get(name, declared.default))
+            except ValueError as error:
+                problems.append((name, str(error)))
+            else:
+                self.__dict__[self.spec.attributes[name]] = value
+        if not problems:
+            problems += self._misshapen()
+        if problems:
+            raise ParameterError(problems, type(self).__name__)
+        try:
+            self.validate()
+        except ParameterError as error:
+            raise ParameterError(error.problems, type(self).__name__) from None
+
+    def _misshapen(self) -> list[tuple[str, str]]:
+        sizes = self.sizes()
+        stated = self.__dict__.get(STATED)
+        if stated is not None and stated.symbol:
+            message = f"expected a type with its length, as in {stated.name}(3), got {stated.name}"
+            return [("signal", message)]
+        return [
+            (name, f"expected {declared.describe()}, got {show(value)}")
+            for name, declared in self.spec.params.items()
+            if declared.kind == "array"
+            and (value := self.value(name)) is not None
+            and not declared.fits(value, sizes)
+        ]
+
+    def validate(self) -> None:
+        """Check what involves several parameters; raise :class:`ParameterError`."""
+
+    def validate_in(self, context: BlockContext) -> None:
+        """Check that the block can run in this setting; raise :class:`ParameterError`."""
+
+    def start(self, state: BlockState) -> None:
+        """Fill the state, which is all zeros, before the first tick."""
+
+    def watch(self, state: BlockState) -> float:
+        """A size that :meth:`diagnose` is shown, as it was at eight even moments of a run."""
+        return 0.0
+
+    def diagnose(self, state: BlockState, ticks: int, watched: tuple[float, ...]) -> Iterable[str]:
+        """What looks wrong after a run, one text with its number for each; called once.
+
+        ``state`` is as the run left it, ``ticks`` are those of this block, and ``watched`` are
+        the values of :meth:`watch`, fewer than eight if the run broke off.
+        """
+        return ()
+
+    @property
+    def variables(self) -> dict[str, SignalType]:
+        """Type variables that the block's own parameters settle."""
+        stated = self.__dict__.get(STATED)
+        return {} if stated is None else {self.spec.generic: stated}
+
+    def value(self, name: str) -> Any:
+        """A parameter's value by its name in graphs."""
+        return self.__dict__[self.spec.attributes[name]]
+
+    def sizes(self) -> dict[str, int]:
+        """Lengths that integer parameters give to ports and states that name them."""
+        return {
+            name: self.value(name)
+            for name, declared in self.spec.params.items()
+            if declared.kind == "int" and self.spec.attributes[name] in self.__dict__
+        }
+
+    def parameters(self) -> dict[str, Any]:
+        """The parameters that differ from their defaults, as plain Python values."""
+        written = {}
+        for name, declared in self.spec.params.items():
+            value = plain(self.value(name))
+            if declared.required or value != plain(declared.convert(declared.default)):
+                written[name] = value
+        return written
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError(
+            f"{type(self).__name__} cannot change after construction; make another one, "
+            f"and keep what moves in a State (attribute '{name}')"
+        )
+
+    def __delattr__(self, name: str) -> None:
+        raise AttributeError(f"{type(self).__name__} cannot change after construction")
+
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other) and self.parameters() == other.parameters()
+
+    def __hash__(self) -> int:
+        return hash((type(self), repr(self.parameters())))
+
+    def __repr__(self) -> str:
+        inside = ", ".join(f"{k}={v!r}" for k, v in self.parameters().items())
+        return f"{type(self).__name__}({inside})"
+
+
+def _listed(names: Mapping[str, Any]) -> str:
+    return f"; it has {', '.join(names)}" if names else "; it has none"

@@ -1,0 +1,137 @@
+"""What a block class declares: its ports, its states, and the two together with parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from blocks.core.params import Param
+from blocks.core.signals import PortType, Same, SignalType
+
+
+class DeclarationError(TypeError):
+    """A block class contradicts itself; the message names the class and what to change."""
+
+
+@dataclass(frozen=True)
+class Input:
+    """An input port.
+
+    ``absent`` is the value of every component when nothing is wired to it, in the form of the
+    port's type; without one it must be wired.
+    ``many`` takes any number of wires (none included) and hands a tuple to the block.
+    """
+
+    type: PortType
+    doc: str = ""
+    unit: str = ""
+    absent: float | None = None
+    many: bool = False
+    name: str = ""
+
+    @property
+    def optional(self) -> bool:
+        return self.many or self.absent is not None
+
+
+@dataclass(frozen=True)
+class Output:
+    """An output port.
+
+    ``through`` names the input that takes its place under ``bypass``. ``constant`` says that it
+    never changes during a run: it is then computed and recorded once.
+    """
+
+    type: PortType
+    doc: str = ""
+    unit: str = ""
+    through: str = ""
+    constant: bool = False
+    name: str = ""
+
+
+@dataclass(frozen=True, init=False)
+class State:
+    """An array that the engine keeps for the block and that a probe may watch.
+
+    The shape is made of numbers, names of integer parameters and length symbols of ports;
+    ``like`` takes the shape of a port's signal instead. A probe shows a state as it stands at the
+    tick's time, before the update; an ``event`` is what happened in the tick, and is shown after.
+    A ``memo`` is what an output has worked out and keeps to save work: it may be written by
+    outputs, and what comes out must be the same without it.
+    """
+
+    shape: tuple[int | str, ...]
+    like: str = ""
+    doc: str = ""
+    unit: str = ""
+    name: str = ""
+    signal: SignalType | None = None
+    event: bool = False
+    memo: bool = False
+
+    def __init__(
+        self,
+        *shape: int | str,
+        like: str = "",
+        doc: str = "",
+        unit: str = "",
+        signal: SignalType | None = None,
+        event: bool = False,
+        memo: bool = False,
+        name: str = "",
+    ) -> None:
+        for key, value in (
+            ("shape", shape),
+            ("like", like),
+            ("doc", doc),
+            ("unit", unit),
+            ("signal", signal),
+            ("event", event),
+            ("memo", memo),
+            ("name", name),
+        ):
+            object.__setattr__(self, key, value)
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """One call of the plan: a method, the ports it needs, and the outputs it computes."""
+
+    method: str
+    needs: tuple[str, ...]
+    outputs: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class BlockSpec:
+    """All that a block class declares, by name, in the order of declaration."""
+
+    inputs: Mapping[str, Input] = field(default_factory=dict)
+    outputs: Mapping[str, Output] = field(default_factory=dict)
+    states: Mapping[str, State] = field(default_factory=dict)
+    params: Mapping[str, Param] = field(default_factory=dict)
+    attributes: Mapping[str, str] = field(default_factory=dict)
+    evaluations: tuple[Evaluation, ...] = ()
+    update: Evaluation | None = None
+
+    @property
+    def through(self) -> tuple[str, str] | None:
+        """(input, output) of the declared through-pair, which ``bypass`` wires straight."""
+        pairs = [(port.through, name) for name, port in self.outputs.items() if port.through]
+        return pairs[0] if pairs else None
+
+    def is_constant(self, evaluation: Evaluation) -> bool:
+        """Whether an evaluation is done once, before the first tick."""
+        return all(self.outputs[port].constant for port in evaluation.outputs)
+
+    @property
+    def generic(self) -> str:
+        """The type variable of a block whose generic ports share one; '' if there is none."""
+        variables = {p.type.variable for p in self.ports.values() if isinstance(p.type, Same)}
+        return variables.pop() if len(variables) == 1 else ""
+
+    @property
+    def ports(self) -> dict[str, Input | Output]:
+        """Inputs and outputs by name."""
+        return {**self.inputs, **self.outputs}

@@ -1,0 +1,362 @@
+"""Parameters of a block: declared once with type, unit, bounds and a line of documentation.
+
+The declaration is what the constructor checks against, what error messages quote, and what
+``runtime blocks TYPE`` and docs/blocks.md print.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import numbers
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any, Literal, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from blocks.core.signals import TYPES, FloatArray, SignalType, signal_type
+
+REQUIRED: Any = object()
+Kind = Literal["float", "int", "bool", "str", "array", "signal"]
+KINDS: dict[object, Kind] = {
+    float: "float",
+    int: "int",
+    bool: "bool",
+    str: "str",
+    FloatArray: "array",
+    SignalType: "signal",
+}
+_DEGREES = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?) ?deg(.*)", re.ASCII)
+# Suggestions: how alike names must be (0 to 1), how many names are looked at closely, the length
+# that is compared, and the classes that letters are counted in.
+ALIKE, CANDIDATES, LONGEST, LETTERS = 0.6, 32, 100, 64
+Shape = tuple[int | str | None, ...]
+
+
+class ParameterError(ValueError):
+    """One or more parameters are unknown, missing, of the wrong type or out of bounds.
+
+    ``problems`` holds (parameter name, what is wrong and how to mend it).
+    """
+
+    def __init__(self, problems: Sequence[tuple[str, str]], block: str = "") -> None:
+        self.problems = list(problems)
+        where = f"{block}." if block else ""
+        super().__init__("\n".join(f"{where}{name}: {text}" for name, text in self.problems))
+
+
+@dataclass(frozen=True)
+class Param:
+    """The declaration of one parameter; see :func:`param`."""
+
+    default: Any
+    doc: str
+    unit: str
+    above: float | None
+    at_least: float | None
+    below: float | None
+    at_most: float | None
+    choices: tuple[str, ...]
+    shapes: tuple[Shape, ...]
+    finite: bool
+    name: str
+    kind: Kind = "float"
+
+    @property
+    def required(self) -> bool:
+        return self.default is REQUIRED
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """One unit for all numbers, or one per column: ``m, m, rad``."""
+        return tuple(self.unit.split(", "))
+
+    def describe(self, sizes: Mapping[str, int] | None = None) -> str:
+        """What a value must be, in words: ``a number above 0 rad/s``.
+
+        ``sizes`` are those of the symbols in its shapes, as far as they are known.
+        """
+        if self.choices:
+            return "one of " + ", ".join(self.choices)
+        if self.kind == "array":
+            known: dict[Any, Any] = dict(sizes or {})
+            shapes = ["x".join(str(known.get(d, d or "n")) for d in s) for s in self.shapes if s]
+            size = " or ".join(shapes)
+            noun = f"an array of {size} numbers" if size else "an array of numbers"
+            noun = f"a number or {noun}" if () in self.shapes else noun
+        else:
+            noun = {
+                "float": "a number",
+                "int": "an integer",
+                "bool": "true or false",
+                "str": "a text",
+                "signal": "a signal type such as Scalar, Pose or Vector(3)",
+            }[self.kind]
+        bounds = [
+            f"{word} {value:g}"
+            for word, value in (
+                ("above", self.above),
+                ("at least", self.at_least),
+                ("below", self.below),
+                ("at most", self.at_most),
+            )
+            if value is not None
+        ]
+        return " ".join([noun, " and ".join(bounds), self.unit]).replace("  ", " ").strip()
+
+    def bound(self, name: str, kind: Kind) -> Param:
+        """The declaration, completed with what the class body says: name and annotation."""
+        return replace(self, name=self.name or name, kind=kind)
+
+    def convert(self, value: Any) -> Any:
+        """Check a value and turn it into what the block holds.
+
+        Raises
+        ------
+        ValueError : the message says what was expected and what came.
+        """
+        if value is None and self.default is None:
+            return None
+        try:
+            converted = _CONVERT[self.kind](in_radians(value, self.units))
+        except (TypeError, ValueError, OverflowError) as error:
+            if self.kind == "signal" and isinstance(value, str):
+                raise ValueError(f"{error}{hint(value, TYPES)}") from None
+            raise ValueError(f"expected {self.describe()}, got {show(value)}") from None
+        if self.choices and converted not in self.choices:
+            raise ValueError(
+                f"expected {self.describe()}, got {show(value)}{hint(value, self.choices)}"
+            )
+        if self.kind in ("float", "int", "array") and not self._within(
+            np.asarray(converted, float)
+        ):
+            raise ValueError(f"expected {self.describe()}, got {show(value)}")
+        if isinstance(converted, np.ndarray):
+            converted.setflags(write=False)
+        return converted
+
+    def _within(self, numbers: FloatArray) -> bool:
+        if np.isnan(numbers).any() or (self.finite and not np.isfinite(numbers).all()):
+            return False
+        return bool(
+            (self.above is None or np.all(numbers > self.above))
+            and (self.at_least is None or np.all(numbers >= self.at_least))
+            and (self.below is None or np.all(numbers < self.below))
+            and (self.at_most is None or np.all(numbers <= self.at_most))
+        )
+
+    def fits(self, value: FloatArray, sizes: dict[str, int]) -> bool:
+        """Whether an array has one of the declared shapes, given the sizes of the symbols."""
+        if not self.shapes:
+            return True
+        return any(
+            len(shape) == value.ndim
+            and all(
+                want is None or have == (sizes.get(want, have) if isinstance(want, str) else want)
+                for want, have in zip(shape, value.shape, strict=True)
+            )
+            for shape in self.shapes
+        )
+
+
+def param(
+    default: Any = REQUIRED,
+    *,
+    doc: str,
+    unit: str = "",
+    above: float | None = None,
+    at_least: float | None = None,
+    below: float | None = None,
+    at_most: float | None = None,
+    choices: Iterable[str] = (),
+    shape: Shape | Sequence[Shape] = (),
+    finite: bool = True,
+    name: str = "",
+) -> Any:
+    """Declare a parameter of a block; its type is the annotation beside it.
+
+    Parameters
+    ----------
+    default : left out, the parameter is required; None makes "not given" a legal value.
+    doc : one line for people.
+    unit : SI unit, as plots and messages print it; one per column, as in ``m, m, rad``. Where it
+        begins with rad, graphs may write degrees: ``90deg``, ``30deg/s``.
+    above, at_least, below, at_most : bounds; of every element, for an array.
+    choices : the allowed texts.
+    shape : an array's shape, or several allowed ones; a string stands for a size that an integer
+        parameter of the same name gives, None for any.
+    finite : False lets ``inf`` pass.
+    name : the name in graphs, where it differs from the attribute's.
+    """
+    shapes: tuple[Shape, ...] = ()
+    if shape:
+        nested = isinstance(shape, list) or isinstance(shape[0], tuple)
+        shapes = cast("tuple[Shape, ...]", tuple(shape) if nested else (tuple(shape),))
+    return Param(
+        default=default,
+        doc=doc,
+        unit=unit,
+        above=above,
+        at_least=at_least,
+        below=below,
+        at_most=at_most,
+        choices=tuple(choices),
+        shapes=shapes,
+        finite=finite,
+        name=name,
+    )
+
+
+def in_radians(value: Any, units: Sequence[str]) -> Any:
+    """A value in which ``90deg``, written where radians are asked for, is a number of them.
+
+    ``units`` are one for all numbers, or one per item of the list; other texts stay as they are.
+    """
+    if isinstance(value, str) and len(units) == 1 and units[0].startswith("rad"):
+        match = _DEGREES.fullmatch(value.strip())
+        if match and match[2] == units[0].removeprefix("rad"):
+            return math.radians(float(match[1]))
+    if isinstance(value, (list, tuple)):
+        each = [units] * len(value) if len(units) != len(value) else [(unit,) for unit in units]
+        return [in_radians(item, own) for item, own in zip(value, each, strict=True)]
+    return value
+
+
+def beyond_a_turn(value: Any, units: Sequence[str]) -> list[float]:
+    """The numbers in radians that are larger than a whole turn, as if they were degrees."""
+    if isinstance(value, (list, tuple)):
+        each = [units] * len(value) if len(units) != len(value) else [(unit,) for unit in units]
+        pairs = zip(value, each, strict=True)
+        return [number for item, own in pairs for number in beyond_a_turn(item, own)]
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    if is_number and tuple(units) == ("rad",) and math.tau < abs(value) < math.inf:
+        return [float(value)]
+    return []
+
+
+def plain(value: Any) -> Any:
+    """A parameter's value as graphs write it; a signal type of one's own stays what it is."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, SignalType) and TYPES.get(value.name) == value.sized(None):
+        return value.name if value.symbol else str(value)
+    return value
+
+
+def show(value: Any) -> str:
+    """A value as an error message quotes it: what kind of thing it is, shortened."""
+    if value is None:
+        return "nothing (null)"
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        text = value if len(value) <= 40 else value[:37] + "..."
+        return f"the text '{text}'"
+    if isinstance(value, dict):
+        return "a mapping"
+    if isinstance(value, np.ndarray):
+        return f"an array of shape {value.shape}"
+    if isinstance(value, (list, tuple)):
+        text = str(list(value))
+        return text if len(text) <= 60 else f"a list of {len(value)} items"
+    text = str(value)
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
+def hint(name: Any, known: Iterable[str]) -> str:
+    """``, did you mean 'neurons'?`` or nothing."""
+    folded = {entry.lower(): entry for entry in known}
+    written = str(name).lower()[:LONGEST]
+    close = difflib.get_close_matches(written, _likely(written, tuple(folded)), n=1, cutoff=ALIKE)
+    return f", did you mean '{folded[close[0]]}'?" if close else ""
+
+
+def _likely(name: str, known: tuple[str, ...]) -> list[str]:
+    """The few of many names that share most letters with one, all of them where they are few.
+
+    Letters in common bound difflib's ratio, whose own work grows as length times length.
+    """
+    if len(known) <= CANDIDATES:
+        return [entry for entry in known if len(entry) <= LONGEST]
+    counts, lengths = _letters(known)
+    shared = np.minimum(counts, _letter_counts((name,))).sum(axis=1)
+    bounds = 2.0 * shared / np.maximum(1, lengths + len(name))
+    first = np.argsort(-bounds, kind="stable")[:CANDIDATES]
+    return [known[i] for i in first if bounds[i] >= ALIKE and lengths[i] <= LONGEST]
+
+
+@lru_cache(8)
+def _letters(known: tuple[str, ...]) -> tuple[npt.NDArray[np.int16], npt.NDArray[np.int64]]:
+    """How often each letter occurs in each name, and how long the names are."""
+    return _letter_counts(known), np.array([len(entry) for entry in known])
+
+
+def _letter_counts(names: tuple[str, ...]) -> npt.NDArray[np.int16]:
+    counts = np.zeros((len(names), LETTERS), dtype=np.int16)
+    for row, name in zip(counts, names, strict=True):
+        for letter in name[:LONGEST]:
+            row[ord(letter) % LETTERS] += 1
+    return counts
+
+
+def _number(value: Any) -> Any:
+    """A value that is a number, out of an array of no dimensions if need be."""
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value[()]
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        raise TypeError
+    return value
+
+
+def _float(value: Any) -> float:
+    return float(_number(value))
+
+
+def _int(value: Any) -> int:
+    number = _number(value)
+    if not isinstance(number, numbers.Integral):
+        raise TypeError
+    return int(number)
+
+
+def _bool(value: Any) -> bool:
+    if not isinstance(value, (bool, np.bool_)):
+        raise TypeError
+    return bool(value)
+
+
+def _str(value: Any) -> str:
+    if not isinstance(value, str):
+        raise TypeError
+    return value
+
+
+def _signal(value: Any) -> SignalType:
+    return value if isinstance(value, SignalType) else signal_type(_str(value))
+
+
+def _array(value: Any) -> FloatArray:
+    if isinstance(value, np.ndarray):
+        if value.dtype.kind not in "fiu":
+            raise TypeError
+        return np.array(value, dtype=float)
+    if not isinstance(value, (list, tuple)):
+        return np.array(_float(value))
+    rows = [_array(item) for item in value]
+    if len({row.shape for row in rows}) > 1:
+        raise ValueError
+    return np.array(rows, dtype=float)
+
+
+_CONVERT = {
+    "float": _float,
+    "int": _int,
+    "bool": _bool,
+    "str": _str,
+    "array": _array,
+    "signal": _signal,
+}

@@ -1,0 +1,96 @@
+"""Arithmetic whose bits do not depend on the processor, nor on how many threads there are.
+
+BLAS and LAPACK add up in an order of their own for each kind of processor and number of threads,
+and NumPy takes the functions below from one library where it finds AVX-512 and from another where
+it does not. Whatever feeds back into a simulation, or into a metric, uses these in their place.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from blocks.core.signals import FloatArray
+
+
+def product(a: FloatArray, b: FloatArray) -> FloatArray:
+    """The matrix product of (..., m, k) and (..., k, n), an array (..., m, n).
+
+    Where ``einsum`` is not asked to optimise, it adds up in NumPy's own loops, which are compiled
+    once for all processors.
+    """
+    return np.asarray(np.einsum("...ij,...jk->...ik", a, b))
+
+
+def solve(a: FloatArray, b: FloatArray) -> FloatArray:
+    """The solution x of a x = b by Gaussian elimination with partial pivoting.
+
+    Parameters
+    ----------
+    a : (n, n). b : (n, m).
+
+    Returns
+    -------
+    array : (n, m).
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError : a is singular.
+    """
+    n = len(a)
+    work = np.concatenate((a, b), axis=1)
+    for k in range(n):
+        pivot = k + int(np.abs(work[k:, k]).argmax())
+        if work[pivot, k] == 0.0:
+            raise np.linalg.LinAlgError("Singular matrix")
+        if pivot != k:
+            work[[k, pivot]] = work[[pivot, k]]
+        work[k, k:] /= work[k, k]
+        below = k + 1 + work[k + 1 :, k].nonzero()[0]  # few, in a matrix with bands
+        work[below, k:] -= work[below, k, None] * work[k, k:]
+    x = work[:, n:]
+    for k in range(n - 1, 0, -1):
+        above = work[:k, k].nonzero()[0]
+        x[above] -= work[above, k, None] * x[k]
+    return x.copy()
+
+
+def sin(x: FloatArray) -> FloatArray:
+    return _each(math.sin, x)
+
+
+def cos(x: FloatArray) -> FloatArray:
+    return _each(math.cos, x)
+
+
+def exp(x: FloatArray) -> FloatArray:
+    return _each(math.exp, x)
+
+
+def __getattr__(name: str) -> Any:
+    """``expm1`` and ``log1p``: SciPy's, as fast as NumPy's and one text for all processors."""
+    if name not in ("expm1", "log1p"):
+        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+    from scipy import special  # scipy stays off the start-up path
+
+    globals().update(expm1=special.expm1, log1p=special.log1p)
+    return globals()[name]
+
+
+def arctan2(y: FloatArray, x: FloatArray) -> FloatArray:
+    """The angle (rad) of each point of which y and x, of one shape, are given."""
+    angles = list(map(math.atan2, y.ravel().tolist(), x.ravel().tolist()))
+    return np.array(angles, dtype=np.float64).reshape(y.shape)
+
+
+def directions(angles: FloatArray) -> FloatArray:
+    """Unit vectors (n, 2) at angles (n,) in rad."""
+    return np.column_stack((cos(angles), sin(angles)))
+
+
+def _each(function: Callable[[float], float], x: FloatArray) -> FloatArray:
+    """A function of the C library, element by element."""
+    return np.array(list(map(function, x.ravel().tolist())), dtype=np.float64).reshape(x.shape)

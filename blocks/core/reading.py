@@ -1,0 +1,250 @@
+"""Reads a block class: collects what it declares, and finds where it contradicts itself."""
+
+from __future__ import annotations
+
+import inspect
+import types
+import typing
+from collections.abc import Container, Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+from blocks.core.declarations import BlockSpec, DeclarationError, Evaluation, Input, Output, State
+from blocks.core.params import KINDS, Kind, Param, hint, param
+from blocks.core.signals import Same, SignalType
+
+RESERVED_PARAMETERS = ("type", "module", "dt")
+STATED = "_signal"
+RESERVED_STATES = ("setting", "dt", "seed", "rng", "_declared")
+
+
+def read_declarations(cls: type, own_sizes: bool = False, own_variables: bool = False) -> BlockSpec:
+    """Collect ports, states and parameters of a class, inherited ones first.
+
+    ``own_sizes`` says that the class gives lengths beyond those of its integer parameters,
+    ``own_variables`` that it settles its type variables itself. Every other block with one type
+    variable has a parameter ``signal`` that states the type where wires do not tell it.
+
+    Raises
+    ------
+    DeclarationError : at the first contradiction.
+    """
+    found: dict[type, dict[str, Any]] = {Input: {}, Output: {}, State: {}, Param: {}}
+    attributes: dict[str, str] = {}
+    origins: dict[str, str] = {}
+    hints = _annotations(cls)
+    for attribute, declared in _declared(cls, found):
+        kind = type(declared)
+        name = declared.name or attribute
+        _check_name(cls, attribute, name, kind, origins)
+        if kind is Param:
+            declared = declared.bound(attribute, _kind(cls, attribute, hints.get(attribute)))
+            attributes[name] = attribute
+        found[kind][name] = declared
+    inputs, outputs = found[Input], found[Output]
+    spec = BlockSpec(
+        inputs=inputs,
+        outputs=outputs,
+        states=found[State],
+        params=found[Param],
+        attributes=attributes,
+        evaluations=_output_methods(cls, inputs, outputs),
+        update=None
+        if getattr(cls, "update", None) is None
+        else Evaluation("update", _needs(cls, "update", {**inputs, **outputs})),
+    )
+    if spec.generic and not own_variables and "signal" not in spec.params:
+        spec = replace(
+            spec,
+            params={**spec.params, "signal": _signal_param()},
+            attributes={**attributes, "signal": STATED},
+        )
+    _check_ports(cls, spec)
+    _check_states(cls, spec, own_sizes)
+    _check_defaults(cls, spec.params)
+    return spec
+
+
+def read_params(cls: type) -> dict[str, Param]:
+    """The parameters that any class declares, inherited ones first.
+
+    Raises
+    ------
+    DeclarationError : at the first contradiction.
+    """
+    hints = _annotations(cls)
+    found = {
+        declared.name or attribute: declared.bound(
+            attribute, _kind(cls, attribute, hints.get(attribute))
+        )
+        for attribute, declared in _declared(cls, (Param,))
+    }
+    _check_defaults(cls, found)
+    return found
+
+
+def _signal_param() -> Param:
+    declared: Param = param(
+        None, doc="the signal type, where nothing typed is wired: Scalar, Pose, Vector(3), ..."
+    )
+    return declared.bound("signal", "signal")
+
+
+def _declared(cls: type, kinds: Container[type]) -> Iterator[tuple[str, Any]]:
+    """Declarations by attribute; a class takes the place of what it inherits."""
+    merged: dict[str, Any] = {}
+    for base in reversed(cls.__mro__):
+        for attribute, value in vars(base).items():
+            if attribute in merged or type(value) in kinds:
+                merged[attribute] = value
+    return ((key, value) for key, value in merged.items() if type(value) in kinds)
+
+
+def _annotations(cls: type) -> dict[str, Any]:
+    if not any(isinstance(value, Param) for base in cls.__mro__ for value in vars(base).values()):
+        return {}
+    try:
+        return typing.get_type_hints(cls)
+    except NameError as error:
+        raise DeclarationError(
+            f"{cls.__name__}: cannot read its annotations: {error}; import that name at the top "
+            "of the module, outside TYPE_CHECKING"
+        ) from None
+
+
+def _check_name(cls: type, attribute: str, name: str, kind: type, origins: dict[str, str]) -> None:
+    """Ports and states share one namespace, that of addresses; parameters have their own."""
+    label = f"{cls.__name__}.{attribute}"
+    if not name.isidentifier():
+        raise DeclarationError(f"{label}: '{name}' is no name; use letters, digits and _")
+    base = next(c for c in reversed(cls.__mro__) if "spec" in vars(c))
+    if attribute in vars(base):
+        suggestion = f"call it something else, with name='{name}' if graphs should know it as that"
+        raise DeclarationError(f"{label}: hides {base.__name__}.{attribute}; {suggestion}")
+    if kind is Param:
+        if name in RESERVED_PARAMETERS:
+            raise DeclarationError(f"{label}: every graph gives '{name}' a meaning; rename it")
+        key = f"parameter {name}"
+    else:
+        if kind is State and name in RESERVED_STATES:
+            raise DeclarationError(f"{label}: every state has a '{name}' already; rename it")
+        key = name
+    if origins.setdefault(key, attribute) != attribute:
+        raise DeclarationError(
+            f"{label}: the name '{name}' is taken by the attribute '{origins[key]}'"
+        )
+
+
+def _kind(cls: type, attribute: str, annotation: Any) -> Kind:
+    options: list[Any] = [annotation]
+    if typing.get_origin(annotation) in (typing.Union, types.UnionType):
+        options = [option for option in typing.get_args(annotation) if option is not type(None)]
+    for known, kind in KINDS.items():
+        if options == [known]:
+            return kind
+    raise DeclarationError(
+        f"{cls.__name__}.{attribute}: annotate the parameter with float, int, bool, str or "
+        f"FloatArray (or one of them | None), not {annotation}"
+    )
+
+
+def _check_ports(cls: type, spec: BlockSpec) -> None:
+    for name, port in spec.ports.items():
+        if not isinstance(port.type, (SignalType, Same)):
+            sized = getattr(port.type, "__name__", "") == "sized"
+            suggestion = "; give it a length, as in Vector(3) or Vector('n')" if sized else ""
+            raise DeclarationError(
+                f"{cls.__name__}.{name}: expected a signal type such as Scalar, Pose or "
+                f"Vector(3), got {port.type!r}{suggestion}"
+            )
+    for name, output in spec.outputs.items():
+        source = spec.inputs.get(output.through)
+        if output.through and source is None:
+            raise DeclarationError(
+                f"{cls.__name__}.{name}: through='{output.through}' is no input"
+                f"{hint(output.through, spec.inputs)}"
+            )
+        if source is not None and (source.type != output.type or source.many):
+            many = "many wires of " if source.many else ""
+            raise DeclarationError(
+                f"{cls.__name__}.{name}: through='{output.through}' takes {many}{source.type}, "
+                f"which cannot stand in for {output.type}"
+            )
+    for evaluation in spec.evaluations:
+        constant = [name for name in evaluation.outputs if spec.outputs[name].constant]
+        if constant and evaluation.needs:
+            raise DeclarationError(
+                f"{cls.__name__}.{constant[0]}: a constant output cannot need inputs "
+                f"({', '.join(evaluation.needs)})"
+            )
+
+
+def _check_states(cls: type, spec: BlockSpec, own_sizes: bool) -> None:
+    kinds = [port.type for port in spec.ports.values()]
+    lengths = {str(t.length) for t in kinds if isinstance(t, SignalType) and t.symbol}
+    lengths |= {name for name, declared in spec.params.items() if declared.kind == "int"}
+    for name, state in spec.states.items():
+        if state.like and state.like not in spec.ports:
+            raise DeclarationError(
+                f"{cls.__name__}.{name}: like='{state.like}' is no port"
+                f"{hint(state.like, spec.ports)}"
+            )
+        unknown = [n for n in state.shape if isinstance(n, str) and n not in lengths]
+        if unknown and not own_sizes:
+            raise DeclarationError(
+                f"{cls.__name__}.{name}: no integer parameter and no port gives the length "
+                f"'{unknown[0]}'{hint(unknown[0], lengths)}"
+            )
+
+
+def _check_defaults(cls: type, params: Mapping[str, Param]) -> None:
+    for name, declared in params.items():
+        if declared.required:
+            continue
+        try:
+            declared.convert(declared.default)
+        except ValueError as error:
+            raise DeclarationError(f"{cls.__name__}.{name}: its default: {error}") from None
+
+
+def _output_methods(
+    cls: type, inputs: Mapping[str, Input], outputs: Mapping[str, Output]
+) -> tuple[Evaluation, ...]:
+    methods = [name for name in dir(cls) if name.startswith("output_")]
+    for method in methods:
+        port = method.removeprefix("output_")
+        if port not in outputs and inspect.isfunction(getattr(cls, method)):
+            raise DeclarationError(
+                f"{cls.__name__}.{method}: there is no output '{port}'"
+                f"{hint(port, outputs) or '; rename the method'}"
+            )
+    own = {port: f"output_{port}" for port in outputs if f"output_{port}" in methods}
+    rest = tuple(port for port in outputs if port not in own)
+    evaluations = [Evaluation(m, _needs(cls, m, inputs), (port,)) for port, m in own.items()]
+    if rest:
+        if not inspect.isfunction(getattr(cls, "output", None)):
+            raise DeclarationError(
+                f"{cls.__name__} declares {', '.join(rest)} but has no method "
+                f"output(self, state, t, ...) to compute it"
+            )
+        evaluations.append(Evaluation("output", _needs(cls, "output", inputs), rest))
+    return tuple(evaluations)
+
+
+def _needs(cls: type, method: str, ports: Mapping[str, Any]) -> tuple[str, ...]:
+    found = inspect.signature(getattr(cls, method)).parameters
+    names = list(found)
+    if len(names) < 3 or names[1:3] != ["state", "t"]:
+        raise DeclarationError(f"{cls.__name__}.{method} must start with (self, state, t, ...)")
+    for name in names[3:]:
+        if found[name].kind is not inspect.Parameter.POSITIONAL_OR_KEYWORD:
+            raise DeclarationError(
+                f"{cls.__name__}.{method}: name each port, in place of {found[name]}; "
+                "an input that takes many wires comes as one tuple"
+            )
+        if name not in ports:
+            raise DeclarationError(
+                f"{cls.__name__}.{method}: '{name}' is no port it can read"
+                f"{hint(name, ports)} ({', '.join(ports) or 'none'})"
+            )
+    return tuple(names[3:])

@@ -1,0 +1,155 @@
+"""Blocks without memory that take their type from what is wired to them."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from blocks.core import (
+    Block,
+    BlockContext,
+    BlockState,
+    FloatArray,
+    Input,
+    Output,
+    ParameterError,
+    Same,
+    Scalar,
+    SignalType,
+    Twist,
+    TwistValue,
+    kernel_of,
+    param,
+)
+
+
+class Constant(Block):
+    """A value that never changes.
+
+    [ Constant ] ─▶ value
+    """
+
+    constant = Output(Same("T"), name="value", constant=True, doc="the value")
+
+    number: FloatArray = param(name="value", doc="a number, or one number per component")
+    signal: SignalType = param("Scalar", doc="the signal type: Scalar, Twist, Vector(3), ...")
+
+    def validate(self) -> None:
+        kind = self.kind
+        if kind.symbol or kind.shape != self.number.shape:
+            message = f"expected {kind.numbers} for {kind.name}, got {self.number.tolist()}"
+            raise ParameterError([("value", message)])
+
+    @cached_property
+    def kind(self) -> SignalType:
+        """The signal type of the value; an open length is the value's own."""
+        kind = self.signal
+        rows = len(self.number) if self.number.ndim else 0
+        return kind.sized(rows) if kind.symbol and rows else kind
+
+    @property
+    def variables(self) -> dict[str, SignalType]:
+        return {"T": self.kind}
+
+    def output(self, state: BlockState, t: float) -> Any:
+        return self.kind.pack(self.number)
+
+
+class Sum(Block):
+    """Add any number of signals of one type.
+
+        terms[0], terms[1], ... ─▶ [ Sum ] ─▶ out
+
+    out = sum of sign_i * terms_i, in the order written. A term whose block was removed counts
+    as zero and takes its sign along; with no term at all, out is zero.
+    """
+
+    terms = Input(Same("T"), many=True, doc="what to add; absent: zero")
+    out = Output(Same("T"), doc="the sum")
+
+    signs: FloatArray | None = param(None, shape=(None,), doc="+1 or -1 per term; default all +1")
+
+    def validate(self) -> None:
+        if self.signs is not None and not np.isin(self.signs, (-1.0, 1.0)).all():
+            raise ParameterError([("signs", f"expected only 1 and -1, got {self.signs.tolist()}")])
+
+    def validate_in(self, context: BlockContext) -> None:
+        written = len(context.terms["terms"])
+        if self.signs is not None and len(self.signs) != written:
+            raise ParameterError(
+                [("signs", f"expected {written} signs, one per term, got {len(self.signs)}")]
+            )
+
+    def start(self, state: BlockState) -> None:
+        connected = np.array(state.context.terms["terms"], dtype=bool)
+        signs = np.ones(len(connected)) if self.signs is None else self.signs
+        state.signs = tuple(signs[connected].tolist())
+        state.plain = all(sign == 1.0 for sign in state.signs)
+        state.zero = state.context.types["out"].zero()
+
+    def output(self, state: BlockState, t: float, terms: tuple[Any, ...]) -> Any:
+        if not terms:
+            return state.zero
+        if not state.plain:
+            terms = tuple(scaled(v, s) for s, v in zip(state.signs, terms, strict=True))
+        total = terms[0]
+        for term in terms[1:]:
+            total = added(total, term)
+        return total
+
+    @kernel_of(output)
+    def _output_kernel(self, state: BlockState, t: float, terms: tuple[Any, ...]) -> Any:
+        if len(terms) == 0:
+            return state.zero
+        total = state.zero
+        for sign, term in zip(state.signs, terms, strict=True):
+            total = added(total, scaled(term, sign))
+        return total
+
+
+def added(a: Any, b: Any) -> Any:
+    """The sum of two values of one signal type, in the signal's own form."""
+    if isinstance(a, tuple):
+        return tuple([x + y for x, y in zip(a, b, strict=True)])
+    return a + b
+
+
+def scaled(value: Any, factor: float) -> Any:
+    """A signal value times a number, in the signal's own form."""
+    if isinstance(value, tuple):
+        return tuple([factor * part for part in value])
+    return factor * value
+
+
+class Gain(Block):
+    """Multiply a signal by a number.
+
+        input ─▶ [ Gain ] ─▶ out
+
+    out = gain * input, each component. The gain may have a unit, so that of ``out`` is free: a
+    Gain lets signals of different units meet on purpose.
+    """
+
+    signal = Input(Same("T"), name="input", doc="what to scale")
+    out = Output(Same("T", own_unit=True), through="input", doc="gain times input")
+
+    gain: float = param(doc="the factor")
+
+    def output(self, state: BlockState, t: float, input: Any) -> Any:
+        return scaled(input, self.gain)
+
+
+class Mux(Block):
+    """Join a speed and a turn rate to a twist.
+
+    v, omega ─▶ [ Mux ] ─▶ out
+    """
+
+    v = Input(Scalar, unit="m/s", absent=0.0, doc="speed; absent: 0")
+    omega = Input(Scalar, unit="rad/s", absent=0.0, doc="turn rate; absent: 0")
+    out = Output(Twist, doc="[v, omega]")
+
+    def output(self, state: BlockState, t: float, v: float, omega: float) -> TwistValue:
+        return v, omega

@@ -1,0 +1,249 @@
+"""A bench that runs one block tick by tick and watches what each of its methods does."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, NoReturn
+
+import numpy as np
+
+from blocks.core import Block, BlockContext, BlockState, Evaluation, FloatArray, SignalType
+from blocks.testing.snapshots import snapshot
+
+OUTSIDE = "draw random numbers from state.rng, and keep what moves in a State of the class"
+
+
+class CheckError(Exception):
+    """A block breaks a rule; the message names its class, the method and the way out."""
+
+
+@dataclass
+class Bench:
+    """Runs a block tick by tick, as an engine would, and looks at what each call does."""
+
+    block: Block
+    context: BlockContext
+    ticks: int
+    absent: bool = False
+    attributes: dict[str, Any] = field(default_factory=dict)
+
+    def run(
+        self, seed: int, stream: int = 0, careful: bool = False, resumed: bool = False
+    ) -> Iterator[dict[str, Any]]:
+        """Snapshots of the outputs and the declared states of each tick.
+
+        ``stream`` selects the random inputs; ``careful`` calls each output several times, to see
+        what the calls leave behind; ``resumed`` goes on each tick with a state that was made anew
+        and given the declared arrays and the generator of the old one, as from a checkpoint.
+        """
+        spec, block = self.block.spec, self.block
+        draw = np.random.default_rng(stream)
+        self.attributes = attributes(block)
+        state = self._state(seed)
+        self._guard("start", functools.partial(block.start, state))
+        started = {name: getattr(state, name).copy() for name in spec.states}
+        constant: dict[str, Any] = {}
+        for k in range(self.ticks):
+            t = k * self.context.dt
+            values = self._inputs(draw)
+            for evaluation in spec.evaluations:
+                if careful:
+                    self._try(evaluation, state, started, t, values)
+                out = self._split(evaluation, self._call(evaluation, state, t, values))
+                values.update(zip(evaluation.outputs, out, strict=True))
+            seen = {f"output '{port}'": snapshot(values[port]) for port in spec.outputs}
+            for port, declared in spec.outputs.items():
+                item = f"output '{port}'"
+                if declared.constant and constant.setdefault(port, seen[item]) != seen[item]:
+                    self._fail("", f"{item} is declared constant, and changes")
+            states = {f"state '{name}'": snapshot(getattr(state, name)) for name in spec.states}
+            yield {**seen, **states}
+            if spec.update is not None:
+                self._update(spec.update, state, t, values)
+            if resumed:
+                state = self._resumed(state, seed)
+
+    def _resumed(self, old: BlockState, seed: int) -> BlockState:
+        state = self._state(seed)
+        self._guard("start", functools.partial(self.block.start, state))
+        for name in self.block.spec.states:
+            getattr(state, name)[...] = getattr(old, name)
+        state.rng.bit_generator.state = old.rng.bit_generator.state
+        return state
+
+    def _state(self, seed: int) -> BlockState:
+        """The state as an engine makes it: zeros in the declared shapes."""
+        context, spec = self.context, self.block.spec
+        lengths = dict(self.block.sizes())
+        for name, port in spec.ports.items():
+            if isinstance(port.type, SignalType) and port.type.symbol:
+                lengths[port.type.symbol] = context.types[name].shape[0]
+        arrays = {
+            name: np.zeros(
+                context.types[declared.like].shape
+                if declared.like
+                else [n if isinstance(n, int) else lengths[n] for n in declared.shape]
+            )
+            for name, declared in spec.states.items()
+        }
+        if self.absent:
+            none = {name: (False,) * len(flags) for name, flags in context.terms.items()}
+            context = replace(context, terms=none)
+        state = BlockState(context, np.random.SeedSequence(seed), arrays)
+        _ = state.rng  # it is made on first use, which is no change
+        return state
+
+    def _inputs(self, draw: np.random.Generator) -> dict[str, Any]:
+        values: dict[str, Any] = {}
+        for name, port in self.block.spec.inputs.items():
+            kind, flags = self.context.types[name], self.context.terms.get(name, ())
+            if self.absent and port.optional:
+                values[name] = () if port.many or port.absent is None else kind.filled(port.absent)
+            elif port.many:
+                values[name] = tuple(random_value(kind, draw, self.context.dt) for _ in flags)
+            else:
+                values[name] = random_value(kind, draw, self.context.dt)
+        return values
+
+    def _try(
+        self,
+        evaluation: Evaluation,
+        state: BlockState,
+        started: Mapping[str, FloatArray],
+        t: float,
+        values: dict[str, Any],
+    ) -> None:
+        """Call an output more often than a run does, and look at what that leaves behind."""
+        method, states = evaluation.method, self.block.spec.states
+        memos = [name for name, declared in states.items() if declared.memo]
+        before, given = contents(state), contents(values)
+        out = self._call(evaluation, state, t, values)
+        for port, value in zip(evaluation.outputs, self._split(evaluation, out), strict=True):
+            self._check_form(method, port, value, state)
+        for name in changed(before, contents(state)):
+            if name == "rng":
+                self._fail(method, "draws from state.rng; draw in start and update, into a State")
+            if name not in memos:
+                suggestion = "only update writes into the state (a State with memo=True excepted)"
+                self._fail(method, f"changes state '{name}'; {suggestion}")
+        self._check_given(method, given, values)
+        first = snapshot(out)
+        if first != snapshot(self._call(evaluation, state, t, values)):
+            message = "gives other values when called again with the same state and inputs"
+            self._fail(method, f"{message}; {OUTSIDE}")
+        kept = {name: getattr(state, name).copy() for name in memos}
+        for source in (started, kept):
+            for name in memos:
+                getattr(state, name)[...] = source[name]
+            if first != snapshot(self._call(evaluation, state, t, values)):
+                message = f"what comes out depends on what is left in a memo ({', '.join(memos)})"
+                self._fail(method, message)
+
+    def _update(
+        self, update: Evaluation, state: BlockState, t: float, values: dict[str, Any]
+    ) -> None:
+        given = contents(values)
+        if self._call(update, state, t, values) is not None:
+            self._fail("update", "returns a value, which nobody reads; write into the state")
+        self._check_given("update", given, values)
+
+    def _call(
+        self, evaluation: Evaluation, state: BlockState, t: float, values: dict[str, Any]
+    ) -> Any:
+        method = getattr(self.block, evaluation.method)
+        arguments = [values[port] for port in evaluation.needs]
+        return self._guard(evaluation.method, functools.partial(method, state, t, *arguments))
+
+    def _guard(self, method: str, call: Callable[[], Any]) -> Any:
+        """Call, and see that the block itself stays as it was."""
+        try:
+            result = call()
+        except Exception as error:
+            where = f"{type(self.block).__name__}.{method}"
+            raise CheckError(f"{where}: {type(error).__name__}: {error}") from error
+        now = attributes(self.block)
+        for name in changed(self.attributes, now):
+            lazy = inspect.getattr_static(type(self.block), name, None)
+            if name in self.attributes or not isinstance(lazy, functools.cached_property):
+                message = f"changes the block's attribute '{name}'"
+                self._fail(method, f"{message}; a block never changes, keep what moves in a State")
+        self.attributes = now
+        return result
+
+    def _split(self, evaluation: Evaluation, out: Any) -> tuple[Any, ...]:
+        ports = evaluation.outputs
+        if len(ports) == 1:
+            return (out,)
+        if not isinstance(out, tuple) or len(out) != len(ports):
+            message = f"must return a tuple of its {len(ports)} outputs ({', '.join(ports)})"
+            self._fail(evaluation.method, f"{message}, got {brief(out)}")
+        return out
+
+    def _check_form(self, method: str, port: str, value: Any, state: BlockState) -> None:
+        kind = self.context.types[port]
+        if not kind.holds(value):
+            self._fail(method, f"output '{port}' must be {kind.held_as}, got {brief(value)}")
+        for name in self.block.spec.states:
+            if isinstance(value, np.ndarray) and np.shares_memory(value, getattr(state, name)):
+                message = f"output '{port}' is the memory of state '{name}' itself"
+                self._fail(method, f"{message}, which update writes over; return a copy")
+
+    def _check_given(
+        self, method: str, given: Mapping[str, Any], values: Mapping[str, Any]
+    ) -> None:
+        for name in changed(given, contents(values)):
+            self._fail(method, f"changes '{name}', which it was given, in place; copy it first")
+
+    def _fail(self, method: str, message: str) -> NoReturn:
+        where = type(self.block).__name__ + (f".{method}" if method else "")
+        raise CheckError(f"{where}: {message}")
+
+
+def contents(values: Any) -> dict[str, Any]:
+    """Snapshots of the values of a mapping or of an object's attributes, by name."""
+    held = values if isinstance(values, dict) else vars(values)
+    return {name: snapshot(value) for name, value in held.items()}
+
+
+def changed(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str]:
+    """Names whose value is new or another."""
+    return [name for name, value in after.items() if name not in before or before[name] != value]
+
+
+def attributes(block: Block) -> dict[str, Any]:
+    """Snapshots of all that a block could keep memory in: its own attributes, its class's."""
+    containers = (list, dict, set, deque, bytearray, np.ndarray)
+    classes = type(block).__mro__[: type(block).__mro__.index(Block)]
+    shared = {
+        name: value
+        for cls in reversed(classes)
+        for name, value in vars(cls).items()
+        if isinstance(value, containers) and not name.startswith("__")
+    }
+    return contents({**shared, **vars(block)})
+
+
+def brief(value: Any) -> str:
+    """A value and what it is, in a few words."""
+    if isinstance(value, np.ndarray):
+        return f"an array of {value.dtype} of shape {value.shape}"
+    text = repr(value)
+    return f"{text if len(text) < 60 else text[:57] + '...'} ({type(value).__name__})"
+
+
+def random_value(kind: SignalType, draw: np.random.Generator, dt: float) -> Any:
+    """A random value of a signal type, as a wire would bring it."""
+    if kind.name == "Path":
+        kappa = draw.standard_normal()
+        theta = draw.uniform(-np.pi, np.pi) + 0.1 * kappa * np.arange(kind.shape[0])
+        steps = 0.1 * np.column_stack((np.cos(theta), np.sin(theta)))
+        return np.column_stack((np.cumsum(steps, axis=0), theta, np.full(len(theta), kappa)))
+    if kind.name == "Spikes":
+        return draw.integers(0, 2, kind.shape) / dt
+    if kind.name == "Scan":
+        return draw.uniform(0.1, 5.0, kind.shape)
+    return kind.pack(draw.standard_normal(kind.shape))

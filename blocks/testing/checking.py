@@ -1,0 +1,133 @@
+"""A checker for blocks of one's own: does a block keep the rules that a run relies on?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from blocks.core import (
+    Block,
+    BlockContext,
+    ParameterError,
+    PortType,
+    Same,
+    Scalar,
+    SignalType,
+    hint,
+)
+from blocks.testing.bench import OUTSIDE, Bench, CheckError
+
+if TYPE_CHECKING:
+    from blocks.world import World
+
+__all__ = ["CheckError", "check_block"]
+
+LENGTH = 3
+TERMS = (2, 1, *range(3, 10))
+
+
+def check_block(
+    block: Block,
+    inputs: dict[str, SignalType] | None = None,
+    ticks: int = 5,
+    dt: float = 0.01,
+    world: World | None = None,
+) -> None:
+    """Run a block on random inputs and check that it keeps the rules of :mod:`blocks.core.block`.
+
+    Every output has its declared form. Outputs change neither the state nor their inputs, and
+    come out equal when asked for twice. All that moves is in a declared :class:`State`, so that
+    two runs with one seed are equal, two runs at the same time do not meet, and a run that goes
+    on from its declared states goes on the same.
+
+    Parameters
+    ----------
+    block : the block, made with the parameters to check it with.
+    inputs : types of input ports, where they are not to be ``Scalar`` for ``Same("T")`` and 3
+        long for an open length: ``{"path": Path(50)}``.
+    ticks : ticks to run.
+    dt : the block's step (s).
+    world : walls and obstacles, for a block that needs some.
+
+    Raises
+    ------
+    CheckError : at the first rule that is broken.
+    ParameterError : if the block refuses this step or these types.
+    """
+    name = type(block).__name__
+    if not (type(block).__doc__ or "").strip():
+        raise CheckError(f"{name}: has no docstring; draw the box and give its equation")
+    _check_parameters(block)
+    bench = Bench(block, settle(block, inputs or {}, dt, world), ticks)
+    first = list(bench.run(seed=0, careful=True))
+    _compare(first, bench.run(seed=0), f"{name}: two runs with the same seed differ")
+    pairs = zip(bench.run(seed=0), bench.run(seed=1, stream=1), strict=True)
+    message = f"{name}: two runs at the same time disturb each other"
+    _compare(first, (mine for mine, _ in pairs), message)
+    resumed = bench.run(seed=0, resumed=True)
+    _compare(first, resumed, f"{name}: a run that goes on from its declared states differs")
+    if any(port.optional for port in block.spec.inputs.values()):
+        list(replace(bench, ticks=1, absent=True).run(seed=0, careful=True))
+
+
+def _check_parameters(block: Block) -> None:
+    name = type(block).__name__
+    try:
+        same = type(block)(**block.parameters()) == block
+    except Exception as error:
+        raise CheckError(f"{name}: cannot be made again from parameters(): {error}") from error
+    if not same:
+        raise CheckError(f"{name}: differs when made again from parameters()")
+
+
+def _compare(first: list[dict[str, Any]], again: Iterator[dict[str, Any]], message: str) -> None:
+    for tick, (a, b) in enumerate(zip(first, again, strict=True)):
+        for item in a:
+            if a[item] != b[item]:
+                raise CheckError(f"{message}, in {item} at tick {tick}; {OUTSIDE}")
+
+
+def settle(
+    block: Block, given: Mapping[str, SignalType], dt: float, world: World | None = None
+) -> BlockContext:
+    """A setting for a block on its own: given types, then its own, then the defaults.
+
+    Raises
+    ------
+    ParameterError : if the block refuses it with any number of terms.
+    ValueError : if a given type does not fit the port.
+    """
+    spec = block.spec
+    variables, lengths = dict(block.variables), dict(block.sizes())
+    for name, kind in given.items():
+        if name not in spec.inputs:
+            suggestion = (
+                hint(name, spec.inputs) or f"; its inputs: {', '.join(spec.inputs) or 'none'}"
+            )
+            raise ValueError(f"{type(block).__name__} has no input '{name}'{suggestion}")
+        declared = spec.inputs[name].type
+        if isinstance(declared, Same):
+            variables.setdefault(declared.variable, kind)
+        elif declared.symbol and isinstance(kind.length, int):
+            lengths.setdefault(declared.symbol, kind.length)
+
+    def resolve(declared: PortType) -> SignalType:
+        kind = variables.get(declared.variable, Scalar) if isinstance(declared, Same) else declared
+        return kind.sized(lengths.get(kind.symbol, LENGTH)) if kind.symbol else kind
+
+    types = {name: resolve(port.type) for name, port in spec.ports.items()}
+    for name, kind in given.items():
+        if types[name] != (kind.sized(types[name].length) if kind.symbol else kind):
+            raise ValueError(f"{type(block).__name__}.{name} takes {types[name]}, not {kind}")
+    many = [name for name, port in spec.inputs.items() if port.many]
+    refusals = []
+    for count in TERMS if many else (0,):
+        context = BlockContext(dt, types, dict.fromkeys(many, (True,) * count), world)
+        try:
+            block.validate_in(context)
+        except ParameterError as error:
+            refusals.append(error)
+        else:
+            return context
+    raise refusals[0]

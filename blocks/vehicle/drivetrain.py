@@ -1,0 +1,141 @@
+"""What motors and wheels make of a command: lag, delay and slip."""
+
+from __future__ import annotations
+
+import math
+
+from blocks.core import (
+    Block,
+    BlockContext,
+    BlockState,
+    Input,
+    Output,
+    ParameterError,
+    State,
+    Twist,
+    TwistValue,
+    kernel_of,
+    param,
+)
+
+
+class ActuatorLag(Block):
+    """Motors that approach what they are asked for like a first-order lag.
+
+        command ─▶ [ ActuatorLag ] ─▶ actual
+
+    tau actual' = command - actual, from rest; exact for a command that holds between ticks.
+    ``actual`` depends on the state alone: it breaks loops.
+    """
+
+    command = Input(Twist, doc="what the motors are asked for")
+    actual = Output(Twist, through="command", doc="what they do")
+
+    tau: float = param(unit="s", above=0.0, doc="time constant")
+
+    reached = State(like="actual", doc="speed and turn rate at the coming tick: m/s, rad/s")
+
+    def start(self, state: BlockState) -> None:
+        state.share = -math.expm1(-state.dt / self.tau)
+
+    def output(self, state: BlockState, t: float) -> TwistValue:
+        v, omega = state.reached.tolist()
+        return v, omega
+
+    def update(self, state: BlockState, t: float, command: TwistValue) -> None:
+        state.reached -= state.share * (state.reached - command)
+
+    @kernel_of(update)
+    def _update_kernel(self, state: BlockState, t: float, command: TwistValue) -> None:
+        for i in range(2):
+            state.reached[i] -= state.share * (state.reached[i] - command[i])
+
+
+class ActuatorDelay(Block):
+    """Motors that do what they were asked for a while ago.
+
+        command ─▶ [ ActuatorDelay ] ─▶ actual
+
+    actual(t) = command(t - delay), at rest before the first command arrives. ``delay`` is a whole
+    number of the block's steps, at least one; for none, bypass the block. ``actual`` depends on
+    the state alone: it breaks loops.
+    """
+
+    command = Input(Twist, doc="what the motors are asked for")
+    actual = Output(Twist, through="command", doc="what they do")
+
+    delay: float = param(unit="s", above=0.0, doc="how long a command is under way")
+    capacity: int = param(1000, at_least=1, doc="how many steps the delay may be, at most")
+
+    ring = State("capacity", 2, doc="commands under way: m/s, rad/s")
+    head = State(1, doc="the row that comes out next")
+
+    def validate_in(self, context: BlockContext) -> None:
+        steps = self.delay / context.dt
+        if steps < 1.0 - 1e-6 or abs(steps - round(steps)) > 1e-6:
+            nearest = max(1, round(steps)) * context.dt
+            message = (
+                f"must be a multiple of the block's step, {context.dt:g} s: such as {nearest:g}"
+            )
+            raise ParameterError([("delay", f"{message}, got {self.delay:g}")])
+        if round(steps) > self.capacity:
+            message = f"a delay of {self.delay:g} s is {steps:.0f} steps of {context.dt:g} s"
+            raise ParameterError([("capacity", f"{message}, got {self.capacity}")])
+
+    def start(self, state: BlockState) -> None:
+        state.steps = round(self.delay / state.dt)
+
+    def output(self, state: BlockState, t: float) -> TwistValue:
+        v, omega = state.ring[int(state.head[0])].tolist()
+        return v, omega
+
+    def update(self, state: BlockState, t: float, command: TwistValue) -> None:
+        row = int(state.head[0])
+        state.ring[row] = command
+        state.head[0] = (row + 1) % state.steps
+
+    @kernel_of(update)
+    def _update_kernel(self, state: BlockState, t: float, command: TwistValue) -> None:
+        row = int(state.head[0])
+        state.ring[row, 0], state.ring[row, 1] = command
+        state.head[0] = (row + 1) % state.steps
+
+
+class WheelSlip(Block):
+    """Two wheels that each lose a random share of their speed.
+
+        command ─▶ [ WheelSlip ] ─▶ actual
+
+    v_L,R = v -+ omega wheel_base / 2 become (1 - s_L,R) v_L,R. Each share s is drawn from
+    U(0, slip) and drawn again with probability 1 - exp(-dt / correlation_time) per step, so that
+    its autocorrelation is exp(-|t| / correlation_time) at any step.
+    """
+
+    command = Input(Twist, doc="what the motors are asked for")
+    actual = Output(Twist, through="command", doc="how the robot moves")
+
+    slip: float = param(0.1, at_least=0.0, at_most=1.0, doc="largest share of speed that is lost")
+    correlation_time: float = param(0.5, unit="s", above=0.0, doc="how long a share lasts")
+    wheel_base: float = param(0.3, unit="m", above=0.0, doc="distance between the wheels")
+
+    share = State(2, doc="shares that the left and the right wheel lose in the coming step")
+
+    def start(self, state: BlockState) -> None:
+        state.chance = -math.expm1(-state.dt / self.correlation_time)
+        state.share[:] = state.rng.uniform(0.0, self.slip, 2)
+
+    def output(self, state: BlockState, t: float, command: TwistValue) -> TwistValue:
+        v, omega = command
+        lost_left, lost_right = state.share.tolist()
+        half = 0.5 * self.wheel_base * omega
+        left, right = (v - half) * (1.0 - lost_left), (v + half) * (1.0 - lost_right)
+        return 0.5 * (left + right), (right - left) / self.wheel_base
+
+    def update(self, state: BlockState, t: float) -> None:
+        # As many numbers on every tick, whether they are needed or not: one wheel's fortune must
+        # not change the other's.
+        chance_left, chance_right, left, right = state.rng.random(4).tolist()
+        if chance_left < state.chance:
+            state.share[0] = self.slip * left
+        if chance_right < state.chance:
+            state.share[1] = self.slip * right

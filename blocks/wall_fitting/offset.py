@@ -1,0 +1,215 @@
+"""From wall curves to a reference path: offset, trim, bridge, fillet, resample.
+
+A line is a polyline, an (m, 2) array of x and y (m) in the robot's frame, walked with the wall on
+the right; the robot is at the origin.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+
+from blocks.core import FloatArray, directions
+from blocks.wall_fitting.bspline import interpolate, way_along
+from blocks.wall_fitting.contour import BoolArray
+
+JOINT = 0.1
+SHARPEST = math.cos(math.radians(100.0))
+END = 0.08
+REACH = 8  # points either way from which a line's direction of progress is taken
+BLUR = 3  # the same before kinks are rounded
+
+
+def left(direction: FloatArray) -> FloatArray:
+    """Vectors (m, 2) turned left by 90 degrees."""
+    return np.column_stack((-direction[:, 1], direction[:, 0]))
+
+
+def unit(vectors: FloatArray) -> FloatArray:
+    """Vectors (m, 2) made unit length; zero stays zero."""
+    length = np.hypot(vectors[:, 0], vectors[:, 1])
+    return np.asarray(vectors / np.where(length > 0.0, length, 1.0)[:, None])
+
+
+def resampled(line: FloatArray, samples: int) -> FloatArray:
+    """A line's points at that many even arc lengths, both ends included."""
+    arc = way_along(line)
+    return interpolate(np.linspace(0.0, float(arc[-1]), samples), arc, line)
+
+
+def tangents(line: FloatArray, reach: int) -> FloatArray:
+    """Directions (m, 2), unit length, between the points ``reach`` samples before and after."""
+    index = np.arange(len(line))
+    ahead = np.minimum(index + reach, len(line) - 1)
+    return unit(line[ahead] - line[np.maximum(index - reach, 0)])
+
+
+def nearest(points: FloatArray, others: FloatArray) -> FloatArray:
+    """Distance (m) from each of the points (m, 2) to the nearest of the others (n, 2), (m,)."""
+    # |p - q|^2 = p.p - 2 p.q + q.q: one matrix product instead of two (m, n) differences.
+    (x, y), (ox, oy) = points.T, -2.0 * others.T
+    square = np.multiply.outer(x, ox)
+    square += np.multiply.outer(y, oy)
+    square += np.einsum("ij,ij->i", others, others)
+    closest = square.min(axis=1) + np.einsum("ij,ij->i", points, points)
+    return np.asarray(np.sqrt(np.maximum(closest, 0.0)))
+
+
+def cap(
+    end: FloatArray, tangent: FloatArray, distance: float, step: float, begin: bool
+) -> FloatArray:
+    """Offset points around an edge, where a wall ends and beams go on past it, (n, 2).
+
+    What follows of the wall is hidden behind the beam that passes the edge, so the wall turns by
+    at least the angle between beam and tangent there. By that angle the level set goes round the
+    edge, on a circle.
+
+    Parameters
+    ----------
+    end, tangent : the wall's last point (m) and unit tangent, (2,); its first if ``begin``.
+    distance : the circle's radius (m).
+    step : spacing of the points (m).
+    begin : whether the wall begins here; the circle then leads to it.
+    """
+    # The angle is 0 where the beam grazes the wall's end, pi / 2 where the robot is abreast of it.
+    (x, y), (tx, ty) = end.tolist(), tangent.tolist()
+    sweep = max(0.0, math.atan2(x * ty - y * tx, x * tx + y * ty))
+    if begin and sweep > 0.0:
+        sweep = math.pi - sweep
+    turned = np.linspace(0.0, sweep, math.ceil(sweep * distance / step) + 1)[1:]
+    normal = math.atan2(tx, -ty)
+    angle = normal + turned[::-1] if begin else normal - turned
+    return end + distance * directions(angle)
+
+
+def runs(kept: BoolArray) -> list[tuple[int, int]]:
+    """First and past-the-last index of each run of True."""
+    change = np.flatnonzero(np.diff(np.concatenate(([False], kept, [False])).astype(np.int8)))
+    flat = change.tolist()
+    return list(zip(flat[::2], flat[1::2], strict=True))
+
+
+def followed(pieces: list[FloatArray], bridge: float) -> FloatArray:
+    """The piece of line nearest to the robot, joined with those that it links to.
+
+    On either side the piece at the smallest gap is next, see :func:`gap`. Pieces between them are
+    left out: they belong to something that stands apart.
+    """
+    away = [float(np.einsum("ij,ij->i", piece, piece).min()) for piece in pieces]
+    # Scraps of a few points are joined, but none of them is what the robot follows.
+    main = min(range(len(pieces)), key=lambda index: (len(pieces[index]) < 6, away[index]))
+    chosen = [main]
+    while gaps := [gap(pieces[chosen[-1]], piece, bridge) for piece in pieces[chosen[-1] + 1 :]]:
+        if min(gaps) == math.inf:
+            break
+        chosen.append(chosen[-1] + 1 + gaps.index(min(gaps)))
+    while gaps := [gap(piece, pieces[chosen[0]], bridge) for piece in pieces[: chosen[0]]]:
+        if min(gaps) == math.inf:
+            break
+        chosen.insert(0, gaps.index(min(gaps)))
+    return np.concatenate([pieces[index] for index in chosen])
+
+
+def gap(before: FloatArray, after: FloatArray, bridge: float) -> float:
+    """How far (m) a path goes from the end of one line to the begin of another.
+
+    Infinite beyond ``bridge`` (m), and where it would turn by more than 100 degrees on leaving
+    one line or on meeting the other, gaps up to 10 cm excepted: these are kinks of one contour.
+    """
+    end, begin = before[-1], after[0]
+    dx, dy = (begin - end).tolist()
+    width = math.hypot(dx, dy)
+    if width <= JOINT:
+        return width
+    if width > bridge:
+        return math.inf
+    leaving = (end - before[-min(len(before), 6)]).tolist()
+    meeting = (after[min(len(after), 6) - 1] - begin).tolist()
+    turns = (dx * x + dy * y < SHARPEST * width * math.hypot(x, y) for x, y in (leaving, meeting))
+    return math.inf if any(turns) else width
+
+
+def onward(line: FloatArray, reach: int = REACH) -> FloatArray:
+    """A line without the points that step back behind an earlier one.
+
+    Progress is measured along the direction over ``reach`` points either way. Offsets of a noisy
+    curve fold back and forth by more than their spacing, and a path must not.
+    """
+    if len(line) < 3:
+        return line
+    direction = tangents(line, reach)
+    step = line[1:] - line[:-1]
+    progress = np.cumsum(np.einsum("ij,ij->i", step, direction[1:] + direction[:-1]))
+    furthest = np.maximum.accumulate(np.concatenate(([0.0], progress)))
+    kept = np.concatenate(([True], progress > furthest[:-1]))
+    return line[kept]
+
+
+def filleted(line: FloatArray, radius: float, spacing: float, tolerance: float) -> FloatArray:
+    """Round the left turns of a path that are tighter than a radius: a rolling disc.
+
+    The disc rolls along the path's left. Where it cannot touch a point since it touches others
+    before, its rim takes the path's place. Its centres are the path offset to the left by the
+    radius, less those that are nearer to the path than that.
+
+    Parameters
+    ----------
+    line : the path, evenly spaced.
+    radius : the disc's (m); 0 leaves the path as it is.
+    spacing : of the line's points (m).
+    tolerance : centres may be that much too near (m); a path's own noise is no kink.
+    """
+    if radius == 0.0 or len(line) < 3:
+        return line
+    direction = tangents(line, BLUR)
+    centres = line + radius * left(direction)
+    free = [
+        run for run in runs(nearest(centres, line) >= radius - tolerance) if run[1] - run[0] > 3
+    ]
+    if not free:
+        return line
+    parts = [line[slice(*free[0])]]
+    for (_, stop), (begin, end) in pairwise(free):
+        last = stop - 1
+        (tx, ty), (ux, uy) = direction[last].tolist(), direction[begin].tolist()
+        apart = math.hypot(*(centres[begin] - centres[last]).tolist())
+        if tx * uy < ty * ux and apart > 0.25 * radius:
+            # A right turn: its centres are too near since tangents are blurred about a kink.
+            parts.append(line[stop:begin])
+        else:
+            centre = 0.5 * (centres[last] + centres[begin])
+            parts.append(_rim(centre, line[last], line[begin], radius, spacing))
+        parts.append(line[begin:end])
+    return np.concatenate(parts)
+
+
+def _rim(
+    centre: FloatArray, start: FloatArray, stop: FloatArray, radius: float, spacing: float
+) -> FloatArray:
+    """Points on the disc's rim between two points of the path, counterclockwise."""
+    (ax, ay), (bx, by) = (start - centre).tolist(), (stop - centre).tolist()
+    first = math.atan2(ay, ax)
+    turn = math.remainder(math.atan2(by, bx) - first, math.tau)
+    if turn <= 0.0:
+        return np.empty((0, 2))
+    n = max(1, round(turn * radius / spacing))
+    angle = first + turn * np.arange(1, n) / n
+    return centre + radius * directions(angle)
+
+
+def stretch(line: FloatArray, start: float, length: float, samples: int) -> FloatArray:
+    """``samples`` even points of the ``length`` (m) of a line from arc length ``start`` (m).
+
+    Where the line does not reach it goes on straight, in the direction of its last 8 cm.
+    """
+    arc = way_along(line)
+    total = float(arc[-1])
+    inner = interpolate(np.array([min(END, total), max(0.0, total - END)]), arc, line)
+    before, after = max(0.0, -start), max(0.0, start + length - total)
+    first = line[:1] + before * unit(line[:1] - inner[:1])
+    last = line[-1:] + after * unit(line[-1:] - inner[1:])
+    arc = np.concatenate(([-before], arc, [total + after]))
+    wanted = np.linspace(start, start + length, samples)
+    return interpolate(wanted, arc, np.concatenate((first, line, last)))

@@ -1,0 +1,152 @@
+"""Level sets of the distance to a world's surfaces, as closed loops of lines and arcs.
+
+The points at distance d from a union of solids lie on the edges moved out by d, on arcs of radius
+d about outward corners and on the circles made larger by d. Cut these at all their meetings, and
+each piece is on the level set as a whole or not at all.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Callable, Iterable, Iterator
+from itertools import pairwise
+
+import numpy as np
+
+from blocks.core import BoolArray, FloatArray
+from blocks.world.curves import ROUNDING, Arc, ComplexArray, Curve, Line, meetings
+from blocks.world.reader import Shapes
+
+# Of points given by x and y: the distance to the nearest solid, and which are inside of one.
+Gap = Callable[[FloatArray, FloatArray], tuple[FloatArray, BoolArray]]
+
+# How far (m) a point may be from the distance it should have.
+TOLERANCE = 1e-8
+# On which side of a surface itself there is free space is asked so far (m) away from it.
+AWAY = 1e-6
+# Ends nearer than this (m) are one point; where curves touch, meetings are that inexact.
+JOINED = 1e-5
+# A joint that turns less (rad) is smooth.
+SMOOTH = 1e-5
+
+
+def level_set(shapes: Shapes, gap_at: Gap, d: float) -> list[Curve]:
+    """All pieces of the level set of distance ``d`` (m), unordered; the surfaces for d = 0.
+
+    Free space beyond is to the left of each piece.
+    """
+    curves = [curve for curve in _offsets(shapes, d) if curve.length > ROUNDING]
+    pieces = _cut(curves)
+    if not pieces:
+        return []
+    away = AWAY if d == 0.0 else 0.0
+    middles = np.array([complex(p.shifted(away).at(np.array(0.5 * p.length))) for p in pieces])
+    gap, solid = gap_at(middles.real, middles.imag)
+    on = ~solid & (np.abs(gap - d - away) < TOLERANCE)
+    return _distinct([p for p, kept in zip(pieces, on.tolist(), strict=True) if kept], middles[on])
+
+
+def _distinct(pieces: list[Curve], middles: ComplexArray) -> list[Curve]:
+    """One of each: solids that are flush with each other have pieces in common."""
+    lengths = np.array([piece.length for piece in pieces])
+    same = np.abs(middles - middles[:, None]) < TOLERANCE
+    same &= np.abs(lengths - lengths[:, None]) < TOLERANCE
+    first = ~np.any(np.triu(same, 1), axis=0)
+    return [pieces[i] for i in np.flatnonzero(first).tolist()]
+
+
+def _offsets(shapes: Shapes, d: float) -> Iterator[Curve]:
+    """Every curve on which the level set may lie."""
+    polygons = (*(() if shapes.room is None else (shapes.room,)), *shapes.obstacles)
+    for corners in polygons:
+        points = [complex(x, y) for x, y in corners.tolist()]
+        edges = [Line(a, b) for a, b in zip(points, points[1:] + points[:1], strict=True)]
+        for before, edge in zip([edges[-1], *edges[:-1]], edges, strict=True):
+            yield edge.shifted(d)
+            turn = edge.along * before.along.conjugate()
+            if turn.imag < 0.0 and d > 0.0:
+                yield Arc(edge.start, d, cmath.phase(1j * before.along), cmath.phase(turn))
+    for x, y, r in shapes.circles.tolist():
+        yield Arc(complex(x, y), r + d, math.pi, -2.0 * math.pi)
+
+
+def _cut(curves: list[Curve]) -> list[Curve]:
+    """Cut curves where they meet, and where one that lies on another's carrier ends."""
+    places: list[list[float]] = [[0.0, curve.length] for curve in curves]
+    for i, j in _close_pairs(curves):
+        a, b = curves[i], curves[j]
+        points = meetings(a, b)
+        points += [p for p in _ends(a) if b.off(p) < ROUNDING]
+        points += [p for p in _ends(b) if a.off(p) < ROUNDING]
+        places[i] += [a.locate(p) for p in points]
+        places[j] += [b.locate(p) for p in points]
+    return [
+        curve.cut(begin, end)
+        for curve, found in zip(curves, places, strict=True)
+        for begin, end in _intervals(found, curve.length)
+    ]
+
+
+def _close_pairs(curves: list[Curve]) -> Iterator[tuple[int, int]]:
+    """Pairs that may meet: a curve is nowhere farther from its middle than half its length."""
+    lengths = np.array([curve.length for curve in curves])
+    middles = np.array([complex(c.at(np.array(0.5 * c.length))) for c in curves])
+    apart = np.abs(middles - middles[:, None])
+    close = apart <= 0.5 * (lengths + lengths[:, None]) + JOINED
+    i, j = np.nonzero(np.triu(close, 1))
+    return zip(i.tolist(), j.tolist(), strict=True)
+
+
+def _intervals(places: list[float], length: float) -> list[tuple[float, float]]:
+    inside = sorted(s for s in places if 0.0 <= s <= length)
+    return [(a, b) for a, b in pairwise(inside) if b - a > ROUNDING]
+
+
+def _ends(curve: Curve) -> tuple[complex, complex]:
+    first, last = curve.at(np.array([0.0, curve.length])).tolist()
+    return first, last
+
+
+def loops(pieces: Iterable[Curve]) -> list[list[Curve]]:
+    """Join pieces, each to the one that begins where it ends; longest loop first."""
+    rest = {i: (piece, *_ends(piece)) for i, piece in enumerate(pieces)}
+    found = []
+    while rest:
+        piece, begin, end = rest.pop(next(iter(rest)))
+        loop = [piece]
+        while abs(end - begin) > JOINED:
+            here = end
+            nearest = min(rest, key=lambda i: abs(rest[i][1] - here), default=None)
+            if nearest is None or abs(rest[nearest][1] - here) > JOINED:
+                break
+            piece, _, end = rest.pop(nearest)
+            loop.append(piece)
+        found.append(loop)
+    return sorted(found, key=lambda loop: -sum(piece.length for piece in loop))
+
+
+def joints(loop: list[Curve]) -> list[tuple[complex, float]]:
+    """Where each piece of a loop begins, and the angle (rad) by which the loop turns there."""
+    found = []
+    for before, after in zip([loop[-1], *loop[:-1]], loop, strict=True):
+        start = np.array(0.0)
+        turn = complex(after.tangent(start)) / complex(before.tangent(np.array(before.length)))
+        found.append((complex(after.at(start)), cmath.phase(turn)))
+    return found
+
+
+def kinks(loop: list[Curve]) -> list[complex]:
+    """Joints at which the loop turns sharply, into free space: its concave kinks."""
+    return [point for point, turn in joints(loop) if turn > SMOOTH]
+
+
+def sampled(loop: list[Curve], spacing: float) -> FloatArray:
+    """Points of a closed loop, no further apart than ``spacing`` (m); the first ends it, (k, 2)."""
+    counts = [max(1, math.ceil(piece.length / spacing)) for piece in loop]
+    parts = [
+        piece.at(np.linspace(0.0, piece.length, n, endpoint=False))
+        for piece, n in zip(loop, counts, strict=True)
+    ]
+    points = np.concatenate([*parts, parts[0][:1]])
+    return np.column_stack((points.real, points.imag))

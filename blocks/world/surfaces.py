@@ -1,0 +1,205 @@
+"""The world's surfaces as arrays: what is nearest and what rays hit, in loops over numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from blocks.core import FloatArray, kernel_of
+from blocks.world.curves import Curve, Line, wrapped
+from blocks.world.rays import OVERHANG
+
+Edge = tuple[float, float, float, float, float, float]
+IntArray = npt.NDArray[np.int64]
+# Edges (e, 6), see World; what each edge ends (e,), see below; circles (c, 3); curves (s, 6).
+Surfaces = tuple[FloatArray, IntArray, FloatArray, FloatArray]
+Nearest = tuple[float, float, float]
+
+# Nearer than this (m), the direction to a surface says nothing about the side.
+TOUCHING = 1e-9
+# Angles (rad) smaller than this are rounding.
+CUSP = 1e-9
+# What an edge ends: nothing, being followed by the next one of its polygon, an obstacle, the room.
+FOLLOWED, OBSTACLE, ROOM = 0, 1, 2
+
+
+def as_arrays(
+    polygons: Iterable[tuple[bool, tuple[Edge, ...]]],
+    circles: FloatArray,
+    curves: Iterable[Curve],
+) -> Surfaces:
+    """The surfaces that :func:`loop_nearest` and :func:`loop_cast` take.
+
+    Parameters
+    ----------
+    polygons : whether each is the room, and its edges.
+    circles : x, y and r (m), (c, 3).
+    curves : the boundary of free space.
+    """
+    edges: list[Edge] = []
+    ends: list[int] = []
+    for is_room, sides in polygons:
+        edges += sides
+        ends += [FOLLOWED] * (len(sides) - 1) + [ROOM if is_room else OBSTACLE]
+    rows = [
+        (0.0, c.start.real, c.start.imag, c.along.real, c.along.imag, c.length)
+        if isinstance(c, Line)
+        else (1.0, c.centre.real, c.centre.imag, c.radius, c.begin, c.sweep)
+        for c in curves
+    ]
+    return (
+        np.array(edges, dtype=np.float64).reshape(-1, 6),
+        np.array(ends, dtype=np.int64),
+        np.array(circles, dtype=np.float64).reshape(-1, 3),
+        np.array(rows, dtype=np.float64).reshape(-1, 6),
+    )
+
+
+class _Nearby(Protocol):
+    def nearest(self, x: float, y: float) -> Nearest: ...
+
+
+def nearest(world: _Nearby, x: float, y: float) -> Nearest:
+    """Signed distance to the nearest surface, and the normal there: :meth:`World.nearest`."""
+    return world.nearest(x, y)
+
+
+@kernel_of(nearest)
+def loop_nearest(world: Surfaces, x: float, y: float) -> Nearest:
+    """:func:`nearest` by :attr:`World.arrays` in place of the world itself."""
+    edges, ends, circles, curves = world
+    square, bx, by, solid, inside = math.inf, 0.0, 0.0, False, False
+    for i in range(len(edges)):
+        ax, ay, ex, ey = edges[i, 0], edges[i, 1], edges[i, 2], edges[i, 3]
+        px, py = x - ax, y - ay
+        end = edges[i, 5]
+        if (ay > y) != (end > y) and (px * ey < py * ex) == (end > ay):
+            inside = not inside
+        s = (px * ex + py * ey) * edges[i, 4]
+        s = 0.0 if s < 0.0 else 1.0 if s > 1.0 else s
+        px -= s * ex
+        py -= s * ey
+        if px * px + py * py < square:
+            square, bx, by = px * px + py * py, px, py
+        if ends[i] != FOLLOWED:
+            solid = solid or inside != (ends[i] == ROOM)
+            inside = False
+    gap = span = math.sqrt(square)
+    for i in range(len(circles)):
+        px, py, r = x - circles[i, 0], y - circles[i, 1], circles[i, 2]
+        from_centre = math.hypot(px, py)
+        if from_centre - r < gap:
+            gap, span, bx, by = from_centre - r, from_centre, px, py
+    if solid or gap < TOUCHING:
+        return from_surface(curves, x, y, solid or gap < 0.0)
+    return gap, bx / span, by / span
+
+
+def from_surface(curves: FloatArray, x: float, y: float, solid: bool) -> Nearest:
+    """What is nearest, and the normal there, on a surface or behind it.
+
+    There, free space is not straight away from the surface.
+    """
+    least, fx, fy = math.inf, 0.0, 0.0
+    for i in range(len(curves)):
+        qx, qy, _, _, _, _ = foot_on(curves, i, x, y)
+        gap = math.hypot(qx - x, qy - y)
+        if gap < least:
+            least, fx, fy = gap, qx, qy
+    if least >= TOUCHING:
+        side = 1.0 if solid else -1.0
+        nx, ny = side * (fx - x) / least, side * (fy - y) / least
+    else:
+        nx, ny = outward(curves, x, y)
+    return -least if solid else least, nx, ny
+
+
+def outward(curves: FloatArray, x: float, y: float) -> tuple[float, float]:
+    """The normal at a point of the surface: the bisector of the widest free sector there.
+
+    Sectors lie between the curves that meet in the point, one alone leaves half a turn. Along the
+    bisector of a sector phi the distance to what bounds it grows at the rate 1, or at sin(phi / 2)
+    where phi is below pi: no direction leads away faster.
+    """
+    widest, normal = -1.0, 0.0
+    for i in range(len(curves)):
+        qx, qy, ux, uy, goes_on, _ = foot_on(curves, i, x, y)
+        if goes_on and math.hypot(qx - x, qy - y) < TOUCHING:
+            # Free space begins to the left of a curve that leaves the point, and ends at the
+            # next one, counterclockwise, that comes to it.
+            begin, sector = math.atan2(uy, ux), 2.0 * math.pi
+            for k in range(len(curves)):
+                qx, qy, ux, uy, _, comes = foot_on(curves, k, x, y)
+                if comes and math.hypot(qx - x, qy - y) < TOUCHING:
+                    turn = (math.atan2(-uy, -ux) - begin) % (2.0 * math.pi)
+                    # Where surfaces are tangent, rounding must not make a full turn of nothing.
+                    sector = min(sector, turn if turn < 2.0 * math.pi - CUSP else 0.0)
+            if sector > widest + CUSP:
+                widest, normal = sector, begin + 0.5 * sector
+    return math.cos(normal), math.sin(normal)
+
+
+def foot_on(
+    curves: FloatArray, i: int, x: float, y: float
+) -> tuple[float, float, float, float, bool, bool]:
+    """The point of a curve nearest to (x, y), the curve's direction there, and whether it goes on
+    from there and comes from before.
+    """
+    cx, cy = float(curves[i, 1]), float(curves[i, 2])
+    px, py = x - cx, y - cy
+    if curves[i, 0] == 0.0:
+        ux, uy, length = float(curves[i, 3]), float(curves[i, 4]), float(curves[i, 5])
+        s = min(max(px * ux + py * uy, 0.0), length)
+        return cx + s * ux, cy + s * uy, ux, uy, length - s > TOUCHING, s > TOUCHING
+    radius, begin, sweep = float(curves[i, 3]), float(curves[i, 4]), float(curves[i, 5])
+    middle, half, turn = begin + 0.5 * sweep, 0.5 * abs(sweep), math.copysign(1.0, sweep)
+    off = min(max(wrapped(math.atan2(py, px) - middle), -half), half)
+    c, s = math.cos(middle + off), math.sin(middle + off)
+    is_closed = half > math.pi - CUSP
+    goes_on = is_closed or radius * (half - turn * off) > TOUCHING
+    comes = is_closed or radius * (half + turn * off) > TOUCHING
+    return cx + radius * c, cy + radius * s, -turn * s, turn * c, goes_on, comes
+
+
+def loop_cast(
+    surfaces: Surfaces, x: float, y: float, theta: float, bearings: FloatArray
+) -> FloatArray:
+    """Range (m) from (x, y) along each ray to the first surface: :meth:`World.cast` in loops.
+
+    The equations are those of :mod:`blocks.world.rays`.
+
+    Parameters
+    ----------
+    theta, bearings : the rays' directions are ``theta + bearings`` (rad), (n,).
+
+    Returns
+    -------
+    array : (n,); inf where a ray hits nothing.
+    """
+    edges, _, circles, _ = surfaces
+    ranges = np.empty(len(bearings))
+    for i in range(len(bearings)):
+        ux, uy = math.cos(bearings[i] + theta), math.sin(bearings[i] + theta)
+        first = math.inf
+        for k in range(len(edges)):
+            ax, ay, ex, ey = edges[k, 0] - x, edges[k, 1] - y, edges[k, 2], edges[k, 3]
+            reach = ax * ey - ay * ex
+            crossed = ey * ux - ex * uy if reach >= 0.0 else ex * uy - ey * ux
+            off_middle = (ax + 0.5 * ex) * uy - (ay + 0.5 * ey) * ux
+            if abs(off_middle) < (0.5 + OVERHANG) * crossed:
+                first = min(first, abs(reach) / crossed)
+        for k in range(len(circles)):
+            cx, cy, r = circles[k, 0] - x, circles[k, 1] - y, circles[k, 2]
+            along, across = ux * cx + uy * cy, ux * cy - uy * cx
+            square = r * r - across * across
+            if square >= 0.0:
+                way = math.sqrt(square)
+                hit = along + way if cx * cx + cy * cy < r * r else along - way
+                if hit >= 0.0:
+                    first = min(first, hit)
+        ranges[i] = first
+    return ranges

@@ -1,0 +1,100 @@
+"""Changes to a graph as options: declared once, applied in the order they were written."""
+
+from __future__ import annotations
+
+from argparse import Action, ArgumentParser, Namespace
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from runtime.errors import UsageError
+
+if TYPE_CHECKING:
+    from runtime.graph import Graph
+
+
+class _Change(Action):
+    """Collects the changes in the order in which they were written."""
+
+    def __call__(self, parser, namespace, values, option_string=None):  # type: ignore[no-untyped-def]
+        changes = [*(namespace.changes or []), (self.option_strings[0].lstrip("-"), values)]
+        namespace.changes = changes
+
+
+def add_graph(parser: ArgumentParser) -> None:
+    """Declare the graph and the changes to it."""
+    parser.add_argument("graph", help="a YAML file, or the name of a shipped graph")
+    add_changes(parser)
+
+
+def add_changes(parser: ArgumentParser, seed: bool = True, variants: bool = False) -> None:
+    """Declare the changes alone; with ``variants``, also what begins one with a name."""
+    change = parser.add_argument_group("changes to the graph, applied in the order written")
+    for flag, form, text in (
+        ("--with", "GRAPH", "lay a graph, or part of one, on top, as 'extends' does"),
+        ("--set", "PATH=YAML", "set an entry: blocks.lqr.q='[1, 1, 1]', params.v_r=2"),
+        ("--wire", "INPUT=OUTPUT", "wire an input: lqr.error=error.state"),
+        ("--without", "NAME[,NAME]", "leave out blocks with their wires"),
+        ("--bypass", "NAME[,NAME]", "wire the through-pair of blocks straight"),
+        ("--replace", "NAME=TYPE[,...]", "put a block of another type in a block's place"),
+    ):
+        change.add_argument(flag, action=_Change, metavar=form, help=text, dest="changes")
+    if variants:
+        message = "begin a variant, which the changes that follow are part of"
+        change.add_argument(
+            "--variant", action=_Change, metavar="NAME", help=message, dest="changes"
+        )
+    if seed:
+        change.add_argument("--seed", type=int, help="the run's seed")
+    change.add_argument("--until", type=float, metavar="S", help="length of the run in seconds")
+    change.add_argument(
+        "--no-modules",
+        action="store_true",
+        help="import no Python file that the graph names; a block that needs one is an error",
+    )
+    change.add_argument("--engine", help="python, compiled, or auto: compiled where that repays")
+
+
+def changed(graph: Graph, options: Namespace) -> Graph:
+    """The graph with the changes of the command line, in the order they were written."""
+    graph = with_changes(graph, options.changes or ())
+    if getattr(options, "seed", None) is not None:
+        graph = graph.set("run.seed", options.seed, origin="--seed")
+    if options.until is not None:
+        graph = graph.set("run.until", options.until, origin="--until")
+    if options.engine is not None:
+        graph = graph.set("run.engine", options.engine, origin="--engine")
+    return graph
+
+
+def with_changes(graph: Graph, changes: Iterable[tuple[str, str]]) -> Graph:
+    """The graph with changes as they are written, (kind, text) each."""
+    for kind, text in changes:
+        graph = apply(graph, kind, text)
+    return graph
+
+
+def apply(graph: Graph, kind: str, text: str) -> Graph:
+    """The graph with one change, as written after ``--kind``."""
+    from runtime.document import parse_yaml
+
+    origin = f"--{kind} {text}"
+    if kind == "with":
+        return graph.overlay(text)
+    if kind in ("without", "bypass"):
+        names = [name.strip() for name in text.split(",") if name.strip()]
+        without: Graph = getattr(graph, kind)(*names, origin=origin)
+        return without
+    if kind == "replace":
+        for item in text.split(","):
+            name, equals, typed = item.partition("=")
+            if not (equals and name.strip() and typed.strip()):
+                raise UsageError(f"{origin}: expected NAME=TYPE, as in lqr=PID")
+            graph = graph.replace(name.strip(), typed.strip(), origin=origin)
+        return graph
+    path, equals, value = text.partition("=")
+    if not equals:
+        raise UsageError(f"{origin}: expected PATH=VALUE")
+    plain = parse_yaml(value, origin).plain()
+    if kind == "set":
+        return graph.set(path, plain, origin=origin)
+    return graph.wire(path, plain, origin=origin)

@@ -1,0 +1,65 @@
+"""``runtime clean``: what killed runs left behind."""
+
+from __future__ import annotations
+
+import sys
+from argparse import ArgumentParser, Namespace
+from datetime import datetime
+from pathlib import Path
+
+from runtime.errors import UsageError
+
+HELP = "list what killed runs left; recover or remove it"
+
+
+def add(parser: ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("folder", nargs="?", default="runs", help="where run folders go (runs)")
+    parser.add_argument(
+        "--recover",
+        action="store_true",
+        help="make a run folder of each recording that a killed run left on disk",
+    )
+    parser.add_argument("--yes", action="store_true", help="remove what is listed")
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object and nothing else"
+    )
+
+
+def run(options: Namespace) -> int:
+    """List leftovers; with ``--recover`` make runs of them, with ``--yes`` remove them."""
+    from runtime.files import json_text
+    from runtime.observation import readable_bytes
+    from runtime.runs import leftovers, recover, remove
+
+    found, code = leftovers(Path(options.folder)), 0
+    rows = []
+    for leftover in found:
+        row = {"path": str(leftover.path), "bytes": leftover.size, "run": None, "removed": False}
+        keep = False
+        if options.recover and leftover.has_recording:
+            try:
+                row["run"] = str(recover(leftover))
+            except UsageError as error:
+                print(error, file=sys.stderr)
+                keep, code = True, error.exit_code
+        if options.yes and not keep:
+            row["removed"] = remove(leftover)
+        rows.append(row)
+        if not options.json:
+            when = datetime.fromtimestamp(leftover.changed).isoformat(" ", "minutes")
+            print(f"{leftover.path}  {readable_bytes(leftover.size)}, {when}{_fate(row)}")
+    if options.json:
+        print(json_text({"schema_version": 1, "leftovers": rows}))
+    elif not found:
+        print(f"nothing left behind in {options.folder}")
+    elif not options.yes:
+        recordings = any(leftover.has_recording for leftover in found)
+        offer = "; '--recover' makes runs of recordings" if recordings else ""
+        print(f"'runtime clean {options.folder} --yes' removes these{offer}", file=sys.stderr)
+    return code
+
+
+def _fate(row: dict[str, object]) -> str:
+    recovered = f"; recovered as {row['run']}" if row["run"] else ""
+    return recovered + ("; removed" if row["removed"] else "")

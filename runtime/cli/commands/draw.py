@@ -1,0 +1,49 @@
+"""``runtime draw``: the block diagram."""
+
+from __future__ import annotations
+
+import sys
+from argparse import ArgumentParser, Namespace
+from pathlib import Path
+
+from runtime.cli.commands.changes import add_graph, changed
+from runtime.errors import UsageError
+from runtime.terminal import show
+
+HELP = "the block diagram: svg, png, dot, mermaid"
+
+
+def add(parser: ArgumentParser) -> None:
+    """Declare the options."""
+    add_graph(parser)
+    parser.add_argument(
+        "-o", "--out", metavar="FILE", help="file to write (<graph>.svg); - is stdout"
+    )
+    parser.add_argument(
+        "--format", choices=("svg", "png", "dot", "mermaid"), help="default: the file's"
+    )
+
+
+def run(options: Namespace) -> int:
+    """Write the block diagram."""
+    from runtime.diagrams import diagram
+    from runtime.graph import load
+
+    graph = changed(load(options.graph, modules=not options.no_modules), options)
+    network = graph.network
+    written = options.out or f"{Path(options.graph).stem}.{options.format or 'svg'}"
+    suffix = Path(written).suffix.lstrip(".")
+    kind = options.format or {"mmd": "mermaid", "md": "mermaid", "gv": "dot"}.get(suffix, suffix)
+    if written == "-":
+        kind = options.format or "svg"
+    drawn = diagram(network, kind)
+    content = drawn.encode() if isinstance(drawn, str) else drawn
+    if written == "-":
+        sys.stdout.buffer.write(content)
+        return 0
+    try:
+        Path(written).write_bytes(content)
+    except OSError as error:
+        raise UsageError(f"cannot write '{written}': {error.strerror}") from None
+    show(written)
+    return 0

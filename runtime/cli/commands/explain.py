@@ -1,0 +1,29 @@
+"""``runtime explain``: order, rates, types and the function that runs."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser, Namespace
+
+from runtime.cli.commands.changes import add_graph, changed
+from runtime.terminal import show, show_json
+
+HELP = "order, rates, types and the function that runs"
+
+
+def add(parser: ArgumentParser) -> None:
+    """Declare the options."""
+    add_graph(parser)
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+
+
+def run(options: Namespace) -> int:
+    """Print order, rates and types, and the function that is executed."""
+    from runtime.cli.explain import explain_json, explain_text
+    from runtime.graph import load
+
+    graph = changed(load(options.graph, modules=not options.no_modules), options).check()
+    if options.json:
+        show_json(explain_json(graph))
+    else:
+        show(explain_text(graph))
+    return 0

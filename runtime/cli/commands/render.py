@@ -1,0 +1,93 @@
+"""``runtime render``: a picture and a film of a robot with physics."""
+
+from __future__ import annotations
+
+import math
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from collections.abc import Callable
+from pathlib import Path
+
+from runtime.rendering import VIEWS, RenderRequest
+from runtime.terminal import show, show_json
+
+HELP = "a picture and a film of a run of a robot with physics"
+
+
+def add(parser: ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("run", help="run folder, as in runs/<graph>/latest")
+    parser.add_argument("--out", metavar="DIR", help="where files go (the run's plots/)")
+    parser.add_argument("--block", default="", metavar="NAME", help="which robot, of several")
+    parser.add_argument("--view", choices=VIEWS, help="seen from there only (both, side by side)")
+    parser.add_argument(
+        "--at", type=_number(0.0), metavar="S", help="time of the picture (the end of the run)"
+    )
+    parser.add_argument("--no-film", action="store_true", help="the picture only")
+    for flag, kind, value, text in (
+        ("--from", _number(0.0), RenderRequest.begin, "where the film begins, s"),
+        ("--until", _number(0.0), RenderRequest.end, "where it ends, s (the end of the run)"),
+        ("--speed", _number(1e-3), RenderRequest.speed, "how much faster than the robot it runs"),
+        ("--fps", _whole(1, 240), RenderRequest.fps, "pictures a second"),
+        ("--height", _whole(64, 2160), RenderRequest.height, "of the picture, in pixels"),
+        ("--film-height", _whole(64, 2160), RenderRequest.film_height, "of the film, in pixels"),
+    ):
+        text += "" if value is None else f" ({value:g})"
+        parser.add_argument(flag, type=kind, default=value, metavar="N", help=text)
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+
+
+def run(options: Namespace) -> int:
+    """Draw, and print the files."""
+    from runtime.files import check_inside, refuse_link
+    from runtime.rendering import render
+    from runtime.runs import run_folder
+
+    folder = run_folder(options.run)
+    if not options.out:
+        check_inside(folder)
+        refuse_link(folder / "plots")
+    files = render(
+        RenderRequest(
+            run=str(folder),
+            folder=str(Path(options.out) if options.out else folder / "plots"),
+            block=options.block,
+            views=(options.view,) if options.view else VIEWS,
+            at=options.at,
+            height=options.height,
+            film_height=options.film_height,
+            film=not options.no_film,
+            speed=options.speed,
+            fps=options.fps,
+            begin=getattr(options, "from"),
+            end=options.until,
+        )
+    )
+    if options.json:
+        show_json({"schema_version": 1, "files": [str(path) for path in files]})
+    else:
+        show("\n".join(map(str, files)))
+    return 0
+
+
+def _number(low: float) -> Callable[[str], float]:
+    def read(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not low <= value < math.inf:
+            raise ArgumentTypeError(f"expected a number from {low:g}, got '{text}'")
+        return value
+
+    return read
+
+
+def _whole(low: int, high: int) -> Callable[[str], int]:
+    def read(text: str) -> int:
+        value = int(text) if text.isdecimal() else -1
+        if not low <= value <= high or (low > 1 and value % 2):
+            even = "an even number" if low > 1 else "a whole number"
+            raise ArgumentTypeError(f"expected {even} from {low} to {high}, got '{text}'")
+        return value
+
+    return read

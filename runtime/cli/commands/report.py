@@ -1,0 +1,65 @@
+"""``runtime report``: one HTML file on a run, a sweep or an ablation."""
+
+from __future__ import annotations
+
+import sys
+from argparse import ArgumentParser, Namespace
+from pathlib import Path
+
+from runtime.terminal import show, show_json
+
+HELP = "one self-contained HTML file on a run, a sweep or an ablation"
+
+
+def add(parser: ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument(
+        "path",
+        metavar="FOLDER",
+        help="of a run, a sweep or an ablation, as in runs/<graph>/latest",
+    )
+    parser.add_argument(
+        "-o", "--out", metavar="FILE", help="file to write (report.html in FOLDER); - is stdout"
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object and nothing else"
+    )
+
+
+def run(options: Namespace) -> int:
+    """Write the report and print where it is."""
+    from runtime.errors import UsageError
+    from runtime.files import check_inside, write_whole
+    from runtime.reports import report
+
+    if options.out == "-" and options.json:
+        raise UsageError("'--out -' writes the page to stdout, where --json writes; leave one out")
+    made = report(Path(options.path))
+    if options.out == "-":
+        sys.stdout.buffer.write(made.html.encode())
+        return 0
+    written = Path(options.out) if options.out else made.folder / "report.html"
+    try:
+        if options.out:
+            _write(written.resolve(), made.html)
+        else:
+            check_inside(made.folder)
+            write_whole(written, made.html)
+    except OSError as error:
+        raise UsageError(f"cannot write '{written}': {error.strerror or error}") from None
+    if options.json:
+        found = {"schema_version": 1, "kind": made.kind, "folder": str(made.folder)}
+        show_json({**found, "report": str(written)})
+    else:
+        show(written)
+    return 0
+
+
+def _write(path: Path, text: str) -> None:
+    """Write a file that is there whole or not at all; what is no file, as a pipe, is written to."""
+    from runtime.files import write_whole
+
+    if path.exists() and not path.is_file():
+        path.write_text(text, encoding="utf-8")
+        return
+    write_whole(path, text)

@@ -1,0 +1,225 @@
+"""``runtime run``: simulate, record, draw the probes, print the metrics."""
+
+from __future__ import annotations
+
+import math
+from argparse import ArgumentParser, Namespace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from runtime.cli.commands.changes import add_graph, changed
+from runtime.errors import SimulationError, UsageError, one_line
+from runtime.terminal import show, show_json, tell
+
+if TYPE_CHECKING:
+    from runtime.engine import Interrupts, Profile
+    from runtime.graph import Graph
+    from runtime.runs import Draft, Result
+
+HELP = "simulate, record, draw the probes, print the metrics"
+
+
+def add(parser: ArgumentParser) -> None:
+    """Declare the options."""
+    add_graph(parser)
+    parser.add_argument("--out", default="runs", metavar="DIR", help="where run folders go (runs)")
+    parser.add_argument("--no-plots", action="store_true", help="draw nothing")
+    parser.add_argument("--profile", action="store_true", help="show what each block takes")
+    parser.add_argument("--animate", action="store_true", help="write plots/animation.gif, too")
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object and nothing else"
+    )
+    parser.add_argument("-q", "--quiet", action="store_true", help="no progress, no notes")
+
+
+def run(options: Namespace) -> int:
+    """Simulate, write the run folder and its pictures, print the metrics."""
+    from runtime.engine import Interrupts, Profile, profile_text
+    from runtime.graph import load
+    from runtime.runs import Draft, link_latest, new_folder
+
+    graph = changed(load(options.graph, modules=not options.no_modules), options).check()
+    if options.animate:
+        _check_animation(graph)
+    if options.profile and graph.network.engine == "compiled":
+        raise UsageError("--profile times blocks one by one, which takes --engine python")
+    quiet = options.quiet or options.json
+    profile = Profile() if options.profile else None
+    draft = Draft(new_folder(Path(options.out), graph.title))
+    if not quiet:
+        _tell_leftovers(draft.folder.parent)
+    with Interrupts() as interrupts:
+        result, failure = _simulated(graph, quiet, profile, draft)
+        folder = _saved(result, draft)
+    if folder == draft.folder:
+        link_latest(folder)
+    code = _exit_code(result, failure, interrupts, folder == draft.folder)
+    pictures: list[Path] = []
+    if interrupts.leaves_time:
+        try:
+            pictures = _pictures(result, folder, not options.no_plots, options.animate)
+        except KeyboardInterrupt:
+            code = code or 130
+    rows = profile.rows(result.manifest["ticks"], result.manifest["wall_s"]) if profile else []
+    if options.json:
+        show_json(_summary(result, folder) | ({"profile": rows} if rows else {}))
+    else:
+        _print_result(result, folder, pictures, options.quiet)
+    if rows and not options.json:
+        show(profile_text(rows))
+    _tell_end(result, failure, folder)
+    return code
+
+
+def _simulated(
+    graph: Graph, quiet: bool, profile: Profile | None, draft: Draft
+) -> tuple[Result, SimulationError | None]:
+    """What was recorded, and what ended it early if something failed."""
+    from runtime.engine import silent
+    from runtime.runs import Result, simulate
+    from runtime.terminal import Progress
+
+    progress = Progress(graph.title, wanted=not quiet)
+    note = silent if quiet else _note
+    try:
+        folder = draft.recordings
+        prepared = graph.prepared(profiled=profile is not None)
+        return simulate(prepared, progress, note, profile, folder), None
+    except SimulationError as error:
+        if not isinstance(error.result, Result):
+            draft.close()
+            raise
+        return error.result, error
+    except BaseException:
+        draft.close()
+        raise
+    finally:
+        progress.close()
+
+
+def _saved(result: Result, draft: Draft) -> Path:
+    """Write the run; if its folder cannot be written, wherever there is room for it."""
+    from runtime.runs import save_elsewhere
+
+    try:
+        folder = draft.save(result)
+    except UsageError as error:
+        try:
+            folder = save_elsewhere(result, draft.folder.name)
+        except UsageError as other:
+            text = f"{error}; {other}"
+            if draft.recordings.is_dir():
+                text += f"; what was recorded is left in '{draft.partial}': make room, then "
+                text += "'runtime clean --recover' makes a run of it"
+            else:
+                draft.close()
+            raise UsageError(text) from None
+        tell(f"{error}; the run is kept in '{folder}'")
+    draft.close()
+    return folder
+
+
+def _exit_code(
+    result: Result, failure: SimulationError | None, interrupts: Interrupts, in_place: bool
+) -> int:
+    """The exit code: of a failure, else of the signal that came, else of where the run lies."""
+    if failure is not None:
+        return failure.exit_code
+    if interrupts.caught is not None or result.status == "interrupted":
+        return interrupts.exit_code
+    if not in_place:
+        return UsageError.exit_code
+    return 1 if result.failures else 0
+
+
+def _tell_end(result: Result, failure: SimulationError | None, folder: Path) -> None:
+    """Say what went wrong."""
+    for text in ([str(failure)] if failure else []) + result.failures:
+        tell(text)
+    if failure is not None:
+        tell(f"what was recorded before is kept in {folder}")
+    elif result.status == "interrupted":
+        tell(f"interrupted; what was recorded before is kept in {folder}")
+
+
+def _note(text: str) -> None:
+    tell(text)
+
+
+def _tell_leftovers(folder: Path) -> None:
+    """Name what killed runs of the same graph left behind."""
+    from runtime.runs import leftovers
+
+    found = leftovers(folder)
+    if found:
+        text = f"killed runs left {len(found)} hidden folder{'s' * (len(found) > 1)} in '{folder}'"
+        _note(f"{text}, as '{found[0].path.name}'; 'runtime clean {folder}' lists them")
+
+
+def _check_animation(graph: Graph) -> None:
+    """Refuse an animation of what has none before the run, not after it."""
+    from runtime.plots import animated
+
+    animated(graph.observation.plots, graph.network.world)
+
+
+def _pictures(result: Result, folder: Path, plots: bool, animation: bool) -> list[Path]:
+    """Draw what was asked for into a run's folder; returns the files.
+
+    What cannot be drawn is a note of the result: the run, and the other pictures, stay.
+    """
+    files = []
+    if plots:
+        from runtime.plots import save_plots
+
+        files += save_plots(result, folder / "plots", result.notes.append)
+    if animation:
+        from runtime.plots import animate
+
+        try:
+            files.append(animate(result, folder / "plots" / "animation.gif"))
+        except Exception as error:  # noqa: BLE001 -- matplotlib raises anything over odd numbers
+            result.notes.append(f"no animation: {one_line(str(error) or type(error).__name__)}")
+    return files
+
+
+def _summary(result: Result, folder: Path) -> dict[str, Any]:
+    manifest = result.manifest
+    return {
+        "schema_version": manifest["schema_version"],
+        "run": str(folder),
+        **{
+            key: manifest[key]
+            for key in ("status", "error", "graph", "seed", "dt", "until", "ticks", "engine")
+        },
+        "metrics": result.metrics,
+        "wall_s": manifest["wall_s"],
+        "ready_s": manifest["ready_s"],
+        "us_per_tick": manifest["us_per_tick"],
+        "failures": result.failures,
+        "notes": result.notes,
+    }
+
+
+def _print_result(result: Result, folder: Path, pictures: list[Path], quiet: bool) -> None:
+    manifest = result.manifest
+    if not quiet:
+        for note in result.notes:
+            tell(f"note: {note}")
+    simulated = manifest["ticks"] * manifest["dt"]
+    show(
+        f"{result.title}: {simulated:g} s in {manifest['wall_s']:.2f} s "
+        f"({manifest['us_per_tick']:.1f} us a tick, {manifest['engine']} engine), "
+        f"seed {manifest['seed']}"
+    )
+    width = max((len(name) for name in result.metrics), default=0)
+    for name, value in result.metrics.items():
+        show(f"  {name:<{width}}  {number(value)}")
+    show(f"run folder: {folder}")
+    for path in pictures:
+        show(f"  {path.relative_to(folder)}")
+
+
+def number(value: float | None) -> str:
+    """A metric for people: four digits, or a dash where it has no value."""
+    return "-" if value is None or math.isnan(value) else f"{value:.4g}"

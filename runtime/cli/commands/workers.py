@@ -1,0 +1,97 @@
+"""Options of the verbs that run many points: seeds, workers, and what they leave."""
+
+from __future__ import annotations
+
+import math
+import os
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from runtime.errors import Problems
+from runtime.terminal import tell
+
+if TYPE_CHECKING:
+    from runtime.experiments.design import Seeds
+    from runtime.experiments.execution import WorkerPool
+
+MAX_JOBS = 4096
+
+
+def add_workers(parser: ArgumentParser, seeds: str) -> None:
+    """Declare the options; ``seeds`` says which are the default."""
+    parser.add_argument("--seeds", metavar="SEEDS", help=f"0..9, 3, or 0,4,7..9 ({seeds})")
+    parser.add_argument(
+        "-j", "--jobs", type=_jobs, metavar="N", help="worker processes (one for each processor)"
+    )
+    parser.add_argument(
+        "--timeout", type=_seconds, metavar="S", help="seconds that one point may take"
+    )
+    parser.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="a Dask cluster that runs the points instead: tcp://host:8786",
+    )
+    parser.add_argument("--no-plots", action="store_true", help="draw nothing")
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object and nothing else"
+    )
+    parser.add_argument("-q", "--quiet", action="store_true", help="no progress, no notes")
+
+
+def _jobs(text: str) -> int:
+    if not text.isdecimal() or not 1 <= int(text) <= MAX_JOBS:
+        raise ArgumentTypeError(f"expected a number of workers from 1 to {MAX_JOBS}, got '{text}'")
+    return int(text)
+
+
+def _seconds(text: str) -> float:
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = math.nan
+    if not 0.0 < seconds < math.inf:
+        raise ArgumentTypeError(f"expected a number of seconds above 0, got '{text}'")
+    return seconds
+
+
+def chosen_seeds(options: Namespace) -> Seeds | None:
+    """The seeds of the command line; None if it names none.
+
+    Raises
+    ------
+    GraphError : a seed is no number.
+    """
+    from runtime.document import parse_yaml
+    from runtime.experiments.design import parse_seeds
+
+    if options.seeds is None:
+        return None
+    problems = Problems()
+    origin = f"--seeds {options.seeds}"
+    seeds = parse_seeds(parse_yaml(options.seeds, origin), "", problems)
+    problems.raise_any()
+    return seeds
+
+
+def noted(quiet: bool) -> Callable[[str], None]:
+    """What takes lines for people."""
+    return (lambda text: None) if quiet else tell
+
+
+def start_early(options: Namespace) -> None:
+    """Let the workers' imports begin while the graph is read and checked."""
+    if options.scheduler is None:
+        from runtime.experiments.execution import forkserver as fork_server
+
+        fork_server.start_early()
+
+
+def pool_of(options: Namespace) -> Callable[[], WorkerPool]:
+    """What makes the workers that the command line asks for."""
+    from runtime.experiments.execution import cluster_pool, local_pool
+
+    if options.scheduler is not None:
+        return lambda: cluster_pool(options.scheduler)
+    jobs = options.jobs or len(os.sched_getaffinity(0))
+    return lambda: local_pool(jobs, options.timeout)

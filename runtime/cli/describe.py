@@ -1,0 +1,188 @@
+"""The library in words, from its own declarations; makes docs/blocks.md and docs/observing.md."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Container, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from blocks.core import Block, Input, Output, Param
+from blocks.registry import BUILTIN, blocks_of_module, installed
+from runtime.errors import UsageError
+from runtime.observation import METRIC_KINDS, PLOT_KINDS, Common, Kind, PlotKind
+
+HEADER = """# Blocks
+
+Made from the blocks' own declarations by `python -m runtime.cli.describe`; do not edit.
+Every block also takes `dt` (s), its step: a whole multiple of `run.dt`, which is the default.
+"""
+
+OBSERVING = """# Plots and metrics
+
+Made from their own declarations by `python -m runtime.cli.describe`; do not edit.
+`of` names probes or addresses. Angles may be written in degrees, as in `90deg`.
+"""
+
+
+def library(module: str | None = None) -> dict[str, type[Block]]:
+    """All block types: built in, installed, and those of a file."""
+    own: dict[str, type[Block]] = {}
+    if module is not None:
+        try:
+            own = blocks_of_module(Path(module))
+        except Exception as error:  # noqa: BLE001 -- a user's file may raise anything
+            raise UsageError(f"cannot load '{module}': {type(error).__name__}: {error}") from None
+    return {**BUILTIN, **installed(), **own}
+
+
+def describe_text(cls: type[Block]) -> str:
+    """One block for a terminal."""
+    lines = [cls.__name__, "", inspect.getdoc(cls) or "", ""]
+    for title, rows in _tables(cls):
+        lines.append(title)
+        widths = [max((len(row[i]) for row in rows), default=0) for i in range(3)]
+        for name, kind, default, text in rows:
+            cells = (name.ljust(widths[0]), kind.ljust(widths[1]), default.ljust(widths[2]), text)
+            lines.append("  " + "  ".join(cell for cell in cells if cell.strip()))
+        lines.append("")
+    through = cls.spec.through
+    if through:
+        lines.append(f"bypass wires {through[0]} straight to {through[1]}")
+    return "\n".join(lines).rstrip()
+
+
+def describe_markdown(cls: type[Block]) -> str:
+    """One block for docs/blocks.md."""
+    first, _, rest = (inspect.getdoc(cls) or "").partition("\n")
+    lines = [f"## {cls.__name__}", "", first, ""]
+    if rest.strip():
+        lines += ["```text", rest.strip("\n"), "```", ""]
+    for title, rows in _tables(cls):
+        lines += [f"| {title} | | | |", "|---|---|---|---|"]
+        for name, kind, default, text in rows:
+            cells = (f"`{name}`", kind, f"`{default}`" if default else "", text)
+            lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+        lines.append("")
+    through = cls.spec.through
+    if through:
+        lines += [f"`bypass` wires `{through[0]}` straight to `{through[1]}`.", ""]
+    return "\n".join(lines)
+
+
+def describe_json(cls: type[Block]) -> dict[str, Any]:
+    """One block as plain data."""
+    spec = cls.spec
+    return {
+        "doc": inspect.getdoc(cls),
+        "inputs": {
+            n: {"type": str(p.type), "unit": p.unit, "required": not p.optional, "doc": p.doc}
+            for n, p in spec.inputs.items()
+        },
+        "outputs": {
+            n: {"type": str(p.type), "unit": p.unit, "doc": p.doc, "through": p.through or None}
+            for n, p in spec.outputs.items()
+        },
+        "states": {n: {"unit": s.unit, "doc": s.doc} for n, s in spec.states.items()},
+        "parameters": {
+            n: {
+                "expected": p.describe(),
+                "required": p.required,
+                "default": None if p.required else _plain(p.default),
+                "doc": p.doc,
+            }
+            for n, p in spec.params.items()
+        },
+    }
+
+
+Row = tuple[str, str, str, str]
+
+
+def _tables(cls: type[Block]) -> list[tuple[str, list[Row]]]:
+    spec = cls.spec
+    tables: list[tuple[str, list[Row]]] = [
+        ("inputs", [_input(name, port) for name, port in spec.inputs.items()]),
+        ("outputs", [_output(name, port) for name, port in spec.outputs.items()]),
+        ("parameters", [_param(name, declared) for name, declared in spec.params.items()]),
+        ("states (for probes)", [(n, "", s.unit, s.doc) for n, s in spec.states.items()]),
+    ]
+    return [(title, rows) for title, rows in tables if rows]
+
+
+def _input(name: str, port: Input) -> Row:
+    doc = port.doc
+    if port.absent is not None:
+        doc += f"; absent: {port.absent:g}"
+    kind = f"{port.type}, any number" if port.many else str(port.type)
+    return name, kind, port.unit, doc
+
+
+def _output(name: str, port: Output) -> Row:
+    return name, str(port.type), port.unit, port.doc
+
+
+def _param(name: str, declared: Param) -> Row:
+    default = "required" if declared.required else _shown(declared.default)
+    return name, declared.describe(), default, declared.doc
+
+
+def _plain(value: Any) -> Any:
+    value = list(value) if isinstance(value, (tuple, np.ndarray)) else value
+    return ".inf" if isinstance(value, float) and math.isinf(value) else value
+
+
+def _shown(value: Any) -> str:
+    value = _plain(value)
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def blocks_page() -> str:
+    """docs/blocks.md."""
+    pages = [describe_markdown(cls) for cls in BUILTIN.values()]
+    return HEADER + "\n" + "\n".join(pages).rstrip() + "\n"
+
+
+def observing_page() -> str:
+    """docs/observing.md."""
+    lines = [OBSERVING, "## Plots", "", *_kinds_table(PLOT_KINDS, "plot")]
+    common = list(Common.declared.items())
+    lines += ["", "## Metrics", "", "Every metric takes, besides its own options:", ""]
+    lines += [f"* {_option(name, declared)}" for name, declared in common]
+    lines += ["", *_kinds_table(METRIC_KINDS, "metric", hidden=dict(common))]
+    return "\n".join(lines) + "\n"
+
+
+def _kinds_table(
+    kinds: Mapping[str, PlotKind | Kind], noun: str, hidden: Container[str] = ()
+) -> list[str]:
+    rows = [f"| {noun} | is | options |", "|---|---|---|"]
+    for name, kind in kinds.items():
+        own = [
+            _option(key, declared)
+            for key, declared in kind.options.declared.items()
+            if key not in hidden
+        ]
+        own += [f"`{key}` (a probe or an address)" for key in getattr(kind, "signals", ())]
+        cells = (f"`{name}`", kind.doc, "; ".join(own))
+        rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+    return rows
+
+
+def _option(name: str, declared: Param) -> str:
+    _, expected, default, doc = _param(name, declared)
+    given = default if default in ("", "required") else f"default {default}"
+    return f"`{name}` ({', '.join(filter(None, (expected, given)))}): {doc}"
+
+
+if __name__ == "__main__":
+    docs = Path(__file__).parents[2] / "docs"
+    (docs / "blocks.md").write_text(blocks_page(), encoding="utf-8")
+    (docs / "observing.md").write_text(observing_page(), encoding="utf-8")

@@ -1,0 +1,98 @@
+"""A graph explained: in which order its blocks run, how often, what flows, and the function."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from runtime.engine import Engine, python_seconds
+from runtime.graph import Graph
+from runtime.runs import chosen_runner
+
+
+def explain_json(graph: Graph) -> dict[str, Any]:
+    """Order, rates, types and source as plain data."""
+    network = graph.network
+    runner = chosen_runner(network)
+    engine = Engine(graph.program(), network.seed, runner)
+    return {
+        "schema_version": 1,
+        "graph": network.title,
+        "dt": network.dt,
+        "ticks": network.ticks,
+        "order": [
+            {
+                "block": step.block,
+                "type": network.entries[step.block].cls.__name__,
+                "every": step.every,
+                "dt": step.every * network.dt,
+                "once": step.constant,
+                "reads": [str(port) for port in step.evaluation.needs],
+                "writes": {
+                    port: str(network.types[step.block, port]) for port in step.evaluation.outputs
+                },
+            }
+            for step in engine.plan.steps
+        ],
+        "wires": [
+            {"from": str(w.source), "to": w.target, "type": str(network.types[w.block, w.port])}
+            for w in network.wires
+        ],
+        "removed": dict(network.removed),
+        "engine": {"asked": network.engine, "python_s": python_seconds(network)}
+        | (
+            _compiled(engine)
+            if runner is not None
+            else {"taken": "python", "source": engine.program.source()}
+        ),
+    }
+
+
+def _compiled(engine: Engine) -> dict[str, Any]:
+    """Which blocks compile, why the others do not, and the text that numba takes."""
+    from runtime.engine.compiled import CompiledRunner
+
+    runner = engine.prepare()
+    if not isinstance(runner, CompiledRunner):
+        raise TypeError("the engine is not the compiled one")
+    return {
+        "taken": "compiled",
+        "compiled": sorted(runner.kernels.compiled),
+        "from_python": dict(runner.kernels.refused),
+        "parts": runner.text.parts,
+        "source": runner.text.text + ("\n\n" + runner.text.driver if runner.text.driver else ""),
+    }
+
+
+def explain_text(graph: Graph) -> str:
+    """The same for a terminal."""
+    facts = explain_json(graph)
+    lines = [
+        f"{facts['graph']}: {len(graph.network.entries)} blocks, "
+        f"base step {facts['dt']:g} s, {facts['ticks']} ticks",
+        "",
+        "Order of evaluation",
+    ]
+    width = max((len(step["block"]) for step in facts["order"]), default=0)
+    for i, step in enumerate(facts["order"], 1):
+        rate = "once" if step["once"] else f"{1.0 / step['dt']:g} Hz"
+        writes = ", ".join(f"{port}: {kind}" for port, kind in step["writes"].items())
+        reads = f" from {', '.join(step['reads'])}" if step["reads"] else ""
+        lines.append(f"  {i:>3}  {step['block']:<{width}}  {rate:>8}  {writes}{reads}")
+    for name, how in facts["removed"].items():
+        lines.append(f"       {name:<{width}}  {'removed' if how == 'without' else 'bypassed':>8}")
+    lines += ["", *_engine_lines(facts["engine"]), "", facts["engine"]["source"]]
+    return "\n".join(lines).rstrip()
+
+
+def _engine_lines(engine: dict[str, Any]) -> list[str]:
+    """Which engine, and what it makes of the blocks."""
+    asked = f" ({engine['asked']})" if engine["asked"] == "auto" else ""
+    if engine["taken"] == "python":
+        cost = f"about {engine['python_s']:.2g} s a run"
+        return [f"The function that runs: Python engine{asked}, {cost}"]
+    lines = [f"Compiled engine{asked}", f"  compiled     {', '.join(engine['compiled'])}"]
+    for name, reason in engine["from_python"].items():
+        lines.append(f"  from Python  {name}: {reason}")
+    if engine["parts"] > 1:
+        lines.append(f"  A tick with one of the latter is cut into {engine['parts']} parts.")
+    return [*lines, "", "The function that runs"]

@@ -1,0 +1,145 @@
+"""What a comparison of runs finds, as plain data: graphs, circumstances, metrics, probes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from runtime.compare.documents import Difference, differences
+from runtime.compare.probes import Pair, Place, pair
+from runtime.compare.runs import Run
+from runtime.errors import UsageError
+from runtime.runs import DIAGRAM, METRICS, PROBES, RESOLVED, WRITTEN
+
+CIRCUMSTANCES = ("status", "error", "ticks", "engine", "git", "versions")
+# What a run folder holds in any case; the other files are modules of own blocks.
+COMMON_FILES = (WRITTEN, RESOLVED, DIAGRAM, METRICS, PROBES)
+
+
+@dataclass(frozen=True)
+class Compared:
+    """One run held against the first: the probes of both, and those that only one has.
+
+    ``missing`` maps a probe to the label of the run that did not record it.
+    """
+
+    run: Run
+    pairs: list[Pair]
+    missing: dict[str, str]
+
+    @property
+    def is_same(self) -> bool:
+        """Whether both recorded the same probes at the same times, to the bit."""
+        is_whole = not self.missing and all(pair.is_whole for pair in self.pairs)
+        return is_whole and not self.places
+
+    @property
+    def places(self) -> list[tuple[Pair, Place]]:
+        """Where each probe's bits part first, the earliest first."""
+        found = [(pair, place) for pair in self.pairs if (place := pair.first()) is not None]
+        return sorted(found, key=lambda item: item[1].tick)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Runs side by side; ``others`` holds each but the first against the first.
+
+    graph : where the resolved graphs differ. circumstances : where status, length, commit,
+    versions and modules of own blocks do. metrics : each metric's value in each run; None where a
+    run has none.
+    """
+
+    runs: list[Run]
+    graph: list[Difference]
+    circumstances: list[Difference]
+    metrics: dict[str, list[float | None]]
+    others: list[Compared]
+
+    @property
+    def labels(self) -> list[str]:
+        return [run.label for run in self.runs]
+
+
+def compare(
+    runs: Sequence[Run], probes: Sequence[str] = (), *, causes_first: bool = False
+) -> Comparison:
+    """Hold runs against the first one.
+
+    Parameters
+    ----------
+    runs : two or more.
+    probes : names of those to look at; all by default.
+    causes_first : list probes in the order in which a tick computes what they see, in place of
+        the graph's.
+
+    Raises
+    ------
+    UsageError : a probe was not recorded by any run, or two runs share no probe and no metric.
+    """
+    first, *rest = runs
+    names = _probes(runs, probes)
+    for run in rest:
+        _check_shared(first, run)
+    if causes_first:
+        order = _order(first)
+        names = sorted(names, key=lambda name: order.get(name, len(order)))
+    metrics = dict.fromkeys(name for run in runs for name in run.result.metrics)
+    return Comparison(
+        runs=list(runs),
+        graph=differences([run.document for run in runs]),
+        circumstances=differences([_circumstances(run) for run in runs]),
+        metrics={name: [run.result.metrics.get(name) for run in runs] for name in metrics},
+        others=[_compared(first, run, names) for run in rest],
+    )
+
+
+def _circumstances(run: Run) -> dict[str, Any]:
+    """What a run's numbers may hang on beside its graph, and how it ended."""
+    manifest = run.result.manifest
+    hashes = manifest.get("hashes")
+    files = hashes.items() if isinstance(hashes, dict) else ()
+    modules = {name: str(digest)[:12] for name, digest in files if name not in COMMON_FILES}
+    known = {key: manifest[key] for key in CIRCUMSTANCES if key in manifest}
+    return known | ({"modules": modules} if modules else {})
+
+
+def _probes(runs: Sequence[Run], wanted: Sequence[str]) -> list[str]:
+    known = list(dict.fromkeys(name for run in runs for name in run.result.probes))
+    for name in wanted:
+        if name not in known:
+            from blocks.core import hint
+
+            suggestion = hint(name, known) or f"; there are {', '.join(known) or 'none'}"
+            raise UsageError(f"no run has a probe '{name}'{suggestion}")
+    return list(dict.fromkeys(wanted)) or known
+
+
+def _check_shared(a: Run, b: Run) -> None:
+    """Refuse runs of graphs that have nothing to do with each other."""
+    if set(a.result.probes) & set(b.result.probes) or set(a.result.metrics) & set(b.result.metrics):
+        return
+    titles = " and ".join(f"'{run.folder}' (graph {run.result.title})" for run in (a, b))
+    raise UsageError(f"nothing to compare: {titles} share no probe and no metric")
+
+
+def _compared(first: Run, run: Run, names: Iterable[str]) -> Compared:
+    dt = float(first.result.manifest["dt"])
+    here, there = first.result.probes, run.result.probes
+    pairs = [pair(here[n], there[n], dt) for n in names if n in here and n in there]
+    missing = {
+        name: (run if name in here else first).label
+        for name in names
+        if (name in here) != (name in there)
+    }
+    return Compared(run, pairs, missing)
+
+
+def _order(run: Run) -> dict[str, int]:
+    """Places of probes in the order in which a tick computes what they see, causes first.
+
+    Empty for a run whose folder does not say, as those of earlier versions.
+    """
+    found = run.result.manifest.get("order")
+    names = found if isinstance(found, list) else []
+    return {name: i for i, name in enumerate(names) if isinstance(name, str)}

@@ -1,0 +1,99 @@
+"""Differences of plain documents, key by key."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any, Final
+
+from runtime.document import flow_yaml
+
+LONG = 60  # letters: from there on, lists of one length are compared item by item
+
+
+class Absent(Enum):
+    """What stands for a key that a document does not have; null is a value."""
+
+    ABSENT = "absent"
+
+
+ABSENT: Final = Absent.ABSENT
+
+
+@dataclass(frozen=True)
+class Difference:
+    """A path at which documents differ, and what each has there.
+
+    ``values`` has one item a document, :data:`ABSENT` where it has no such key.
+    """
+
+    path: str
+    values: tuple[Any, ...]
+
+    @property
+    def change(self) -> str:
+        """What became of the first document's value: added, removed, changed."""
+        if self.values[0] is ABSENT:
+            return "added"
+        others = [value for value in self.values[1:] if not same(value, self.values[0])]
+        return "removed" if all(value is ABSENT for value in others) else "changed"
+
+
+def differences(documents: Sequence[Any]) -> list[Difference]:
+    """Where documents differ, in the order of the first one's keys.
+
+    Mappings are compared key by key; what only some documents have is one difference, whatever
+    is inside it. Short lists are values; long ones of one length are compared item by item.
+
+    Parameters
+    ----------
+    documents : two or more trees of dicts, lists and scalars.
+    """
+    return list(_differences("", tuple(documents)))
+
+
+def _differences(path: str, values: tuple[Any, ...]) -> Iterator[Difference]:
+    if all(same(value, values[0]) for value in values[1:]):
+        return
+    # A section that only some have holds entries that only some have.
+    is_section = "." not in path
+    inside = [{} if value is ABSENT and is_section else value for value in values]
+    if all(isinstance(value, dict) for value in inside):
+        for key in dict.fromkeys(key for value in inside for key in value):
+            at = f"{path}.{key}".lstrip(".")
+            yield from _differences(at, tuple(value.get(key, ABSENT) for value in inside))
+    elif _itemwise(values):
+        for i, items in enumerate(zip(*values, strict=True)):
+            yield from _differences(f"{path}[{i}]", items)
+    else:
+        yield Difference(path, values)
+
+
+def _itemwise(values: Sequence[Any]) -> bool:
+    """Whether all are lists of one length, and one too long to be seen through at a glance."""
+    if not all(isinstance(value, list) for value in values):
+        return False
+    if len({len(value) for value in values}) > 1:
+        return False
+    return any(len(str(value)) > LONG for value in values)
+
+
+def same(a: Any, b: Any) -> bool:
+    """Whether two values mean the same to a graph: 1 is 1.0, true is not 1, nan is nan."""
+    if isinstance(a, dict) and isinstance(b, dict):
+        return a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
+    if isinstance(a, list) and isinstance(b, list):
+        return len(a) == len(b) and all(map(same, a, b))
+    if isinstance(a, bool) or isinstance(b, bool):
+        return a is b
+    if isinstance(a, (int, float)) and isinstance(b, (int, float)):
+        return a == b or (math.isnan(a) and math.isnan(b))
+    return type(a) is type(b) and bool(a == b)
+
+
+def text_of(value: Any, most: int = 0) -> str:
+    """A value as it would stand in a graph, in one line; cut to ``most`` letters if given."""
+    text = "" if value is ABSENT else flow_yaml(value)
+    return f"{text[: most - 1]}…" if most and len(text) > most else text

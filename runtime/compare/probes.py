@@ -1,0 +1,232 @@
+"""Differences of two recordings of one probe: column by column, and where the bits part."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from blocks.core import FloatArray
+from runtime.observation import Recording
+from runtime.streaming import row_blocks
+
+RESOLUTION = 1e-3  # ticks: times nearer than that are the same
+IntArray = npt.NDArray[np.signedinteger[Any]]
+
+
+@dataclass(frozen=True)
+class Place:
+    """One recorded number in two runs: tick and time (s) in the first, its column, both values."""
+
+    tick: int
+    t: float
+    column: str
+    values: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column in two runs, over the rows that both have.
+
+    ``largest`` is the largest absolute difference, at time ``at`` (s); ``rms`` the root of the
+    mean square one. ``beyond`` counts the rows beyond tolerance, from time ``since`` (s) on.
+    """
+
+    label: str
+    unit: str
+    largest: float
+    at: float
+    rms: float
+    beyond: int
+    since: float | None
+
+
+@dataclass(frozen=True)
+class Pair:
+    """One probe in two runs; the rows that both recorded stand beside each other.
+
+    t : times (k,) of the shared rows (s). a, b : the values, (k, columns) both.
+    rows : the number of rows in each. fault : why the two cannot be compared; '' if they can.
+    dt : the first run's base step (s).
+    """
+
+    name: str
+    t: FloatArray
+    a: FloatArray
+    b: FloatArray
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+    rows: tuple[int, int]
+    fault: str
+    dt: float
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether both have the same rows, at the same times."""
+        return not self.fault and self.rows == (len(self.t), len(self.t))
+
+    @cached_property
+    def parted(self) -> tuple[int, Place | None]:
+        """How many shared rows hold a value whose bits differ, and the first such value."""
+        count, place = 0, None
+        for rows, (a, b) in row_blocks(self.a, self.b):
+            parted = _bits(a) != _bits(b)
+            found = np.flatnonzero(parted.any(axis=1))
+            count += len(found)
+            if place is None and len(found):
+                row = int(found[0])
+                place = self._place(rows.start + row, int(parted[row].argmax()))
+        return count, place
+
+    def _place(self, row: int, column: int) -> Place:
+        values = (float(self.a[row, column]), float(self.b[row, column]))
+        t = float(self.t[row])
+        return Place(round(t / self.dt), t, self.labels[column], values)
+
+    @property
+    def differing(self) -> int:
+        """How many shared rows hold a value whose bits differ."""
+        return self.parted[0]
+
+    def first(self) -> Place | None:
+        """The first shared row and column whose bits differ; None if all are equal."""
+        return self.parted[1]
+
+    def columns(self, rtol: float, atol: float) -> list[Column]:
+        """Every column's differences, beyond ``atol + rtol * |a|`` or not.
+
+        Values that are equal differ by nothing, infinite ones too; a number and none by infinity.
+        """
+        if not len(self.t):
+            return []
+        count = len(self.labels)
+        largest, rms = np.zeros(count), np.zeros(count)
+        worst, since = np.zeros(count, dtype=np.int64), np.full(count, -1)
+        beyond = np.zeros(count, dtype=np.int64)
+        for rows, (a, b) in row_blocks(self.a, self.b):
+            apart, outside = _apart(a, b, rtol, atol)
+            at = apart.argmax(axis=0)
+            most = apart[at, np.arange(count)]
+            rms = _pooled(rms, largest, apart, most)
+            worst = np.where(most > largest, rows.start + at, worst)
+            largest = np.maximum(largest, most)
+            first = (since < 0) & outside.any(axis=0)
+            since = np.where(first, rows.start + outside.argmax(axis=0), since)
+            beyond += outside.sum(axis=0)
+        with np.errstate(invalid="ignore"):
+            rms = np.where(np.isinf(largest), np.inf, largest * np.sqrt(rms / len(self.t)))
+        return [
+            Column(
+                label=self.labels[i],
+                unit=self.units[i],
+                largest=float(largest[i]),
+                at=float(self.t[worst[i]]),
+                rms=float(rms[i]),
+                beyond=int(beyond[i]),
+                since=float(self.t[since[i]]) if since[i] >= 0 else None,
+            )
+            for i in range(count)
+        ]
+
+
+def _bits(values: FloatArray) -> IntArray:
+    bits: IntArray = np.ascontiguousarray(values).view(np.int64)
+    return bits
+
+
+def _apart(
+    a: FloatArray, b: FloatArray, rtol: float, atol: float
+) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+    """Absolute differences, and which of them are beyond tolerance."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        apart = np.abs(a - b)
+        within = apart <= atol + rtol * np.abs(a)
+    apart[(a == b) | (np.isnan(a) & np.isnan(b))] = 0.0
+    apart[np.isnan(apart)] = np.inf
+    return apart, (apart > 0.0) & (~within | np.isinf(apart))
+
+
+def _pooled(
+    before: FloatArray, scale: FloatArray, apart: FloatArray, most: FloatArray
+) -> FloatArray:
+    """Sums of squares of differences, in units of the largest so far squared, with a block more.
+
+    Scaled, since the square of a small difference may be nothing, and that of a large one infinite.
+    """
+    new = np.maximum(scale, most)
+    unit = np.where((new > 0.0) & np.isfinite(new), new, 1.0)
+    with np.errstate(invalid="ignore", over="ignore"):
+        sums = before * (scale / unit) ** 2 + ((apart / unit) ** 2).sum(axis=0)
+    return np.where(np.isfinite(new), sums, 0.0)
+
+
+def pair(a: Recording, b: Recording, dt: float) -> Pair:
+    """Put two recordings of a probe side by side.
+
+    Parameters
+    ----------
+    a, b : the recordings; rows are matched by their times.
+    dt : the first run's base step (s).
+    """
+    fault = _fault(a, b)
+    rows = (len(a.t), len(b.t))
+    if fault:
+        b = replace(b, t=b.t[:0], values=a.values[:0])
+    left, right = _shared(a.t, b.t, RESOLUTION * dt)
+    # Rows that are all shared are looked at where they lie, on disk if they are there.
+    here, there = (
+        slice(None) if len(i) == n else i for i, n in ((left, len(a.t)), (right, len(b.t)))
+    )
+    labels, units = _names(a)
+    return Pair(
+        name=a.name,
+        t=a.t[here],
+        a=_flat(a.values[here]),
+        b=_flat(b.values[there]),
+        labels=labels,
+        units=units,
+        rows=rows,
+        fault=fault,
+        dt=dt,
+    )
+
+
+def _fault(a: Recording, b: Recording) -> str:
+    """Why two recordings cannot be compared; '' if they can."""
+    if a.values.shape[1:] != b.values.shape[1:]:
+        shapes = [r.values.shape[1:] or (1,) for r in (a, b)]
+        counts = [" x ".join(map(str, shape)) for shape in shapes]
+        return f"{counts[0]} columns in one, {counts[1]} in the other"
+    if a.units != b.units:
+        return f"[{', '.join(a.units)}] in one, [{', '.join(b.units)}] in the other"
+    return ""
+
+
+def _shared(a: FloatArray, b: FloatArray, apart: float) -> tuple[IntArray, IntArray]:
+    """Indices of the rows whose times are in both; times less than ``apart`` (s) are the same."""
+    if len(a) == len(b) and np.abs(a - b).max(initial=0.0) < 0.5 * apart:
+        return (np.arange(len(a)),) * 2
+    here, there = (np.rint(t / apart).astype(np.int64) for t in (a, b))
+    _, left, right = np.intersect1d(here, there, return_indices=True)
+    return left, right
+
+
+def _names(recorded: Recording) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """A label and a unit for each number of a row, those of tables too."""
+    count = int(np.prod(recorded.values.shape[1:]))
+    if len(recorded.labels) == count:
+        return recorded.labels, recorded.units
+    inner = len(recorded.labels)
+    if inner == recorded.values.shape[-1]:
+        # The points of a path or a cloud, each with its coordinates.
+        points = range(count // inner)
+        labels = tuple(f"{label}[{i}]" for i in points for label in recorded.labels)
+        return labels, recorded.units * len(points)
+    return tuple(f"{recorded.name}[{i}]" for i in range(count)), ("",) * count
+
+
+def _flat(values: FloatArray) -> FloatArray:
+    return values.reshape(len(values), int(np.prod(values.shape[1:])))

@@ -1,0 +1,136 @@
+"""A layered layout of boxes and wires: from left to right, as control engineers draw it.
+
+The steps are Sugiyama's: open the loops, put the boxes into columns, order each column so that
+few wires cross, settle the heights so that most wires are straight, lead the wires through the
+channels between the columns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from runtime.diagrams.layout.grid import Cell, Grid, Link, Pin, build_grid
+from runtime.diagrams.layout.order import reduce_crossings
+from runtime.diagrams.layout.wires import Point, Wiring
+
+BOX_GAP = 24.0
+WIRE_GAP = 14.0
+PASSING_WEIGHT = 8.0
+
+
+@dataclass
+class Layout:
+    """Where everything is: the left top corner of each cell, and the corners of each wire.
+
+    ``routes`` maps a link's index and one of its targets to the points from its source;
+    ``feedback`` holds those among them that run backwards.
+    """
+
+    width: float
+    height: float
+    places: dict[str, Point]
+    routes: dict[tuple[int, Pin], list[Point]]
+    feedback: set[tuple[int, Pin]]
+
+
+def arrange(cells: Sequence[Cell], links: Sequence[Link]) -> Layout:
+    """Lay out cells and the links between them.
+
+    The pins of cells that are not ``fixed`` are put in order, in place, and cells of ``stretch``
+    take the width of their column.
+
+    Parameters
+    ----------
+    cells : what is placed, in the order in which it was written.
+    links : who drives whom.
+    """
+    if not cells:
+        return Layout(0.0, 0.0, {}, {}, set())
+    grid = build_grid(cells, links)
+    reduce_crossings(grid)
+    _stretch(grid)
+    tops = _heights(grid)
+    wiring = Wiring(grid, tops)
+    places = {cell.name: (wiring.left_of(cell.name), tops[cell.name]) for cell in cells}
+    routes = {
+        (i, target): wiring.route(i, target)
+        for i, link in enumerate(links)
+        for target in dict.fromkeys(link.targets)
+    }
+    feedback = {
+        (loop.link, target)
+        for loop in grid.loops
+        for pins in loop.targets.values()
+        for target in pins
+    }
+    return Layout(wiring.width, wiring.height, places, routes, feedback)
+
+
+def _stretch(grid: Grid) -> None:
+    for column in grid.columns:
+        elastic = [grid.cells[name] for name in column if grid.cells[name].stretch]
+        for cell in elastic:
+            cell.width = max(other.width for other in elastic)
+
+
+def _gap(above: Cell, below: Cell) -> float:
+    return BOX_GAP if above.height and below.height else WIRE_GAP
+
+
+def _heights(grid: Grid) -> dict[str, float]:
+    """The tops that bend the wires least.
+
+    A linear programme: each hop costs the height that it climbs, more where it only passes by,
+    so that long wires are straight; cells of a column keep their order and distance. Of equal
+    solutions the one is taken in which boxes are level with those that they are wired to.
+    """
+    import numpy as np
+    from scipy.optimize import linprog
+    from scipy.sparse import csr_array
+
+    index = {name: i for i, name in enumerate(grid.cells)}
+    pulls = _pulls(grid)
+    count = len(index) + len(pulls)
+    entries: list[tuple[int, int, float]] = []
+    bounds: list[float] = []
+
+    def at_most(bound: float, *terms: tuple[int, float]) -> None:
+        entries.extend((len(bounds), column, value) for column, value in terms)
+        bounds.append(bound)
+
+    cost = np.zeros(count + 1)
+    for k, (left, right, rise, weight) in enumerate(pulls, len(index)):
+        cost[k] = weight
+        at_most(-rise, (index[left], 1.0), (index[right], -1.0), (k, -1.0))
+        at_most(rise, (index[left], -1.0), (index[right], 1.0), (k, -1.0))
+    cost[count] = 1e-3
+    for column in grid.columns:
+        for above, below in pairwise(grid.cells[name] for name in column):
+            apart = above.height + _gap(above, below)
+            at_most(-apart, (index[above.name], 1.0), (index[below.name], -1.0))
+        last = grid.cells[column[-1]]
+        at_most(-last.height, (index[last.name], 1.0), (count, -1.0))
+    rows, columns, values = zip(*entries, strict=True)
+    matrix = csr_array((values, (rows, columns)), shape=(len(bounds), count + 1))
+    found = linprog(cost, matrix, bounds, method="highs-ds").x
+    # All distances are multiples of a half, and so are the corners of the linear programme.
+    return {name: round(2.0 * float(found[i])) / 2.0 for name, i in index.items()}
+
+
+def _pulls(grid: Grid) -> list[tuple[str, str, float, float]]:
+    """Pairs of cells that want to be level: names, how far apart their pins are, and how much."""
+    pulls = []
+    for hop in (hop for hops in grid.hops for hop in hops):
+        left = grid.cells[hop.left[0]]
+        for name, pin in hop.rights:
+            right = grid.cells[name]
+            weight = grid.links[hop.link].weight
+            if left.passing and right.passing:
+                weight *= PASSING_WEIGHT
+            rise = left.output_y(hop.left[1]) - right.input_y(pin)
+            pulls.append((left.name, name, rise, weight))
+            if left.height and right.height:
+                pulls.append((left.name, name, (left.height - right.height) / 2, 0.02 * weight))
+    return pulls

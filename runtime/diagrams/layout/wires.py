@@ -1,0 +1,174 @@
+"""Wires of a layout: tracks in the channels, ways back below the boxes, and the points between."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from runtime.diagrams.layout.grid import Grid, Loop, Pin
+from runtime.diagrams.layout.tracks import STRAIGHT, Track, assign_slots
+
+Point = tuple[float, float]
+
+LEAD = 12.0
+ARROW = 14.0
+TRACK_PITCH = 9.0
+LOOP_GAP = 16.0
+LOOP_PITCH = 10.0
+
+
+@dataclass
+class Channel:
+    """The room left of a column: ``lead`` is kept free for texts, then come the tracks."""
+
+    tracks: dict[int, Track]
+    lead: float
+    width: float
+    x: float = 0.0
+
+    def track_x(self, track: Track) -> float:
+        return self.x + self.lead + track.slot * TRACK_PITCH
+
+
+class Wiring:
+    """The wires between cells whose heights are settled; it settles where the columns are.
+
+    Parameters
+    ----------
+    grid : the cells, in order.
+    tops : the y of each cell's top.
+    """
+
+    def __init__(self, grid: Grid, tops: Mapping[str, float]) -> None:
+        self.grid, self.tops = grid, tops
+        self.loops = {loop.link: loop for loop in grid.loops}
+        self.loop_ys = self._loop_heights()
+        self.widths = [max(grid.cells[n].width for n in column) for column in grid.columns]
+        self.labels = self._label_widths()
+        self.channels = [self._channel(c) for c in range(len(grid.columns) + 1)]
+        self.xs: list[float] = []
+        x = 0.0
+        for channel, width in zip(self.channels, [*self.widths, 0.0], strict=True):
+            channel.x = x
+            self.xs.append(x + channel.width)
+            x += channel.width + width
+        self.width = x
+        lowest = [tops[name] + cell.height for name, cell in grid.cells.items()]
+        self.height = max([*lowest, *self.loop_ys.values()], default=0.0)
+
+    def left_of(self, name: str) -> float:
+        """The x of a cell's left edge: it stands in the middle of its column."""
+        column = self.grid.column_of[name]
+        return self.xs[column] + (self.widths[column] - self.grid.cells[name].width) / 2
+
+    def route(self, i: int, target: Pin) -> list[Point]:
+        """The corners of a wire from its link's source to one of its targets."""
+        source = self.grid.links[i].source
+        start = self.left_of(source[0]) + self.grid.cells[source[0]].width
+        end = (self.left_of(target[0]), self._input_y(target))
+        loop = self.loops.get(i)
+        column = self.grid.column_of[target[0]]
+        points = [(start, self._output_y(source))]
+        if loop is not None and target in loop.targets.get(column, ()):
+            points += self._way_back(loop, column, points[0][1], end[1])
+        else:
+            y = points[0][1]
+            for channel in range(self.grid.column_of[source[0]] + 1, column + 1):
+                goal = end[1] if channel == column else self.tops[f"{i}@{channel}"]
+                points += self._crossing_over(channel, i, y, goal)
+                y = goal
+        return simplified([*points, end])
+
+    def _output_y(self, pin: Pin) -> float:
+        return self.tops[pin[0]] + self.grid.cells[pin[0]].output_y(pin[1])
+
+    def _input_y(self, pin: Pin) -> float:
+        return self.tops[pin[0]] + self.grid.cells[pin[0]].input_y(pin[1])
+
+    def _loop_heights(self) -> dict[int, float]:
+        """How far down each loop runs back: clear of all between, short loops innermost."""
+        bottoms = [
+            max(self.tops[name] + self.grid.cells[name].height for name in column)
+            for column in self.grid.columns
+        ]
+        found: dict[int, float] = {}
+        placed: list[tuple[int, int, float]] = []
+        for loop in sorted(self.grid.loops, key=lambda o: (o.column - o.first, o.link)):
+            first, last = loop.first, loop.column
+            y = max(bottoms[max(first - 1, 0) : last + 2]) + LOOP_GAP
+            for other_first, other_last, other in placed:
+                if first <= other_last + 1 and other_first <= last + 1:
+                    y = max(y, other + LOOP_PITCH)
+            placed.append((first, last, y))
+            found[loop.link] = y
+        return found
+
+    def _label_widths(self) -> list[float]:
+        """The room that texts at the beginnings of wires need in each channel."""
+        found = [0.0] * (len(self.grid.columns) + 1)
+        for link in self.grid.links:
+            column = self.grid.column_of[link.source[0]]
+            spare = (self.widths[column] - self.grid.cells[link.source[0]].width) / 2
+            found[column + 1] = max(found[column + 1], link.label - spare)
+        return found
+
+    def _channel(self, c: int) -> Channel:
+        tracks: dict[int, Track] = {}
+        for hop in self.grid.hops[c]:
+            rights = [self._input_y(right) for right in hop.rights]
+            tracks[hop.link] = Track([self._output_y(hop.left)], rights)
+        for loop in self.grid.loops:
+            y = self.loop_ys[loop.link]
+            if loop.column + 1 == c:
+                track = tracks.setdefault(loop.link, Track([self._output_y(loop.source)], []))
+                track.lefts.append(y)
+            if c in loop.targets:
+                lefts = [y] if loop.first < c else []
+                rights = [self._input_y(pin) for pin in loop.targets[c]]
+                tracks[loop.link] = Track(lefts, [*rights, y])
+        slots = assign_slots(list(tracks.values()))
+        lead = max(LEAD, self.labels[c])
+        room = max(slots - 1, 0) * TRACK_PITCH
+        if c in (0, len(self.grid.columns)):
+            return Channel(tracks, LEAD if c == 0 else lead, room + LEAD + lead if slots else 0.0)
+        return Channel(tracks, lead, lead + room + ARROW)
+
+    def _crossing_over(self, c: int, link: int, start: float, end: float) -> list[Point]:
+        """The corners of a wire on its way through a channel."""
+        channel = self.channels[c]
+        track = channel.tracks[link]
+        if track.is_straight:
+            return []
+        x = channel.track_x(track)
+        if track.then is None:
+            return [(x, start), (x, end)]
+        then, middle = channel.track_x(track.then), track.then.lefts[0]
+        return [(x, start), (x, middle), (then, middle), (then, end)]
+
+    def _way_back(self, loop: Loop, column: int, start: float, end: float) -> list[Point]:
+        y = self.loop_ys[loop.link]
+        leaves, enters = self.channels[loop.column + 1], self.channels[column]
+        out = leaves.track_x(leaves.tracks[loop.link])
+        back = enters.track_x(enters.tracks[loop.link])
+        return [(out, start), (out, y), (back, y), (back, end)]
+
+
+def simplified(points: list[Point]) -> list[Point]:
+    """The points without those that repeat their neighbour or lie on a straight line."""
+    kept: list[Point] = []
+    for point in points:
+        if kept and abs(kept[-1][0] - point[0]) + abs(kept[-1][1] - point[1]) < STRAIGHT:
+            continue
+        if len(kept) > 1 and _in_line(kept[-2], kept[-1], point):
+            kept.pop()
+        kept.append(point)
+    return kept
+
+
+def _in_line(a: Point, b: Point, c: Point) -> bool:
+    """Whether a run goes on straight at ``b``; going back on itself is not straight."""
+    for k in (0, 1):
+        same = abs(a[1 - k] - b[1 - k]) < STRAIGHT and abs(b[1 - k] - c[1 - k]) < STRAIGHT
+        if same and (b[k] - a[k]) * (c[k] - b[k]) > 0:
+            return True
+    return False

@@ -1,0 +1,56 @@
+"""runtime.document."""
+
+from runtime.document.edits import add_names, full_path, set_entry, set_wire
+from runtime.document.limits import Work
+from runtime.document.loader import decoded, find_file, merge, read_file, read_graph
+from runtime.document.node import Node, dump_yaml, from_python, parse_yaml
+from runtime.document.run_section import DEFAULT_MEMORY, MAX_TICKS, read_run, seconds
+from runtime.document.scalars import parse_scalar
+from runtime.document.sections import (
+    PART_SECTIONS,
+    SECTIONS,
+    check_keys,
+    expected,
+    is_part,
+    meant,
+    misnamed,
+    misspelt,
+    section,
+    texts,
+)
+from runtime.document.substitution import fill_sections
+from runtime.document.writer import flow_yaml
+
+__all__ = [
+    "DEFAULT_MEMORY",
+    "MAX_TICKS",
+    "PART_SECTIONS",
+    "SECTIONS",
+    "Node",
+    "Work",
+    "add_names",
+    "check_keys",
+    "decoded",
+    "dump_yaml",
+    "expected",
+    "fill_sections",
+    "find_file",
+    "flow_yaml",
+    "from_python",
+    "full_path",
+    "is_part",
+    "meant",
+    "merge",
+    "misnamed",
+    "misspelt",
+    "parse_scalar",
+    "parse_yaml",
+    "read_file",
+    "read_graph",
+    "read_run",
+    "seconds",
+    "section",
+    "set_entry",
+    "set_wire",
+    "texts",
+]

@@ -1,0 +1,88 @@
+"""Limits on the work that a graph's text may ask for, counted and never timed.
+
+A few lines can stand for an enormous tree: a list of files that each extend two others, parts
+inside parts, params that repeat params. What is shared costs nothing to hold, and everything to
+write out; so trees are measured as if written out before anything walks them.
+"""
+
+from __future__ import annotations
+
+from typing import NoReturn
+
+from runtime.document.node import MAX_DEPTH, MAX_NODES, Node
+from runtime.errors import GraphError, Problem, Problems, Where
+
+MAX_LEVELS = 50  # files that extend or contain each other
+MAX_BLOCKS = 20_000
+MAX_WORK = 3 * MAX_NODES
+
+
+class Measure:
+    """Sizes and depths of trees as if written out; what is shared is visited once."""
+
+    def __init__(self) -> None:
+        # The values themselves are kept, since an id counts only while its object lives.
+        self._known: dict[int, tuple[object, int, int]] = {}
+
+    def of(self, node: Node) -> tuple[int, int]:
+        """How many values a tree holds, and how many levels lie below its root."""
+        value = node.value
+        if not isinstance(value, (dict, list)):
+            return 1, 0
+        known = self._known.get(id(value))
+        if known is None:
+            items = value if isinstance(value, list) else value.values()
+            inside = [self.of(item) for item in items]
+            size = 1 + sum(size for size, _ in inside)
+            depth = 1 + max((depth for _, depth in inside), default=0)
+            known = self._known[id(value)] = (value, size, depth)
+        return known[1], known[2]
+
+
+class Work:
+    """Counts what reading and checking a graph takes; ends it where that passes a limit."""
+
+    def __init__(self, problems: Problems) -> None:
+        self.problems = problems
+        self.measure = Measure()
+        self.done = 0
+        self.blocks = 0
+
+    def check(self, node: Node, where: Where, address: str) -> None:
+        """Refuse a tree that is too large or too deep to be written out and read back.
+
+        Raises
+        ------
+        GraphError : with all that was found before.
+        """
+        size, depth = self.measure.of(node)
+        if size > MAX_NODES:
+            self.stop(where, address, f"unfolds to more than {MAX_NODES} values")
+        if depth > MAX_DEPTH:
+            self.stop(where, address, f"nested more than {MAX_DEPTH} deep")
+
+    def charge(self, count: int, where: Where, address: str = "") -> None:
+        """Count values that are about to be read, merged or substituted.
+
+        Raises
+        ------
+        GraphError : there are more than :data:`MAX_WORK`.
+        """
+        self.done += count
+        if self.done > MAX_WORK:
+            message = f"reading this graph takes more than {MAX_WORK} steps; extend, nest or repeat"
+            self.stop(where, address, f"{message} less")
+
+    def block(self, where: Where, address: str) -> None:
+        """Count a block.
+
+        Raises
+        ------
+        GraphError : there are more than :data:`MAX_BLOCKS`.
+        """
+        self.blocks += 1
+        if self.blocks > MAX_BLOCKS:
+            self.stop(where, address, f"more than {MAX_BLOCKS} blocks, those of parts included")
+
+    def stop(self, where: Where, address: str, text: str) -> NoReturn:
+        raise GraphError([*self.problems.found, Problem(where, address[:200], text)])

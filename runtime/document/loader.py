@@ -1,0 +1,319 @@
+"""From files to one self-contained document: finds graphs, merges ``extends``, inlines parts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from blocks.core import hint
+from runtime.document.limits import MAX_LEVELS, Work
+from runtime.document.node import Node, from_python, parse_yaml
+from runtime.document.parse_errors import place
+from runtime.document.sections import meant
+from runtime.errors import NOWHERE, GraphError, Problem, Problems, Where
+
+SHIPPED = Path(__file__).resolve().parents[2] / "graphs"
+# The texts of a run's, a sweep's or an ablation's folder that can be run again.
+TEXTS = ("plan.yaml", "graph.resolved.yaml")
+SUFFIX = ".yaml"
+MAX_BYTES = 32 * 2**20  # of one file: more than a million values take
+Place = tuple[Where, str]
+TYPED = ("blocks", "plots", "metrics")
+
+
+def shipped_graphs() -> list[str]:
+    """Names of the graphs that come with the package."""
+    return sorted(path.stem for path in SHIPPED.glob(f"*{SUFFIX}"))
+
+
+def load_document(source: str | Path | Mapping[str, Any]) -> Node:
+    """Read a graph with all that it extends and all its parts.
+
+    Parameters
+    ----------
+    source : a file, the name of a shipped graph, or the same mapping as a dict.
+
+    Raises
+    ------
+    GraphError : texts, or files that they name, cannot be read; all of them are named.
+    """
+    return read_graph(source)[0]
+
+
+def read_graph(source: str | Path | Mapping[str, Any]) -> tuple[Node, dict[str, bytes]]:
+    """Read a graph as :func:`load_document` does, and with it the content of every file read.
+
+    Files are named by their resolved paths. Each is read once, so that what is kept of a run is
+    what ran, whatever becomes of the files meanwhile.
+    """
+    loader = _Loader()
+    if isinstance(source, Mapping):
+        document: Node | None = loader.complete(from_python(source), ())
+    else:
+        document = loader.file(str(source), (NOWHERE, ""), Path(), ())
+    loader.problems.raise_any()
+    return document or Node({}), loader.contents
+
+
+def _uncounted(entries: int) -> None:
+    """Counts nothing."""
+
+
+def merge(
+    base: Node,
+    top: Node,
+    section: str = "",
+    key: str = "",
+    charge: Callable[[int], None] = _uncounted,
+) -> Node:
+    """Lay one tree over another: mappings merge, null deletes, everything else replaces.
+
+    A world replaces the one below, and so does a block, plot or metric of another ``type``,
+    ``kind`` or ``part``, since the parameters of one mean nothing to the other. A null that finds
+    nothing to delete stays, and is an error where it is read: it may be a slip of the pen.
+    ``section`` and ``key`` name the mapping that holds the two, and the two in it; ``charge``
+    is called with the number of entries that each step merges.
+    """
+    is_another = section in TYPED and _is_another(base, top)
+    is_world = key == "world" and not section
+    if not (base.is_map and top.is_map) or is_another or is_world:
+        return top
+    return _merge_entries(base, top, key, charge)
+
+
+def _merge_entries(base: Node, top: Node, key: str, charge: Callable[[int], None]) -> Node:
+    charge(len(base.value) + len(top.value))
+    merged = dict(base.value)
+    for name, node in top.items():
+        below = merged.get(name)
+        if below is None:
+            merged[name] = node
+        elif node.value is None:
+            del merged[name]
+        else:
+            merged[name] = merge(below, node, key, name, charge)
+    return Node(merged, top.where, top.key)
+
+
+def _is_another(base: Node, top: Node) -> bool:
+    for name in ("type", "kind", "part"):
+        above, below = top.get(name), base.get(name)
+        if above is not None and (below is None or below.value != above.value):
+            return True
+    return False
+
+
+def find_file(name: str, at: Place, folder: Path, noun: str = "graph") -> Path:
+    """A graph or world by path, as seen from ``folder``, or by the name of a shipped one.
+
+    ``at`` is where in a graph the name stands, if it stands in one.
+
+    Raises
+    ------
+    GraphError : there is none.
+    """
+    written = Path(name)
+    places = [folder / written, folder / f"{name}{SUFFIX}"]
+    if not written.is_absolute():
+        places += [SHIPPED / written, SHIPPED / f"{name}{SUFFIX}"]
+    try:
+        for candidate in places:
+            if candidate.is_file():
+                return candidate
+        is_folder = bool(name) and (folder / written).is_dir()
+        inside = [n for n in TEXTS if is_folder and (folder / written / n).is_file()]
+        near = [path.name for path in (folder / written).parent.glob(f"*{SUFFIX}")]
+    except OSError as error:
+        raise GraphError([Problem(*at, f"'{name[:60]}': {error.strerror}")]) from None
+    worlds = [str(path.relative_to(SHIPPED)) for path in SHIPPED.glob(f"worlds/*{SUFFIX}")]
+    shipped = shipped_graphs() if noun == "graph" else sorted(worlds)
+    # Compared without suffixes, which would make any two files look alike.
+    known = {Path(n).stem: n for n in shipped}
+    known |= {Path(n).stem: str(written.parent / n) for n in near if n != Path(at[0].file).name}
+    close = meant(written.stem, known)
+    suggestion = f"; shipped {noun}s: {', '.join(shipped)}"
+    candidates = [str(written / n) for n in inside] or ([known[close]] if close else [])
+    if candidates:
+        suggestion = f", did you mean {' or '.join(map(repr, candidates))}?"
+    message = "is a folder" if is_folder else f"no such {noun}"
+    raise GraphError([Problem(*at, f"'{name}': {message}{suggestion}")])
+
+
+def read_file(path: Path, at: Place) -> bytes:
+    """The content of a graph's file.
+
+    ``at`` is where in a graph the file is named.
+
+    Raises
+    ------
+    GraphError : it cannot be read, or is larger than :data:`MAX_BYTES`.
+    """
+    try:
+        with path.open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+        if len(data) > MAX_BYTES:
+            message = f"'{path}' is larger than {MAX_BYTES // 2**20} MiB; no graph is that long"
+            raise GraphError([Problem(*at, message)])
+        return data
+    except OSError as error:
+        message = f"cannot read '{path}': {error.strerror}"
+        raise GraphError([Problem(*at, message)]) from None
+
+
+def decoded(data: bytes, path: Path) -> str:
+    """The text of a graph's file, UTF-8 with or without a byte order mark.
+
+    Raises
+    ------
+    GraphError : it is no UTF-8.
+    """
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        before = data[: error.start].decode("utf-8-sig")
+        message = f"byte 0x{data[error.start]:02X} is not UTF-8; save the file as UTF-8"
+        raise GraphError([Problem(place(before, len(before), str(path)), "", message)]) from None
+
+
+class _Loader:
+    """Reads files, and goes on after a problem, so that all of them are found.
+
+    ``above`` holds the files that are being read, the outermost first; ``contents`` that of
+    each file that was.
+    """
+
+    def __init__(self) -> None:
+        self.problems = Problems()
+        self.work = Work(self.problems)
+        self.done: dict[str, Node | None] = {}
+        self.contents: dict[str, bytes] = {}
+
+    def file(self, name: str, at: Place, folder: Path, above: tuple[Path, ...]) -> Node | None:
+        """A graph's file, complete; each file is read once, however often it is named."""
+        try:
+            path = find_file(name, at, folder)
+        except GraphError as error:
+            self.problems.found += error.problems
+            return None
+        if path.resolve() in above:
+            chain = " ▸ ".join(p.name for p in (*above, path))
+            message = f"graphs refer to each other in a circle: {chain}"
+            self.problems.add(*at, message)
+            return None
+        if len(above) >= MAX_LEVELS:
+            message = f"graphs extend or contain each other more than {MAX_LEVELS} levels deep"
+            self.work.stop(*at, message)
+        key = str(path)
+        if key not in self.done:
+            self.done[key] = self.read(path, at, (*above, path.resolve()))
+        found = self.done[key]
+        if found is not None:
+            self.work.check(found, found.where if at[0] == NOWHERE else at[0], at[1])
+        return found
+
+    def read(self, path: Path, at: Place, above: tuple[Path, ...]) -> Node | None:
+        try:
+            document = parse_yaml(self.text(path, at), str(path))
+        except GraphError as error:
+            self.problems.found += error.problems
+            return None
+        if not document.is_map:
+            message = f"expected a mapping with blocks and wires, got {document.describe()}"
+            self.problems.add(document.where, "", message)
+            return None
+        self.work.charge(self.work.measure.of(document)[0], document.where)
+        return self.complete(document, above)
+
+    def text(self, path: Path, at: Place) -> str:
+        """The text of a file, whose content is kept."""
+        data = read_file(path, at)
+        self.contents[str(path.resolve())] = data
+        return decoded(data, path)
+
+    def named(self, node: Node, address: str, what: str, above: tuple[Path, ...]) -> Node | None:
+        """The graph that a text in a graph names."""
+        if not is_path(node):
+            self.problems.add(node.where, address, f"expected {what}, got {node.describe()}")
+            return None
+        return self.file(node.value, (node.where, address), _folder(node), above)
+
+    def complete(self, document: Node, above: tuple[Path, ...]) -> Node:
+        """Merge what the document extends, and inline the parts that its blocks name."""
+        extends = document.get("extends")
+        document = self.parts(document.with_item("extends", None), "blocks", above)
+        document = self.world(document)
+        if extends is None:
+            return document
+        base: Node | None = None
+        for node in extends.value if extends.is_list else [extends]:
+            below = self.named(node, "extends", "a graph's file or name", above)
+            if below is not None:
+                base = below if base is None else self.merged(base, below, node)
+        return document if base is None else self.merged(base, document, extends)
+
+    def merged(self, base: Node, top: Node, at: Node) -> Node:
+        return merge(base, top, charge=partial(self.charge, at))
+
+    def charge(self, at: Node, entries: int) -> None:
+        self.work.charge(entries, at.where, "extends")
+
+    def world(self, document: Node) -> Node:
+        """Put in the world that a text names."""
+        node = document.get("world")
+        if node is None or not is_path(node):
+            return document
+        try:
+            at = (node.where, "world")
+            path = find_file(node.value, at, _folder(node), "world")
+            world = parse_yaml(self.text(path, at), str(path))
+        except GraphError as error:
+            self.problems.found += error.problems
+            return document.with_item("world", None)
+        return document.with_item("world", Node(world.value, world.where, node.key))
+
+    def parts(self, document: Node, address: str, above: tuple[Path, ...]) -> Node:
+        blocks = document.get("blocks")
+        if blocks is None or not blocks.is_map:
+            return document
+        entries = dict(blocks.items())
+        for name, entry in blocks.items():
+            inner = f"{address}.{name}"
+            part, module = entry.get("graph"), entry.get("module")
+            if part is not None:
+                entries[name] = self.part(entry, part, inner, above)
+            elif entry.get("blocks") is not None:
+                entries[name] = self.parts(entry, f"{inner}.blocks", above)
+            elif module is not None and is_path(module):
+                # From here on the tree stands by itself; the path must not hang on this file.
+                file = str((_folder(module) / module.value).resolve())
+                entries[name] = entry.with_item("module", Node(file, module.where, module.key))
+        return document.with_item("blocks", Node(entries, blocks.where, blocks.key))
+
+    def part(self, entry: Node, part: Node, address: str, above: tuple[Path, ...]) -> Node:
+        below = self.named(part, f"{address}.graph", "the file of a part", above)
+        if below is None:
+            return entry
+        params, given = below.get("params"), entry.get("params")
+        for name, node in given.items() if given is not None else ():
+            if params is None or params.get(name) is None:
+                known = [] if params is None else [key for key, _ in params.items()]
+                suggestion = hint(name, known) or f"; it has {', '.join(known) or 'none'}"
+                message = f"the part has no param '{name}'{suggestion}"
+                self.problems.add(node.key, f"{address}.params.{name}", message)
+        below = below.with_item("graph", None)
+        rest = self.parts(entry.with_item("graph", None), f"{address}.blocks", above)
+        charge = partial(self.charge, part)
+        merged = _merge_entries(below, rest, "", charge).with_item("part", part)
+        return Node(merged.value, entry.where, entry.key)
+
+
+def is_path(node: Node) -> bool:
+    """Whether a value can name a file; ``$names`` are filled in after files are read."""
+    return isinstance(node.value, str) and node.value.isprintable() and node.value[:1] not in "$"
+
+
+def _folder(node: Node) -> Path:
+    """The folder that a path written in a node is relative to."""
+    return Path(node.where.file).parent if node.where.line else Path()

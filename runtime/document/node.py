@@ -1,0 +1,272 @@
+"""YAML text as a tree that remembers where everything stands.
+
+A strict reading of YAML 1.2: scalars by its core schema (:mod:`runtime.document.scalars`),
+a key may appear only once. Tags and merge keys are refused; aliases are followed, within bounds.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import count
+from typing import Any
+
+import yaml
+
+from blocks.core import show
+from runtime.document.parse_errors import explain
+from runtime.document.scalars import fitting, parse_scalar
+from runtime.document.writer import dump_yaml as dump_yaml
+from runtime.errors import NOWHERE, GraphError, Problem, Where
+
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+MAX_DEPTH = 50
+MAX_NODES = 1_000_000
+
+_MISSING_SPACE = re.compile(r"\w+:\S.*")
+
+
+@dataclass(frozen=True, slots=True)
+class Node:
+    """A value in the tree: a scalar, a list of nodes, or a mapping from text to nodes.
+
+    ``where`` is where the value stands, ``key`` where its key does. Trees are never changed in
+    place; edits share what they leave alone.
+    """
+
+    value: Any
+    where: Where = NOWHERE
+    key: Where = field(default=NOWHERE)
+
+    @property
+    def is_map(self) -> bool:
+        return isinstance(self.value, dict)
+
+    @property
+    def is_list(self) -> bool:
+        return isinstance(self.value, list)
+
+    def get(self, name: str) -> Node | None:
+        """A mapping's entry, or None."""
+        found = self.value.get(name) if self.is_map else None
+        return found if isinstance(found, Node) else None
+
+    def items(self) -> Iterable[tuple[str, Node]]:
+        return self.value.items() if self.is_map else ()
+
+    def plain(self) -> Any:
+        """The tree as plain Python dicts, lists and scalars."""
+        if self.is_map:
+            return {key: node.plain() for key, node in self.items()}
+        if self.is_list:
+            return [node.plain() for node in self.value]
+        return self.value
+
+    def with_item(self, name: str, node: Node | None) -> Node:
+        """The mapping with one entry set, or left out where ``node`` is None."""
+        entries = dict(self.value) if self.is_map else {}
+        if node is None:
+            entries.pop(name, None)
+        else:
+            entries[name] = node
+        return Node(entries, self.where, self.key)
+
+    def describe(self) -> str:
+        """What kind of value this is, for messages."""
+        return show(self.plain() if not self.is_map else {})
+
+
+def from_python(value: Any, where: Where = NOWHERE) -> Node:
+    """A tree from plain Python values; every node stands at ``where``.
+
+    Raises
+    ------
+    GraphError : for a value that YAML cannot hold, or nesting that is too deep.
+    """
+    return _from_python(value, where, "", 0, count(1))
+
+
+def _from_python(value: Any, where: Where, address: str, depth: int, seen: count[int]) -> Node:
+    def refuse(message: str) -> GraphError:
+        return GraphError([Problem(where, address[:60], message)])
+
+    if depth > MAX_DEPTH:
+        raise refuse(f"nested more than {MAX_DEPTH} deep")
+    if next(seen) > MAX_NODES:
+        raise refuse(f"more than {MAX_NODES} values")
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    if isinstance(value, Mapping):
+        entries = {}
+        for key, item in value.items():
+            if not isinstance(key, str) or not _is_unicode(key):
+                raise refuse(f"expected a text as key, got {show(key)}")
+            inner = f"{address}.{key}".lstrip(".")
+            entries[key] = _from_python(item, where, inner, depth + 1, seen)
+        return Node(entries, where, where)
+    if isinstance(value, (list, tuple)):
+        items = [
+            _from_python(item, where, f"{address}[{i}]", depth + 1, seen)
+            for i, item in enumerate(value)
+        ]
+        return Node(items, where, where)
+    if isinstance(value, int) and not isinstance(value, bool):
+        try:
+            fitting(value)
+        except ValueError as error:
+            raise refuse(str(error)) from None
+    elif value is not None and not isinstance(value, (bool, float, str)):
+        raise refuse(f"expected a number, text, list or mapping, got {type(value).__name__}")
+    elif isinstance(value, str) and not _is_unicode(value):
+        raise refuse("a text with half a character (a lone surrogate)")
+    return Node(value, where, where)
+
+
+def _is_unicode(text: str) -> bool:
+    return text.isascii() or not any("\ud800" <= c <= "\udfff" for c in text)
+
+
+def parse_yaml(text: str, file: str) -> Node:
+    """Read one YAML document.
+
+    Raises
+    ------
+    GraphError : with the place of the first syntax error, of every duplicate key, tag and number
+        out of range before it; or if there is no document.
+    """
+    reader = _Reader(file)
+    try:
+        root = reader.document(iter(yaml.parse(text, Loader=_LOADER)))
+    except (yaml.YAMLError, UnicodeError) as error:
+        reader.problems.append(explain(error, text, file))
+        root = None
+    if root is None and not reader.problems:
+        reader.problems.append(Problem(Where(file), "", "there is nothing in it"))
+    if root is None or reader.problems:
+        raise GraphError(reader.problems)
+    return root
+
+
+class _Reader:
+    """Builds the tree from libyaml's events."""
+
+    def __init__(self, file: str) -> None:
+        self.file = file
+        self.problems: list[Problem] = []
+        self.anchors: dict[str, Node | None] = {}
+        self.sizes: dict[int, int] = {}
+        self.count = 0
+
+    def where(self, event: Any) -> Where:
+        mark = event.start_mark
+        return Where(self.file, mark.line + 1, mark.column + 1)
+
+    def note(self, event: Any, address: str, message: str) -> None:
+        self.problems.append(Problem(self.where(event), address[:200], message))
+
+    def stop(self, event: Any, address: str, message: str) -> GraphError:
+        """The error that ends the reading, with all that was found before."""
+        self.note(event, address, message)
+        return GraphError(self.problems)
+
+    def document(self, events: Iterator[Any]) -> Node | None:
+        root: Node | None = None
+        for event in events:
+            if isinstance(event, yaml.DocumentStartEvent):
+                if root is not None:
+                    raise self.stop(event, "", "a second document; expected one per file")
+                root = self.node(next(events), events, NOWHERE, 0, "")
+        return root
+
+    def node(self, event: Any, events: Iterator[Any], key: Where, depth: int, address: str) -> Node:
+        where = self.where(event)
+        if depth > MAX_DEPTH:
+            raise self.stop(event, "", f"nested more than {MAX_DEPTH} deep")
+        self.count += 1
+        if self.count > MAX_NODES:
+            raise self.stop(event, address, f"more than {MAX_NODES} values in one file")
+        if isinstance(event, yaml.AliasEvent):
+            return self.alias(event, where, key, address)
+        if event.anchor:
+            self.anchors[event.anchor] = None
+        before = self.count
+        if isinstance(event, yaml.ScalarEvent):
+            node = Node(self.scalar(event, address), where, key)
+        elif isinstance(event, yaml.SequenceStartEvent):
+            self.refuse_tag(event, address)
+            node = Node(self.sequence(events, depth, address), where, key)
+        else:
+            self.refuse_tag(event, address)
+            node = Node(self.mapping(events, depth, address), where, key)
+        if event.anchor:
+            self.anchors[event.anchor] = node
+            self.sizes[id(node)] = self.count - before + 1
+        return node
+
+    def refuse_tag(self, event: Any, address: str) -> None:
+        if event.tag and event.tag != "!":
+            tag = event.tag.replace("tag:yaml.org,2002:", "!!")
+            self.note(event, address, f"tag '{tag}': a graph holds plain data only; leave it out")
+
+    def scalar(self, event: Any, address: str) -> Any:
+        self.refuse_tag(event, address)
+        if not event.implicit[0] or event.tag:
+            return event.value
+        try:
+            return parse_scalar(event.value)
+        except ValueError as error:
+            self.note(event, address, f"{event.value[:40]} is {error}")
+            return 0
+
+    def alias(self, event: Any, where: Where, key: Where, address: str) -> Node:
+        target = self.anchors.get(event.anchor)
+        if target is None:
+            inside = event.anchor in self.anchors
+            message = "refers to itself" if inside else "is defined nowhere above"
+            raise self.stop(event, address, f"alias '*{event.anchor}' {message}")
+        self.count += self.sizes[id(target)]
+        if self.count > MAX_NODES:
+            raise self.stop(event, address, f"aliases unfold to more than {MAX_NODES} values")
+        return Node(target.value, where, key)
+
+    def sequence(self, events: Iterator[Any], depth: int, address: str) -> list[Node]:
+        items: list[Node] = []
+        while not isinstance(event := next(events), yaml.SequenceEndEvent):
+            inner = f"{address}[{len(items)}]"
+            items.append(self.node(event, events, self.where(event), depth + 1, inner))
+        return items
+
+    def mapping(self, events: Iterator[Any], depth: int, address: str) -> dict[str, Node]:
+        entries: dict[str, Node] = {}
+        while not isinstance(event := next(events), yaml.MappingEndEvent):
+            name = self.key(event, events, depth, address)
+            inner = f"{address}.{name}".lstrip(".")
+            following = next(events)
+            value = self.node(following, events, self.where(event), depth + 1, inner)
+            if name in entries:
+                first = entries[name].key.line
+                self.note(event, inner, f"this key stands twice, first in line {first}; keep one")
+            elif _MISSING_SPACE.fullmatch(name) and getattr(following, "value", None) == "":
+                before, _, after = name.partition(":")
+                message = f"a space is missing after the colon: {before}: {after}"
+                self.note(event, address, message)
+            entries.setdefault(name, value)
+        return entries
+
+    def key(self, event: Any, events: Iterator[Any], depth: int, address: str) -> str:
+        if not isinstance(event, yaml.ScalarEvent):
+            self.node(event, events, NOWHERE, depth + 1, address)
+            self.note(event, address, "a key must be a text")
+            return ""
+        self.refuse_tag(event, address)
+        name = str(event.value)
+        if event.anchor:
+            self.anchors[event.anchor] = node = Node(name, self.where(event))
+            self.sizes[id(node)] = 1
+        if event.implicit[0] and name == "":
+            self.note(event, address, "a key must be a text")
+        if event.implicit[0] and name == "<<":
+            message = "merge keys are no part of YAML 1.2; write the entries out, or use extends"
+            self.note(event, address, message)
+        return name

@@ -1,0 +1,94 @@
+"""The ``run`` section of a graph: base step, length, seed and engine."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+
+from blocks.core import hint
+from runtime.document.node import Node
+from runtime.document.sections import RUN_KEYS, check_keys, section
+from runtime.errors import Problems
+
+DEFAULT_UNTIL = 10.0
+MAX_TICKS = 10**12
+ENGINES = ("auto", "python", "compiled")
+DEFAULT_MEMORY = 1024**3
+UNITS = {"": 1, "K": 1024, "M": 1024**2, "G": 1024**3}
+
+
+@dataclass(frozen=True)
+class RunSection:
+    """What ``run`` says, with defaults in place: dt and until in s, memory in bytes."""
+
+    dt: float
+    until: float
+    seed: int
+    engine: str
+    memory: int
+
+
+def read_run(document: Node, problems: Problems) -> RunSection:
+    """Read the section; what is wrong with it is reported, and a default taken instead."""
+    run = section(document, "run", "run", problems)
+    check_keys(document.get("run") or Node({}), RUN_KEYS, "run", problems, "key")
+
+    def number(name: str, default: float) -> float:
+        node = run.get(name)
+        if node is None:
+            return default
+        return seconds(node, f"run.{name}", problems) or default
+
+    dt, until = number("dt", 0.001), number("until", DEFAULT_UNTIL)
+    if not 1 <= until / dt <= MAX_TICKS:
+        node = run.get("until") or run.get("dt")
+        where = document.where if node is None else node.where
+        message = f"{until:g} s are {until / dt:.3g} ticks of dt = {dt:g} s"
+        message += "; expected one or more" if until < dt else f"; at most {MAX_TICKS:.0e} can run"
+        problems.add(where, "run.until", message)
+        until = dt
+    seed, engine = _seed(run, problems), _engine(run, problems)
+    return RunSection(dt, until, seed, engine, _memory(run, problems))
+
+
+def _seed(run: dict[str, Node], problems: Problems) -> int:
+    node = run.get("seed")
+    value = 0 if node is None else node.value
+    if node is not None and (not isinstance(value, int) or isinstance(value, bool) or value < 0):
+        message = f"expected an integer from 0, got {Node(value).describe()}"
+        problems.add(node.where, "run.seed", message)
+        return 0
+    return int(value)
+
+
+def _engine(run: dict[str, Node], problems: Problems) -> str:
+    node = run.get("engine")
+    value = ENGINES[0] if node is None else node.value
+    if node is not None and value not in ENGINES:
+        suggestion = hint(str(value), ENGINES) or f"; expected {', '.join(ENGINES)}"
+        problems.add(node.where, "run.engine", f"no engine {node.describe()}{suggestion}")
+        return ENGINES[0]
+    return str(value)
+
+
+def _memory(run: dict[str, Node], problems: Problems) -> int:
+    node = run.get("memory")
+    if node is None:
+        return DEFAULT_MEMORY
+    written = re.fullmatch(r"([1-9][0-9]*)([KMG]?)", str(node.value))
+    if written is None or isinstance(node.value, bool):
+        message = "expected bytes that recordings may take, such as 512M or 2G"
+        problems.add(node.where, "run.memory", f"{message}, got {node.describe()}")
+        return DEFAULT_MEMORY
+    return int(written[1]) * UNITS[written[2]]
+
+
+def seconds(node: Node, address: str, problems: Problems) -> float | None:
+    """A positive number of seconds; None, and a problem, if it is none."""
+    value = node.value
+    if isinstance(value, (int, float)) and not isinstance(value, bool) and 0 < value < math.inf:
+        return float(value)
+    message = f"expected a number of seconds above 0, got {node.describe()}"
+    problems.add(node.where, address, message)
+    return None

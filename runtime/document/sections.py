@@ -1,0 +1,113 @@
+"""The sections of a graph: what each holds, and how it is read."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+from blocks.core import hint
+from runtime.document.node import Node
+from runtime.errors import Problems
+
+SECTIONS = {
+    "graph": "the title",
+    "run": "dt, until, seed, engine and memory",
+    "params": "values for $names",
+    "world": "walls and obstacles",
+    "blocks": "the boxes",
+    "wires": "consumer: {input: producer.output}",
+    "probes": "what is recorded",
+    "plots": "pictures of probes",
+    "metrics": "numbers from probes",
+    "without": "blocks to leave out, with their wires",
+    "bypass": "blocks to wire straight through",
+}
+PART_SECTIONS = ("params", "inputs", "outputs", "blocks", "wires", "graph", "part")
+EXAMPLES = {
+    "run": "dt: 0.001",
+    "params": "v_r: 1.0",
+    "world": "circles: [[0.3, -1.5, 0.5]]",
+    "blocks": "total: {type: Sum}",
+    "wires": "lqr: {error: error.state}",
+    "probes": "pose: plant.pose",
+    "plots": "path: {kind: trajectory, of: plant.pose}",
+    "metrics": "miss: {kind: rms, of: error.lateral}",
+    "inputs": "speed: Scalar",
+    "outputs": "command: join.out",
+}
+RUN_KEYS = ("dt", "until", "seed", "engine", "memory")
+_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,99}")
+# numpy.savez would take probes of these names for arguments of its own.
+_RESERVED = ("file", "allow_pickle")
+
+
+def expected(name: str) -> str:
+    """What a section should hold, for messages."""
+    return f"expected entries such as '{EXAMPLES[name]}'"
+
+
+def is_part(entry: Node) -> bool:
+    """Whether an entry of ``blocks`` is a graph of its own."""
+    return entry.get("part") is not None or entry.get("blocks") is not None
+
+
+def check_keys(
+    node: Node, known: Iterable[str], address: str, problems: Problems, noun: str
+) -> None:
+    """Report entries of a mapping that nothing reads."""
+    for name, item in node.items():
+        if name not in known:
+            suggestion = hint(name, known) or f"; expected {', '.join(known)}"
+            place = f"{address}.{name or repr(name)}".lstrip(".")
+            problems.add(item.key, place, f"unknown {noun}{suggestion}", True)
+
+
+def section(
+    document: Node, name: str, address: str, problems: Problems, unread: set[str] | None = None
+) -> dict[str, Node]:
+    """The entries of a section; reports it if it is no mapping, and adds it to ``unread``."""
+    node = document.get(name)
+    if node is None or node.value is None:
+        return {}
+    if not node.is_map:
+        problems.add(node.where, address, f"{expected(name)}, got {node.describe()}")
+        if unread is not None:
+            unread.add(name)
+        return {}
+    return dict(node.items())
+
+
+def texts(node: Node | None, address: str, what: str, problems: Problems) -> list[tuple[Node, str]]:
+    """The nodes of a text or a list of texts, each with its address."""
+    if node is None:
+        return []
+    items = node.value if node.is_list else [node]
+    found = []
+    for i, item in enumerate(items):
+        place = f"{address}[{i}]" if node.is_list else address
+        if isinstance(item.value, str):
+            found.append((item, place))
+        else:
+            problems.add(item.where, place, f"expected {what}, got {item.describe()}")
+    return found
+
+
+def meant(name: str, known: Iterable[str]) -> str:
+    """The known name that a misspelt one comes closest to; '' if none is close."""
+    suggestion = hint(name, known)
+    return suggestion.split("'")[1] if suggestion else ""
+
+
+def misspelt(node: Node, known: Iterable[str]) -> set[str]:
+    """Keys that are missing because they are misspelt: what they hold is unknown."""
+    written = {name for name, _ in node.items()}
+    return {meant(name, known) for name in written.difference(known)} - written
+
+
+def misnamed(name: str, is_probe: bool) -> str:
+    """Why a probe, plot or metric cannot have a name; '' if it can."""
+    if not _NAME.fullmatch(name):
+        return f"'{name[:40]}' is no name; use up to 100 letters, digits, _ and -"
+    if is_probe and name in _RESERVED:
+        return f"'{name}' cannot be a probe's name in the run's file; use another"
+    return ""

@@ -1,0 +1,114 @@
+"""Values of ``params`` in the place of ``$names``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from blocks.core import hint
+from runtime.document.limits import Work
+from runtime.document.node import Node
+from runtime.document.sections import SECTIONS, expected, is_part, misspelt
+from runtime.errors import Problems
+
+_NAME = re.compile(r"\$([A-Za-z_]\w*)")
+
+
+def fill_sections(
+    document: Node, declared: Node | None, address: str, problems: Problems, work: Work
+) -> Node:
+    """A graph with every ``$name`` filled in from its params.
+
+    Parameters
+    ----------
+    declared : the section ``params``; a part's holds what its user gives, already filled in.
+    address : where the graph stands in the document: '' or ``blocks.adaptive``.
+    """
+    prefix = f"{address}." if address else ""
+    params: dict[str, Node] | None = None if "params" in misspelt(document, SECTIONS) else {}
+    if declared is not None and declared.value is not None:
+        params = dict(declared.items()) if declared.is_map else None
+        if params is None:
+            message = f"{expected('params')}, got {declared.describe()}"
+            problems.add(declared.where, f"{prefix}params", message)
+    filler = _Filler(params, problems, work)
+    if not address:
+        filler.refuse_nested()
+    for name, node in document.items():
+        if name not in ("params", "part"):
+            fill = filler.blocks if name == "blocks" else filler.fill
+            document = document.with_item(name, fill(node, f"{prefix}{name or repr(name)}"))
+    for name, node in (params or {}).items():
+        if name not in filler.used and not hint(name, filler.missing):
+            suggestion = hint(name, filler.used) or "; take it out, or write it as a value"
+            problems.add(node.key, f"{prefix}params.{name}", f"nothing reads ${name}{suggestion}")
+    return document
+
+
+def _references(node: Node) -> Iterator[Node]:
+    if isinstance(node.value, str) and _NAME.fullmatch(node.value):
+        yield node
+    for item in node.value if node.is_list else [n for _, n in node.items()]:
+        yield from _references(item)
+
+
+class _Filler:
+    """Replaces ``$names``; ``params`` is None where they cannot be read."""
+
+    def __init__(self, params: dict[str, Node] | None, problems: Problems, work: Work) -> None:
+        self.params = params
+        self.work = work
+        self.problems = problems
+        self.used: set[str] = set()
+        self.missing: set[str] = set()
+
+    def refuse_nested(self) -> None:
+        for name, node in (self.params or {}).items():
+            for bad in _references(node):
+                self.used.add(bad.value[1:])
+                message = f"'{bad.value}': params hold plain values, not other params"
+                self.problems.add(bad.where, f"params.{name}", message)
+
+    def blocks(self, node: Node, address: str) -> Node:
+        """The section ``blocks``; a part's inside waits for the part's own params."""
+        if not node.is_map:
+            return self.fill(node, address)
+        entries = dict(node.items())
+        for name, entry in node.items():
+            inner = f"{address}.{name}"
+            if not is_part(entry):
+                entries[name] = self.fill(entry, inner)
+            elif (params := entry.get("params")) is not None:
+                filled = self.fill(params, f"{inner}.params")
+                self.work.check(filled, params.where, f"{inner}.params")
+                entries[name] = entry.with_item("params", filled)
+        return Node(entries, node.where, node.key)
+
+    def fill(self, node: Node, address: str) -> Node:
+        if node.is_map:
+            entries = {name: self.fill(item, f"{address}.{name}") for name, item in node.items()}
+            return Node(entries, node.where, node.key)
+        if node.is_list:
+            items = [self.fill(item, f"{address}[{i}]") for i, item in enumerate(node.value)]
+            return Node(items, node.where, node.key)
+        match = _NAME.fullmatch(node.value) if isinstance(node.value, str) else None
+        return node if match is None else self.value(match[1], node, address)
+
+    def value(self, name: str, node: Node, address: str) -> Node:
+        """The value of a param, which stands where it is written, not where it is used."""
+        found = (self.params or {}).get(name)
+        if found is not None and found.value is not None:
+            self.used.add(name)
+            self.work.charge(self.work.measure.of(found)[0], node.where, address)
+            if any(_references(found)):
+                self.problems.silence(found.where, address)
+            return Node(found.value, found.where, node.key)
+        if found is not None:
+            self.used.add(name)
+            self.problems.add(found.key, address, f"param '{name}' has no value")
+        elif self.params is not None:
+            self.missing.add(name)
+            known = hint(name, self.params) or f"; params: {', '.join(self.params) or 'none'}"
+            self.problems.add(node.where, address, f"there is no param '{name}'{known}")
+        self.problems.silence(node.where, address)
+        return node

@@ -1,0 +1,83 @@
+"""Plain values as YAML text that reads back equal, by our rules and by YAML 1.1's."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from typing import Any
+
+import yaml
+
+from runtime.document.scalars import is_text
+
+_PLAIN = re.compile(r"[A-Za-z_$][A-Za-z0-9_$./-]*")
+_DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+
+
+def dump_yaml(value: Any) -> str:
+    """Write plain values as YAML that :func:`runtime.document.node.parse_yaml` reads back equal."""
+    return _Writer.text(value)
+
+
+def flow_yaml(value: Any) -> str:
+    """Write plain values as YAML in one line that reads back equal."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{flow_yaml(k)}: {flow_yaml(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(map(flow_yaml, value)) + "]"
+    if isinstance(value, float):
+        return _float_text(value)
+    if isinstance(value, str):
+        plain = _PLAIN.fullmatch(value) and is_text(value)
+        return value if plain else f'"{"".join(map(_escaped, value))}"'
+    return json.dumps(value)  # integers, true, false and null read alike
+
+
+def _escaped(c: str) -> str:
+    """A character as it stands between double quotes."""
+    if c in '"\\':
+        return f"\\{c}"
+    return c if c.isprintable() else f"\\U{ord(c):08x}"
+
+
+class _Writer(_DUMPER):  # type: ignore[misc, valid-type]
+    """Flow style for what holds no mapping deeper down, block style for the rest."""
+
+    @classmethod
+    def text(cls, value: Any) -> str:
+        dumped: str = yaml.dump(
+            value,
+            Dumper=cls,
+            sort_keys=False,
+            width=100,
+            allow_unicode=True,
+            default_flow_style=None,
+        )
+        return dumped
+
+    def ignore_aliases(self, data: Any) -> bool:
+        return True
+
+
+def _represent_text(dumper: Any, text: str) -> Any:
+    # Quote what would read back as anything but this text, by our rules or by YAML 1.1's.
+    style = None if is_text(text) else "'"
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
+
+
+def _represent_float(dumper: Any, number: float) -> Any:
+    return dumper.represent_scalar("tag:yaml.org,2002:float", _float_text(number))
+
+
+def _float_text(number: float) -> str:
+    if math.isnan(number):
+        return ".nan"
+    if math.isinf(number):
+        return ".inf" if number > 0 else "-.inf"
+    mantissa, e, exponent = repr(number).partition("e")
+    return mantissa + (".0" if "." not in mantissa else "") + e + exponent
+
+
+_Writer.add_representer(str, _represent_text)
+_Writer.add_representer(float, _represent_float)

@@ -1,0 +1,23 @@
+"""runtime.engine."""
+
+from runtime.engine.engine import Engine, Outcome
+from runtime.engine.interrupts import Interrupts
+from runtime.engine.profile import Profile, profile_text
+from runtime.engine.program import Program
+from runtime.engine.recorder import recording_file
+from runtime.engine.runners import MakeRunner, silent
+from runtime.engine.selection import python_seconds, take_compiled
+
+__all__ = [
+    "Engine",
+    "Interrupts",
+    "MakeRunner",
+    "Outcome",
+    "Profile",
+    "Program",
+    "profile_text",
+    "python_seconds",
+    "recording_file",
+    "silent",
+    "take_compiled",
+]

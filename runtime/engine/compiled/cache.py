@@ -1,0 +1,175 @@
+"""Compiled text on disk: files named by what they hold, and read only if they hold it.
+
+A module's name is a hash of its text, of what it calls and of numba's version, so nothing in the
+folder is ever out of date, and two processes that write the same file write the same text. What
+numba adds for a module is listed with its hashes (:func:`seal`); what is not as listed is deleted
+before numba looks (:func:`module`) and compiled again. The folder is the user's alone, since what
+is in it is executed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import stat
+import sys
+import tempfile
+import threading
+from collections.abc import Iterable
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+from weakref import finalize
+
+PACKAGE = "spikeblocks_kernels"
+VARIABLE = "SPIKEBLOCKS_CACHE"
+OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
+_LOADING = threading.RLock()
+
+
+def folder() -> Path:
+    """Where compiled text is kept: ``$SPIKEBLOCKS_CACHE``, or the user's cache folder.
+
+    Where that is not the user's alone or cannot be written, a folder of this process's own, which
+    goes when the process does.
+    """
+    return _folder(os.environ.get(VARIABLE), os.environ.get("XDG_CACHE_HOME"))
+
+
+@cache
+def _folder(chosen: str | None, base: str | None) -> Path:
+    try:
+        wanted = Path(chosen) if chosen else Path(base or Path.home() / ".cache") / "spikeblocks"
+        if _is_private(wanted):
+            return wanted
+    except (OSError, RuntimeError):  # no home folder is a RuntimeError
+        pass
+    return _own_folder()
+
+
+def _is_private(wanted: Path) -> bool:
+    """Make a folder if there is none; whether it is the user's alone, and can be written.
+
+    Raises
+    ------
+    OSError : it cannot be made or written.
+    """
+    wanted.mkdir(mode=0o700, parents=True, exist_ok=True)
+    found = wanted.lstat()
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
+        return False
+    if found.st_mode & OTHERS_WRITE:
+        return False  # whoever could write may have written
+    wanted.chmod(0o700)
+    with tempfile.TemporaryFile(dir=wanted):
+        return True
+
+
+@cache
+def _own_folder() -> Path:
+    made = Path(tempfile.mkdtemp(prefix="spikeblocks-"))
+    finalize(_own_folder, shutil.rmtree, made, ignore_errors=True)
+    return made
+
+
+@cache
+def salt() -> str:
+    """What compiled text depends on beside itself."""
+    import numba
+
+    from runtime.engine.compiled import primitives
+
+    text = Path(primitives.__file__).read_text(encoding="utf-8")
+    return f"{numba.__version__} {sys.version} {text}"
+
+
+def digest(*parts: str) -> str:
+    """A short name for texts."""
+    return hashlib.sha256("\0".join((salt(), *parts)).encode()).hexdigest()[:20]
+
+
+def write(name: str, text: str) -> Path:
+    """Put a file into the folder, whole or not at all; one that holds the text already stays."""
+    path = folder() / name
+    if _bytes(path) != text.encode():
+        if path.is_dir():
+            _discard(path)
+        with tempfile.NamedTemporaryFile("w", dir=path.parent, delete=False, encoding="utf-8") as f:
+            f.write(text)
+        Path(f.name).replace(path)
+    return path
+
+
+def write_record(name: str, record: Any) -> None:
+    """Put plain data into the folder, with its hash."""
+    text = json.dumps(record, sort_keys=True)
+    write(name, f"{_hash(text.encode())}\n{text}\n")
+
+
+def read_record(name: str) -> Any:
+    """Plain data from the folder; None where there are none, or not as they were written."""
+    found, _, rest = (_bytes(folder() / name) or b"").partition(b"\n")
+    text = rest.removesuffix(b"\n")
+    return json.loads(text) if found.decode("ascii", "replace") == _hash(text) else None
+
+
+def module(kind: str, text: str) -> ModuleType:
+    """The module of a text, with what numba keeps of it if that is as it was written."""
+    name = f"{kind}_{digest(text)}"
+    full = f"{PACKAGE}.{name}"
+    with _LOADING:
+        path = write(f"{name}.py", text)
+        known = sys.modules.get(full)
+        if known is not None and known.__file__ == str(path):
+            return known
+        listed = read_record(f"{name}.sealed")
+        if listed != _hashes(name):
+            for file in _kept(name):
+                _discard(file)
+        sys.modules.setdefault(PACKAGE, ModuleType(PACKAGE))
+        made = ModuleType(full)
+        made.__file__ = str(path)
+        # Not by import: bytecode on disk is one more file that may be damaged.
+        exec(compile(text, str(path), "exec"), made.__dict__)
+        sys.modules[full] = made
+        return made
+
+
+def seal(names: Iterable[str]) -> None:
+    """List what numba keeps of these modules (full names), once all is compiled."""
+    for name in {name.removeprefix(f"{PACKAGE}.") for name in names}:
+        with suppress(OSError):  # what is not listed is compiled again next time
+            write_record(f"{name}.sealed", _hashes(name))
+
+
+def _kept(name: str) -> list[Path]:
+    """What numba keeps of a module: an index for each function, and its machine code."""
+    found = (folder() / "__pycache__").glob(f"{name}.*")
+    return sorted(file for file in found if file.suffix in (".nbi", ".nbc"))
+
+
+def _discard(path: Path) -> None:
+    """Remove what stands in a file's place, be it a folder."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def _hashes(name: str) -> dict[str, str]:
+    return {file.name: _hash(_bytes(file) or b"") for file in _kept(name)}
+
+
+def _hash(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
+
+
+def _bytes(path: Path) -> bytes | None:
+    try:
+        return path.read_bytes()
+    except OSError:
+        return None

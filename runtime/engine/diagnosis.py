@@ -1,0 +1,50 @@
+"""What looks wrong after a run: blocks judge their own states, and cost nothing while it runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from blocks.core import Block, BlockState
+from runtime.network import Network
+
+MOMENTS = 8
+
+
+@dataclass
+class Diagnosis:
+    """Looks at blocks that declare :meth:`Block.watch` at eight even moments of a run."""
+
+    network: Network
+    states: Mapping[str, BlockState]
+    seen: dict[str, list[float]] = field(init=False)
+    moments: list[int] = field(init=False)
+
+    def __post_init__(self) -> None:
+        blocks = {name: type(entry.made) for name, entry in self.network.entries.items()}
+        self.seen = {name: [] for name, cls in blocks.items() if cls.watch is not Block.watch}
+        total = self.network.ticks
+        self.moments = [total * i // MOMENTS for i in range(1, MOMENTS + 1)] if self.seen else []
+
+    def boundary(self, tick: int) -> int:
+        """The next tick before which to look; the end of the run if there is none."""
+        return next((moment for moment in self.moments if moment > tick), self.network.ticks)
+
+    def look(self, tick: int) -> None:
+        """Take down what the blocks show before this tick."""
+        if tick in self.moments:
+            for name, values in self.seen.items():
+                values.append(float(self.network.entries[name].made.watch(self.states[name])))
+
+    def notes(self, ticks: int) -> list[str]:
+        """What the blocks say of a run of so many base ticks."""
+        found = []
+        for name, entry in self.network.entries.items():
+            taken = -(-ticks // entry.every)
+            watched = tuple(self.seen.get(name, ()))
+            try:
+                message = list(entry.made.diagnose(self.states[name], taken, watched))
+            except Exception as error:  # noqa: BLE001 -- a user's block may raise anything
+                message = [f"its diagnose() failed: {type(error).__name__}: {error}"]
+            found += [f"block '{name}': {text}" for text in message]
+        return found

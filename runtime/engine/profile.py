@@ -1,0 +1,69 @@
+"""Where a run's time goes: the plan's function with a clock around every call of a block."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+from blocks.core import Evaluation
+from runtime.engine.schedule import Emitter
+
+# Names that the plan's function takes beside its own, and what a clock itself costs is left in.
+CLOCK, SPENT = "clock", "spent"
+
+
+@dataclass
+class Profile:
+    """Seconds and calls of each block, by name."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+    calls: dict[str, int] = field(default_factory=dict)
+
+    def __call__(self, block: str, began: float) -> None:
+        self.seconds[block] = self.seconds.get(block, 0.0) + time.perf_counter() - began
+        self.calls[block] = self.calls.get(block, 0) + 1
+
+    def names(self) -> dict[str, Any]:
+        """What the function's text refers to."""
+        return {CLOCK: time.perf_counter, SPENT: self}
+
+    def rows(self, ticks: int, wall_s: float) -> list[dict[str, Any]]:
+        """One row a block, the costliest first, and one for all that is no block: checks of
+        values, recording, the loop itself and the clock.
+        """
+        rest = max(0.0, wall_s - sum(self.seconds.values()))
+        spent = sorted(self.seconds.items(), key=lambda item: -item[1])
+        return [
+            {
+                "block": name,
+                "calls": self.calls.get(name, 0),
+                "total_s": seconds,
+                "us_per_tick": 1e6 * seconds / max(1, ticks),
+                "us_per_call": 1e6 * seconds / self.calls[name] if name in self.calls else None,
+                "share": seconds / wall_s if wall_s else 0.0,
+            }
+            for name, seconds in [*spent, ("", rest)]
+        ]
+
+
+class ProfilingEmitter(Emitter):
+    """The plan's function, timed."""
+
+    def call(self, block: str, evaluation: Evaluation, targets: str, checked: bool = False) -> None:
+        self.code(f"began = {CLOCK}()")
+        super().call(block, evaluation, targets, checked)
+        self.code(f"{SPENT}({block!r}, began)")
+
+
+def profile_text(rows: list[dict[str, Any]]) -> str:
+    """The rows as a table for a terminal."""
+    width = max(len(row["block"] or "everything else") for row in rows)
+    lines = [f"  {'block':<{width}}  {'us/tick':>9}  {'us/call':>9}  {'total s':>9}  share"]
+    for row in rows:
+        call = "" if row["us_per_call"] is None else f"{row['us_per_call']:.2f}"
+        lines.append(
+            f"  {row['block'] or 'everything else':<{width}}  {row['us_per_tick']:9.2f}  {call:>9}"
+            f"  {row['total_s']:9.3f}  {100.0 * row['share']:4.1f} %"
+        )
+    return "\n".join(lines)

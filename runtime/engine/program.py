@@ -1,0 +1,108 @@
+"""All of a run that does not hang on its seed: made once, and shared by runs with many seeds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import CodeType, MappingProxyType
+
+from runtime.engine.profile import ProfilingEmitter
+from runtime.engine.recorder import buffer_rows
+from runtime.engine.schedule import Emitter, Plan, RecordSlot, make_plan
+from runtime.network import Network
+from runtime.observation import Observation
+
+FILENAME = "<the plan>"
+
+
+@dataclass(frozen=True)
+class Code:
+    """The function's bytecode, and the block that each of its lines calls."""
+
+    code: CodeType
+    lines: Mapping[int, str]
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """A network's plan and its text, and what is recorded; shared by threads, and never changed.
+
+    What it has worked out once is kept: texts, each a function of the program alone.
+
+    Parameters
+    ----------
+    network : the checked graph.
+    observation : what to record; ``gathered`` are the rows that are gathered in memory of those
+        probes that go to disk.
+    profiled : with a clock around each call of a block.
+
+    Raises
+    ------
+    GraphError : naming every algebraic loop.
+    """
+
+    network: Network
+    observation: Observation
+    profiled: bool = False
+    plan: Plan = field(init=False)
+    gathered: Mapping[str, int] = field(init=False)
+    recordings: tuple[RecordSlot, ...] = field(init=False)
+    _codes: dict[tuple[bool, tuple[str, ...] | None], Code] = field(
+        init=False, default_factory=dict
+    )
+
+    def __post_init__(self) -> None:
+        network, probes = self.network, self.observation.probes
+        gathered = buffer_rows(probes, network.ticks, network.memory)
+        object.__setattr__(self, "plan", make_plan(network))
+        object.__setattr__(self, "gathered", gathered)
+        object.__setattr__(self, "recordings", tuple(recordings(self.observation, gathered)))
+
+    def emitter(self) -> Emitter:
+        """A writer of the plan's function, for one text."""
+        kind = ProfilingEmitter if self.profiled else Emitter
+        return kind(self.plan, list(self.recordings))
+
+    def source(self) -> str:
+        """The straight-line function, as it is executed."""
+        return self.emitter().emit()
+
+    def code(self, checked: bool, held: Sequence[str] | None = None) -> Code:
+        """The function's text, compiled to Python's bytecode.
+
+        Threads that ask for the same at the same time make equal ones.
+        """
+        key = (checked, None if held is None else tuple(held))
+        made = self._codes.get(key)
+        if made is None:
+            emitter = self.emitter()
+            code = compile(emitter.emit(checked, held), FILENAME, "exec")
+            made = self._codes[key] = Code(code, MappingProxyType(emitter.lines))
+        return made
+
+
+def recordings(observation: Observation, gathered: Mapping[str, int]) -> list[RecordSlot]:
+    """Which tick fills what of the arrays ``probe_0``, ``probe_1``, ... of the probes.
+
+    ``gathered`` are the rows of those that are buffers.
+    """
+    made = []
+    for i, probe in enumerate(observation.probes.values()):
+        start = 0
+        for signal in probe.signals:
+            width = signal.shape[0] if signal.shape else 1
+            columns = slice(start, start + width) if len(probe.signals) > 1 else None
+            start += width
+            made.append(
+                RecordSlot(
+                    array=f"probe_{i}",
+                    end=signal.end,
+                    every=probe.every,
+                    columns=columns,
+                    is_state=signal.is_state,
+                    is_event=signal.is_event,
+                    constant=probe.constant,
+                    rows=gathered.get(probe.name, 0),
+                )
+            )
+    return made

@@ -1,0 +1,214 @@
+"""Where probes' rows go: arrays in memory, or files on disk where these would be too much.
+
+A recording on disk is one ``.npy`` file per probe. Rows are gathered in a buffer, appended when it
+is full, and the file's header is brought up to date each time: a file can be read whatever ends
+the run.
+"""
+
+from __future__ import annotations
+
+import math
+import shutil
+import sys
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from tempfile import mkdtemp
+from typing import BinaryIO
+from weakref import finalize
+
+import numpy as np
+
+from blocks.core import FloatArray
+from runtime.errors import UsageError
+from runtime.files import slug
+from runtime.observation import Probe, readable_bytes
+
+TIMES_AT_ONCE = 1 << 20
+BUFFER = 1 << 22  # bytes of one probe's rows that are gathered, at most
+
+
+def buffer_rows(probes: Mapping[str, Probe], ticks: int, memory: int) -> dict[str, int]:
+    """Rows to gather of each probe that goes to disk; none where all fits into ``memory`` bytes."""
+    moving = {name: probe for name, probe in probes.items() if not probe.constant}
+    if sum(probe.size(ticks) for probe in probes.values()) <= memory:
+        return {}
+    share = min(BUFFER, memory // max(1, len(moving)))
+    return {
+        name: min(probe.rows(ticks), max(1, share // probe.row_bytes))
+        for name, probe in moving.items()
+    }
+
+
+class Stream:
+    """One probe's file, open for appending rows of ``shape``."""
+
+    def __init__(self, path: Path, shape: tuple[int, ...]) -> None:
+        self.path, self.shape = path, shape
+        self.rows = 0
+        self.file: BinaryIO = path.open("w+b")
+        self._header()
+        self.start = self.file.tell()
+
+    def _header(self) -> None:
+        self.file.seek(0)
+        # numpy leaves room in a header for its first axis to grow.
+        described = {"descr": "<f8", "fortran_order": False, "shape": (self.rows, *self.shape)}
+        np.lib.format.write_array_header_1_0(self.file, described)
+
+    def append(self, rows: FloatArray) -> None:
+        """Add rows (n, ...) at the end; what an append that broke off left there is replaced."""
+        self.file.seek(self.start + 8 * self.rows * math.prod(self.shape))
+        self.file.write(np.ascontiguousarray(rows, dtype="<f8").data)
+        self.rows += len(rows)
+        self._header()
+        self.file.flush()
+
+    def close(self) -> FloatArray:
+        """The whole recording, read from the file where it is looked at, even if it is removed."""
+        with self.file:
+            try:
+                self._header()
+                self.file.flush()
+            except OSError:
+                pass  # on a full disk: the rows are there, and this process knows how many
+            if not self.rows or not math.prod(self.shape):
+                return np.empty((self.rows, *self.shape))
+            shape = (self.rows, *self.shape)
+            mapped = np.memmap(self.file, "<f8", "r", self.start, shape)
+        return np.asarray(mapped)
+
+
+class Recorder:
+    """The arrays that a run's probes fill.
+
+    Parameters
+    ----------
+    probes : by name.
+    ticks : of the whole run.
+    gathered : rows to gather of the probes that go to disk, see :func:`buffer_rows`.
+    folder : where their files go; None for a temporary folder that goes when the recorder does.
+
+    Raises
+    ------
+    UsageError : there is no room on the disk, for the recordings and for the run's own file.
+    """
+
+    def __init__(
+        self,
+        probes: Mapping[str, Probe],
+        ticks: int,
+        gathered: Mapping[str, int],
+        folder: Path | None = None,
+    ) -> None:
+        self.probes, self.gathered = probes, gathered
+        self.streams: dict[str, Stream] = {}
+        self.full = False
+        self.constants_saved = False
+        self.folder: Path | None = None
+        # Each row with its time; what is streamed is written once more, into the run's own file.
+        size = sum(probe.size(ticks) + 8 * probe.rows(ticks) for probe in probes.values())
+        if gathered:
+            self.folder = self._opened(folder, 2 * size)
+            for name in gathered:
+                path = self.folder / recording_file(name)
+                try:
+                    self.streams[name] = Stream(path, probes[name].shape)
+                except OSError as error:
+                    raise UsageError(f"cannot record to '{path}': {error.strerror}") from None
+        elif folder is not None:
+            _check_room(folder.parent, size)
+        self.arrays = {
+            name: np.full((gathered.get(name, probe.rows(ticks)), *probe.shape), np.nan)
+            for name, probe in probes.items()
+        }
+
+    def _opened(self, folder: Path | None, size: int) -> Path:
+        try:
+            if folder is None:
+                folder = Path(mkdtemp(prefix="spikeblocks-"))
+                # What is mapped into memory stays readable after its file is gone.
+                finalize(self, shutil.rmtree, folder, ignore_errors=True)
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise UsageError(f"cannot record to '{folder}': {error.strerror or error}") from None
+        _check_room(folder, size)
+        return folder
+
+    def boundary(self) -> int:
+        """How many ticks may be done before :meth:`flush` must be called."""
+        ends = [
+            (stream.rows + self.gathered[name]) * self.probes[name].every
+            for name, stream in self.streams.items()
+        ]
+        return min(ends, default=sys.maxsize)
+
+    def flush(self, tick: int) -> None:
+        """Write the buffers that are full once ``tick`` ticks are done.
+
+        Raises
+        ------
+        UsageError : the disk is full, or gone.
+        """
+        for name, stream in self.streams.items():
+            if self.probes[name].rows(tick) - stream.rows >= self.gathered[name]:
+                self._append(stream, self.arrays[name])
+        if self.folder is not None and not self.constants_saved:
+            self.constants_saved = True
+            for name in self.probes.keys() - self.streams.keys():
+                np.save(self.folder / recording_file(name), self.arrays[name])
+
+    def _append(self, stream: Stream, rows: FloatArray) -> None:
+        try:
+            stream.append(rows)
+        except OSError as error:
+            self.full = True
+            message = f"cannot record to '{stream.path}': {error.strerror or error}"
+            raise UsageError(f"{message}; {stream.rows} rows of it are kept") from None
+
+    def finish(self, tick: int) -> dict[str, FloatArray]:
+        """The rows of all probes once ``tick`` ticks are done, and no more will be."""
+        found = {}
+        for name, probe in self.probes.items():
+            filled = min(1, tick) if probe.constant else probe.rows(tick)
+            if name not in self.streams:
+                found[name] = self.arrays[name][:filled]
+                continue
+            stream = self.streams[name]
+            left = filled - stream.rows
+            if left > 0 and not self.full:
+                # A disk that is full by now takes the last rows from no run: the others are there.
+                with suppress(UsageError):
+                    self._append(stream, self.arrays[name][:left])
+            found[name] = stream.close()
+        return found
+
+    def times(self, name: str, rows: int, dt: float) -> FloatArray:
+        """The times (s) of a probe's rows, k * every * dt, on disk if the rows are."""
+        step = self.probes[name].every * dt
+        if self.folder is None or name not in self.streams:
+            return np.arange(rows, dtype=np.float64) * step
+        try:
+            stream = Stream(self.folder / recording_file(f"{name}.time"), ())
+            for first in range(0, rows, TIMES_AT_ONCE):
+                last = min(rows, first + TIMES_AT_ONCE)
+                stream.append(np.arange(first, last, dtype=np.float64) * step)
+            return stream.close()
+        except OSError:  # the disk is full: what is recorded must not be lost for want of its times
+            return np.arange(rows, dtype=np.float64) * step
+
+
+def recording_file(name: str) -> str:
+    """The file that a probe is recorded to."""
+    return f"{slug(name, 'probe')}.npy"
+
+
+def _check_room(folder: Path, size: float) -> None:
+    try:
+        free = shutil.disk_usage(folder).free
+    except OSError as error:
+        raise UsageError(f"cannot record to '{folder}': {error.strerror or error}") from None
+    if size > free:
+        text = f"recording takes {readable_bytes(size)} on the way, and '{folder}' has "
+        text += f"{readable_bytes(free)}; record less often, as with 'every: 100', or less"
+        raise UsageError(text)

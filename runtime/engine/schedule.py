@@ -1,0 +1,323 @@
+"""The plan: a graph's evaluations in one fixed order, printed as one straight-line function."""
+
+from __future__ import annotations
+
+import keyword
+import math
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from blocks.core import Evaluation, Input, SignalType
+from runtime.errors import NOWHERE, Problems, Where
+from runtime.network import Endpoint, Network, Wire, component_type
+
+INDENT = "    "
+GLOBALS = ("isfinite", "isnan", "dot", "array", "full", "checked", "sealed", "not_finite")
+# What the compiled plan and the loop around it call things by.
+COMPILED_NAMES = (
+    *("njit", "ascontiguousarray", "all_finite", "no_nan", "overlap", "seen", "own"),
+    *("low", "high", "dt", "at", "report", "drive", "due"),
+)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One evaluation of one block, every ``every`` base ticks."""
+
+    block: str
+    evaluation: Evaluation
+    every: int
+    constant: bool = False
+
+
+@dataclass(frozen=True)
+class RecordSlot:
+    """One recorded column group: the rows of an array that a tick fills.
+
+    ``array`` names the array in the function; ``columns`` is the slice it fills, None for all.
+    With ``rows``, the array is a buffer of that many, filled again and again.
+    """
+
+    array: str
+    end: Endpoint
+    every: int
+    columns: slice | None = None
+    is_state: bool = False
+    is_event: bool = False
+    constant: bool = False
+    rows: int = 0
+
+    @property
+    def row(self) -> str:
+        """The row that tick k fills, as an expression."""
+        row = "k" if self.every == 1 else f"k // {self.every}"
+        return f"{row} % {self.rows}" if self.rows else row
+
+
+@dataclass
+class Plan:
+    """The order of a graph's evaluations, and the names that they have in the function.
+
+    ``names`` are the blocks' names in it, ``variables`` those of their outputs, by (block, port),
+    and of their states, by (block, "").
+    """
+
+    network: Network
+    steps: list[Step]
+    names: dict[str, str]
+    variables: dict[tuple[str, str], str]
+
+
+def make_plan(network: Network) -> Plan:
+    """Order a network's evaluations.
+
+    Raises
+    ------
+    GraphError : naming every algebraic loop.
+    """
+    return Plan(network, _order(network), *_identifiers(network))
+
+
+def _order(network: Network) -> list[Step]:
+    """Producers before consumers; among equals, blocks of one rate together, then by name."""
+    import networkx as nx
+
+    wires = drivers(network)
+    makes: dict[tuple[str, str], tuple[str, int]] = {}
+    steps: dict[tuple[str, int], Step] = {}
+    graph = nx.DiGraph()
+    for name, entry in network.entries.items():
+        spec = entry.cls.spec
+        for i, evaluation in enumerate(spec.evaluations):
+            steps[name, i] = Step(name, evaluation, entry.every, spec.is_constant(evaluation))
+            graph.add_node((name, i))
+            makes.update({(name, port): (name, i) for port in evaluation.outputs})
+    for (name, i), step in steps.items():
+        for port in step.evaluation.needs:
+            for wire in wires.get((name, port), ()):
+                source = makes[wire.source.block, wire.source.port]
+                graph.add_edge(source, (name, i), wire=wire)
+    if not nx.is_directed_acyclic_graph(graph):
+        _report_loops(graph)
+    ranked = {key: (step.every, *key) for key, step in steps.items()}
+    order = nx.lexicographical_topological_sort(graph, key=ranked.__getitem__)
+    return [steps[key] for key in order]
+
+
+def _report_loops(graph: object) -> None:
+    import networkx as nx
+
+    problems = Problems()
+    for component in nx.strongly_connected_components(graph):
+        inside = graph.subgraph(sorted(component))  # type: ignore[attr-defined]
+        if len(component) > 1 or inside.number_of_edges():
+            cycle = nx.find_cycle(inside, source=min(component))
+            wires = [inside.edges[a, b]["wire"] for a, b in cycle]
+            path = " ▸ ".join(f"{wire.source} ▸ {wire.target}" for wire in wires)
+            message = f"algebraic loop: {path}; a UnitDelay on one of these wires breaks it"
+            file = Where(wires[0].where.file) if wires[0].where != NOWHERE else NOWHERE
+            problems.add(file, "", message)
+    problems.raise_any()
+
+
+def drivers(network: Network) -> dict[tuple[str, str], list[Wire]]:
+    """The wires into each input, in the order of an input's terms."""
+    found: dict[tuple[str, str], list[Wire]] = defaultdict(list)
+    for wire in network.wires:
+        found[wire.block, wire.port].append(wire)
+    return found
+
+
+def _identifiers(network: Network) -> tuple[dict[str, str], dict[tuple[str, str], str]]:
+    """Python names for blocks, outputs and states: ``plant``, ``plant_pose``, ``plant_s``."""
+    taken = {*keyword.kwlist, *GLOBALS, *COMPILED_NAMES, "run", "first", "last", "held", "k", "t"}
+    taken |= {"range", "float", "__builtins__", "clock", "spent", "began"}
+
+    def fresh(name: str) -> str:
+        plain = name.replace(".", "_")
+        while plain in taken or plain.startswith("probe_"):
+            plain = f"{plain}_" if not plain.startswith("probe_") else f"_{plain}"
+        taken.add(plain)
+        return plain
+
+    names = {name: fresh(name) for name in sorted(network.entries)}
+    variables = {}
+    for name in names:
+        for port in network.entries[name].cls.spec.outputs:
+            variables[name, port] = fresh(f"{names[name]}_{port}")
+        variables[name, ""] = fresh(f"{names[name]}_s")
+    return names, variables
+
+
+class Emitter:
+    """Writes the function of a plan, line by line, remembering which block each line calls.
+
+    An emitter is for one text and one thread: what runs share is the plan and finished texts.
+    """
+
+    def __init__(self, plan: Plan, recordings: list[RecordSlot]) -> None:
+        self.plan = plan
+        self.network = plan.network
+        self.recordings = recordings
+        self.wires = drivers(plan.network)
+        self.text: list[str] = []
+        self.lines: dict[int, str] = {}
+        self.rate = 0
+        self.depth = 2
+
+    def emit(self, checked: bool = False, held: Sequence[str] | None = None) -> str:
+        """The source; ``checked`` has every value looked at for its form, as on the first tick.
+
+        ``held`` are the variables that go in and come out; by default :meth:`held`.
+        """
+        incoming = self.held()
+        held = incoming if held is None else held
+        self.line(0, "def run(first, last, held):")
+        # The title is the user's text: nothing in it may end the docstring or continue a line.
+        title = "".join(c for c in self.network.title if c.isprintable() and c not in '"\\')
+        self.line(1, f'"""{title}: base step {self.network.dt!r} s."""')
+        if incoming:
+            self.line(1, f"({', '.join(incoming)},) = held")
+        self.line(1, "for k in range(first, last):")
+        self.line(2, f"t = k * {self.network.dt!r}")
+        for step in self.plan.steps:
+            if not step.constant:
+                self.step(step, checked)
+        self.record(events=False)
+        for name, every, update in self.updates():
+            self.at(every)
+            self.call(name, update, "")
+        self.record(events=True)
+        self.line(1, f"return ({', '.join(held)},)" if held else "return ()")
+        return "\n".join(self.text) + "\n"
+
+    def held(self) -> list[str]:
+        """Variables that must outlive a call: outputs of slow blocks."""
+        slow = [s for s in self.plan.steps if s.every > 1 and not s.constant]
+        return [self.variable(s.block, port) for s in slow for port in s.evaluation.outputs]
+
+    def updates(self) -> list[tuple[str, int, Evaluation]]:
+        """Every block with memory, in the order in which they are updated."""
+        entries = sorted(self.network.entries.items(), key=lambda e: (e[1].every, e[0]))
+        specs = [(name, entry.every, entry.cls.spec.update) for name, entry in entries]
+        return [(name, every, update) for name, every, update in specs if update is not None]
+
+    def variable(self, block: str, port: str) -> str:
+        return self.plan.variables[block, port]
+
+    def state(self, block: str) -> str:
+        return self.plan.variables[block, ""]
+
+    def line(self, depth: int, text: str, block: str = "") -> None:
+        self.text.append(INDENT * depth + text)
+        if block:
+            self.lines[len(self.text)] = block
+
+    def at(self, every: int) -> None:
+        """Go on at a rate: what follows runs on every ``every``-th tick."""
+        if every != self.rate and every > 1:
+            self.line(self.depth, f"if k % {every} == 0:")
+        self.rate = every
+
+    def code(self, text: str, block: str = "") -> None:
+        self.line(self.depth + (self.rate > 1), text, block)
+
+    def step(self, step: Step, checked: bool) -> None:
+        self.at(step.every)
+        targets = [self.variable(step.block, port) for port in step.evaluation.outputs]
+        self.call(step.block, step.evaluation, ", ".join(targets) + " = ", checked)
+        kinds = [self.network.types[step.block, port] for port in step.evaluation.outputs]
+        for target, kind in zip(targets, kinds, strict=True):
+            if kind.form == "array":
+                self.code(f"{target} = sealed({target})", step.block)
+        test = finite_test(dict(zip(targets, kinds, strict=True)))
+        which = ", ".join(map(repr, (step.block, step.evaluation.method)))
+        self.code(f"{test} or not_finite({which}, {', '.join(targets)})", step.block)
+
+    def call(self, block: str, evaluation: Evaluation, targets: str, checked: bool = False) -> None:
+        name = self.plan.names[block]
+        arguments = [self.state(block), "t", *self.arguments(block, evaluation)]
+        call = f"{name}.{evaluation.method}({', '.join(arguments)})"
+        if checked and targets:
+            call = f"checked({block!r}, {evaluation.outputs!r}, {call})"
+        self.code(targets + call, block)
+
+    def arguments(self, block: str, evaluation: Evaluation) -> list[str]:
+        """The expressions that an evaluation takes: inputs, and outputs of the block itself."""
+        inputs = self.network.entries[block].cls.spec.inputs
+        return [
+            self.argument(block, port, inputs[port])
+            if port in inputs
+            else self.variable(block, port)
+            for port in evaluation.needs
+        ]
+
+    def argument(self, block: str, port: str, declared: Input) -> str:
+        """The expression that an input port reads."""
+        wires = self.wires.get((block, port), [])
+        target = self.network.types[block, port]
+        values = [self.value(wire.source, target) for wire in wires]
+        if declared.many:
+            return f"({', '.join(values)},)" if values else "()"
+        return values[0] if values else absent_value(target, declared.absent)
+
+    def value(self, end: Endpoint, target: SignalType | None = None) -> str:
+        """A signal, or a component of it, in the form that the target takes."""
+        kind = self.network.types[end.block, end.port]
+        text = self.variable(end.block, end.port)
+        if end.component:
+            column = kind.column(end.component)
+            text = f"{text}.item({column})" if kind.form == "array" else f"{text}[{column}]"
+            kind = component_type(kind, end) or kind
+        if target is not None and target.form != kind.form:
+            return f"array(({text},))" if target.form == "array" else f"{text}.item(0)"
+        return text
+
+    def state_value(self, end: Endpoint) -> str:
+        item = f"[{end.component}]" if end.component else ""
+        return f"{self.state(end.block)}.{end.port}{item}"
+
+    def record(self, events: bool) -> None:
+        for recording in self.recordings:
+            if recording.is_event != events or recording.constant:
+                continue
+            self.at(recording.every)
+            self.recorded(recording)
+
+    def recorded(self, recording: RecordSlot) -> None:
+        """One row of one recording."""
+        row = recording.row
+        if recording.columns is not None:
+            row += f", {recording.columns.start}:{recording.columns.stop}"
+        end = recording.end
+        value = self.state_value(end) if recording.is_state else self.value(end)
+        self.code(f"{recording.array}[{row}] = {value}")
+
+
+def absent_value(kind: SignalType, number: float | None) -> str:
+    """The expression of an open input's value; an array is made anew on each tick.
+
+    A block that writes into an input would otherwise change what it reads on the next tick.
+    """
+    text = repr(float(number or 0.0))
+    text = text if math.isfinite(float(text)) else f"float({text!r})"
+    if kind.form == "array":
+        return f"full({kind.shape!r}, {text})"
+    return text if kind.form == "scalar" else f"({f'{text}, ' * len(kind.components)})"
+
+
+def finite_test(signals: dict[str, SignalType]) -> str:
+    """An expression that is true while signals hold only numbers that they may hold."""
+    finite: list[str] = []
+    others: list[str] = []
+    for variable, kind in signals.items():
+        if kind.form == "scalar":
+            finite.append(variable)
+        elif kind.form == "record":
+            finite += [f"{variable}[{i}]" for i in range(len(kind.components))]
+        else:
+            flat = f"{variable}.ravel()" if kind.components else variable
+            (finite if kind.finite else others).append(f"dot({flat}, {flat})")
+    tests = [f"isfinite({' + '.join(finite)})"] if finite else []
+    return " and ".join(tests + [f"not isnan({term})" for term in others])

@@ -1,0 +1,210 @@
+"""The figure of an ablation: metrics by variant with intervals, and the ways gone."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.lines import Line2D
+
+from blocks.core import FloatArray
+from runtime.errors import UsageError
+from runtime.experiments.execution import INDEX, RUNS, TABLE, WAYS, Columns, Row, read_rows
+from runtime.files import own_file, own_folder
+from runtime.observation import Recording, RunData
+from runtime.plots import GREY, style, walls
+from runtime.runs import read_run
+
+FILE = "plots/ablation.png"
+DPI = 150
+COLUMNS = 2
+WIDTH = 9.0  # inches
+PATH: dict[str, Any] = {"color": "0.35", "linestyle": (0, (5, 2)), "linewidth": 1.0}
+
+
+def save_ablation_figure(folder: Path) -> Path:
+    """Draw the figure of an ablation into its folder; returns the file.
+
+    Raises
+    ------
+    UsageError : it cannot be written.
+    """
+    path = folder / FILE
+    try:
+        own_folder(path.parent)
+        ablation_figure(folder).savefig(own_file(path), dpi=DPI)
+    except OSError as error:
+        raise UsageError(f"cannot write '{path}': {error.strerror}") from None
+    return path
+
+
+def ablation_figure(folder: Path) -> Figure:
+    """Metrics by variant above, trajectories of the first seed below, as far as there are any.
+
+    Parameters
+    ----------
+    folder : of an ablation that is complete.
+
+    Raises
+    ------
+    UsageError : its files cannot be read.
+    """
+    facts = read_facts(folder)
+    ways = list(_ways(folder, facts["variants"]))
+    rows = math.ceil(len(facts["metrics"]) / COLUMNS)
+    above = rows * (0.75 + 0.23 * len(facts["variants"]))
+    below = 4.2 if ways else 0.0
+    with matplotlib.rc_context(style.STYLE):
+        figure = Figure(figsize=(WIDTH, above + below + 0.4), layout="constrained")
+        seeds = f"{len(facts['seeds'])} seeds: means, 95 % intervals, a dot for each seed"
+        message = f"{facts['experiment']}  ·  {seeds}; hollow: not told from the baseline"
+        figure.suptitle(message, fontsize=10.0)
+        if ways:
+            top, bottom = figure.subfigures(2, 1, height_ratios=[above, below], squeeze=False)[:, 0]
+            _metrics(top, folder, facts, rows)
+            _plane(bottom, ways, f"ways gone with seed {facts['seeds'][0]}")
+        else:
+            _metrics(figure, folder, facts, rows)
+    return figure
+
+
+def read_facts(folder: Path) -> dict[str, Any]:
+    """ablation.json.
+
+    Raises
+    ------
+    UsageError : it cannot be read.
+    """
+    path = folder / TABLE
+    try:
+        facts: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise UsageError(f"cannot read '{path}': {error}") from None
+    return facts
+
+
+def _metrics(figure: Figure | SubFigure, folder: Path, facts: dict[str, Any], rows: int) -> None:
+    """One axes a metric, all with the variants at the same heights."""
+    names = [variant["name"] for variant in facts["variants"]]
+    metrics = facts["metrics"]
+    values: dict[str, list[Row]] = {name: [] for name in names}
+    for row in read_rows(folder / INDEX, Columns(("variant",), tuple(metrics))):
+        values[row.cells[0]].append(row)
+    grid = figure.subplots(rows, COLUMNS, squeeze=False, sharey=True)
+    for i, axes in enumerate(grid.flat):
+        if i >= len(metrics):
+            axes.set_visible(False)
+            continue
+        axes.set_title(metrics[i])
+        lines = [line for line in facts["table"] if line["metric"] == metrics[i]]
+        _metric(axes, lines, [[row.metrics[i] for row in values[name]] for name in names])
+    grid[0][0].set_yticks(range(len(names)), names)
+    grid[0][0].invert_yaxis()
+
+
+def _metric(
+    axes: Axes, lines: Sequence[dict[str, Any]], values: Sequence[Sequence[float | None]]
+) -> None:
+    if all(line["mean"] is None for line in lines):
+        style.say(axes, "no run has a value")
+        return
+    if lines[0]["mean"] is not None:
+        look: dict[str, Any] = {"color": "0.5", "linewidth": 0.8, "linestyle": (0, (4, 2))}
+        axes.axvline(lines[0]["mean"], **look, zorder=1.0)
+    for y, (line, own) in enumerate(zip(lines, values, strict=True)):
+        found = [value for value in own if value is not None]
+        axes.plot(found, [y] * len(found), ".", color="0.65", markersize=3.0, zorder=2.0)
+        if not found:
+            where: Any = ("axes fraction", "data")
+            message = "no value" if line["recorded"] else "gone"
+            axes.annotate(message, (0.02, y), xycoords=where, fontsize=7.0, va="center", color=GREY)
+            continue
+        _estimate(axes, y, line)
+        if line["n"] < line["runs"]:
+            at: dict[str, Any] = {"xytext": (4, 3), "textcoords": "offset points"}
+            message = f"{line['n']}/{line['runs']}"
+            axes.annotate(message, (line["mean"], y), **at, fontsize=7.0, color=GREY)
+
+
+def _estimate(axes: Axes, y: int, line: dict[str, Any]) -> None:
+    mean, low, high = line["mean"], line["low"], line["high"]
+    apart = line["difference"]
+    is_told = apart is None or apart["distinguishable"] or (apart["p_presence"] or 1.0) < 0.05
+    axes.errorbar(
+        *(mean, y),
+        xerr=None if low is None else [[mean - low], [high - mean]],
+        fmt="o",
+        color=_colour(y),
+        markerfacecolor=_colour(y) if is_told else "white",
+        markersize=4.5,
+        capsize=2.5,
+        linewidth=1.4,
+        zorder=3.0,
+    )
+
+
+def _colour(i: int) -> str:
+    """Black for the baseline, and a colour for each variant while there are colours."""
+    return "black" if i == 0 else style.COLOURS[(i - 1) % (len(style.COLOURS) - 1)]
+
+
+def _dashes(i: int) -> str:
+    """A line for the baseline; where colours run out, they begin again with other dashes."""
+    turn = max(0, i - 1) // (len(style.COLOURS) - 1)
+    return style.LINESTYLES[turn % len(style.LINESTYLES)]
+
+
+def _ways(
+    folder: Path, variants: Sequence[dict[str, Any]]
+) -> Iterator[tuple[int, str, RunData, FloatArray]]:
+    """The runs that were kept, with x and y of the first pose that their plots show."""
+    for i, variant in enumerate(variants):
+        kept = folder / RUNS / str(variant["slug"])
+        result = read_run(kept) if kept.is_dir() else None
+        pose = None if result is None else next(_shown(result, "Pose"), None)
+        if result is not None and pose is not None:
+            yield i, str(variant["name"]), result, pose.values[:, :2]
+
+
+def _shown(result: RunData, kind: str) -> Iterator[Recording]:
+    """What a run's trajectories and maps show of a kind."""
+    for plot in result.plots:
+        for name in plot.of if plot.kind in WAYS else ():
+            recorded = result.probes.get(name)
+            if recorded is not None and recorded.kinds == (kind,) and len(recorded.t):
+                yield recorded
+
+
+def _plane(
+    figure: Figure | SubFigure, ways: Sequence[tuple[int, str, RunData, FloatArray]], title: str
+) -> None:
+    """All ways in one plane, over the path and the world of the first."""
+    axes = figure.subplots()
+    handles: list[Line2D] = []
+    result = ways[0][2]
+    everything = np.concatenate([xy for *_, xy in ways])
+    low, high = everything.min(axis=0), everything.max(axis=0)
+    margin = 0.06 * max(float((high - low).max()), 0.5)
+    if result.world is not None:
+        low, high = walls.view(result.world, everything)
+        margin = 0.0
+        walls.draw_world(axes, result.world)
+    for i, name, _, xy in ways:
+        # The baseline lies below and is wider: what it coincides with shows all the same.
+        look: dict[str, Any] = {"color": _colour(i), "linewidth": 1.2 if i else 2.8}
+        look["linestyle"] = _dashes(i)
+        handles += axes.plot(*xy.T, label=name, **look)
+    for path in _shown(result, "Path"):
+        handles += axes.plot(*path.values[-1][:, :2].T, label=path.name, **PATH)
+    axes.set(xlabel="x [m]", ylabel="y [m]", title=title)
+    axes.set_xlim(low[0] - margin, high[0] + margin)
+    axes.set_ylim(low[1] - margin, high[1] + margin)
+    axes.set_aspect("equal")
+    figure.legend(handles=handles, loc="outside right upper")

@@ -1,0 +1,145 @@
+"""Rows that come in any order, gathered by setting; a setting is let go once it is complete."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from runtime.experiments.analysis.statistics import Estimate, estimate
+from runtime.experiments.design import Objective
+from runtime.experiments.execution import Row
+
+BEST = 10
+REASONS, REASONS_SHOWN = 200, 5
+
+
+@dataclass(frozen=True)
+class Group:
+    """The rows of one setting, in the order of its seeds."""
+
+    number: int
+    cells: tuple[str, ...]
+    rows: tuple[Row, ...]
+
+    def values(self, column: int) -> list[float]:
+        """The values that one of the metrics has."""
+        found = (row.metrics[column] for row in self.rows)
+        return [value for value in found if value is not None]
+
+
+class Gathering:
+    """Puts rows together. Only settings whose seeds are still running are held.
+
+    Parameters
+    ----------
+    seeds : how many rows make a setting complete.
+    """
+
+    def __init__(self, seeds: int) -> None:
+        self.seeds = seeds
+        self._open: dict[int, list[Row]] = {}
+
+    def add(self, row: Row) -> Group | None:
+        """Take a row in; gives the setting that it completes."""
+        number = row.point // self.seeds
+        rows = self._open.setdefault(number, [])
+        rows.append(row)
+        return self._closed(number) if len(rows) == self.seeds else None
+
+    def rest(self) -> Iterator[Group]:
+        """The settings that are not complete."""
+        for number in sorted(self._open):
+            yield self._closed(number)
+
+    def _closed(self, number: int) -> Group:
+        rows = sorted(self._open.pop(number), key=lambda row: row.point)
+        return Group(number, rows[0].cells, tuple(rows))
+
+
+def gather(rows: Iterable[Row], seeds: int) -> Iterator[Group]:
+    """The settings of an index, the incomplete ones last."""
+    gathering = Gathering(seeds)
+    for row in rows:
+        group = gathering.add(row)
+        if group is not None:
+            yield group
+    yield from gathering.rest()
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """A setting with the mean of the objective over its seeds."""
+
+    cells: tuple[str, ...]
+    objective: Estimate
+
+
+@dataclass
+class Tally:
+    """What is known of a sweep while it runs: rows by status, reasons, and the best settings.
+
+    Of more reasons than a page holds, the first ones are counted; the best settings are those
+    with the best means, of those whose runs all have a value.
+    """
+
+    seeds: int
+    column: int | None
+    objective: Objective | None
+    done: int = 0
+    counts: Counter[str] = field(default_factory=Counter)
+    reasons: Counter[str] = field(default_factory=Counter)
+
+    def __post_init__(self) -> None:
+        self._gathering = Gathering(self.seeds)
+        self._heap: list[tuple[float, int, Group]] = []
+        self._order = itertools.count()
+
+    def add(self, row: Row) -> None:
+        """Take a row in."""
+        self.done += 1
+        self.counts[row.status] += 1
+        if row.reason and (row.reason in self.reasons or len(self.reasons) < REASONS):
+            self.reasons[row.reason] += 1
+        group = self._gathering.add(row)
+        if group is not None:
+            self._rank(group)
+
+    def _rank(self, group: Group) -> None:
+        if self.objective is None or self.column is None:
+            return
+        values = group.values(self.column)
+        if len(values) < self.seeds:
+            return
+        mean = sum(values) / len(values)
+        # A heap's first is its smallest: here the worst of the best.
+        if len(self._heap) == BEST and -self.objective.of(mean) <= self._heap[0][0]:
+            return
+        push = heapq.heappush if len(self._heap) < BEST else heapq.heappushpop
+        push(self._heap, (-self.objective.of(mean), -next(self._order), group))
+
+    @property
+    def best(self) -> list[Ranked]:
+        """The best settings, the best first."""
+        groups = [group for _, _, group in sorted(self._heap, reverse=True)]
+        column = self.column or 0
+        return [Ranked(group.cells, estimate(group.values(column))) for group in groups]
+
+    def line(self, factors: Sequence[str]) -> str:
+        """The best so far, in one line."""
+        failed = self.done - self.counts["ok"]
+        bad = f"  ({failed} not ok)" if failed else ""
+        if not self._heap or self.objective is None:
+            return f"{self.done} done{bad}"
+        cost, _, group = max(self._heap)
+        values = ", ".join(f"{k}={c}" for k, c in zip(factors, group.cells, strict=True))
+        place = f" at {values}" if values else ""
+        return f"best {self.objective.metric} {self.objective.of(-cost):.4g}{place}{bad}"
+
+    def told(self) -> list[dict[str, Any]]:
+        """The most frequent reasons with their counts."""
+        most = self.reasons.most_common(REASONS_SHOWN)
+        return [{"reason": reason, "count": count} for reason, count in most]

@@ -1,0 +1,141 @@
+"""Means, paired differences and whether they are real; what scipy computes, named and counted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from blocks.core import FloatArray
+
+CONFIDENCE = 0.95
+RESAMPLES = 9999
+Test = Literal["t", "bootstrap"]
+TESTS: dict[Test, str] = {
+    "t": "paired t",
+    "bootstrap": "bootstrap (BCa) with a sign-flip permutation test",
+}
+CORRECTION = "Benjamini-Hochberg"
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A mean of ``n`` values with the ends of its confidence interval, NaN where it has none."""
+
+    n: int
+    mean: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Difference(Estimate):
+    """A mean paired difference; ``p`` is the probability of one as large if there were none."""
+
+    p: float
+
+
+def estimate(values: Sequence[float], test: Test = "t") -> Estimate:
+    """The mean of independent values, by Student's t or by a bootstrap.
+
+    One value has no interval; values that are all equal have one of no width.
+    """
+    data = np.asarray(values, dtype=float)
+    if not len(data):
+        return Estimate(0, math.nan, math.nan, math.nan)
+    low, high = _interval(data, test)
+    return Estimate(len(data), float(data.mean()), low, high)
+
+
+def difference(
+    values: Sequence[float | None], baseline: Sequence[float | None], test: Test = "t"
+) -> Difference:
+    """The mean of ``values - baseline`` over the seeds on which both have a value.
+
+    Parameters
+    ----------
+    values, baseline : one value a seed, in the same order of seeds; None where there is none.
+    test : ``t`` for a paired t test; ``bootstrap`` for a BCa interval, with the p value of a
+        permutation test that flips signs.
+    """
+    pairs = [(a, b) for a, b in zip(values, baseline, strict=True) if None not in (a, b)]
+    apart = np.array([a - b for a, b in pairs if a is not None and b is not None], dtype=float)
+    found = estimate(apart.tolist(), test)
+    return Difference(found.n, found.mean, found.low, found.high, _p(apart, test))
+
+
+def adjusted(p: Sequence[float]) -> list[float]:
+    """p values corrected for their number by Benjamini and Hochberg; NaN stays NaN."""
+    from scipy.stats import false_discovery_control
+
+    values = np.asarray(p, dtype=float)
+    known = np.isfinite(values)
+    if known.any():
+        values[known] = false_discovery_control(values[known], method="bh")
+    return [float(value) for value in values]
+
+
+def presence(values: Sequence[float | None], baseline: Sequence[float | None]) -> float:
+    """p value of McNemar's exact test: do the two have a value on equally many seeds?"""
+    from scipy.stats import binomtest
+
+    pairs = list(zip(values, baseline, strict=True))
+    gained = sum(a is not None and b is None for a, b in pairs)
+    missed = sum(a is None and b is not None for a, b in pairs)
+    if not gained + missed:
+        return 1.0
+    return float(binomtest(gained, gained + missed).pvalue)
+
+
+def _is_constant(data: FloatArray) -> bool:
+    # Equal numbers may differ by rounding after a subtraction.
+    return bool(np.ptp(data) <= 1e-12 * np.abs(data).max())
+
+
+def _interval(data: FloatArray, test: Test) -> tuple[float, float]:
+    from scipy import stats
+
+    mean = float(data.mean())
+    if len(data) < 2:
+        return math.nan, math.nan
+    if _is_constant(data):
+        return mean, mean
+    if test == "bootstrap":
+        found = stats.bootstrap(
+            (data,),
+            np.mean,
+            confidence_level=CONFIDENCE,
+            n_resamples=RESAMPLES,
+            random_state=_generator(),
+        ).confidence_interval
+        return float(found.low), float(found.high)
+    low, high = stats.t.interval(CONFIDENCE, len(data) - 1, loc=mean, scale=stats.sem(data))
+    return float(low), float(high)
+
+
+def _p(apart: FloatArray, test: Test) -> float:
+    from scipy import stats
+
+    if len(apart) < 2:
+        return math.nan
+    if _is_constant(apart):
+        return 1.0 if not apart.any() else 0.0
+    if test == "bootstrap":
+        found = stats.permutation_test(
+            (apart,),
+            lambda x, axis: x.mean(axis=axis),
+            permutation_type="samples",
+            vectorized=True,
+            n_resamples=RESAMPLES,
+            random_state=_generator(),
+        )
+        return float(found.pvalue)
+    return float(stats.ttest_1samp(apart, 0.0).pvalue)
+
+
+def _generator() -> np.random.Generator:
+    """Resamples are drawn alike on every call, so that a table comes out the same twice."""
+    return np.random.default_rng(0)

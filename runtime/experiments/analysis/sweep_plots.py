@@ -1,0 +1,274 @@
+"""Figures of a sweep: curves for one knob, heat maps for two, parallel coordinates beyond."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from blocks.core import FloatArray
+from runtime.errors import UsageError
+from runtime.experiments.analysis.sweep_data import Axis, SweepData, read_sweep, spread
+from runtime.experiments.design import Objective
+from runtime.files import own_file, own_folder
+from runtime.plots import style
+
+DPI = 150
+WIDTH = 9.0  # inches
+COLUMNS = 2
+MAP = "viridis"
+FEW_CELLS = 60  # up to so many, a heat map writes its numbers
+MANY_TICKS = 12
+CROWD = 25  # points of a curve that still have a mark each
+# How a mean is marked that is over fewer seeds than its neighbours, and what the title says of it.
+MARK = "tab:red"
+PARTIAL = "n/N or red: only n of the N seeds have a value"
+
+
+def save_sweep_figures(folder: Path) -> list[Path]:
+    """Draw the figures of a sweep into its folder; returns the files.
+
+    Raises
+    ------
+    UsageError : the sweep cannot be read, or the figures not be written.
+    """
+    target = folder / "plots"
+    files = []
+    try:
+        own_folder(target)
+        for name, figure in sweep_figures(folder):
+            files.append(target / f"{name}.png")
+            figure.savefig(own_file(files[-1]), dpi=DPI)
+    except OSError as error:
+        raise UsageError(f"cannot write '{target}': {error.strerror}") from None
+    return files
+
+
+def sweep_figures(folder: Path) -> Iterator[tuple[str, Figure]]:
+    """The figures of a sweep, each with a name: one of all metrics, or one a metric.
+
+    Parameters
+    ----------
+    folder : of a sweep, complete or not.
+    """
+    data = read_sweep(folder)
+    shown = [name for name in data.metrics if np.isfinite(data.means(name)).any()]
+    if not shown or not data.axes or not len(data.axes[0].places):
+        return
+    with matplotlib.rc_context(style.STYLE):
+        if len(data.axes) == 1:
+            yield "curves", _panels(data, shown, _curve)
+        elif len(data.axes) == 2:
+            painter = _heat if data.method == "grid" else _scatter
+            yield "maps", _panels(data, shown, painter)
+        else:
+            for metric in shown:
+                yield f"parallel_{metric}", _parallel(data, metric)
+
+
+def _panels(data: SweepData, metrics: list[str], painter: Any) -> Figure:
+    """One axes a metric."""
+    columns = min(COLUMNS, len(metrics))
+    rows = math.ceil(len(metrics) / columns)
+    figure = Figure(figsize=(WIDTH / COLUMNS * columns, 0.5 + 3.0 * rows), layout="constrained")
+    figure.suptitle(_said(data, metrics), fontsize=10.0)
+    for i, axes in enumerate(figure.subplots(rows, columns, squeeze=False).flat):
+        if i < len(metrics):
+            axes.set_title(metrics[i])
+            painter(figure, axes, data, metrics[i])
+        else:
+            axes.set_visible(False)
+    return figure
+
+
+def _said(data: SweepData, metrics: list[str]) -> str:
+    over = f"means over {data.seeds} seeds" if data.seeds > 1 else "one seed"
+    if any(data.is_partial(metric).any() for metric in metrics):
+        over += f" ({PARTIAL})"
+    left = f", {data.skipped} settings not drawn" if data.skipped else ""
+    return f"{data.name}  ·  {len(data.axes[0].places)} settings, {over}{left}"
+
+
+def _curve(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
+    """The means along a knob, with their intervals."""
+    axis = data.axes[0]
+    order = np.argsort(axis.places, kind="stable")
+    found = [data.metrics[metric][i] for i in order]
+    x = axis.places[order]
+    mean = np.array([estimate.mean for estimate in found])
+    ends = np.array([spread(estimate) for estimate in found])
+    colour = style.COLOURS[0]
+    if axis.names or len(x) <= CROWD:
+        bars = np.abs(ends - mean[:, None]).T
+        joined = "none" if axis.names else "-"
+        look: dict[str, Any] = {"color": colour, "markersize": 4.0, "linestyle": joined}
+        axes.errorbar(x, mean, yerr=bars, marker="o", capsize=2.5, **look)
+    else:
+        axes.fill_between(x, ends[:, 0], ends[:, 1], color=colour, alpha=0.2, linewidth=0.0)
+        axes.plot(x, mean, color=colour)
+        some = data.is_partial(metric)[order]
+        axes.plot(x[some], mean[some], ".", color=MARK, markersize=3.0)
+    # The axis holds all settings, those without a value too.
+    level = mean[np.isfinite(mean)][0]
+    axes.update_datalim(np.column_stack([x, np.full(len(x), level)]))
+    axes.autoscale_view()
+    where: Any = ("data", "axes fraction")
+    small: dict[str, Any] = {"fontsize": 7.0, "va": "top", "ha": "center", "color": style.GREY}
+    for place, estimate in zip(x, found, strict=True):
+        if estimate.n < data.seeds and len(x) <= CROWD:
+            axes.annotate(f"{estimate.n}/{data.seeds}", (place, 1.0), xycoords=where, **small)
+    _label(axes, axis, "x")
+
+
+def _label(axes: Axes, axis: Axis, side: str) -> None:
+    """Name a knob's axis, and its places where they are names."""
+    (axes.set_xlabel if side == "x" else axes.set_ylabel)(axis.path)
+    if axis.is_log:
+        (axes.set_xscale if side == "x" else axes.set_yscale)("log")
+    if axis.names and len(axis.names) <= MANY_TICKS:
+        ticks = range(len(axis.names))
+        if side == "x":
+            turned = max(map(len, axis.names)) * len(axis.names) > 40
+            how: dict[str, Any] = {"rotation": 20, "ha": "right"} if turned else {}
+            axes.set_xticks(ticks, axis.names, **how)
+        else:
+            axes.set_yticks(ticks, axis.names)
+
+
+def _heat(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
+    """The means over two knobs, each cell a setting."""
+    first, second = data.axes
+    columns, rows = first.distinct, second.distinct
+    grid = np.full((len(rows), len(columns)), np.nan)
+    at = np.searchsorted(rows, second.places), np.searchsorted(columns, first.places)
+    grid[at] = data.means(metric)
+    axes.grid(False)
+    colours = matplotlib.colormaps[MAP].with_extremes(bad="0.85")
+    image = axes.imshow(grid, origin="lower", aspect="auto", cmap=colours)
+    figure.colorbar(image, ax=axes, pad=0.01, aspect=18)
+    for axis, places, side in ((first, columns, "x"), (second, rows, "y")):
+        names = [axis.names[int(p)] if axis.names else f"{p:.4g}" for p in places]
+        every = -(-len(names) // MANY_TICKS)
+        ticks = range(0, len(names), every)
+        shown = [names[i] for i in ticks]
+        if side == "x":
+            turned = sum(map(len, shown)) > 36
+            how: dict[str, Any] = {"rotation": 25, "ha": "right"} if turned else {}
+            axes.set_xticks(ticks, shown, **how)
+            axes.set_xlabel(axis.path)
+        else:
+            axes.set_yticks(ticks, shown)
+            axes.set_ylabel(axis.path)
+    seeds = np.full(grid.shape, data.seeds)
+    seeds[at] = [found.n for found in data.metrics[metric]]
+    if grid.size <= FEW_CELLS:
+        _numbers(axes, grid, seeds, data.seeds)
+    else:
+        marked = np.argwhere((seeds > 0) & (seeds < data.seeds))
+        axes.plot(marked[:, 1], marked[:, 0], ".", color=MARK, markersize=3.0)
+
+
+def _numbers(axes: Axes, grid: FloatArray, seeds: NDArray[np.int_], most: int) -> None:
+    """Write each cell's mean, and of how many seeds it is where that is not all."""
+    middle = 0.5 * (np.nanmin(grid) + np.nanmax(grid))
+    look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 7.0}
+    for (row, column), value in np.ndenumerate(grid):
+        if np.isfinite(value):
+            colour = "white" if value < middle else "black"
+            n = seeds[row, column]
+            share = f"\n{n}/{most}" if n < most else ""
+            axes.text(column, row, f"{value:.3g}{share}", color=colour, **look)
+
+
+def _scatter(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
+    """Samples of two knobs, coloured by the mean; hollow where no run has a value."""
+    first, second = data.axes
+    means = data.means(metric)
+    known = np.isfinite(means)
+    look: dict[str, Any] = {"s": 22.0, "zorder": 2.0}
+    hollow: dict[str, Any] = {"facecolors": "none", "edgecolors": "0.5", "linewidths": 0.8}
+    axes.scatter(first.places[~known], second.places[~known], **look, **hollow)
+    look |= {"c": means[known], "cmap": MAP}
+    edges = [MARK if some else "none" for some in data.is_partial(metric)[known]]
+    drawn = axes.scatter(first.places[known], second.places[known], edgecolors=edges, **look)
+    figure.colorbar(drawn, ax=axes, pad=0.01, aspect=18)
+    _label(axes, first, "x")
+    _label(axes, second, "y")
+
+
+def _parallel(data: SweepData, metric: str) -> Figure:
+    """One upright axis a knob and one for the metric; each line is a setting."""
+    figure = Figure(figsize=(WIDTH, 4.2), layout="constrained")
+    axes = figure.subplots()
+    means = data.means(metric)
+    known = np.isfinite(means)
+    value = Axis(metric, np.where(known, means, np.nan), (), False)
+    uprights = [*data.axes, value]
+    heights = np.column_stack([_height(axis) for axis in uprights])
+    x = np.arange(len(uprights), dtype=float)
+    lost = [np.column_stack([x[:-1], row[:-1]]) for row in heights[~known]]
+    axes.add_collection(LineCollection(lost, colors="0.8", linewidths=0.6, zorder=1.0))
+    order = _worst_first(means, known, data.objective if _is_goal(data, metric) else None)
+    lines = [np.column_stack([x, heights[i]]) for i in order]
+    scale = Normalize(float(means[known].min()), float(means[known].max()))
+    colours = matplotlib.colormaps[MAP](scale(means[order]))
+    drawn = LineCollection(lines, colors=colours, linewidths=0.9, alpha=0.85, zorder=2.0)
+    axes.add_collection(drawn)
+    some = data.is_partial(metric)
+    axes.plot(np.full(some.sum(), x[-1]), heights[some, -1], ".", color=MARK, markersize=4.0)
+    _uprights(axes, uprights)
+    figure.colorbar(ScalarMappable(scale, MAP), ax=axes, label=metric, pad=0.02, aspect=22)
+    axes.set_title(_said(data, [metric]), fontsize=10.0)
+    return figure
+
+
+def _is_goal(data: SweepData, metric: str) -> bool:
+    return data.objective is not None and data.objective.metric == metric
+
+
+def _worst_first(means: FloatArray, known: Any, objective: Objective | None) -> Any:
+    """The order of drawing: the best lie on top."""
+    index = np.flatnonzero(known)
+    ordered = index[np.argsort(-means[index], kind="stable")]
+    is_reversed = objective is not None and objective.goal == "maximize"
+    return ordered[::-1] if is_reversed else ordered
+
+
+def _height(axis: Axis) -> FloatArray:
+    """Where settings lie on an upright, from 0 to 1."""
+    places = np.log10(axis.places) if axis.is_log else axis.places
+    low, high = np.nanmin(places), np.nanmax(places)
+    heights: FloatArray = (places - low) / (high - low) if high > low else np.full(len(places), 0.5)
+    return heights
+
+
+def _uprights(axes: Axes, uprights: list[Axis]) -> None:
+    """Draw the upright axes with what stands at their ends."""
+    axes.grid(False)
+    axes.set_xlim(-0.35, len(uprights) - 0.65)
+    axes.set_ylim(-0.08, 1.08)
+    axes.set_yticks([])
+    axes.spines[:].set_visible(False)
+    axes.set_xticks(range(len(uprights)), [axis.path for axis in uprights])
+    axes.tick_params(axis="x", length=0.0)
+    small: dict[str, Any] = {"fontsize": 7.0, "va": "center", "zorder": 4.0}
+    small["bbox"] = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
+    small |= {"xytext": (4, 0), "textcoords": "offset points"}
+    for x, axis in enumerate(uprights):
+        axes.axvline(x, color="0.3", linewidth=0.8, zorder=3.0)
+        heights = _height(axis)
+        ends = [np.nanmin(axis.places), np.nanmax(axis.places)]
+        for place in axis.distinct if axis.names else ends:
+            height = float(heights[np.nanargmin(np.abs(axis.places - place))])
+            message = axis.names[int(place)] if axis.names else f"{place:.4g}"
+            axes.annotate(message, (x, height), **small)

@@ -1,0 +1,63 @@
+"""What is wrong with an experiment, told before anything runs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from blocks.core import hint
+from runtime.document import full_path
+from runtime.errors import GraphError, Problems, UsageError, Where
+from runtime.experiments.design.factors import Factor
+from runtime.experiments.design.objective import Objective
+from runtime.experiments.design.sampling import Design
+from runtime.experiments.design.seeds import Seeds
+from runtime.graph import Graph
+
+
+def check_knob(graph: Graph, factor: Factor, where: Where, problems: Problems) -> None:
+    """Try a knob's values on a graph, which has been checked itself."""
+    if full_path(graph.document, factor.path) == "run.seed":
+        problems.add(where, factor.path, "the seed is no knob; seeds are varied by 'seeds'")
+        return
+    for value in factor.trials():
+        try:
+            graph.set(factor.path, value, origin=str(where)).check()
+        except GraphError as error:
+            # A place that is only a text would not sort among the file's other places.
+            problems.found += [
+                replace(problem, where=where) if problem.where.file == str(where) else problem
+                for problem in error.problems
+            ]
+            return
+
+
+def check_design(graph: Graph, design: Design, seeds: Seeds) -> None:
+    """Check that a design can be run.
+
+    Raises
+    ------
+    UsageError : there is nothing to vary, an axis stands twice, or a range has no steps.
+    """
+    if not design.factors and len(seeds) < 2:
+        raise UsageError("there is nothing to vary; add --vary PATH=VALUES, or more --seeds")
+    if not design.factors and design.method != "grid":
+        raise UsageError(f"there is nothing to sample for --{design.method}; add --vary PATH=RANGE")
+    paths = [full_path(graph.document, factor.path) for factor in design.factors]
+    for i, path in enumerate(paths):
+        if path in paths[:i]:
+            raise UsageError(f"'{design.factors[i].path}' is varied twice; keep one")
+    for factor in design.factors:
+        if design.method == "grid" and not factor.count:
+            raise UsageError(
+                f"{factor.path}={factor.written}: how many values? Write {factor.written}:5, "
+                "or sample the ranges with --random N or --sobol N"
+            )
+
+
+def check_objective(graph: Graph, objective: Objective, where: Where, problems: Problems) -> None:
+    """Check that a graph has the metric that is to be made small or large."""
+    known = [metric.name for metric in graph.observation.metrics]
+    if objective.metric not in known:
+        suggestion = hint(objective.metric, known) or f"; it has {', '.join(known) or 'none'}"
+        message = f"the graph has no metric '{objective.metric}'{suggestion}"
+        problems.add(where, objective.goal, message)

@@ -1,0 +1,244 @@
+"""``experiment.yaml``: a graph, what to change in it, and with which seeds."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from runtime.document import Node, check_keys, decoded, find_file, parse_yaml, read_file, texts
+from runtime.errors import NOWHERE, GraphError, Problems, UsageError
+from runtime.experiments.design.checks import check_knob, check_objective
+from runtime.experiments.design.factors import parse_knob
+from runtime.experiments.design.objective import Objective
+from runtime.experiments.design.sampling import Design, Method
+from runtime.experiments.design.seeds import Seeds, parse_seeds
+from runtime.experiments.design.variants import Variant
+from runtime.graph import Graph, load
+
+CHANGES = ("with", "set", "wire", "without", "bypass", "replace")
+SWEEP_KEYS = ("vary", "random", "sobol", "sampling_seed", "minimize", "maximize")
+# What plan.yaml holds beside what was asked for; it is an experiment as well.
+PLAN_KEYS = ("schema_version", "kind", "metrics", "points", "digest", "made")
+KEYS = ("experiment", "graph", "until", *CHANGES, "seeds", *SWEEP_KEYS, "variants", *PLAN_KEYS)
+VARIANT_KEYS = ("graph", "until", *CHANGES, "changes")
+MAX_SAMPLES = 10**9
+Change = Callable[[Graph], Graph]
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """What to run. ``design`` is of a sweep, ``variants`` of an ablation; either may be empty."""
+
+    name: str
+    graph: Graph
+    seeds: Seeds | None = None
+    design: Design = field(default_factory=lambda: Design(()))
+    objective: Objective | None = None
+    variants: tuple[Variant, ...] = ()
+
+
+def read_experiment(
+    source: str, change: Change = lambda graph: graph, *, modules: bool = True
+) -> Experiment:
+    """Read an experiment; a graph is one as well, that leaves everything open.
+
+    Parameters
+    ----------
+    source : a file, or the name of a shipped graph.
+    change : what else to change in the baseline, before variants are made from it.
+    modules : whether Python files that the graphs name may be imported.
+
+    Raises
+    ------
+    GraphError : with every problem of the file.
+    """
+    path = find_file(source, (NOWHERE, ""), Path())
+    document = parse_yaml(decoded(read_file(path, (NOWHERE, "")), path), str(path))
+    if not any(document.get(key) for key in ("experiment", "vary", "variants")):
+        graph = change(load(source, modules=modules))
+        return Experiment(slug(graph.title), graph)
+    return _Reader(document, path.parent, change, modules).read(path.stem)
+
+
+def slug(title: str) -> str:
+    """A title as a folder's name."""
+    return re.sub(r"[^A-Za-z0-9_.-]+", "_", title).strip("._") or "graph"
+
+
+@dataclass
+class _Reader:
+    """Reads one file; goes on after a problem as long as what follows makes sense."""
+
+    document: Node
+    folder: Path
+    change: Change
+    modules: bool
+
+    def __post_init__(self) -> None:
+        self.problems = Problems()
+
+    def read(self, otherwise: str) -> Experiment:
+        document, problems = self.document, self.problems
+        check_keys(document, KEYS, "", problems, "key")
+        name = document.get("experiment")
+        if name is not None and (not isinstance(name.value, str) or slug(name.value) != name.value):
+            message = f"expected a name of letters, digits, '_', '-' and '.', got {name.describe()}"
+            problems.add(name.where, "experiment", message)
+        graph = self.graph(document, "", required=True)
+        if graph is None:
+            problems.raise_any()
+            raise UsageError("there is no graph")
+        try:
+            graph = self.change(graph).check()
+        except GraphError as error:
+            problems.found += error.problems
+            problems.raise_any()
+        seeds = document.get("seeds")
+        experiment = Experiment(
+            name=str(name.value) if name is not None else slug(otherwise),
+            graph=graph,
+            seeds=None if seeds is None else parse_seeds(seeds, "seeds", problems),
+            design=self.design(graph),
+            objective=self.objective(graph),
+            variants=tuple(self.variants(graph)),
+        )
+        problems.raise_any()
+        return experiment
+
+    def graph(self, node: Node, address: str, required: bool = False) -> Graph | None:
+        """The graph that an entry names, with the changes that the entry makes."""
+        named = node.get("graph")
+        prefix = f"{address}." if address else ""
+        if named is None and required:
+            message = "missing; expected a graph's file or name, as in graph: line_actuator_failure"
+            self.problems.add(node.where, f"{prefix}graph", message)
+        if named is None or not isinstance(named.value, str):
+            if named is not None:
+                message = f"expected a graph's file or name, got {named.describe()}"
+                self.problems.add(named.where, f"{prefix}graph", message)
+            return None
+        try:
+            file = find_file(named.value, (named.where, f"{prefix}graph"), self.folder)
+            return self.changed(load(str(file), modules=self.modules), node, prefix)
+        except GraphError as error:
+            self.problems.found += error.problems
+            return None
+
+    def changed(self, graph: Graph, node: Node, prefix: str) -> Graph:
+        """A graph with an entry's changes, in the order in which they are written."""
+        for kind, item in node.items():
+            if kind == "until":
+                graph = graph.set("run.until", item.plain(), origin=str(item.where))
+            elif kind in CHANGES:
+                try:
+                    graph = self.applied(graph, kind, item, f"{prefix}{kind}")
+                except UsageError as error:
+                    self.problems.add(item.where, f"{prefix}{kind}", str(error))
+        return graph
+
+    def applied(self, graph: Graph, kind: str, node: Node, address: str) -> Graph:
+        if kind in ("set", "wire", "replace"):
+            if not node.is_map:
+                message = f"expected a mapping, as in {kind}: {{lqr.q: ...}}, got {node.describe()}"
+                self.problems.add(node.where, address, message)
+            for key, item in node.items():
+                value, origin = item.plain(), str(item.where)
+                if kind == "replace":
+                    value = self.type_name(item, f"{address}.{key}")
+                graph = getattr(graph, kind)(key, value, origin=origin)
+            return graph
+        names = texts(node, address, "a name", self.problems)
+        if kind != "with":
+            changed: Graph = getattr(graph, kind)(
+                *(n.value for n, _ in names), origin=str(node.where)
+            )
+            return changed
+        for item, place in names:
+            graph = graph.overlay(find_file(item.value, (item.where, place), self.folder))
+        return graph
+
+    def type_name(self, node: Node, address: str) -> str:
+        if not isinstance(node.value, str):
+            self.problems.add(node.where, address, f"expected a type, got {node.describe()}")
+            self.problems.raise_any()
+        module, colon, kind = str(node.value).rpartition(":")
+        return f"{self.folder / module}:{kind}" if colon else kind
+
+    def design(self, graph: Graph) -> Design:
+        document, problems = self.document, self.problems
+        factors = []
+        vary = document.get("vary")
+        if vary is not None and not vary.is_map:
+            message = f"expected {{path: values}}, got {vary.describe()}"
+            problems.add(vary.where, "vary", message)
+        for path, node in () if vary is None else vary.items():
+            factor = parse_knob(path, node, f"vary.{path}", problems)
+            if factor is not None:
+                check_knob(graph, factor, node.key, problems)
+                factors.append(factor)
+        method: Method = "grid"
+        samples = self.whole("sobol", 1)
+        if samples:
+            method = "sobol"
+        if document.get("random") is not None:
+            if samples:
+                problems.add(document.where, "random", "there is 'sobol' as well; keep one")
+            method, samples = "random", self.whole("random", 1)
+        return Design(tuple(factors), method, samples, self.whole("sampling_seed", 0))
+
+    def whole(self, key: str, least: int) -> int:
+        node = self.document.get(key)
+        if node is None:
+            return 0
+        value = node.value
+        if type(value) is int and least <= value <= MAX_SAMPLES:
+            return value
+        message = f"expected a whole number from {least} to {MAX_SAMPLES}, got {node.describe()}"
+        self.problems.add(node.where, key, message)
+        return least
+
+    def objective(self, graph: Graph) -> Objective | None:
+        found = None
+        for key in ("minimize", "maximize"):
+            node = self.document.get(key)
+            if node is not None:
+                found = Objective(str(node.value), key)
+                check_objective(graph, found, node.where, self.problems)
+        return found
+
+    def variants(self, graph: Graph) -> list[Variant]:
+        section = self.document.get("variants")
+        if section is None:
+            return []
+        if not section.is_map:
+            message = f"expected {{name: changes}}, got {section.describe()}"
+            self.problems.add(section.where, "variants", message)
+        found = []
+        for name, node in section.items():
+            address = f"variants.{name}"
+            if not node.is_map:
+                message = f"expected changes, as in {{without: adaptive}}, got {node.describe()}"
+                self.problems.add(node.where, address, message)
+                continue
+            check_keys(node, VARIANT_KEYS, address, self.problems, "key")
+            base = graph
+            if node.get("graph") is not None:
+                base = self.graph(node, address) or graph
+            else:
+                try:
+                    base = self.changed(graph, node, f"{address}.")
+                except GraphError as error:
+                    self.problems.found += error.problems
+            found.append(self.variant(name, node, base, graph))
+        return found
+
+    def variant(self, name: str, node: Node, changed: Graph, baseline: Graph) -> Variant:
+        message = node.get("changes")
+        if message is not None:
+            return Variant(name, changed, tuple(map(str, message.plain())))
+        other = node.get("graph")
+        if other is not None:
+            return Variant(name, changed, (f"graph {other.value}", *changed.overrides))
+        return Variant.of(name, changed, baseline)

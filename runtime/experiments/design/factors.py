@@ -1,0 +1,160 @@
+"""Factors: a path into the graph and the values that it takes."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import Any
+
+from blocks.core import show
+from runtime.document import Node, flow_yaml, parse_scalar
+from runtime.errors import Problems
+
+_RANGE = re.compile(
+    r"(?:(?P<scale>log|int)\(\s*(?P<inner>[^()]*)\)|(?P<plain>[^():]*))(?::\s*(?P<count>[0-9]{1,9}))?"
+)
+EXPECTED = "expected values such as [1, 2, 3], 0.1..0.9:5, log(1e-5..1e-2):7 or int(1..9):3"
+DIGITS = 12
+
+
+@dataclass(frozen=True)
+class Factor:
+    """A path into the graph, and the values that it takes one by one."""
+
+    path: str
+    values: tuple[Any, ...]
+
+    @property
+    def written(self) -> Any:
+        """The values as an experiment file holds them."""
+        return list(self.values)
+
+    @property
+    def count(self) -> int:
+        """How many values a grid has; 0 for a range that only samples can fill."""
+        return len(self.values)
+
+    def value(self, i: int) -> Any:
+        """The i-th value of a grid."""
+        return self.values[i]
+
+    def at(self, u: float) -> Any:
+        """The value at a quantile, 0 <= u < 1."""
+        return self.values[min(int(u * len(self.values)), len(self.values) - 1)]
+
+    def trials(self) -> list[Any]:
+        """Values that show whether the graph takes this knob at all."""
+        return list(self.values)
+
+
+@dataclass(frozen=True)
+class Range(Factor):
+    """A knob that takes numbers from ``low`` to ``high``: all of them, or ``steps`` of them."""
+
+    low: float
+    high: float
+    scale: str
+    steps: int
+
+    @property
+    def written(self) -> Any:
+        ends = f"{_end(self.low)}..{_end(self.high)}"
+        text = f"{self.scale}({ends})" if self.scale else ends
+        return f"{text}:{self.steps}" if self.steps else text
+
+    @property
+    def count(self) -> int:
+        return self.steps
+
+    def value(self, i: int) -> Any:
+        return self._between(i / (self.steps - 1))
+
+    def at(self, u: float) -> Any:
+        if self.steps:
+            return self.value(min(int(u * self.steps), self.steps - 1))
+        if self.scale == "int":
+            return int(min(self.low + math.floor(u * (self.high - self.low + 1)), self.high))
+        return self._between(u)
+
+    def trials(self) -> list[Any]:
+        if not self.steps:
+            return [self.at(u) for u in (0.0, 0.5, 1.0)]
+        return [self.value(i) for i in {0, self.steps // 2, self.steps - 1}]
+
+    def _between(self, u: float) -> Any:
+        """The number that lies the fraction ``u`` of the way; the ends are met exactly."""
+        if self.scale == "log":
+            low, high = math.log(self.low), math.log(self.high)
+            number = math.exp(low + u * (high - low))
+        else:
+            number = self.low + u * (self.high - self.low)
+        if self.scale == "int":
+            return round(number)
+        if u in (0.0, 1.0):
+            return float(self.high if u else self.low)
+        # 0.1..0.9:5 means 0.3, not 0.30000000000000004.
+        number = float(f"{number:.{DIGITS}g}")
+        return min(max(number, float(self.low)), float(self.high))
+
+
+def _end(number: float) -> str:
+    return flow_yaml(number)
+
+
+def parse_knob(path: str, node: Node, address: str, problems: Problems) -> Factor | None:
+    """The knob that an entry of ``vary`` describes; None, and a problem, if it is none."""
+    message: str | Factor = f"{EXPECTED}, got {node.describe()}"
+    if node.is_list:
+        message = _choice(path, node)
+    elif isinstance(node.value, str):
+        message = _range(path, node.value)
+    if isinstance(message, Factor):
+        return message
+    problems.add(node.where, address, message)
+    return None
+
+
+def _choice(path: str, node: Node) -> Factor | str:
+    values = node.plain()
+    texts = [flow_yaml(value) for value in values]
+    if not values:
+        return f"an empty list; {EXPECTED}"
+    for i, text in enumerate(texts):
+        if text in texts[:i]:
+            return f"{show(values[i])} stands twice in the list"
+    return Factor(path, tuple(values))
+
+
+def _range(path: str, text: str) -> Factor | str:
+    match = _RANGE.fullmatch(text.strip())
+    inner = (match["inner"] if match["scale"] else match["plain"]) if match else ""
+    low_text, dots, high_text = (inner or "").partition("..")
+    if match is None or not dots:
+        return f"{EXPECTED}, got the text '{text[:40]}'"
+    scale, steps = match["scale"] or "", int(match["count"] or 0)
+    try:
+        low, high = (parse_scalar(end.strip()) for end in (low_text, high_text))
+    except ValueError as error:
+        return f"'{text[:40]}': {error}"
+    message = _wrong_ends(low, high, scale) or _wrong_steps(low, high, scale, steps, match["count"])
+    return f"'{text[:60]}': {message}" if message else Range(path, (), low, high, scale, steps)
+
+
+def _wrong_ends(low: Any, high: Any, scale: str) -> str:
+    for end in (low, high):
+        if isinstance(end, bool) or not isinstance(end, (int, float)) or not math.isfinite(end):
+            return f"expected numbers as the ends of a range, got {show(end)}"
+        if scale == "int" and not isinstance(end, int):
+            return f"expected whole numbers in int(...), got {show(end)}"
+        if scale == "log" and end <= 0:
+            return f"expected ends above 0 in log(...), got {show(end)}"
+    return f"the range is empty: {show(low)} is not below {show(high)}" if low >= high else ""
+
+
+def _wrong_steps(low: Any, high: Any, scale: str, steps: int, written: str | None) -> str:
+    if written is not None and steps < 2:
+        return f"expected two values or more, got :{written}"
+    if scale == "int" and steps > high - low + 1:
+        return f"there are only {high - low + 1} whole numbers from {low} to {high}"
+    return ""

@@ -1,0 +1,65 @@
+"""Which settings of the knobs a sweep tries, one after the other, never all at once in memory."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from runtime.experiments.design.factors import Factor
+
+Method = Literal["grid", "random", "sobol"]
+BLOCK = 64  # samples drawn at a time; a power of two keeps Sobol's points balanced
+
+
+@dataclass(frozen=True)
+class Design:
+    """A way through the space of the knobs.
+
+    Parameters
+    ----------
+    knobs : the axes.
+    method : all combinations, independent uniform samples, or a scrambled Sobol sequence.
+    samples : how many, unless all combinations.
+    seed : of the samples; the same one gives the same settings.
+    """
+
+    factors: tuple[Factor, ...]
+    method: Method = "grid"
+    samples: int = 0
+    seed: int = 0
+
+    def __len__(self) -> int:
+        if self.method != "grid":
+            return self.samples
+        return math.prod(factor.count for factor in self.factors)
+
+    def __iter__(self) -> Iterator[tuple[Any, ...]]:
+        """One value for each knob; the last knob of a grid turns fastest."""
+        if self.method == "grid":
+            yield from map(self._combination, range(len(self)))
+            return
+        for row in itertools.islice(self._quantiles(), self.samples):
+            yield tuple(factor.at(u) for factor, u in zip(self.factors, row, strict=True))
+
+    def _combination(self, number: int) -> tuple[Any, ...]:
+        values = []
+        for factor in reversed(self.factors):
+            number, i = divmod(number, factor.count)
+            values.append(factor.value(i))
+        return tuple(reversed(values))
+
+    def _quantiles(self) -> Iterator[Sequence[float]]:
+        import numpy as np
+
+        generator = np.random.default_rng(self.seed)
+        if self.method == "random":
+            while True:
+                yield from generator.random((BLOCK, len(self.factors)))
+        from scipy.stats import qmc
+
+        sobol = qmc.Sobol(len(self.factors), seed=generator)
+        while True:
+            yield from sobol.random(BLOCK)

@@ -1,0 +1,100 @@
+"""Which points leave a run folder."""
+
+from __future__ import annotations
+
+import heapq
+import re
+import shutil
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from runtime.errors import UsageError
+from runtime.experiments.design import Objective
+from runtime.experiments.execution.index import Row
+from runtime.experiments.execution.trials import Trial
+from runtime.experiments.execution.worker import Task, TrialResult
+from runtime.runs import save
+
+POINTS = "points"
+NOT_OK = ("failed", "timeout")
+_OWN = re.compile(r"[0-9]{6,18}")  # what a point's folder is called
+_BEST = re.compile(r"best:([1-9][0-9]{0,5})")
+
+
+@dataclass
+class RetentionPolicy:
+    """Says what each point records, and writes the folders of those that are kept.
+
+    Parameters
+    ----------
+    folder : of the sweep.
+    policy : ``none``, ``all``, ``failed`` or ``best:N``.
+    objective : what best means, with the metric's column in the index.
+    timeout : seconds that a point may take.
+    """
+
+    folder: Path
+    policy: str
+    objective: Objective | None
+    column: int | None
+    timeout: float | None
+    _heap: list[tuple[float, int]] = field(init=False, default_factory=list)
+
+    def __post_init__(self) -> None:
+        best = _BEST.fullmatch(self.policy)
+        if self.policy not in ("none", "all", "failed") and best is None:
+            raise UsageError(f"--keep {self.policy}: expected all, failed, best:N or none")
+        self.most = int(best[1]) if best else 0
+        if self.most and self.objective is None:
+            raise UsageError(f"--keep {self.policy}: the graph has no metric that could be best")
+
+    def resume(self, rows: Iterable[Row]) -> None:
+        """Take up what was kept before; folders that no longer count are removed."""
+        if self.most:
+            for row in rows:
+                self._rank(row)
+            kept = {number for _, number in self._heap}
+            for path in (self.folder / POINTS).glob("[0-9]*"):
+                if _OWN.fullmatch(path.name) and int(path.name) not in kept:
+                    shutil.rmtree(path, ignore_errors=True)
+
+    def task(self, point: Trial) -> Task:
+        """How a point is to be run."""
+        if self.policy == "none":
+            return Task(point, timeout=self.timeout)
+        keep = {"all": ("ok", *NOT_OK), "failed": NOT_OK}.get(self.policy, ("ok",))
+        beat = None
+        if self.objective is not None and self.most and len(self._heap) == self.most:
+            beat = (self.objective, -self._heap[0][0])
+        return Task(point, "all", keep, beat, self.timeout)
+
+    def save(self, point: Trial, done: TrialResult) -> None:
+        """Write a point's folder, before its row; one that was left half counted is replaced."""
+        if done.result is None:
+            return
+        path = self.path(point.number)
+        shutil.rmtree(path, ignore_errors=True)
+        done.result.files = point.configuration.bundle.files
+        save(done.result, path)
+
+    def settle(self, row: Row) -> None:
+        """After a row: let go of the folder that is no longer among the best."""
+        if self.most:
+            dropped = self._rank(row)
+            if dropped is not None:
+                shutil.rmtree(self.path(dropped), ignore_errors=True)
+
+    def path(self, number: int) -> Path:
+        """A point's folder."""
+        return self.folder / POINTS / f"{number:06d}"
+
+    def _rank(self, row: Row) -> int | None:
+        value = None if self.column is None else row.metrics[self.column]
+        if value is None or self.objective is None:
+            return None
+        entry = (-self.objective.of(value), row.point)
+        if len(self._heap) < self.most:
+            heapq.heappush(self._heap, entry)
+            return None
+        return heapq.heappushpop(self._heap, entry)[1]

@@ -1,0 +1,33 @@
+"""runtime.network."""
+
+from runtime.network.addresses import AddressError, Endpoint, ReportedError, find
+from runtime.network.block_types import source_file
+from runtime.network.build import build
+from runtime.network.inference import component_type, unknown_component
+from runtime.network.network import Entry, Network, Wire, check_output
+from runtime.network.removal import follow, lost
+from runtime.network.replacement import replace_block
+from runtime.network.scope import expand
+from runtime.network.shapes import MAX_BYTES, state_shape, whole_shape
+
+__all__ = [
+    "MAX_BYTES",
+    "AddressError",
+    "Endpoint",
+    "Entry",
+    "Network",
+    "ReportedError",
+    "Wire",
+    "build",
+    "check_output",
+    "component_type",
+    "expand",
+    "find",
+    "follow",
+    "lost",
+    "replace_block",
+    "source_file",
+    "state_shape",
+    "unknown_component",
+    "whole_shape",
+]

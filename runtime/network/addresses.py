@@ -1,0 +1,149 @@
+"""Addresses in a graph: ``plant.pose.theta``, ``adaptive.command``, ``snn.spikes``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from blocks.core import hint
+from runtime.document import Node
+from runtime.errors import Where
+from runtime.network.scope import Scope
+
+MAX_HOPS = 100
+Place = tuple[Where, str]
+
+
+@dataclass(frozen=True)
+class Endpoint:
+    """One port or state of one block, or one component of it."""
+
+    block: str
+    port: str
+    component: str = ""
+
+    def __str__(self) -> str:
+        return ".".join(part for part in (self.block, self.port, self.component) if part)
+
+
+@dataclass(frozen=True)
+class ResolvedAddress:
+    """Where an address leads.
+
+    ``via`` names the inputs of parts that it passed, the nearest first; ``place`` is where the
+    text stands that names the block, if that is not the text that was asked for.
+    """
+
+    end: Endpoint
+    via: tuple[str, ...] = ()
+    place: Place | None = None
+
+
+class AddressError(ValueError):
+    """An address that names nothing; ``place`` as in :class:`ResolvedAddress`."""
+
+    place: Place | None = None
+
+
+class ReportedError(AddressError):
+    """An address that leads to something that is wrong, and reported, elsewhere."""
+
+
+class UnwiredError(AddressError):
+    """An address that leads to a part's input to which nothing is wired."""
+
+    def __init__(self, scope: Scope, port: str) -> None:
+        self.scope, self.port = scope, port
+        super().__init__(f"nothing is wired to '{scope.prefix}{port}'")
+
+
+def find(scope: Scope, text: str, depth: int = 0) -> ResolvedAddress:
+    """Follow an address, through parts and their ports, to a block.
+
+    The port is '' where the address names a block alone.
+
+    Raises
+    ------
+    AddressError : the message names what is not there and what comes close.
+    """
+    names = text.split(".")
+    if "" in names or depth > MAX_HOPS:
+        message = "leads through parts in a circle" if depth else "is no address"
+        raise AddressError(f"'{text}' {message}; expected block.output")
+    asked = scope
+    while len(names) > 1 and names[0] in scope.parts:
+        scope = scope.parts[names.pop(0)]
+    head, rest = names[0], names[1:]
+    if head in scope.blocks:
+        found = ResolvedAddress(Endpoint(scope.prefix + head, rest[0] if rest else ""))
+        return _component(found, rest[1:], text)
+    if head in scope.broken:
+        raise ReportedError
+    if head == "inputs" and scope is asked and scope.parent is not None:
+        return _from_outside(scope, rest, text, depth)
+    if scope is not asked and head in scope.outputs:
+        place = scope.path("outputs", head)
+        return _component(_hop(scope, scope.outputs[head], place, depth), rest, text)
+    if "blocks" in scope.unread or (scope is not asked and "outputs" in scope.unread):
+        raise ReportedError
+    raise AddressError(_missing(asked, scope, head))
+
+
+def _component(found: ResolvedAddress, rest: list[str], text: str) -> ResolvedAddress:
+    if not rest:
+        return found
+    if found.end.component or len(rest) > 1:
+        raise AddressError(f"'{text}' has too many parts; expected block.output.component")
+    return replace(found, end=replace(found.end, component=rest[0]))
+
+
+def _hop(scope: Scope, node: Node, address: str, depth: int) -> ResolvedAddress:
+    """Go on from a text that stands elsewhere, and remember where."""
+    if not isinstance(node.value, str):
+        raise ReportedError
+    try:
+        found = find(scope, node.value, depth + 1)
+    except AddressError as error:
+        error.place = error.place or (node.where, address)
+        raise
+    return replace(found, place=found.place or (node.where, address))
+
+
+def _from_outside(scope: Scope, rest: list[str], text: str, depth: int) -> ResolvedAddress:
+    """What the graph around a part wires to one of the part's inputs."""
+    if "inputs" in scope.unread or scope.parent is None:
+        raise ReportedError
+    if not rest or rest[0] not in scope.inputs:
+        known = ", ".join(scope.inputs) or "none"
+        suggestion = (hint(rest[0], scope.inputs) if rest else "") or f"; its inputs: {known}"
+        raise AddressError(f"'{text}' is no input of this part{suggestion}")
+    wires = scope.parent.wires.get(scope.name)
+    if "wires" in scope.parent.unread or (wires is not None and not wires.is_map):
+        raise ReportedError
+    wire = wires.get(rest[0]) if wires is not None else None
+    if wire is None:
+        raise UnwiredError(scope, rest[0])
+    address = f"{scope.parent.path('wires', scope.name)}.{rest[0]}"
+    found = _hop(scope.parent, wire, address, depth)
+    return _component(replace(found, via=(scope.prefix + rest[0], *found.via)), rest[1:], text)
+
+
+def _missing(asked: Scope, scope: Scope, head: str) -> str:
+    """What is wrong with a name, looked for in ``scope`` by a text that stands in ``asked``."""
+    if scope is not asked:
+        known = [*scope.outputs, *scope.names()]
+        suggestion = hint(head, known) or f"; its outputs: {', '.join(scope.outputs) or 'none'}"
+        return f"part '{scope.prefix.rstrip('.')}' has no output '{head}'{suggestion}"
+    if head in scope.parts:
+        outputs = ", ".join(f"{head}.{name}" for name in scope.parts[head].outputs) or "none"
+        return f"'{head}' is a part; expected one of its outputs: {outputs}"
+    suggestion = hint(head, [*scope.names(), *scope.broken])
+    if scope.parent is not None:
+        inputs = ", ".join(f"inputs.{name}" for name in scope.inputs) or "none"
+        suggestion = suggestion or f"; what comes from outside: {inputs}"
+        return f"there is no block '{head}' in part '{scope.prefix.rstrip('.')}'{suggestion}"
+    if head == "inputs":
+        return "only a part has 'inputs'; expected block.output"
+    suggestion = (
+        suggestion or f"; if it was taken out of blocks, put it back and write 'without: [{head}]'"
+    )
+    return f"there is no block '{head}'{suggestion}"

@@ -1,0 +1,114 @@
+"""Block types: from what a graph writes to a class, the library's or the user's own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from blocks.core import TYPES, Block, DeclarationError, SignalType, hint
+from blocks.registry import BUILTIN, blocks_of_module, installed, types_of_module
+from runtime.document import Node, meant
+from runtime.errors import Problems, UsageError
+
+
+def block_class(
+    node: Node,
+    address: str,
+    classes: Mapping[str, type[Block]],
+    problems: Problems,
+    modules: bool = True,
+) -> type[Block] | None:
+    """The class that a block's entry names; None, and a problem, if there is none.
+
+    With ``modules=False`` no module of the graph is imported: a block that names one is refused.
+    """
+    written = node.get("type")
+    if written is None or not isinstance(written.value, str):
+        got = "" if written is None else f", got {written.describe()}"
+        where = node.key if written is None else written.where
+        misspelt = node.get(meant("type", [key for key, _ in node.items()]))
+        if written is None and misspelt is not None:
+            where = misspelt.key
+        message = f"expected a type, as in {{type: Sum}}{got}; see 'runtime blocks'"
+        problems.add(where, address, message)
+        return None
+    module = node.get("module")
+    if module is not None and not modules:
+        message = f"'{shown(module)}' was not imported, since modules are refused (--no-modules)"
+        problems.add(written.where, f"{address}.type", f"{message}; its types are unknown")
+        return None
+    own = {} if module is None else _module_blocks(module, address, problems)
+    if own is None:
+        return None
+    for library in (own, classes, BUILTIN):
+        if written.value in library:
+            return library[written.value]
+    others = installed()
+    if written.value in others:
+        return others[written.value]
+    known = [*own, *classes, *BUILTIN, *others]
+    suggestion = hint(written.value, known)
+    if not suggestion and module is not None:
+        suggestion = f"; '{shown(module)}' defines {', '.join(own) or 'none'}"
+    suggestion = suggestion or "; see 'runtime blocks'; a block of your own needs 'module: file.py'"
+    problems.add(written.where, f"{address}.type", f"no block type '{written.value}'{suggestion}")
+    return None
+
+
+def own_types(cls: type[Block], node: Node) -> list[SignalType]:
+    """Signal types beside the library's that a block's ports use or its ``module`` defines."""
+    kinds: list[object] = [port.type for port in cls.spec.ports.values()]
+    module = node.get("module")
+    kinds += [] if module is None else types_of_module(Path(module.value))
+    plain = {kind.sized(None) for kind in kinds if isinstance(kind, SignalType)}
+    return sorted((kind for kind in plain if TYPES.get(kind.name) != kind), key=str)
+
+
+def shown(module: Node) -> str:
+    """A module's path as seen from here, where it lies below."""
+    path = Path(str(module.value))
+    here = Path.cwd()
+    return str(path.relative_to(here)) if path.is_relative_to(here) else str(path)
+
+
+def _module_blocks(node: Node, address: str, problems: Problems) -> dict[str, type[Block]] | None:
+    message = ""
+    if not isinstance(node.value, str) or not node.value.endswith(".py"):
+        got = f"'{shown(node)}'" if isinstance(node.value, str) else node.describe()
+        message = f"expected a Python file, got {got}"
+        problems.add(node.where, f"{address}.module", message)
+        return None
+    file = shown(node)
+    try:
+        return blocks_of_module(Path(node.value))
+    except FileNotFoundError:
+        message = f"no such file: '{file}'; paths are relative to the graph's own file"
+    except SyntaxError as error:
+        message = f"{file}:{error.lineno or 1}: {error.msg}"
+    except DeclarationError as error:
+        message = f"{file}: {error}"
+    except (Exception, SystemExit) as error:  # noqa: BLE001 -- a user's file may raise anything
+        message = f"{file} failed: {type(error).__name__}: {error}"
+    problems.add(node.where, f"{address}.module", message)
+    return None
+
+
+def source_file(cls: type[Block]) -> str:
+    """The file that defines a block type, which a YAML graph names as its ``module``.
+
+    Raises
+    ------
+    UsageError : there is none.
+    """
+    import inspect
+
+    try:
+        file = inspect.getsourcefile(cls)
+    except TypeError:
+        file = None
+    if file is None or not Path(file).is_file():
+        raise UsageError(
+            f"block type {cls.__name__} is defined in no file, so a YAML graph cannot name it; "
+            "put the class into a .py file"
+        )
+    return str(Path(file).resolve())

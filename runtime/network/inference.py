@@ -1,0 +1,279 @@
+"""Signal types of generic ports, and lengths of arrays, inferred along the wires."""
+
+from __future__ import annotations
+
+from collections import defaultdict, deque
+from dataclasses import dataclass, field, replace
+
+from blocks.core import BlockSpec, PortType, Same, Scalar, SignalType
+from runtime.errors import NOWHERE, Problems
+from runtime.network.addresses import Endpoint
+from runtime.network.network import Network, Wire
+
+Variable = tuple[str, str]
+
+
+@dataclass
+class _Block:
+    """What is known of one block's type variables and length symbols, and why."""
+
+    types: dict[str, SignalType]
+    lengths: dict[str, int]
+    why: dict[str, str] = field(default_factory=dict)
+
+
+def infer_types(network: Network, problems: Problems) -> None:
+    """Settle the type of every port, as far as the wires tell; reports what clashes."""
+    known = {
+        name: _Block(dict(entry.made.variables), dict(entry.made.sizes()))
+        for name, entry in network.entries.items()
+        if entry.block is not None
+    }
+    inference = _Inference(network, known, problems)
+    inference.settle()
+    inference.report()
+    for name, block in known.items():
+        spec = network.entries[name].cls.spec
+        ports = [(port, declared.type) for port, declared in spec.inputs.items()]
+        ports += [(port, declared.type) for port, declared in spec.outputs.items()]
+        for port, written in ports:
+            kind = _resolved(written, block)
+            if kind is not None and not kind.symbol:
+                network.types[name, port] = kind
+
+
+def report_open(network: Network, problems: Problems) -> None:
+    """Report ports whose type nothing settles, block by block."""
+    for name, entry in network.entries.items():
+        spec = entry.cls.spec
+        ports = [p for p in (*spec.inputs, *spec.outputs) if (name, p) not in network.types]
+        if ports:
+            where = entry.node.key
+            message = _open(name, ports[0], entry.cls.spec)
+            problems.add(where, entry.address if where == NOWHERE else "", message)
+
+
+def _open(block: str, port: str, spec: BlockSpec) -> str:
+    """What to do about a port whose type or length nothing settles."""
+    kind = spec.ports[port].type
+    if isinstance(kind, Same):
+        message = f"the signal type of '{block}.{port}' is open; wire a typed signal to it"
+        return message + (", or write its type, as in 'signal: Scalar'" if spec.generic else "")
+    alike = [name for name, declared in spec.inputs.items() if declared.type == kind]
+    inputs = " or ".join(f"'{block}.{name}'" for name in alike or [port])
+    return f"the length of '{block}.{port}' ({kind}) is open; wire a {kind.name} to {inputs}"
+
+
+def compatible(source: SignalType, target: SignalType) -> bool:
+    """Whether a wire may join the two: equal types, or a scalar and a Vector(1)."""
+    pair = {str(source), str(target)}
+    return source == target or pair == {"Scalar", "Vector(1)"}
+
+
+def component_type(kind: SignalType, end: Endpoint) -> SignalType | None:
+    """The type at the end of an address; None where the component does not exist."""
+    if not end.component:
+        return kind
+    if end.component.isdigit() and end.component != str(_number(end.component)):
+        return None
+    return Scalar if kind.column(end.component) is not None else None
+
+
+def _number(text: str) -> int | None:
+    return int(text) if text.isascii() else None
+
+
+def _resolved(declared: PortType, block: _Block) -> SignalType | None:
+    if isinstance(declared, Same):
+        return block.types.get(declared.variable)
+    if declared.symbol and declared.symbol in block.lengths:
+        return declared.sized(block.lengths[declared.symbol])
+    return declared
+
+
+def _concrete(kind: SignalType | None) -> SignalType | None:
+    return None if kind is None or kind.symbol else kind
+
+
+class _Inference:
+    """Passes types along the wires until nothing new is learnt."""
+
+    def __init__(self, network: Network, known: dict[str, _Block], problems: Problems) -> None:
+        self.network = network
+        self.known = known
+        self.problems = problems
+        self.outer = {wire.target: wire for wire in network.part_wires}
+        self.wires = [
+            wire
+            for wire in network.wires
+            if wire.block in known and wire.source.block in known and self.has_component(wire)
+        ]
+
+    def has_component(self, wire: Wire) -> bool:
+        kind = _resolved(self.out(wire), self.known[wire.source.block])
+        return kind is None or component_type(kind, wire.source) is not None
+
+    def out(self, wire: Wire) -> PortType:
+        return self.network.entries[wire.source.block].cls.spec.outputs[wire.source.port].type
+
+    def into(self, wire: Wire) -> PortType:
+        return self.network.entries[wire.block].cls.spec.inputs[wire.port].type
+
+    def promised(self, wire: Wire) -> SignalType | None:
+        """The type that the outermost part through which a wire comes asks of its source."""
+        typed = [self.network.declared[name] for name in wire.via if name in self.network.declared]
+        return typed[-1] if typed and not wire.source.component else None
+
+    def coming(self, wire: Wire) -> SignalType | None:
+        """The type that arrives at a wire's end."""
+        if not wire.via or wire.via[0] not in self.outer:
+            kind = _resolved(self.out(wire), self.known[wire.source.block])
+            return None if kind is None else component_type(kind, wire.source)
+        outer = self.outer[wire.via[0]]
+        kind = self.network.declared.get(outer.target) or self.coming(outer)
+        own = wire.source if not outer.source.component else replace(wire.source, component="")
+        return None if kind is None else component_type(kind, own)
+
+    def settle(self) -> None:
+        self.vote()
+        touching: dict[str, list[Wire]] = defaultdict(list)
+        for wire in self.wires:
+            touching[wire.block].append(wire)
+            touching[wire.source.block].append(wire)
+        queue = deque(self.wires)
+        while queue:
+            wire = queue.popleft()
+            for name in self.propagate(wire):
+                queue.extend(touching[name])
+
+    def vote(self) -> None:
+        """Give generic ports that hang together the type that most of their wires have.
+
+        A single wire that is wrong is then the one that is reported, wherever it stands.
+        """
+        groups: dict[Variable, Variable] = {}
+
+        def root(variable: Variable) -> Variable:
+            while (above := groups.setdefault(variable, variable)) != variable:
+                groups[variable] = groups[above]
+                variable = above
+            return variable
+
+        votes: list[tuple[Variable, SignalType, str]] = []
+        for wire in self.wires:
+            source = self.variable(wire.source.block, self.out(wire))
+            target = self.variable(wire.block, self.into(wire))
+            coming = _concrete(self.coming(wire))
+            wanted = _concrete(_resolved(self.into(wire), self.known[wire.block]))
+            wanted = self.promised(wire) or wanted
+            if target is not None and coming is not None:
+                votes.append((target, coming, wire.message))
+            if source is not None and not wire.source.component:
+                if wanted is not None:
+                    votes.append((source, wanted, wire.target))
+                elif target is not None:
+                    groups[root(source)] = root(target)
+        cast: dict[Variable, dict[SignalType, list[str]]] = defaultdict(lambda: defaultdict(list))
+        for voter, kind, why in votes:
+            cast[root(voter)][kind].append(why)
+        for variable in list(groups):
+            kinds = cast[root(variable)]
+            if kinds:
+                # max takes the first of equals: the wire that is written first.
+                winner = max(kinds, key=lambda kind: len(kinds[kind]))
+                block = self.known[variable[0]]
+                block.types[variable[1]] = winner
+                block.why[variable[1]] = kinds[winner][0]
+
+    def variable(self, block: str, declared: PortType) -> Variable | None:
+        """A port's type variable, if the block's own parameters leave it open."""
+        if isinstance(declared, Same) and declared.variable not in self.known[block].types:
+            return block, declared.variable
+        return None
+
+    def propagate(self, wire: Wire) -> list[str]:
+        """Pass types along one wire, both ways; returns the blocks that learnt something."""
+        learnt = []
+        source, target = self.known[wire.source.block], self.known[wire.block]
+        coming = _concrete(self.coming(wire))
+        if coming is not None and _learn(self.into(wire), target, coming, wire.message):
+            learnt.append(wire.block)
+        wanted = _concrete(_resolved(self.into(wire), target))
+        wanted = self.promised(wire) or wanted
+        whole = wanted if not wire.source.component else None
+        if whole is not None and _learn(self.out(wire), source, whole, wire.target):
+            learnt.append(wire.source.block)
+        return learnt
+
+    def report(self) -> None:
+        """Report wires whose ends differ, and components that do not exist."""
+        for wire in (*self.network.wires, *self.network.part_wires):
+            if wire.source.block not in self.known:
+                continue
+            source = _resolved(self.out(wire), self.known[wire.source.block])
+            outer = self.outer.get(wire.via[0]) if wire.via else None
+            inherited = outer is not None and outer.source.component
+            if source and not inherited and component_type(source, wire.source) is None:
+                message = unknown_component(source, wire.source)
+                self.problems.add(wire.where, wire.address, message)
+        for wire in self.network.part_wires:
+            target = self.network.declared.get(wire.target)
+            coming = self.coming(wire) if wire.source.block in self.known else None
+            if target is not None and coming is not None:
+                self.compare(wire, coming, target, "")
+        for wire in self.wires:
+            target = _resolved(self.into(wire), self.known[wire.block])
+            coming = self.coming(wire)
+            if target is not None and coming is not None:
+                declared = self.into(wire)
+                symbol = declared.variable if isinstance(declared, Same) else declared.symbol
+                self.compare(wire, coming, target, self.known[wire.block].why.get(symbol or "", ""))
+
+    def compare(self, wire: Wire, coming: SignalType, target: SignalType, why: str) -> None:
+        if target.symbol or coming.symbol:
+            if coming.name == target.name or {coming.name, target.name} == {"Scalar", "Vector"}:
+                return
+        elif compatible(coming, target):
+            return
+        if wire.via and not any(name in self.network.declared for name in wire.via):
+            # The part takes any type: what is wired to it from outside does not fit inside.
+            wire = self.outer.get(wire.via[-1], wire)
+        because = f" (as '{why}' is)" if why and why != wire.message else ""
+        message = f"expected {target}{because}, got {coming} from '{wire.message}'"
+        if target.form == "scalar" and coming.form == "record":
+            fitting = ", ".join(f"{wire.message}.{c}" for c in coming.components)
+            message += f"; one component would fit: {fitting}"
+        self.problems.add(wire.where, wire.address, message)
+
+
+def _learn(declared: PortType, block: _Block, kind: SignalType, why: str) -> bool:
+    """Bind what is open in a declared type; returns whether anything new was learnt."""
+    if isinstance(declared, Same):
+        if declared.variable in block.types:
+            return False
+        block.types[declared.variable] = kind
+        block.why[declared.variable] = why
+        return True
+    symbol = declared.symbol
+    if not symbol or symbol in block.lengths:
+        return False
+    length = 1 if kind == Scalar and declared.name == "Vector" else kind.length
+    if not isinstance(length, int) or kind.name not in (declared.name, "Scalar"):
+        return False
+    block.lengths[symbol] = length
+    block.why[symbol] = why
+    return True
+
+
+def unknown_component(kind: SignalType, end: Endpoint) -> str:
+    """What is wrong with a component that a signal has not."""
+    if kind.form == "scalar":
+        has = "it is a scalar"
+    elif kind.form == "record":
+        has = f"its components: {', '.join(kind.components)}"
+    elif kind.components:
+        has = "only records and vectors have components"
+    else:
+        last = kind.length - 1 if isinstance(kind.length, int) else "its length"
+        has = f"its components: 0 to {last}"
+    return f"{kind} '{end.block}.{end.port}' has no component '{end.component}'; {has}"

@@ -1,0 +1,123 @@
+"""Inputs that must be wired and are not: each with what could be wired to it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from blocks.core import PortType, SignalType
+from runtime.errors import NOWHERE, Problems, Where
+from runtime.network.addresses import AddressError, find
+from runtime.network.inference import compatible
+from runtime.network.network import Network, Wire
+from runtime.network.removal import lost
+from runtime.network.scope import Scope, is_optional
+from runtime.network.wiring import Wiring
+
+MAX_OFFERS = 6
+
+
+@dataclass(frozen=True)
+class _Open:
+    """An open input: of which consumer in which graph, and where that stands."""
+
+    scope: Scope
+    consumer: str
+    port: str
+    kind: PortType | None
+    where: Where
+
+    @property
+    def address(self) -> str:
+        return f"{self.scope.path('wires', self.consumer)}.{self.port}"
+
+    @property
+    def at(self) -> tuple[str, str]:
+        return self.scope.prefix + self.consumer, self.port
+
+
+def report_open_inputs(network: Network, wiring: Wiring, problems: Problems) -> None:
+    """Report every open input, once removal is done and types are known."""
+    ghosts = {(wire.block, wire.port): wire for wire in network.ghost_wires}
+    for found in (*_of_blocks(network), *_of_parts(network)):
+        if found.at in ghosts:
+            _report_lost(network, found, ghosts[found.at], problems)
+        elif found.at not in wiring.settled and "wires" not in found.scope.unread:
+            wires = found.scope.wires.get(found.consumer)
+            why = wiring.open_for.get(found.at)
+            message = f"input '{'.'.join(found.at)}'{_typed(found.kind)} is not connected"
+            message += (f", since {why}" if why else "") + _offers(network, found)
+            where = found.where if wires is None else wires.key
+            problems.add(where, found.address if where == NOWHERE else "", message)
+
+
+def _of_blocks(network: Network) -> Iterator[_Open]:
+    wired = {(wire.block, wire.port) for wire in network.wires}
+    for entry in network.entries.values():
+        for name, port in entry.cls.spec.inputs.items():
+            if not port.optional and (entry.name, name) not in wired:
+                kind = network.types.get((entry.name, name), port.type)
+                yield _Open(entry.scope, entry.short, name, kind, entry.node.key)
+
+
+def _of_parts(network: Network) -> Iterator[_Open]:
+    """Inputs of parts; those that are wired are among the settled ones."""
+    for scope in network.scope.walk():
+        alive = any(name.startswith(scope.prefix) for name in network.entries)
+        if scope.parent is not None and alive:
+            for name, node in scope.inputs.items():
+                if not is_optional(node):
+                    kind = network.declared.get(scope.prefix + name)
+                    yield _Open(scope.parent, scope.name, name, kind, scope.where)
+
+
+def _report_lost(network: Network, found: _Open, wire: Wire, problems: Problems) -> None:
+    block = lost(network, wire.source)
+    message = f"input '{wire.target}'{_typed(found.kind)} is not connected without '{block}'"
+    if block in network.ghosts and network.ghosts[block].cls.spec.through is not None:
+        message += f"; 'bypass: [{block}]' would wire it straight"
+    problems.add(wire.where, wire.address, message + _offers(network, found))
+
+
+def _typed(kind: PortType | None) -> str:
+    return f" ({kind})" if isinstance(kind, SignalType) else ""
+
+
+def _offers(network: Network, found: _Open) -> str:
+    """What could be wired to an input, in the words that its graph would use."""
+    kind = found.kind
+    if not isinstance(kind, SignalType):
+        return "; wire any output to it"
+    outputs = _outputs(network, found.scope, found.consumer)
+    fitting = [name for name, have in outputs if _fits(have, kind)]
+    if not fitting:
+        return f"; no output is a {kind.name}: add a block that has one"
+    more = ", ..." if len(fitting) > MAX_OFFERS else ""
+    return f"; outputs of that type: {', '.join(fitting[:MAX_OFFERS])}{more}"
+
+
+def _fits(have: SignalType | None, want: SignalType) -> bool:
+    if have is None:
+        return False
+    return compatible(have, want if not want.symbol else want.sized(have.length or 1))
+
+
+def _outputs(
+    network: Network, scope: Scope, consumer: str
+) -> Iterator[tuple[str, SignalType | None]]:
+    """What a graph can wire to one of its blocks, with its type."""
+    for name in scope.inputs:
+        yield f"inputs.{name}", network.declared.get(scope.prefix + name)
+    for name in scope.blocks:
+        entry = network.entries.get(scope.prefix + name)
+        if entry is not None and name != consumer:
+            for output in entry.cls.spec.outputs:
+                yield f"{name}.{output}", network.types.get((entry.name, output))
+    for name, part in scope.parts.items():
+        for output in part.outputs if name != consumer else ():
+            try:
+                end = find(scope, f"{name}.{output}").end
+            except AddressError:
+                continue
+            if not end.component:
+                yield f"{name}.{output}", network.types.get((end.block, end.port))

@@ -1,0 +1,210 @@
+"""Another type in a block's place: what fits it stays, the rest falls away with a note."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from blocks.core import Block, hint
+from runtime.document import Node, is_part
+from runtime.errors import GraphError, Problem, Problems, UsageError, Where
+from runtime.network.block_types import block_class
+
+SIGNAL_FREE = ("kind", "title")
+_REFERENCE = re.compile(r"\$([A-Za-z_]\w*)")
+Gone = Callable[[str], bool]
+
+
+def replace_block(
+    document: Node,
+    name: str,
+    kind: str,
+    classes: Mapping[str, type[Block]],
+    origin: str = "",
+    modules: bool = True,
+) -> tuple[Node, list[str]]:
+    """The document with a block, or a whole part, replaced by a block of another type.
+
+    Parameters that the new type has as well stay, and so do wires whose ports it has. Parameters
+    that it requires and that are not given yet can be set afterwards.
+
+    Parameters
+    ----------
+    name : the block's name; inside a part, ``adaptive.snn_v``.
+    kind : the new type, or ``file.py:Type`` for one of your own.
+    classes : block types beside the library's.
+    origin : where the change was written, for messages.
+    modules : whether Python files may be imported.
+
+    Returns
+    -------
+    The document, and one note for each thing that fell away.
+
+    Raises
+    ------
+    GraphError : there is no such block or type.
+    """
+    where = Where(origin or f"replace {name}={kind}")
+    names = name.strip().split(".")
+    scopes = _scopes(document, names, where)
+    module, colon, typed = kind.rpartition(":")
+    entry: dict[str, Node] = {"type": Node(typed.strip(), where, where)}
+    if colon:
+        entry["module"] = Node(str(Path(module).resolve()), where, where)
+    problems = Problems()
+    cls = block_class(Node(entry, where, where), name, classes, problems, modules)
+    problems.raise_any()
+    if cls is None:
+        raise UsageError(f"{where}: no block type '{kind}'")
+    change = _Replacement(name, cls)
+    return change.apply(scopes, names, entry), change.notes
+
+
+def _scopes(document: Node, names: list[str], where: Where) -> list[Node]:
+    """The graph and the parts inside which a block stands, the outermost first."""
+    scopes = [document]
+    for depth, name in enumerate(names):
+        blocks = scopes[-1].get("blocks") or Node({})
+        entry = blocks.get(name)
+        if entry is None or not entry.is_map:
+            known = [key for key, _ in blocks.items()]
+            suggestion = hint(name, known) or f"; blocks: {', '.join(known) or 'none'}"
+            raise GraphError([Problem(where, "", f"there is no block '{name}'{suggestion}")])
+        if depth < len(names) - 1:
+            if not is_part(entry):
+                raise GraphError([Problem(where, "", f"'{name}' is a block, not a part")])
+            scopes.append(entry)
+    return scopes
+
+
+@dataclass
+class _Replacement:
+    """One replacement; collects what fell away."""
+
+    name: str
+    cls: type[Block]
+    notes: list[str] = field(default_factory=list)
+
+    def note(self, what: str) -> None:
+        text = f"'{self.name}' is now a {self.cls.__name__}, {what}"
+        if text not in self.notes:
+            self.notes.append(text)
+
+    def apply(self, scopes: list[Node], names: list[str], entry: dict[str, Node]) -> Node:
+        """Change the innermost scope, and whatever refers to the block in those around it."""
+        scope = self.block(scopes[-1], names[-1], entry)
+        for depth in range(len(names) - 1, -1, -1):
+            if depth < len(names) - 1:
+                blocks = scopes[depth].get("blocks") or Node({})
+                scope = scopes[depth].with_item("blocks", blocks.with_item(names[depth], scope))
+            scope = self.wires(scope, self.gone(".".join(names[depth:]), with_states=False))
+        return self.observed(scope, self.gone(self.name, with_states=True))
+
+    def gone(self, name: str, with_states: bool) -> Gone:
+        """Tells an address of the block that the new type does not have."""
+        spec = self.cls.spec
+        known = {*spec.outputs, *(spec.states if with_states else ())}
+
+        def is_gone(address: str) -> bool:
+            port = address.removeprefix(f"{name}.").partition(".")[0]
+            return address.startswith(f"{name}.") and port not in known
+
+        return is_gone
+
+    def block(self, scope: Node, name: str, entry: dict[str, Node]) -> Node:
+        blocks = scope.get("blocks") or Node({})
+        old = blocks.get(name) or Node({})
+        given = (
+            {} if is_part(old) else {k: v for k, v in old.items() if k not in ("type", "module")}
+        )
+        spec = self.cls.spec
+        kept = {key: node for key, node in given.items() if key == "dt" or key in spec.params}
+        dropped = [key for key in given if key not in kept]
+        if dropped:
+            self.note(f"which has no {', '.join(dropped)}: dropped")
+        changed = scope.with_item(
+            "blocks", blocks.with_item(name, Node({**entry, **kept}, old.where, old.key))
+        )
+        wires = scope.get("wires") or Node({})
+        mine = wires.get(name)
+        for port, _ in [] if mine is None else list(mine.items()):
+            if port not in spec.inputs and mine is not None:
+                self.note(f"which has no input '{port}': its wire is dropped")
+                mine = mine.with_item(port, None)
+        if mine is not None:
+            changed = changed.with_item("wires", wires.with_item(name, mine))
+        return _without_unread(
+            changed, {text for key in dropped for text in _references(given[key])}
+        )
+
+    def wires(self, scope: Node, gone: Gone) -> Node:
+        """A scope without the wires that come from outputs that are gone."""
+        wires = scope.get("wires")
+        if wires is None:
+            return scope
+        for consumer, ports in wires.items():
+            for port, node in ports.items():
+                left = self.left(node, gone)
+                if left is not node:
+                    ports = ports.with_item(port, left)
+            wires = wires.with_item(consumer, ports)
+        return scope.with_item("wires", wires)
+
+    def left(self, node: Node, gone: Gone) -> Node | None:
+        """A text or list of texts without what is gone; None if nothing is left."""
+        items = node.value if node.is_list else [node]
+        lost = [item for item in items if isinstance(item.value, str) and gone(item.value)]
+        for item in [item for item in lost if "." in item.value]:
+            port = item.value.rpartition(f"{self.name.rpartition('.')[2]}.")[2]
+            self.note(f"which has no '{port}': '{item.value}' falls away")
+        if not lost:
+            return node
+        kept = [item for item in items if item not in lost]
+        return Node(kept, node.where, node.key) if kept and node.is_list else None
+
+    def observed(self, document: Node, gone: Gone) -> Node:
+        """A document without the probes, plots and metrics of what is gone."""
+        lost: set[str] = set()
+        for section in ("probes", "plots", "metrics"):
+            entries = document.get(section)
+            if entries is None:
+                continue
+            for name, entry in entries.items():
+                left = self.entry(entry, lambda text: gone(text) or text in lost)
+                if left is not entry:
+                    entries = entries.with_item(name, left)
+                if left is None and section == "probes":
+                    lost.add(name)
+            document = document.with_item(section, entries)
+        return document
+
+    def entry(self, entry: Node, gone: Gone) -> Node | None:
+        if not entry.is_map:
+            return self.left(entry, gone)
+        for key, node in entry.items():
+            if key not in SIGNAL_FREE and (node.is_list or isinstance(node.value, str)):
+                left = self.left(node, gone)
+                if left is None:
+                    return None
+                if left is not node:
+                    entry = entry.with_item(key, left)
+        return entry
+
+
+def _references(node: Node) -> Iterable[str]:
+    """Names of the params that a value reads."""
+    if isinstance(node.value, str) and (match := _REFERENCE.fullmatch(node.value)):
+        yield match[1]
+    for item in node.value if node.is_list else [inner for _, inner in node.items()]:
+        yield from _references(item)
+
+
+def _without_unread(scope: Node, names: set[str]) -> Node:
+    """A graph or part without those of its params that nothing reads any more."""
+    params = scope.get("params") or Node({})
+    read = {text for key, node in scope.items() if key != "params" for text in _references(node)}
+    for name in names - read:
+        params = params.with_item(name, None)
+    return scope.with_item("params", params) if names - read else scope

@@ -1,0 +1,80 @@
+"""Units along the wires: what certainly does not go together is refused."""
+
+from __future__ import annotations
+
+from collections import defaultdict, deque
+
+from blocks.core import Input, Same, differ
+from runtime.errors import Problems
+from runtime.network.addresses import Endpoint
+from runtime.network.network import Network, Wire
+
+MEANT = "; where that is meant, a Gain on this wire gives it another unit"
+
+
+def check_units(network: Network, problems: Problems) -> None:
+    """Report wires that are joined with one of another unit, and note those that differ from
+    what the input itself declares: a block may well take its factor as 1.
+
+    Units are known where a port declares one and where a record's component has one. A generic
+    block hands on the unit of what is wired to it, but for outputs in a unit of their own
+    (``Same("T", own_unit=True)``, as a Gain's), which may be anything.
+    """
+    _Units(network, problems).check()
+
+
+class _Units:
+    """The units of the groups of ports that have one in common: of a block's type variable."""
+
+    def __init__(self, network: Network, problems: Problems) -> None:
+        self.network = network
+        self.problems = problems
+        self.joined: dict[tuple[str, str], list[Wire]] = defaultdict(list)
+        self.units: dict[tuple[str, str], str] = {}
+        following: dict[str, list[tuple[tuple[str, str], Wire]]] = defaultdict(list)
+        for wire in network.wires:
+            declared = self.port(wire).type
+            if isinstance(declared, Same) and not declared.own_unit:
+                key = (wire.block, declared.variable)
+                self.joined[key].append(wire)
+                following[wire.source.block].append((key, wire))
+        queue = deque((key, wire) for key, wires in self.joined.items() for wire in wires)
+        while queue:
+            key, wire = queue.popleft()
+            unit = self.of(wire.source)
+            if unit and key not in self.units:
+                self.units[key] = unit
+                queue.extend(following[wire.block])
+
+    def port(self, wire: Wire) -> Input:
+        return self.network.entries[wire.block].cls.spec.inputs[wire.port]
+
+    def check(self) -> None:
+        for wires in self.joined.values():
+            known = [(wire, unit) for wire in wires if (unit := self.of(wire.source))]
+            for wire, unit in known[1:]:
+                first, wanted = known[0]
+                if differ(unit, wanted):
+                    message = f"expected {wanted} as '{first.message}' has, "
+                    message += f"got {unit} from '{wire.message}'"
+                    self.problems.add(wire.where, wire.address, message + MEANT)
+        for wire in self.network.wires:
+            wanted, unit = self.port(wire).unit, self.of(wire.source)
+            if differ(unit, wanted):
+                message = (
+                    f"{wire.address}: expected {wanted}, got {unit} from '{wire.message}'{MEANT}"
+                )
+                self.network.notes.append(message)
+
+    def of(self, end: Endpoint) -> str:
+        """The unit of what comes from an address; '' if it is not known or differs by component."""
+        port = self.network.entries[end.block].cls.spec.outputs[end.port]
+        kind = self.network.types.get((end.block, end.port))
+        if kind is not None and kind.form == "record":
+            column = kind.column(end.component) if end.component else None
+            return "" if column is None else kind.units[column]
+        if port.unit or not isinstance(port.type, Same):
+            return port.unit or (kind.units[0] if kind and len(kind.units) == 1 else "")
+        if port.type.own_unit:
+            return ""
+        return self.units.get((end.block, port.type.variable), "")

@@ -1,0 +1,184 @@
+"""Wires from text to network: every end of them looked up."""
+
+from __future__ import annotations
+
+from blocks.core import hint
+from runtime.document import Node, meant
+from runtime.errors import Problems
+from runtime.network.addresses import (
+    AddressError,
+    ReportedError,
+    ResolvedAddress,
+    UnwiredError,
+    find,
+)
+from runtime.network.network import Entry, Network, Wire, check_output
+from runtime.network.scope import Scope, is_optional, part_input
+
+Input = tuple[str, str]
+
+
+class Wiring:
+    """Resolves the wires of a network, and remembers what became of each input.
+
+    ``settled`` holds the inputs, of blocks and of parts, of which nothing more needs to be said:
+    something is wired to them, even if it is something that is wrong. ``open_for`` says of others
+    why the wire that is written leads to nothing.
+    """
+
+    def __init__(self, network: Network, problems: Problems) -> None:
+        self.network = network
+        self.problems = problems
+        self.settled: set[Input] = set()
+        self.open_for: dict[Input, str] = {}
+
+    def resolve(self) -> None:
+        """Add all wires to the network; reports those that lead to or from nothing."""
+        for scope in self.network.scope.walk():
+            for name, node in scope.outputs.items():
+                self.check_source(scope, node, scope.path("outputs", name))
+            for name, node in scope.inputs.items():
+                kind = part_input(
+                    node, scope.path("inputs", name), self.problems, self.network.kinds
+                )
+                if kind is not None and not kind.symbol:
+                    self.network.declared[scope.prefix + name] = kind
+            for consumer, ports in scope.wires.items():
+                self.consumer(scope, consumer, ports)
+
+    def inputs(self, scope: Scope, name: str) -> list[str]:
+        """The inputs of a block or part."""
+        if name in scope.parts:
+            return list(scope.parts[name].inputs)
+        entry = self.network.entries.get(scope.prefix + name)
+        return [] if entry is None else list(entry.cls.spec.inputs)
+
+    def settle(self, scope: Scope, name: str) -> None:
+        self.settled |= {(scope.prefix + name, port) for port in self.inputs(scope, name)}
+
+    def consumer(self, scope: Scope, name: str, ports: Node) -> None:
+        address = scope.path("wires", name)
+        known = [*scope.names(), *scope.broken]
+        if name not in known and "blocks" not in scope.unread:
+            near = meant(name, known)
+            suggestion = f"; delete these wires, or put it back and write 'without: [{name}]'"
+            head, _, port = name.rpartition(".")
+            if head in known:
+                near = ""
+                suggestion = f"; write {head}: {{{port}: ...}}"
+                self.settled.add((scope.prefix + head, port))
+            elif near:
+                suggestion = hint(name, known)
+            self.problems.add(ports.key, address, f"there is no block '{name}'{suggestion}", True)
+            if not near:
+                return
+            self.settle(scope, near)
+        if not ports.is_map:
+            message = f"expected {{input: producer.output}}, got {ports.describe()}"
+            self.problems.add(ports.where, address, message)
+            self.settle(scope, name)
+            return
+        inputs = self.inputs(scope, name)
+        entry = self.network.entries.get(scope.prefix + name)
+        for port, node in ports.items():
+            inner = f"{address}.{port}"
+            if name in scope.parts and port in inputs:
+                self.part_port(scope, name, port, node, inner)
+            elif entry is not None and port in inputs:
+                self.port(entry, port, node, inner)
+            elif entry is not None or (
+                name in scope.parts and "inputs" not in scope.parts[name].unread
+            ):
+                self.unknown_port(scope, name, port, node, inner)
+            else:
+                for item in node.value if node.is_list else [node]:
+                    self.check_source(scope, item, inner)
+
+    def unknown_port(self, scope: Scope, name: str, port: str, node: Node, address: str) -> None:
+        inputs = self.inputs(scope, name)
+        full = scope.prefix + name
+        # The input that was meant is wired, if under another name.
+        self.settled.add((full, meant(port, inputs)))
+        suggestion = hint(port, inputs) or f"; its inputs: {', '.join(inputs) or 'none'}"
+        owner = f"part '{full}'" if name in scope.parts else f"'{full}'"
+        self.problems.add(node.key, address, f"{owner} has no input '{port}'{suggestion}", True)
+
+    def port(self, entry: Entry, port: str, node: Node, address: str) -> None:
+        if not entry.cls.spec.inputs[port].many:
+            self.wire(entry, port, None, node, address)
+        elif node.value is None or node.is_map:
+            message = f"expected a list of producer.output, got {node.describe()}"
+            self.problems.add(node.where, address, message)
+        else:
+            items = node.value if node.is_list else [node]
+            self.network.terms[entry.name, port] = tuple(
+                self.wire(entry, port, i, item, f"{address}[{i}]" if node.is_list else address)
+                for i, item in enumerate(items)
+            )
+
+    def wire(self, entry: Entry, port: str, term: int | None, node: Node, address: str) -> bool:
+        """Add one wire; returns whether something is now connected."""
+        try:
+            found = self.source(entry.scope, node, address)
+        except UnwiredError as error:
+            self.open_for[entry.name, port] = str(error)
+            if not is_optional(error.scope.inputs[error.port]):
+                self.settled.add((entry.name, port))
+            return False
+        self.settled.add((entry.name, port))
+        if found is not None:
+            end, via = found.end, found.via
+            self.network.wires.append(
+                Wire(end, entry.name, port, term, node.where, address, via, node.value)
+            )
+        return found is not None
+
+    def part_port(self, scope: Scope, name: str, port: str, node: Node, address: str) -> None:
+        full = scope.prefix + name
+        try:
+            found = self.source(scope, node, address)
+        except UnwiredError as error:
+            self.open_for[full, port] = str(error)
+            if not is_optional(error.scope.inputs[error.port]):
+                self.settled.add((full, port))
+            return
+        self.settled.add((full, port))
+        if found is not None:
+            end, via = found.end, found.via
+            self.network.part_wires.append(
+                Wire(end, full, port, None, node.where, address, via, node.value)
+            )
+
+    def check_source(self, scope: Scope, node: Node, address: str) -> None:
+        try:
+            self.source(scope, node, address)
+        except UnwiredError:
+            return
+
+    def source(self, scope: Scope, node: Node, address: str) -> ResolvedAddress | None:
+        """Where a wire comes from; None if that is wrong, or a block of unknown type.
+
+        Raises
+        ------
+        UnwiredError : it comes through a part's input that is open.
+        """
+        if not isinstance(node.value, str):
+            message = f"expected one producer.output, got {node.describe()}"
+            if isinstance(node.value, (int, float)) and not isinstance(node.value, bool):
+                message += "; a number comes from a block {type: Constant, value: ...}"
+            self.problems.add(node.where, address, message)
+            return None
+        try:
+            found = find(scope, node.value)
+        except UnwiredError:
+            raise
+        except ReportedError:
+            return None
+        except AddressError as error:
+            self.problems.add(*(error.place or (node.where, address)), str(error), True)
+            return None
+        text = check_output(self.network, found.end)
+        if text:
+            self.problems.add(*(found.place or (node.where, address)), text, True)
+            return None
+        return found if found.end.block in self.network.entries else None

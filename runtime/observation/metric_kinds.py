@@ -1,0 +1,124 @@
+"""What a kind of metric declares: its formula, its options, and the signals that it takes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from blocks.core import FloatArray, Options, param
+from blocks.world import World
+
+Checks = Iterable[tuple[str, str]]
+Form = Literal["number", "place", "columns"]
+
+
+@dataclass(frozen=True)
+class ProbeInfo:
+    """What is known of a probe before the run.
+
+    shape : of a row. units : of its columns. every : ticks between two rows; 0 if there is one.
+    """
+
+    shape: tuple[int, ...]
+    units: tuple[str, ...]
+    every: int = 1
+
+    @property
+    def width(self) -> int:
+        return math.prod(self.shape)
+
+
+@dataclass(frozen=True)
+class Series:
+    """What a metric sees of a probe: times (rows,) and values (rows,) or (rows, columns)."""
+
+    t: FloatArray
+    values: FloatArray
+
+    def after(self, start: float) -> Series:
+        # Times ascend: a slice, which copies nothing.
+        first = int(np.searchsorted(self.t, start - 1e-9))
+        return Series(self.t[first:], self.values[first:])
+
+
+class Common(Options):
+    """What every metric takes."""
+
+    after: float = param(0.0, unit="s", at_least=0.0, doc="rows before this time do not count")
+    below: float | None = param(None, doc="expectation: the value is smaller than this")
+    above: float | None = param(None, doc="expectation: the value is larger than this")
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of metric: its formula, the probes and the options that it takes.
+
+    ``options`` declares the options; shapes in it may name the roles in ``inputs``, which stand
+    for the number of columns of that signal, or ``columns`` for those of ``of``. ``optional`` are
+    probes that it does without. ``forms`` is
+    what it measures: one number, a place (x and y first), or any columns. ``in_world`` is a
+    formula that needs the walls as well, in place of ``function``. ``agrees`` checks what no
+    declaration can say.
+    """
+
+    function: Callable[[Mapping[str, Series], Mapping[str, Any]], float | None]
+    doc: str
+    options: type[Options] = Common
+    inputs: tuple[str, ...] = ("of",)
+    optional: tuple[str, ...] = ()
+    forms: tuple[Form, ...] = ("number",)
+    in_world: Callable[[World, FloatArray, Mapping[str, Any]], float] | None = None
+    agrees: Callable[[Mapping[str, Any], Mapping[str, ProbeInfo]], Checks] | None = None
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        return (*self.inputs, *self.optional, *self.options.declared)
+
+    def value(
+        self,
+        series: Mapping[str, Series],
+        written: Mapping[str, Any],
+        world: World | None = None,
+    ) -> float | None:
+        """The metric of some series, by the options as they were written."""
+        options = self.options.read(written)
+        if self.in_world is None:
+            return self.function(series, options)
+        places = series["of"].values[:, :2]
+        return None if world is None else self.in_world(world, places, options)
+
+    def check(
+        self, options: Mapping[str, Any], watched: Mapping[str, ProbeInfo], has_world: bool = True
+    ) -> Checks:
+        """Everything wrong with a metric's options and signals, as (key, text)."""
+        if self.in_world is not None and not has_world:
+            yield "kind", "needs a world, as in 'world: worlds/paper_room.yaml'"
+        sizes = {role: signal.width for role, signal in watched.items()}
+        if "of" in sizes:
+            sizes["columns"] = sizes["of"]
+        faults = dict(self.options.check(options, sizes))
+        yield from faults.items()
+        for role, signal in watched.items():
+            message = self._misfit(role, signal)
+            if message:
+                yield role, message
+        if self.agrees is not None and not faults:
+            yield from self.agrees(options, watched)
+
+    def _misfit(self, role: str, signal: ProbeInfo) -> str:
+        if len(signal.shape) > 1:
+            return "expected a scalar, a record or a vector, got a table"
+        if role in self.optional:
+            return "" if signal.width == 1 else "expected one column, as in explore.engaged"
+        is_place = signal.width > 1 and signal.units[0] == signal.units[1] == "m"
+        if "columns" in self.forms or ("place" in self.forms and is_place):
+            return ""
+        if "number" not in self.forms:
+            return "expected x and y in m, as in plant.pose"
+        if signal.width == 1:
+            return ""
+        return f"expected one column, got {signal.width}; name one, as in plant.pose.theta"

@@ -1,0 +1,200 @@
+"""Metrics: one number from a recorded signal, each with its definition."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from blocks.core import FloatArray, param, show
+from blocks.world import World
+from runtime.observation import wall_metrics
+from runtime.observation.metric_kinds import Checks, Common, Kind
+from runtime.observation.metric_kinds import ProbeInfo as ProbeInfo
+from runtime.observation.metric_kinds import Series as Series
+
+# A switch such as ``explore.engaged`` is on above this level.
+ENGAGED = 0.5
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One metric of a graph; ``inputs`` maps its roles to probes (None: gone with its block)."""
+
+    name: str
+    kind: str
+    inputs: Mapping[str, str | None]
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+    def value(self, probes: Mapping[str, Series], world: World | None = None) -> float | None:
+        """The metric's value; None where it has none (never settled, or not recorded)."""
+        if any(name is None or name not in probes for name in self.inputs.values()):
+            return None
+        after = float(self.options.get("after", 0.0))
+        series = {role: probes[name].after(after) for role, name in self.inputs.items() if name}
+        if any(not len(s.t) for s in series.values()):
+            return None
+        if "engaged" in series:
+            engaged = first_time({"of": series["engaged"]}, {"level": ENGAGED})
+            series["of"] = series["of"].after(math.inf if engaged is None else engaged)
+        number = METRIC_KINDS[self.kind].value(series, self.options, world)
+        return None if number is None or math.isnan(number) else float(number)
+
+    def expectation(self, value: float | None) -> str:
+        """What is wrong with a value under ``below`` and ``above``; '' if nothing is."""
+        for key, holds in (("below", float.__lt__), ("above", float.__gt__)):
+            bound = self.options.get(key)
+            if bound is not None and (value is None or not holds(value, float(bound))):
+                got = "none" if value is None else f"{value:g}"
+                return f"metric '{self.name}': expected {key} {bound:g}, got {got}"
+        return ""
+
+
+def _matrix(weight: Any, n: int) -> FloatArray:
+    array = np.array(weight, dtype=float)
+    return np.diag(array.reshape(n)) if array.shape == (n,) or n == array.size == 1 else array
+
+
+class Band(Common):
+    """What a signal settles to."""
+
+    band: FloatArray = param(
+        at_least=0.0,
+        shape=[(), ("columns",)],
+        doc="largest size that is settled, or per column",
+    )
+    hold: float = param(
+        1.0, unit="s", at_least=0.0, doc="how long before the end of the run it must be settled"
+    )
+
+
+class Level(Common):
+    """What a signal is held against."""
+
+    level: float = param(0.5, doc="the level")
+
+
+class Weights(Common):
+    """The weights of the paper's cost: one number per column, or a matrix."""
+
+    q: FloatArray = param(shape=[(), ("state",), ("state", "state")], doc="weights Q of the state")
+    r: FloatArray = param(
+        shape=[(), ("command",), ("command", "command")], doc="weights R of the command"
+    )
+    q_final: FloatArray | None = param(
+        None, shape=[(), ("state",), ("state", "state")], doc="weights Q_f of the last state"
+    )
+
+
+def _same_rows(options: Mapping[str, Any], watched: Mapping[str, ProbeInfo]) -> Checks:
+    """A single number weighs one column alone; state and command are recorded alike."""
+    for key, role in (("q", "state"), ("r", "command"), ("q_final", "state")):
+        n = watched[role].width if role in watched else 1
+        if key in options and n != 1 and np.ndim(options[key]) == 0:
+            message = f"expected {Weights.declared[key].describe({role: n})}"
+            yield key, f"{message.replace('a number or ', '')}, got {show(options[key])}"
+    rates = {role: signal.every for role, signal in watched.items()}
+    if len(set(rates.values())) > 1:
+        told = " and ".join(
+            f"{role} {f'every {n} ticks' if n else 'once'}" for role, n in rates.items()
+        )
+        yield "command", f"the two are recorded at different times, {told}; probe both alike"
+
+
+def _flat(series: Mapping[str, Series]) -> FloatArray:
+    return series["of"].values.reshape(len(series["of"].t))
+
+
+def first_time(series: Mapping[str, Series], options: Mapping[str, Any]) -> float | None:
+    """First time (s) at which the signal is above ``level``; None if never."""
+    over = _flat(series) > options["level"]
+    return float(series["of"].t[int(np.argmax(over))]) if over.any() else None
+
+
+def share_above(series: Mapping[str, Series], options: Mapping[str, Any]) -> float:
+    """Share of the recorded rows in which the signal is above ``level``."""
+    return float((_flat(series) > options["level"]).mean())
+
+
+def settling_time(series: Mapping[str, Series], options: Mapping[str, Any]) -> float | None:
+    """First time (s) from which every column stays within +-band to the end; None if never.
+
+    A band that is reached less than ``hold`` (s) before the last sample may be left after it: that
+    is not settled.
+    """
+    s = series["of"]
+    band = np.broadcast_to(np.atleast_1d(options["band"]), (1, *s.values.shape[1:]))
+    outside = ~(np.abs(s.values) <= band)  # as is what is not a number
+    late = np.flatnonzero(outside.reshape(len(s.t), -1).any(axis=1))
+    first = int(late[-1]) + 1 if len(late) else 0
+    if first == len(s.t) or s.t[-1] - s.t[first] < float(options["hold"]) - 1e-9:
+        return None
+    return float(s.t[first])
+
+
+def path_length(series: Mapping[str, Series], options: Mapping[str, Any]) -> float:
+    """Length (m) of the way that x and y of a pose have gone."""
+    steps = np.diff(series["of"].values[:, :2], axis=0)
+    return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+
+
+def displacement(series: Mapping[str, Series], options: Mapping[str, Any]) -> float:
+    """Last value minus first; for a pose, the straight distance between the two."""
+    values = series["of"].values
+    change = values[-1] - values[0]
+    if values.ndim == 1 or len(change) == 1:
+        return float(np.squeeze(change))
+    return float(np.hypot(change[0], change[1]))
+
+
+def lqr_cost(series: Mapping[str, Series], options: Mapping[str, Any]) -> float:
+    """The paper's J = 1/2 sum_{k=1}^{N-1} (x'Qx + u'Ru) + 1/2 x_N' Q_f x_N (section III-B)."""
+    x, u = (s.values.reshape(len(s.t), -1) for s in (series["state"], series["command"]))
+    q = _matrix(options["q"], x.shape[1])
+    r = _matrix(options["r"], u.shape[1])
+    last = options["q_final"]
+    q_final = _matrix(np.zeros(x.shape[1]) if last is None else last, x.shape[1])
+    running = np.einsum("ki,ij,kj->", x[:-1], q, x[:-1]) + np.einsum(
+        "ki,ij,kj->", u[:-1], r, u[:-1]
+    )
+    return float(0.5 * (running + np.einsum("i,ij,j->", x[-1], q_final, x[-1])))
+
+
+METRIC_KINDS: dict[str, Kind] = {
+    "settling_time": Kind(
+        settling_time,
+        "first time (s) from which all columns stay within ±`band` to the end, for `hold` at "
+        "least; null if never",
+        options=Band,
+        forms=("columns",),
+    ),
+    "mean_abs": Kind(lambda s, o: float(np.abs(_flat(s)).mean()), "mean of the absolute value"),
+    "rms": Kind(lambda s, o: float(np.sqrt(np.mean(_flat(s) ** 2))), "root of the mean square"),
+    "max_abs": Kind(lambda s, o: float(np.abs(_flat(s)).max()), "largest absolute value"),
+    "min": Kind(lambda s, o: float(_flat(s).min()), "smallest value"),
+    "final": Kind(lambda s, o: float(_flat(s)[-1]), "last value"),
+    "first_time": Kind(
+        first_time,
+        "first time (s) above `level`; null if never",
+        options=Level,
+    ),
+    "share_above": Kind(share_above, "share of the time above `level`", options=Level),
+    "path_length": Kind(path_length, "length of the way gone by a pose (m)", forms=("place",)),
+    "displacement": Kind(
+        displacement,
+        "last value minus first; for a pose the straight distance",
+        forms=("number", "place"),
+    ),
+    "lqr_cost": Kind(
+        lqr_cost,
+        "the paper's J: 1/2 sum (x'Qx + u'Ru) + 1/2 x_N' Q_f x_N",
+        inputs=("state", "command"),
+        options=Weights,
+        forms=("columns",),
+        agrees=_same_rows,
+    ),
+    **wall_metrics.WALL_KINDS,
+}

@@ -1,0 +1,288 @@
+"""What a graph says of its pictures: their kinds, and which signals each can show."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from blocks.core import FloatArray, Options, param, plain, show
+from runtime.network import Network
+from runtime.observation.probes import Probe
+
+COMMON = ("kind", "of", "title")
+SCANNED = ("Pose", "Scan", "PointCloud", "Path")
+Checks = Iterable[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class PlotSpec:
+    """A picture: its kind, the probes it shows, its title, and what else its kind needs.
+
+    ``options["engaged"]`` is the name of a probe; everything else is a number or some.
+    """
+
+    name: str
+    kind: str
+    of: tuple[str, ...]
+    title: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+def _any(probe: Probe) -> str:
+    return ""
+
+
+def _all(probes: Sequence[Probe]) -> str:
+    return ""
+
+
+def _nothing(options: Mapping[str, Any]) -> Checks:
+    return ()
+
+
+@dataclass(frozen=True)
+class PlotKind:
+    """A kind of picture.
+
+    Parameters
+    ----------
+    doc : what it shows.
+    painter : ``module:function`` that draws it, imported when the first one is drawn; it takes
+        (figure, recordings, end of the run in s), or (figure, plot, result) of a world's picture.
+    options : its options; ``agrees`` checks what their declaration cannot say.
+    signals : options that name one more probe or address.
+    in_world : whether it needs the graph's world.
+    each, together : why it cannot show a probe, or probes together; '' where it can.
+    has_lead : whether nothing is left to draw once its first signal is gone.
+    """
+
+    doc: str
+    painter: str
+    options: type[Options] = Options
+    agrees: Callable[[Mapping[str, Any]], Checks] = _nothing
+    signals: tuple[str, ...] = ()
+    in_world: bool = False
+    each: Callable[[Probe], str] = _any
+    together: Callable[[Sequence[Probe]], str] = _all
+    has_lead: bool = False
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """What may stand in such a plot."""
+        return (*COMMON, *self.options.declared, *self.signals)
+
+
+def plot_keys(kind: str) -> tuple[str, ...]:
+    """What may stand in a plot of a kind; in any plot, where the kind is none that is known."""
+    kinds = [PLOT_KINDS[kind]] if kind in PLOT_KINDS else PLOT_KINDS.values()
+    return tuple(dict.fromkeys(key for entry in kinds for key in entry.keys))
+
+
+def offered(kind: str, has_world: bool) -> tuple[str, ...]:
+    """The kinds that a message should name: those of a world only where there is one."""
+    everywhere = tuple(name for name, entry in PLOT_KINDS.items() if not entry.in_world)
+    return tuple(PLOT_KINDS) if has_world or kind in PLOT_KINDS.keys() - everywhere else everywhere
+
+
+def check_options(kind: str, options: Mapping[str, Any], has_world: bool) -> Checks:
+    """Everything wrong with a plot's options, as (key, text)."""
+    if kind not in PLOT_KINDS:
+        return
+    declared = PLOT_KINDS[kind]
+    if declared.in_world and not has_world:
+        yield "kind", "needs a world, as in 'world: worlds/paper_room.yaml'"
+    faults = dict(declared.options.check(options))
+    yield from faults.items()
+    if not faults:
+        yield from declared.agrees(options)
+
+
+def used_options(kind: str, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Declared options as numbers, whatever they are written as; none where one is wrong."""
+    declared = PLOT_KINDS[kind].options
+    if dict(declared.check(options)):
+        return {}
+    read = declared.read(options)
+    return {key: plain(read[key]) for key in options if key in read}
+
+
+def source_options(kind: str, probes: Sequence[Probe], network: Network) -> dict[str, Any]:
+    """Options that the blocks behind the signals know: bearings of a scan, radius of a robot."""
+    found: dict[str, Any] = {}
+    takes = PLOT_KINDS[kind].options.declared
+    for signal in (signal for probe in probes for signal in probe.signals):
+        block = network.entries[signal.end.block].block
+        if signal.kind == "Scan" and "angles" in takes and hasattr(block, "angle_min"):
+            low, high = getattr(block, "angle_min", -math.pi), getattr(block, "angle_max", math.pi)
+            found.setdefault("angles", [float(low), float(high)])
+        radius = getattr(block, "body_radius", None)
+        if signal.kind == "Pose" and "body_radius" in takes and radius:
+            found.setdefault("body_radius", float(radius))
+    return found
+
+
+def unfit(
+    plot: PlotSpec, known: Mapping[str, Probe], written: str | list[str]
+) -> list[tuple[str, str]] | None:
+    """Everything wrong with the signals of a plot, as (key, text).
+
+    None if nothing is but too much of what was ``written`` is gone with its blocks to draw it.
+    """
+    engaged = known.get(str(plot.options.get("engaged")))
+    faults = []
+    if engaged is not None and (len(engaged.shape) > 1 or math.prod(engaged.shape) != 1):
+        faults.append(("engaged", "expected one column, as in explore.engaged"))
+    probes = [known[name] for name in plot.of]
+    message = next(filter(None, (_misfit(plot.kind, probe) for probe in probes)), "")
+    if message:
+        return [*faults, ("of", message)]
+    items = [written] if isinstance(written, str) else written
+    kind = PLOT_KINDS[plot.kind]
+    message = kind.together(probes)
+    is_short = len(plot.of) < len(items)
+    if is_short and (message or (kind.has_lead and plot.of[0] != items[0])):
+        return None
+    return [*faults, ("of", message)] if message else faults
+
+
+def _misfit(kind: str, probe: Probe) -> str:
+    """Why a picture cannot show a probe; '' if it can."""
+    text = PLOT_KINDS[kind].each(probe)
+    kinds = {signal.kind for signal in probe.signals}
+    return f"{text}; '{probe.name}' is a {', '.join(sorted(kinds))}" if text else ""
+
+
+def _kinds(probe: Probe) -> set[str]:
+    return {signal.kind for signal in probe.signals}
+
+
+def _alone(probe: Probe) -> str:
+    return probe.signals[0].kind if len(probe.signals) == 1 else ""
+
+
+def _in_plane(probe: Probe) -> str:
+    if _kinds(probe) & {"Pose", "Path", "PointCloud"}:
+        return ""
+    return "a trajectory needs a Pose, a Path or a PointCloud"
+
+
+def _spikes(probe: Probe) -> str:
+    return "" if _kinds(probe) == {"Spikes"} else "a raster needs spikes, as in snn.spikes"
+
+
+def _columns(probe: Probe) -> str:
+    if len(probe.shape) <= 1:
+        return ""
+    return "a timeseries needs scalars, records or vectors; try a heatmap"
+
+
+def _poses(kind: str) -> Callable[[Probe], str]:
+    message = f"a {kind} needs one Pose, as in plant.pose"
+    return lambda probe: "" if _alone(probe) == "Pose" else message
+
+
+def _scanned(probe: Probe) -> str:
+    if _alone(probe) in SCANNED:
+        return ""
+    return "scans need one Pose, Scan, PointCloud or Path each, as in lidar.scan"
+
+
+def _one_pose(probes: Sequence[Probe]) -> str:
+    return f"expected one Pose, got {len(probes)} signals" if len(probes) > 1 else ""
+
+
+def _one_of_each(probes: Sequence[Probe]) -> str:
+    kinds = [probe.signals[0].kind for probe in probes]
+    if "Pose" not in kinds:
+        return "expected the robot's Pose among them, as in plant.pose"
+    twice = [item for item in SCANNED if kinds.count(item) > 1]
+    return f"expected one {twice[0]}, got {kinds.count(twice[0])}" if twice else ""
+
+
+class Distance(Options):
+    """The distance that is followed."""
+
+    distance: float = param(unit="m", above=0.0, doc="the distance from the walls to follow")
+
+
+class Map(Options):
+    """What a map shows beside the way."""
+
+    distance: float | None = param(
+        None, unit="m", above=0.0, doc="draw the contour that far from the walls"
+    )
+    body_radius: float | None = param(
+        None, unit="m", above=0.0, doc="size of the robot; default: what its block says"
+    )
+
+
+class Scans(Map):
+    """Which moments of a run, and which part of a scan."""
+
+    at: FloatArray | None = param(
+        None, unit="s", at_least=0.0, shape=[(), (None,)], doc="the times; default: four"
+    )
+    angles: FloatArray | None = param(
+        None, unit="rad", shape=(2,), doc="bearings of the scan's ends; default: the sensor's"
+    )
+
+
+def _moments(options: Mapping[str, Any]) -> Checks:
+    if options.get("at") == []:
+        yield "at", f"expected {Scans.declared['at'].describe()}, got {show([])}"
+    low, high = Scans.read(options)["angles"] if "angles" in options else (0.0, 1.0)
+    if low >= high:
+        message = (
+            "expected the scan's first bearing below its last (rad), as in [-1.57, 1.57], got "
+        )
+        yield "angles", message + show(options["angles"])
+
+
+PLOT_KINDS: Mapping[str, PlotKind] = {
+    "timeseries": PlotKind(
+        "columns over time, one axis per unit",
+        "runtime.plots.figures:draw_timeseries",
+        each=_columns,
+    ),
+    "trajectory": PlotKind(
+        "poses, paths and point clouds in the plane",
+        "runtime.plots.trajectory:draw_trajectory",
+        each=_in_plane,
+    ),
+    "raster": PlotKind(
+        "spikes and the population's rate", "runtime.plots.raster:draw_raster", each=_spikes
+    ),
+    "heatmap": PlotKind("any array over time", "runtime.plots.figures:draw_heatmap"),
+    "map": PlotKind(
+        "the world, the way of the first pose of `of`, other poses as points; `engaged` (a probe "
+        "or address that rises above 0.5) adds a dot where following begins",
+        "runtime.plots.map:draw_map",
+        options=Map,
+        signals=("engaged",),
+        in_world=True,
+        each=_poses("map"),
+        has_lead=True,
+    ),
+    "wall_distance": PlotKind(
+        "distance of a pose to the nearest wall, minus `distance`, over time; `engaged` as in map",
+        "runtime.plots.map:draw_wall_distance",
+        options=Distance,
+        signals=("engaged",),
+        in_world=True,
+        each=_poses("wall_distance"),
+        together=_one_pose,
+    ),
+    "scans": PlotKind(
+        "a pose, a scan, a fitted wall (point cloud) and a path, around the robot, at the times "
+        "`at` or four after `engaged`",
+        "runtime.plots.scans:draw_scans",
+        options=Scans,
+        agrees=_moments,
+        signals=("engaged",),
+        in_world=True,
+        each=_scanned,
+        together=_one_of_each,
+    ),
+}

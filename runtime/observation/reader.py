@@ -1,0 +1,330 @@
+"""What a run records: probes, and whatever plots and metrics name, as columns with units."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Container, Iterable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from blocks.core import hint
+from runtime.document import (
+    SECTIONS,
+    Node,
+    check_keys,
+    expected,
+    misnamed,
+    misspelt,
+    section,
+    texts,
+)
+from runtime.errors import Problems, Where
+from runtime.network import (
+    MAX_BYTES,
+    AddressError,
+    Network,
+    ReportedError,
+    check_output,
+    find,
+    follow,
+    lost,
+    whole_shape,
+)
+from runtime.observation.metrics import METRIC_KINDS, Metric, ProbeInfo
+from runtime.observation.plots import (
+    COMMON,
+    check_options,
+    offered,
+    plot_keys,
+    source_options,
+    unfit,
+    used_options,
+)
+from runtime.observation.plots import PlotSpec as PlotSpec
+from runtime.observation.probes import (
+    MAX_RECORDING,
+    Signal,
+    make_signal,
+    no_component,
+    readable_bytes,
+)
+from runtime.observation.probes import Probe as Probe
+
+MAX_COLUMNS = 1_000_000
+_SOURCE = "a probe's name or an address"
+
+
+@dataclass
+class Observation:
+    """Everything that a run records, draws and measures; ``notes`` says what fell away and why."""
+
+    probes: dict[str, Probe] = field(default_factory=dict)
+    plots: list[PlotSpec] = field(default_factory=list)
+    metrics: list[Metric] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    def reduced(self, kinds: Container[str]) -> Observation:
+        """What metrics and plots of these kinds need, and nothing else."""
+        plots = [plot for plot in self.plots if plot.kind in kinds]
+        used = {name for plot in plots for name in (*plot.of, plot.options.get("engaged"))}
+        used |= {name for metric in self.metrics for name in metric.inputs.values()}
+        probes = {name: probe for name, probe in self.probes.items() if name in used}
+        return Observation(probes, plots, self.metrics, self.notes)
+
+
+def observe(network: Network, problems: Problems) -> Observation:
+    """Read the sections probes, plots and metrics, as far as the blocks they name are sound."""
+    reader = _Reader(network, problems)
+    reader.read(network.document)
+    probes = reader.seen.probes.values()
+    total = sum(probe.size(network.ticks) for probe in probes)
+    if total > MAX_RECORDING and not problems.found:
+        worst = max(probes, key=lambda probe: probe.size(network.ticks))
+        message = f"recording takes {readable_bytes(total)}, most of it '{worst.name}'; record it "
+        message += f"less often, {{of: {worst.signals[0].end}, every: 100}}, or run shorter"
+        problems.add(*reader.places[worst.name], message)
+    return reader.seen
+
+
+class _Reader:
+    """Turns the three sections into an observation; ``places`` says what asked for a probe."""
+
+    def __init__(self, network: Network, problems: Problems) -> None:
+        self.network = network
+        self.problems = problems
+        # A world that is there but wrong is reported once, where it stands.
+        self.has_world = (network.document.get("world") or Node(None)).value is not None
+        self.seen = Observation(notes=list(network.notes))
+        self.declared: set[str] = set()
+        self.unread: set[str] = set()
+        self.places: dict[str, tuple[Where, str]] = {}
+
+    def read(self, document: Node) -> None:
+        probes = section(document, "probes", "probes", self.problems, self.unread)
+        self.unread |= misspelt(document, SECTIONS)
+        self.declared = set(probes)
+        for name, node in probes.items():
+            self.check_name(name, node, f"probes.{name}")
+            self.probe(name, node, f"probes.{name}")
+        for kind, reader in (("plots", self.plot), ("metrics", self.metric)):
+            for name, node in section(document, kind, kind, self.problems).items():
+                address = f"{kind}.{name}"
+                self.check_name(name, node, address)
+                if node.is_map:
+                    reader(name, node, address)
+                else:
+                    message = f"{expected(kind)}, got {node.describe()}"
+                    self.problems.add(node.where, address, message)
+
+    def check_name(self, name: str, node: Node, address: str) -> None:
+        message = misnamed(name, address.startswith("probes"))
+        if message:
+            self.problems.add(node.key, address, message)
+
+    def probe(self, name: str, node: Node, address: str) -> None:
+        of: Node | None = node
+        if node.is_map:
+            check_keys(node, ("of", "every"), address, self.problems, "key")
+            of = node.get("of")
+        if of is None or of.value == []:
+            where = node.key if of is None else of.where
+            message = "expected an address, as in {of: plant.pose}"
+            self.problems.add(where, address, message)
+            return
+        place = address if of is node else f"{address}.of"
+        items = texts(of, place, "an address, as in plant.pose", self.problems)
+        signals = [self.signal(item, where) for item, where in items]
+        written = node.get("every")
+        every = self.every(written, f"{address}.every")
+        probe = Probe(name, tuple(signal for signal in signals if signal is not None), every)
+        if written is not None and every and probe.missed():
+            self.problems.add(written.where, f"{address}.every", probe.missed())
+        else:
+            self.add(probe, of.where, place)
+
+    def every(self, node: Node | None, address: str) -> int:
+        """The ticks between two rows as written; 0 where that is left to the signal."""
+        if node is None:
+            return 0
+        if not isinstance(node.value, int) or isinstance(node.value, bool) or node.value < 1:
+            message = f"expected a number of base ticks, 1 or more, got {node.describe()}"
+            self.problems.add(node.where, address, message)
+            return 0
+        return node.value
+
+    def add(self, probe: Probe, where: Where, address: str) -> None:
+        """Take a probe in, once its signals are known to go together."""
+        if not probe.signals:
+            return
+        every = probe.every or min(signal.every for signal in probe.signals)
+        probe = replace(probe, every=every)
+        clash = probe.clash()
+        if clash:
+            self.problems.add(where, address, clash)
+        else:
+            self.seen.probes[probe.name] = probe
+            self.places[probe.name] = (where, address)
+
+    def signal(self, node: Node, address: str) -> Signal | None:
+        """The signal at an address; None if it is wrong, unknown, or gone with its block."""
+        try:
+            found = find(self.network.scope, node.value)
+        except ReportedError:
+            return None
+        except AddressError as error:
+            self.problems.add(*(error.place or (node.where, address)), str(error))
+            return None
+        text = check_output(self.network, found.end, states=True)
+        real = follow(self.network, found.end)
+        if not text and real is not None:
+            shape = whole_shape(self.network, real)
+            if shape is None or 8 * math.prod(shape) > MAX_BYTES:
+                return None  # reported with the block
+            columns = shape[0] if shape and not real.component else 1
+            is_path = len(shape) > 1 and (real.block, real.port) in self.network.types
+            if columns <= MAX_COLUMNS or is_path:
+                made = make_signal(self.network, real, node.value)
+                if made is not None:
+                    return made
+                text = no_component(self.network, real)
+            else:
+                text = f"{columns} columns are too many to record; name one, '{node.value}.0'"
+        elif not text:
+            block = lost(self.network, found.end)
+            note = f"'{node.value}' is not recorded: block '{block}' is removed"
+            if note not in self.seen.notes:
+                self.seen.notes.append(note)
+            return None
+        self.problems.add(*(found.place or (node.where, address)), text)
+        return None
+
+    def recorded(self, owner: Node, key: str, keys: tuple[str, ...], address: str) -> list[str]:
+        """Names of the probes for the addresses or probe names under a key."""
+        node = owner.get(key)
+        if (node is None and key not in misspelt(owner, keys)) or (node and node.value == []):
+            where = owner.key if node is None else node.where
+            self.problems.add(where, address, f"missing; expected {_SOURCE}")
+        names = []
+        for item, place in texts(node, address, _SOURCE, self.problems):
+            name = item.value
+            if "probes" in self.unread and "." not in name:
+                continue
+            if name not in self.seen.probes and name not in self.declared:
+                message = self.no_probe(name)
+                if message:
+                    self.problems.add(item.where, place, message)
+                    continue
+                signal = self.signal(item, place)
+                if signal is not None:
+                    self.add(Probe(name, (signal,), 0, auto=True), item.where, place)
+            if name in self.seen.probes:
+                names.append(name)
+        return names
+
+    def no_probe(self, name: str) -> str:
+        """Why a text is neither a probe's name nor can be an address; '' if it may be one."""
+        head, dot, rest = name.partition(".")
+        scope = self.network.scope
+        if not dot and (head in scope.blocks or head in scope.broken):
+            return ""
+        if not dot:
+            return (
+                f"there is no probe '{name}'{hint(name, self.declared) or '; expected ' + _SOURCE}"
+            )
+        if head in self.declared and head not in scope.names():
+            return f"'{head}' is a probe; '.{rest}' needs the address that it records"
+        owner = name.removesuffix(".time")
+        if owner != name and owner in self.declared:
+            return f"the times of probe '{owner}' are stored as '{name}'; rename that probe"
+        return ""
+
+    def plot(self, name: str, node: Node, address: str) -> None:
+        written = node.get("kind")
+        asked = "" if written is None else str(written.plain())
+        keys = plot_keys(asked)
+        check_keys(node, keys, address, self.problems, "key")
+        kind = self.choice(node, offered(asked, self.has_world), keys, f"{address}.kind")
+        of = self.recorded(node, "of", keys, f"{address}.of")
+        title = node.get("title")
+        if title is not None and not isinstance(title.value, (str, int, float)):
+            message = f"expected a text, got {title.describe()}"
+            self.problems.add(title.where, f"{address}.title", message)
+        options = {key: item.plain() for key, item in node.items() if key not in COMMON}
+        self.report(node, keys, address, check_options(kind, options, self.has_world))
+        if "engaged" in options:
+            options["engaged"] = self.measured(node, "engaged", keys, address)
+        if kind and of:
+            text = str(title.value) if title is not None else name.replace("_", " ")
+            options |= used_options(kind, options)
+            found = source_options(kind, [self.seen.probes[p] for p in of], self.network)
+            plot = PlotSpec(name, kind, tuple(of), text, {**found, **options})
+            faults = unfit(plot, self.seen.probes, node.value["of"].plain())
+            if faults is not None:
+                self.report(node, keys, address, faults)
+                self.seen.plots.append(plot)
+
+    def report(
+        self, node: Node, keys: tuple[str, ...], address: str, checks: Iterable[tuple[str, str]]
+    ) -> None:
+        """Add what is wrong with entries, but for missing ones that are there, misspelt."""
+        for key, text in checks:
+            item = node.get(key)
+            if item is not None or key not in misspelt(node, keys):
+                where = node.key if item is None else item.where
+                self.problems.add(where, f"{address}.{key}", text)
+
+    def choice(
+        self, node: Node, known: tuple[str, ...], keys: tuple[str, ...], address: str
+    ) -> str:
+        item = node.get("kind")
+        if item is not None and item.value in known:
+            return str(item.value)
+        if item is None:
+            if "kind" not in misspelt(node, keys):
+                message = f"missing; expected one of {', '.join(known)}"
+                self.problems.add(node.key, address, message)
+        else:
+            got = f"got {item.describe()}{hint(item.plain(), known)}"
+            self.problems.add(item.where, address, f"expected one of {', '.join(known)}, {got}")
+        return ""
+
+    def metric(self, name: str, node: Node, address: str) -> None:
+        written = node.get("kind")
+        declared = METRIC_KINDS.get(str(written.plain())) if written is not None else None
+        kinds = METRIC_KINDS.values() if declared is None else [declared]
+        keys = ("kind", *dict.fromkeys(key for kind in kinds for key in kind.keys))
+        check_keys(node, keys, address, self.problems, "key")
+        kind = self.choice(node, tuple(METRIC_KINDS), keys, f"{address}.kind")
+        if declared is None or not kind:
+            return
+        inputs = {key: self.measured(node, key, keys, address) for key in declared.inputs}
+        for key in declared.optional:
+            found = self.measured(node, key, keys, address) if node.get(key) else None
+            if found is not None:
+                inputs[key] = found
+        options: dict[str, Any] = {
+            key: item.plain()
+            for key, item in node.items()
+            if key not in ("kind", *declared.inputs, *declared.optional)
+        }
+        probes = {key: self.seen.probes[p] for key, p in inputs.items() if p is not None}
+        watched = {
+            key: ProbeInfo(p.shape, p.units, 0 if p.constant else p.every)
+            for key, p in probes.items()
+        }
+        self.report(node, keys, address, declared.check(options, watched, self.has_world))
+        after = options.get("after")
+        if isinstance(after, (int, float)) and after > self.network.until:
+            message = f"metric '{name}' has no value: it looks at times after {after:g} s"
+            self.seen.notes.append(message)
+        self.seen.metrics.append(Metric(name, kind, inputs, options))
+
+    def measured(self, node: Node, key: str, keys: tuple[str, ...], address: str) -> str | None:
+        """The one probe that a metric looks at."""
+        address, item = f"{address}.{key}", node.get(key)
+        if item is not None and item.is_list and len(item.value) > 1:
+            message = f"expected one signal, got {item.describe()}; a probe may hold several"
+            self.problems.add(item.where, address, message)
+            return None
+        found = self.recorded(node, key, keys, address)
+        return found[0] if found else None

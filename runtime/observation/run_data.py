@@ -1,0 +1,128 @@
+"""What a run leaves: recorded signals with times and units, metrics, and where they come from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from typing import Any
+
+from blocks.core import FloatArray, hint
+from blocks.world import World
+from runtime.observation.plots import PlotSpec
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One probe's recording.
+
+    t : times (rows,) in seconds. values : (rows,) for a scalar, (rows, columns) for a record or
+    several signals, (rows, n, columns) for a table. ``addresses`` gives each signal its columns.
+    """
+
+    name: str
+    t: FloatArray
+    values: FloatArray
+    labels: tuple[str, ...]
+    units: tuple[str, ...]
+    kinds: tuple[str, ...]
+    addresses: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    auto: bool = False
+
+    def column(self, address: str) -> FloatArray:
+        """The values of one of the signals that the probe holds."""
+        start, stop = self.addresses[address]
+        if len(self.addresses) == 1:
+            return self.values
+        return self.values[:, start] if stop == start + 1 else self.values[:, start:stop]
+
+
+Texts = tuple[dict[str, str], dict[str, bytes]]
+
+
+def _made(texts: dict[str, str], files: dict[str, bytes]) -> Texts:
+    return texts, files
+
+
+@dataclass
+class RunData:
+    """A run: ``result["plant.pose"]`` is an array, ``result.metrics`` a dict.
+
+    Names are those of probes, or the addresses that they record. ``world`` holds the walls that
+    the graph had, if any. ``origin`` makes the graph's texts, and those of its own blocks' files,
+    by name, from what was read before the run: a sweep's runs are hardly ever asked for them.
+    """
+
+    title: str
+    probes: dict[str, Recording]
+    metrics: dict[str, float | None]
+    plots: list[PlotSpec]
+    manifest: dict[str, Any]
+    origin: Callable[[], Texts] = lambda: ({}, {})
+    notes: list[str] = field(default_factory=list)
+    failures: list[str] = field(default_factory=list)
+    world: World | None = None
+
+    @cached_property
+    def texts(self) -> dict[str, str]:
+        """The graph as it was written and as it was run, by file name."""
+        return self.origin()[0]
+
+    @cached_property
+    def files(self) -> dict[str, bytes]:
+        """What the files of the graph's own blocks hold, by the names that its text gives them."""
+        return self.origin()[1]
+
+    def __getstate__(self) -> dict[str, Any]:
+        texts, files = self.texts, self.files
+        return {**self.__dict__, "origin": partial(_made, texts, files)}
+
+    @property
+    def status(self) -> str:
+        """complete, interrupted or failed."""
+        return str(self.manifest["status"])
+
+    @property
+    def ticks(self) -> int:
+        return int(self.manifest["ticks"])
+
+    def __getitem__(self, name: str) -> FloatArray:
+        recorded, address = self._find(name)
+        return recorded.column(address) if address else recorded.values
+
+    def time(self, name: str) -> FloatArray:
+        """Times (s) of the rows of ``result[name]``."""
+        return self._find(name)[0].t
+
+    def __contains__(self, name: object) -> bool:
+        return name in set(self)
+
+    def __iter__(self) -> Iterator[str]:
+        yield from self.probes
+        for recorded in self.probes.values():
+            yield from (a for a in recorded.addresses if a not in self.probes)
+
+    def _find(self, name: str) -> tuple[Recording, str]:
+        if name in self.probes:
+            return self.probes[name], ""
+        for recorded in self.probes.values():
+            if name in recorded.addresses:
+                return recorded, name
+        whole, _, _ = name.rpartition(".")
+        for recorded in self.probes.values():
+            if whole in recorded.addresses and name in recorded.labels:
+                at = recorded.labels.index(name)
+                values = recorded.values[:, at]
+                return Recording(
+                    name, recorded.t, values, (name,), ("",), ("Scalar",), {name: (0, 1)}
+                ), ""
+        known = sorted(self)
+        raise KeyError(f"'{name}' was not recorded{hint(name, known) or ': ' + ', '.join(known)}")
+
+    def __repr__(self) -> str:
+        shown = ", ".join(
+            f"{k}={v:.4g}" if v is not None else f"{k}=None" for k, v in self.metrics.items()
+        )
+        return (
+            f"<{type(self).__name__} of '{self.title}': {self.status}, {self.ticks} ticks; {shown}>"
+        )

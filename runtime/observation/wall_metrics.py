@@ -1,0 +1,178 @@
+"""Metrics of wall following: how far a pose is from where it should be, in the graph's world."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from blocks.core import FloatArray, Options, param
+from blocks.wall_fitting import IntArray
+from blocks.world import World
+from runtime.observation.metric_kinds import Common, Kind
+
+REACHED = 0.02
+CLEAR = 0.1
+NEAR = 0.4
+
+
+def since_reached(world: World, xy: FloatArray, d: float) -> FloatArray:
+    """The places from the first one on that is on the contour at ``d``, (k, 2).
+
+    On it is within 2 cm, or within twice the smallest error of a robot that keeps further off: its
+    error must not drop out of the figures. What never comes within ``d`` has no such place.
+    """
+    error = np.abs(world.distance(xy) - d)
+    best = float(error.min(initial=math.inf))
+    return xy[int(np.argmax(error <= max(REACHED, 2.0 * best))) :] if best <= d else xy[:0]
+
+
+def distance_mae(world: World, xy: FloatArray, options: Mapping[str, Any]) -> float:
+    """Mean of |distance to the nearest surface - d| (m), from when the contour is reached."""
+    d = float(options["distance"])
+    return _mean(np.abs(world.distance(since_reached(world, xy, d)) - d))
+
+
+def distance_mae_reachable(world: World, xy: FloatArray, options: Mapping[str, Any]) -> float:
+    """The same, without the places within a turning radius of a kink of the contour."""
+    d = float(options["distance"])
+    places = since_reached(world, xy, d)
+    fair = places[world.reachable(places, d, float(options["turning_radius"]))]
+    return _mean(np.abs(world.distance(fair) - d))
+
+
+def distance_mae_cylinders(world: World, xy: FloatArray, options: Mapping[str, Any]) -> float:
+    """Mean of |distance to a cylinder - d| (m), where the robot's projection onto the cylinder's
+    offset circle is clear of everything else's offset by 10 cm.
+
+    Which surface counts is decided by the projection, not by which one is nearest: a robot that
+    has strayed to another surface would otherwise drop out of the figure.
+    """
+    d = float(options["distance"])
+    places = since_reached(world, xy, d)
+    errors = [np.zeros(0)]
+    for i, (x, y, r) in enumerate(world.circles.tolist()):
+        offset = places - (x, y)
+        away = np.hypot(offset[:, 0], offset[:, 1])
+        projected = (x, y) + offset * ((r + d) / np.maximum(away, 1e-12))[:, None]
+        others = _others(world, i)
+        error = np.abs(away - r - d)
+        here = error < NEAR
+        if others is not None:
+            here &= others.distance(projected) >= d + CLEAR
+        errors.append(error[here])
+    return _mean(np.concatenate(errors))
+
+
+def loops(world: World, xy: FloatArray, options: Mapping[str, Any]) -> float:
+    """Turns around the loop of the contour that was reached first."""
+    places, contour = first_loop(world, xy, float(options["distance"]))
+    if len(places) < 2:
+        return 0.0
+    nearest, _ = _on_loop(contour, places)
+    n = len(contour)
+    steps = (np.diff(nearest) + n // 2) % n - n // 2
+    return float(steps.sum() / n)
+
+
+def strayed(world: World, xy: FloatArray, options: Mapping[str, Any]) -> float:
+    """Largest distance (m) from the loop of the contour that was reached first, from then on."""
+    places, contour = first_loop(world, xy, float(options["distance"]))
+    return float(_on_loop(contour, places)[1].max()) if len(places) else math.nan
+
+
+def distance_floor(world: World, xy: FloatArray, options: Mapping[str, Any]) -> float:
+    """What the mean error cannot fall below for a robot of that turning radius (m)."""
+    start = (float(xy[-1, 0]), float(xy[-1, 1])) if len(xy) else None
+    return world.kink_floor(float(options["distance"]), float(options["turning_radius"]), start)
+
+
+def first_loop(world: World, xy: FloatArray, d: float) -> tuple[FloatArray, FloatArray]:
+    """The places from when the contour is reached, and the loop (k, 2) of it that they are on."""
+    places = since_reached(world, xy, d)
+    contours = world.offset_contour(d)
+    if not len(places) or not contours:
+        return xy[:0], xy[:0]
+    return places, min(contours, key=lambda c: np.hypot(*(c - places[0]).T).min())[:-1]
+
+
+def _on_loop(contour: FloatArray, places: FloatArray) -> tuple[IntArray, FloatArray]:
+    """The sample of a loop that is nearest to each place, and how far (m) it is: (m,) both."""
+    from scipy.spatial import cKDTree  # scipy stays off the start-up path
+
+    away, nearest = cKDTree(contour).query(places)
+    return np.asarray(nearest, dtype=np.intp), np.asarray(away)
+
+
+def _others(world: World, i: int) -> World | None:
+    """The world without one of its circles; None if nothing is left."""
+    rest = dict(world.description)
+    rest["circles"] = [circle for k, circle in enumerate(rest.get("circles", [])) if k != i]
+    left = {key: value for key, value in rest.items() if value}
+    return World(left) if left else None
+
+
+def _mean(values: FloatArray) -> float:
+    return float(values.mean()) if len(values) else math.nan
+
+
+class StandOff(Common):
+    """The distance to keep."""
+
+    distance: float = param(unit="m", above=0.0, doc="the distance from the walls to keep")
+
+
+class Turning(StandOff):
+    """The distance to keep, and what the robot can do about it."""
+
+    turning_radius: float = param(unit="m", above=0.0, doc="the robot's smallest turning radius")
+
+
+def _kind(
+    formula: Callable[[World, FloatArray, Mapping[str, Any]], float],
+    doc: str,
+    options: type[Options] = StandOff,
+    optional: tuple[str, ...] = ("engaged",),
+) -> Kind:
+    return Kind(
+        lambda series, options: None,
+        doc,
+        options,
+        optional=optional,
+        forms=("place",),
+        in_world=formula,
+    )
+
+
+WALL_KINDS: Mapping[str, Kind] = {
+    "distance_mae": _kind(
+        distance_mae,
+        "mean of abs(distance to the nearest surface - `distance`) (m), from when the contour is "
+        "first reached (within 2 cm, or twice the smallest error of a robot that keeps further "
+        "off)",
+    ),
+    "distance_mae_cylinders": _kind(
+        distance_mae_cylinders,
+        "the same where the robot is along a circle, clear of everything else by 10 cm",
+    ),
+    "distance_mae_reachable": _kind(
+        distance_mae_reachable,
+        "the same without the places within `turning_radius` of a kink of the contour",
+        Turning,
+    ),
+    "distance_floor": _kind(
+        distance_floor,
+        "what a robot of that `turning_radius` that makes no other error gets (m)",
+        Turning,
+        optional=(),
+    ),
+    "strayed": _kind(
+        strayed, "largest distance (m) from the contour that was reached first, from then on"
+    ),
+    "loops": _kind(
+        loops,
+        "turns around the contour that was reached first; negative with the wall on the left",
+    ),
+}

@@ -1,0 +1,237 @@
+"""Pictures of a run: time series, trajectories, spike rasters, heat maps, and maps of a world.
+
+Figures are made without pyplot, which costs a second to import and keeps every figure alive.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import ListedColormap, Normalize
+from matplotlib.figure import Figure
+
+from blocks.core import FloatArray
+from runtime.errors import UsageError, one_line
+from runtime.files import slug, write_whole
+from runtime.observation import PLOT_KINDS, PlotSpec, Recording, RunData, offered
+from runtime.plots import style
+from runtime.plots.trajectory import equal_scales
+
+DPI = 150
+MANY_LINES = 10
+THIN_ABOVE, THIN_TO = 20_000, 4_000  # rows
+LINE_POINTS = 200_000
+HEAT_ROWS = 1_000
+FEW_ROWS = 12
+
+
+def draw(plot: PlotSpec, result: RunData) -> Figure:
+    """Draw one plot of a run.
+
+    Parameters
+    ----------
+    plot : the picture's kind, title and the names of the probes that it shows.
+    result : the run; a run that broke off is drawn as far as it came.
+
+    Returns
+    -------
+    Figure : not tied to pyplot; ``figure.savefig("x.pdf")`` writes it.
+
+    Raises
+    ------
+    UsageError : no such kind of plot, a probe was not recorded, or the run has no world to show.
+    """
+    if plot.kind not in PLOT_KINDS:
+        known = ", ".join(offered(plot.kind, result.world is not None))
+        raise UsageError(f"plot '{plot.name}': expected one of {known}, got '{plot.kind}'")
+    missing = [name for name in plot.of if name not in result.probes]
+    if missing:
+        raise UsageError(f"plot '{plot.name}' shows '{missing[0]}', which was not recorded")
+    with matplotlib.rc_context(style.STYLE):
+        figure = Figure(layout="constrained")
+        module, _, function = PLOT_KINDS[plot.kind].painter.partition(":")
+        painter = getattr(import_module(module), function)
+        if PLOT_KINDS[plot.kind].in_world:
+            top = painter(figure, plot, result)
+        else:
+            shown = [result.probes[name] for name in plot.of]
+            top = painter(figure, shown, style.run_end(result))
+        style.set_title(top, plot.title, result)
+        style.literal(figure)
+        if plot.kind == "trajectory":
+            equal_scales(figure, top)
+    return figure
+
+
+def save_plots(
+    result: RunData, folder: Path, note: Callable[[str], None] | None = None
+) -> list[Path]:
+    """Write every plot of a run as <name>.png.
+
+    Parameters
+    ----------
+    result : the run.
+    folder : where to; made if it is not there.
+    note : told of each plot that cannot be drawn or written, and the others are; without it, the
+        first of them raises what matplotlib or the system raised.
+
+    Returns
+    -------
+    list of Path : the files, in the order of the graph's plots.
+    """
+    paths = []
+    for plot in result.plots:
+        path = folder / f"{slug(plot.name, 'plot')}.png"
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            save_figure(draw(plot, result), path)
+        except Exception as error:
+            if note is None:
+                raise
+            text = " ".join((str(error) or type(error).__name__).split())
+            note(f"plot '{plot.name}' is not drawn: {one_line(text[:200])}")
+        else:
+            paths.append(path)
+    return paths
+
+
+def save_figure(figure: Figure, path: Path) -> None:
+    """Write a figure as a picture that is there whole or not at all."""
+    content = BytesIO()
+    figure.savefig(content, dpi=DPI, format="png")
+    write_whole(path, content.getvalue())
+
+
+@dataclass(frozen=True)
+class _Column:
+    label: str
+    unit: str
+    t: FloatArray
+    y: FloatArray
+
+
+def _flat(recorded: Recording) -> tuple[FloatArray, list[str], list[str]]:
+    """A recording as (rows, columns), with one label and one unit per column."""
+    values = recorded.values.reshape(len(recorded.values), int(np.prod(recorded.values.shape[1:])))
+    count = values.shape[1]
+    if len(recorded.labels) == count:
+        return values, list(recorded.labels), list(recorded.units)
+    named = style.base(recorded.labels[0]) if recorded.labels else recorded.name
+    units = list(recorded.units or ("",))
+    return values, [f"{named}[{i}]" for i in range(count)], (units * count)[:count]
+
+
+def draw_timeseries(figure: Figure, recordings: Sequence[Recording], end: float) -> Axes:
+    """Draw columns over time, those of one unit together."""
+    groups: dict[str, list[_Column]] = {}
+    every = []
+    for recorded in recordings:
+        values, labels, units = _flat(recorded)
+        every.extend(labels)
+        for i, (label, unit) in enumerate(zip(labels, units, strict=True)):
+            groups.setdefault(unit, []).append(_Column(label, unit, recorded.t, values[:, i]))
+    names = dict(zip(every, style.short_labels(every), strict=True))
+    figure.set_size_inches(style.WIDTH, 1.1 + 1.55 * max(1, len(groups)) + 0.5 * (len(groups) == 1))
+    column = style.stack(figure, len(groups))
+    for axes, (unit, lines) in zip(column, groups.items(), strict=False):
+        shown = [names[line.label] for line in lines]
+        _lines(figure, axes, lines, shown, end)
+        axes.set_ylabel(style.axis_name(shown, unit))
+    style.time_axis(column, recordings, end)
+    return column[0]
+
+
+def _lines(figure: Figure, axes: Axes, lines: list[_Column], names: list[str], end: float) -> None:
+    """Draw one axes of a time series: all columns of one unit."""
+    if not any(len(line.y) for line in lines):
+        style.say(axes)
+        return
+    many = len(lines) > MANY_LINES
+    # The map's end is too pale for lines on white.
+    colours = ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0.0, 0.9, len(lines))))
+    low = high = 0.0
+    for i, (line, name) in enumerate(zip(lines, names, strict=True)):
+        t, y = _shown(line, len(lines))
+        how: dict[str, Any] = {"color": colours(i), "linewidth": 0.5} if many else style.look(i)
+        if len(y) == 1:
+            # One row is a constant, or a probe too slow for the run: what was seen is marked.
+            axes.plot([t[0], max(t[0], end)], [y[0], y[0]], **{**how, "linestyle": ":"})
+            how |= {"marker": "o", "markersize": 4.0}
+        axes.plot(t, y, label=name, **how)
+        finite = y[np.isfinite(y)]
+        low, high = min(low, finite.min(initial=0.0)), max(high, finite.max(initial=0.0))
+    if low < 0.0 < high:
+        axes.axhline(0.0, color="0.6", linewidth=0.6, zorder=1.0)
+    if many:
+        scale = ScalarMappable(Normalize(-0.5, len(lines) - 0.5), colours)
+        figure.colorbar(scale, ax=axes, label="index", pad=0.01, aspect=14)
+    else:
+        style.legend(axes)
+
+
+def _shown(line: _Column, lines: int) -> tuple[FloatArray, FloatArray]:
+    """What to draw of one of several lines; infinity, a ray that hits nothing, leaves a gap."""
+    y = np.where(np.isfinite(line.y), line.y, np.nan)
+    if len(y) <= THIN_ABOVE and len(y) * lines <= LINE_POINTS:
+        return line.t, y
+    return style.thin(line.t, y, max(400, min(THIN_TO, LINE_POINTS // lines)))
+
+
+def draw_heatmap(figure: Figure, recordings: Sequence[Recording], end: float) -> Axes:
+    """Draw arrays over time as colours, one below the other."""
+    figure.set_size_inches(style.WIDTH, 0.9 + 2.6 * max(1, len(recordings)))
+    column = style.stack(figure, len(recordings))
+    for axes, recorded in zip(column, recordings, strict=False):
+        _heat(figure, axes, recorded, end)
+    style.time_axis(column, recordings, end)
+    return column[0]
+
+
+def _heat(figure: Figure, axes: Axes, recorded: Recording, end: float) -> None:
+    """Draw one array: its rows along time, its columns upwards."""
+    values, labels, units = _flat(recorded)
+    axes.grid(False)
+    if len(labels) <= FEW_ROWS:
+        axes.set_yticks(range(len(labels)), style.short_labels(labels))
+    else:
+        axes.set_ylabel("index")
+    if not values.size:
+        style.say(axes)
+        return
+    size = -(-len(values) // HEAT_ROWS)
+    shown = style.pool(values, size)
+    step = style.spacing(recorded.t, end) * size
+    name, low, high = _colours(shown)
+    image = axes.imshow(
+        shown.T,
+        aspect="auto",
+        origin="lower",
+        interpolation="nearest",
+        cmap=matplotlib.colormaps[name].with_extremes(bad="0.8"),
+        vmin=low,
+        vmax=high,
+        extent=(recorded.t[0], recorded.t[0] + step * len(shown), -0.5, len(labels) - 0.5),
+    )
+    unit = units[0] if len(set(units)) == 1 else "mixed units"
+    signal = style.signal_name(labels) or recorded.name
+    label = f"{signal} [{unit}]" if unit else signal
+    figure.colorbar(image, ax=axes, label=label, pad=0.01, aspect=18)
+
+
+def _colours(values: FloatArray) -> tuple[str, float, float]:
+    """A colour map and its ends: around zero where values have both signs."""
+    finite = values[np.isfinite(values)]
+    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
+    if low < 0.0 < high:
+        bound = max(-low, high)
+        return "RdBu_r", -bound, bound
+    return "viridis", low, high if high > low else low + 1.0

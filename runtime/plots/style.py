@@ -1,0 +1,275 @@
+"""How all pictures look: colours, titles, names of axes, and how much of a series a page shows."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.text import Text
+from matplotlib.ticker import MaxNLocator, ScalarFormatter
+
+from blocks.core import FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from runtime.observation import Recording, RunData
+
+WIDTH = 6.5  # inches, the text width of a one-column paper
+GREY = "0.4"
+LONG_NAME = 20  # letters, about what fits beside the lowest axes
+# Okabe and Ito's palette, told apart by colour-blind eyes too; its yellow is too pale for lines.
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+LINESTYLES = ("-", "--", ":", "-.")
+# Any: the names of the settings are a literal type in some versions of matplotlib only.
+STYLE: Any = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 9.0,
+    "axes.labelsize": 9.0,
+    "axes.titlesize": 10.0,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.linewidth": 0.6,
+    "axes.edgecolor": "0.3",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.formatter.limits": (-3, 4),
+    "axes.formatter.useoffset": False,
+    "axes.formatter.use_mathtext": True,
+    "grid.color": "0.9",
+    "grid.linewidth": 0.5,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "xtick.color": "0.3",
+    "ytick.color": "0.3",
+    "xtick.labelcolor": "black",
+    "ytick.labelcolor": "black",
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "lines.linewidth": 1.0,
+    "legend.fontsize": 8.0,
+    "legend.frameon": False,
+    "legend.handlelength": 1.6,
+    "figure.facecolor": "white",
+}
+
+
+def look(i: int) -> dict[str, Any]:
+    """Colour and dashes of the i-th line of an axes."""
+    dashes = LINESTYLES[i // len(COLOURS) % len(LINESTYLES)]
+    return {"color": COLOURS[i % len(COLOURS)], "linestyle": dashes}
+
+
+def literal(figure: Figure) -> None:
+    """Show every text of a figure as it is written: names and titles are no formulas.
+
+    Numbers along an axis stay formulas, since theirs are matplotlib's own.
+    """
+    for text in figure.findobj(Text):
+        text.set_parse_math(False)
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            is_number = isinstance(axis.get_major_formatter(), ScalarFormatter)
+            axis.get_offset_text().set_parse_math(True)
+            for tick in axis.get_major_ticks():
+                for label in (tick.label1, tick.label2):
+                    label.set_parse_math(is_number)
+
+
+def set_title(axes: Axes, title: str, result: RunData) -> None:
+    """Write a plot's title, and below it in small what was run."""
+    head(axes, title, subtitle(result))
+
+
+def head(axes: Axes, title: str, small: str) -> None:
+    """Write a title above an axes, and a line in small between the two."""
+    axes.set_title(title, pad=17.0)
+    axes.annotate(
+        small,
+        xy=(0.0, 1.0),
+        xytext=(0.0, 6.0),
+        xycoords="axes fraction",
+        textcoords="offset points",
+        fontsize=8.0,
+        color=GREY,
+        gid="subtitle",
+    )
+
+
+def subtitle(result: RunData) -> str:
+    """What was run, in one line: the graph, what was taken out of it, where it broke off."""
+    removed: dict[str, str] = result.manifest.get("removed", {})
+    overrides = result.manifest.get("overrides", [])
+    parts = [result.title]
+    for how, message in (("without", "without"), ("bypass", "bypassing")):
+        names = [name for name, way in removed.items() if way == how]
+        asked = [text.partition(" ")[2] for text in overrides if text.startswith(f"{how} ")]
+        if names:
+            parts.append(f"{message} {_listed(_grouped(names, asked))}")
+    status = result.manifest.get("status", "complete")
+    if status != "complete":
+        parts.append(f"{status} at {run_end(result):.4g} s")
+    return "  ·  ".join(parts)
+
+
+def _grouped(names: list[str], asked: list[str]) -> list[str]:
+    """Names of blocks as they were asked for: a part stands for the blocks inside it."""
+    found: dict[str, None] = {}
+    for name in names:
+        whole = (part for part in asked if name == part or name.startswith(f"{part}."))
+        found[next(whole, name)] = None
+    return list(found)
+
+
+def _listed(names: list[str], most: int = 3) -> str:
+    left = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + left
+
+
+def run_end(result: RunData) -> float:
+    """The time (s) up to which the run came."""
+    return float(result.manifest.get("ticks", 0) * result.manifest.get("dt", 0.0))
+
+
+def spacing(t: FloatArray, otherwise: float = 1.0) -> float:
+    """Seconds from one row to the next; ``otherwise`` where one row stands for all."""
+    return float(t[1] - t[0]) if len(t) > 1 else (otherwise or 1.0)
+
+
+def time_axis(column: Sequence[Axes], recordings: Sequence[Recording], end: float) -> None:
+    """Label the time axis that a column of axes shares, up to where the last row ceases to hold."""
+    ends = [float(r.t[-1]) + spacing(r.t, end) for r in recordings if len(r.t)]
+    starts = [float(r.t[0]) for r in recordings if len(r.t)]
+    column[-1].set_xlim(min(starts, default=0.0), max(ends, default=end) or 1.0)
+    column[-1].xaxis.set_major_locator(MaxNLocator(nbins=10, steps=[1, 2, 5, 10]))
+    column[-1].set_xlabel("time [s]")
+
+
+def say(axes: Axes, text: str = "nothing recorded") -> None:
+    """Say in an empty axes why it is empty; ticks would measure nothing."""
+    axes.set_yticks([])
+    axes.grid(False)
+    axes.text(
+        *(0.5, 0.5, text),
+        ha="center",
+        va="center",
+        transform=axes.transAxes,
+        color=GREY,
+        style="italic",
+    )
+
+
+def note(axes: Axes, text: str) -> None:
+    """Write a small remark above the right end of an axes."""
+    axes.annotate(
+        text,
+        xy=(1.0, 1.0),
+        xytext=(0.0, 2.0),
+        xycoords="axes fraction",
+        textcoords="offset points",
+        ha="right",
+        fontsize=7.0,
+        color=GREY,
+    )
+
+
+def legend(axes: Axes) -> None:
+    """Name the lines of an axes beside it, where it hides nothing; one line needs no legend."""
+    handles, labels = axes.get_legend_handles_labels()
+    if len(handles) > 1:
+        axes.legend(
+            handles, labels, loc="upper left", bbox_to_anchor=(1.0, 1.03), borderaxespad=0.2
+        )
+
+
+def stack(figure: Figure, count: int, ratios: Sequence[float] | None = None) -> list[Axes]:
+    """Axes above each other that share their time axis."""
+    count = max(1, count)
+    column = figure.subplots(count, sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
+    for axes in column:
+        # The axis' power of ten: left of the subtitle, which it would overprint.
+        axes.yaxis.get_offset_text().set(x=-0.01, horizontalalignment="right")
+    return list(column)
+
+
+def base(label: str) -> str:
+    """The signal that a column's label belongs to: plant.pose of plant.pose.x, a.w of a.w[0]."""
+    return re.sub(r"(\[\d+\]|\.[^.\[\]]+)$", "", label)
+
+
+def short_labels(labels: Sequence[str]) -> list[str]:
+    """Labels without what all have in common at the front and at the back.
+
+    A label that stands alone keeps its last two parts, and a bare number keeps its name.
+    """
+    parts = [label.split(".") for label in labels]
+    if len(set(labels)) < 2:
+        return [".".join(p[-2:]) for p in parts]
+    shortest = min(map(len, parts))
+    front = 0
+    while front < shortest - 1 and len({p[front] for p in parts}) == 1:
+        front += 1
+    while front and any(p[front].isdigit() for p in parts):
+        front -= 1
+    back = 0
+    while back < shortest - front - 1 and len({p[-1 - back] for p in parts}) == 1:
+        back += 1
+    return [".".join(p[front : len(p) - back]) for p in parts]
+
+
+def signal_name(labels: Sequence[str]) -> str:
+    """The signal that all labels belong to, by its last two parts; empty if there is none."""
+    for cut in (r"\[\d+\]$", r"\.[^.]+$"):
+        found = {re.sub(cut, "", label) for label in labels}
+        if len(found) == 1:
+            return ".".join(found.pop().split(".")[-2:])
+    return ""
+
+
+def axis_name(labels: Sequence[str], unit: str) -> str:
+    """What an axis says: names while they are few, else the signal they share; and the unit."""
+    names = list(dict.fromkeys(labels))
+    text = ", ".join(names)
+    if len(names) > 3 or (len(names) > 1 and len(text) > LONG_NAME):
+        text = signal_name(names)
+    gap = "\n" if len(text) + len(unit) > LONG_NAME else " "
+    return f"{text}{gap}[{unit}]".strip() if unit else text
+
+
+def thin(t: FloatArray, y: FloatArray, most: int) -> tuple[FloatArray, FloatArray]:
+    """A series of about ``most`` points that keeps the extremes of every stretch, and both ends."""
+    if len(y) <= most:
+        return t, y
+    size = -(-2 * len(y) // most)
+    full = len(y) // size * size
+    starts = np.arange(0, full, size)
+    stretches = y[:full].reshape(-1, size)
+    keep = [starts + stretches.argmin(axis=1), starts + stretches.argmax(axis=1), [0, len(y) - 1]]
+    if full < len(y):
+        keep.append([full + y[full:].argmin(), full + y[full:].argmax()])
+    index = np.unique(np.concatenate(keep))
+    return t[index], y[index]
+
+
+def pool(values: FloatArray, size: int) -> FloatArray:
+    """Means over each ``size`` rows, of what is finite; NaN where nothing is."""
+    full = len(values) // size * size
+    blocks = [values[:full].reshape(-1, size, values.shape[1]), values[None, full:]]
+    return np.concatenate([_means(block) for block in blocks if block.size])
+
+
+def _means(blocks: FloatArray) -> FloatArray:
+    """Means over the middle one of three axes."""
+    finite = np.isfinite(blocks)
+    if finite.all():
+        means: FloatArray = blocks.mean(axis=1)
+        return means
+    with np.errstate(invalid="ignore"):
+        means = np.where(finite, blocks, 0.0).sum(axis=1) / finite.sum(axis=1)
+    return means

@@ -1,0 +1,211 @@
+"""Trajectories: the way that poses went over the plane, beside paths and clouds of points."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from blocks.core import FloatArray
+from runtime.observation import Recording
+from runtime.plots import style
+
+ARROWS = 14
+MARGIN = 0.06  # of the longer side
+STILL = 0.5  # m, shown around a robot that never moves
+FLATTEST, TALLEST = 4.5, 0.55  # width over height of the axes; what is longer gets more margin
+MATCHED, PATH_POINTS = 400, 5_000
+DASHES = ((0, (5, 2)), (0, (1, 1.5)), (0, (6, 2, 1, 2)))
+CLOUD: dict[str, Any] = {"marker": ".", "markersize": 2.0, "color": "0.6", "linestyle": "none"}
+
+
+@dataclass(frozen=True)
+class _Track:
+    """A signal of the plane: rows of (x, y, theta) over time, or the points of a path or cloud."""
+
+    name: str
+    kind: str
+    points: FloatArray
+
+    @property
+    def xy(self) -> FloatArray:
+        return self.points[:, :2]
+
+
+def draw_trajectory(figure: Figure, recordings: Sequence[Recording], end: float) -> Axes:
+    """Draw ways gone, with headings, over the paths that they follow.
+
+    The view holds all poses and the part of each path that is nearest to them; a path may go
+    on beyond.
+
+    Parameters
+    ----------
+    figure : what to draw on.
+    recordings : of poses, paths and point clouds; other signals are passed over.
+    end : when the run ended (s).
+
+    Returns
+    -------
+    Axes : the only one.
+    """
+    tracks = [track for recorded in recordings for track in _tracks(recorded)]
+    low, high = _view(tracks)
+    ratio = min(FLATTEST, max(TALLEST, (high[0] - low[0]) / (high[1] - low[1])))
+    width = min(5.7, 4.2 * math.sqrt(ratio))
+    wide = ratio > 1.3
+    # Room for the labels, the title, and the legend: below a wide picture, beside a tall one.
+    figure.set_size_inches(width + (0.8 if wide else 2.0), width / ratio + (1.3 if wide else 1.0))
+    axes = style.stack(figure, 1)[0]
+    axes.set(xlabel="x [m]", ylabel="y [m]", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    handles = _draw(axes, tracks)
+    if not handles:
+        style.say(axes)
+        axes.set_xticks([])
+    elif wide:
+        figure.legend(handles=handles, loc="outside lower center", ncols=min(5, len(handles)))
+    else:
+        figure.legend(handles=handles, loc="outside right upper")
+    return axes
+
+
+def equal_scales(figure: Figure, axes: Axes) -> None:
+    """Let a metre be as long upwards as sideways, and widen the view until it fills its axes.
+
+    Called last, since titles and legends take room; matplotlib's own way overrides limits at
+    every drawing, and warns that it does.
+    """
+    figure.draw_without_rendering()
+    box = axes.get_window_extent()
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    metres = max((right - left) / box.width, (top - bottom) / box.height)
+    x, y = 0.5 * (left + right), 0.5 * (bottom + top)
+    half_width, half_height = 0.5 * metres * box.width, 0.5 * metres * box.height
+    axes.set_xlim(x - half_width, x + half_width)
+    axes.set_ylim(y - half_height, y + half_height)
+    axes.set_aspect("equal")
+
+
+def _tracks(recorded: Recording) -> list[_Track]:
+    """The signals of a recording that lie in the plane."""
+    found = []
+    spans = recorded.addresses.values() or [(0, len(recorded.labels))]
+    for kind, (start, stop) in zip(recorded.kinds, spans, strict=False):
+        if kind == "Pose":
+            points = recorded.values[:, start:stop]
+        elif kind in ("Path", "PointCloud"):
+            # The last row: a cloud moves, and a path is what it was when the run ended.
+            points = recorded.values[-1] if len(recorded.values) else np.empty((0, 2))
+        else:
+            continue
+        seen = points[np.isfinite(points).all(axis=1)]
+        found.append(_Track(style.base(recorded.labels[start]), kind, seen))
+    return found
+
+
+def _view(tracks: Sequence[_Track]) -> tuple[FloatArray, FloatArray]:
+    """The lower left and the upper right corner of what to show."""
+    shown = [track.xy for track in tracks if track.kind == "Pose" and len(track.xy)]
+    others = [track for track in tracks if track.kind != "Pose" and len(track.xy)]
+    if not shown:
+        shown = [track.xy for track in others] or [np.zeros((1, 2))]
+        others = []
+    went = np.concatenate(shown)
+    reach = max(STILL, float(np.ptp(went, axis=0).max()))
+    for track in others:
+        if track.kind == "Path":
+            shown.append(_nearest(went, track.xy))
+        else:
+            inside = np.abs(track.xy - went.mean(axis=0)).max(axis=1) < reach
+            shown.append(track.xy[inside])
+    everything = np.concatenate(shown)
+    low, high = everything.min(axis=0), everything.max(axis=0)
+    span = float((high - low).max())
+    margin = MARGIN * span if span > 0.0 else STILL
+    return low - margin, high + margin
+
+
+def _nearest(went: FloatArray, path: FloatArray) -> FloatArray:
+    """The points of a path that are nearest to some of the poses."""
+    some = went[:: -(-len(went) // MATCHED)]
+    path = path[:: -(-len(path) // PATH_POINTS)]
+    apart = np.hypot(*(some[:, None, :] - path[None, :, :]).transpose(2, 0, 1))
+    nearest: FloatArray = path[apart.argmin(axis=1)]
+    return nearest
+
+
+def _draw(axes: Axes, tracks: Sequence[_Track]) -> list[Line2D]:
+    """Draw all that holds points; returns what the legend shows."""
+    filled = [track for track in tracks if len(track.points)]
+    handles: list[Line2D] = []
+    paths = poses = 0
+    for track in filled:
+        if track.kind == "Pose":
+            handles += _way(axes, track, style.COLOURS[poses % len(style.COLOURS)])
+            poses += 1
+        elif track.kind == "Path":
+            how: dict[str, Any] = {"linestyle": DASHES[paths % len(DASHES)], "color": "0.35"}
+            handles += axes.plot(*track.xy.T, **how, linewidth=1.0, label=track.name, zorder=2.6)
+            paths += 1
+        else:
+            handles += axes.plot(*track.xy.T, **CLOUD, label=track.name, zorder=1.5)
+    if poses:
+        handles += [_mark(np.empty((0, 2)), label) for label in ("start", "end")]
+    return handles
+
+
+def _mark(xy: FloatArray, label: str, colour: str = "0.35") -> Line2D:
+    """A hollow circle for the start, a full square for the end."""
+    start = label == "start"
+    return Line2D(
+        *(xy[:, 0], xy[:, 1]),
+        linestyle="none",
+        label=label,
+        marker="o" if start else "s",
+        markersize=6.0,
+        markerfacecolor="white" if start else colour,
+        markeredgecolor=colour if start else "white",
+        markeredgewidth=1.0 if start else 0.6,
+        zorder=4.0,
+    )
+
+
+def _way(axes: Axes, track: _Track, colour: str) -> list[Line2D]:
+    """Draw one pose's way, with triangles that point where it heads."""
+    x, y = track.xy.T
+    lines = axes.plot(x, y, color=colour, label=track.name, linewidth=1.4, zorder=2.5)
+    axes.add_line(_mark(track.xy[:1], "start", colour))
+    axes.add_line(_mark(track.xy[-1:], "end", colour))
+    gone = np.concatenate([[0.0], np.hypot(np.diff(x), np.diff(y)).cumsum()])
+    # Even along the way; over time for a robot that only turns.
+    measure = gone if gone[-1] > 0.0 else np.arange(len(x), dtype=np.float64)
+    even = np.linspace(0.0, measure[-1], ARROWS + 2)[1:-1]
+    at = np.unique(np.searchsorted(measure, even).clip(max=len(x) - 1))
+    _triangles(axes, track.points[at], colour, 0.1)
+    _triangles(axes, track.points[[0, -1]], colour, 0.18, pivot="tail")
+    return lines
+
+
+def _triangles(
+    axes: Axes, poses: FloatArray, colour: str, size: float, pivot: Literal["mid", "tail"] = "mid"
+) -> None:
+    """Triangles of ``size`` inches at poses: arrows that are all head."""
+    x, y, theta = poses.T
+    head: dict[str, Any] = {"headlength": 3.0, "headaxislength": 3.0, "headwidth": 2.2}
+    axes.quiver(
+        *(x, y, np.cos(theta), np.sin(theta)),
+        **head,
+        color=colour,
+        units="inches",
+        width=size / 3.0,
+        scale_units="inches",
+        scale=1.0 / size,
+        pivot=pivot,
+        minlength=0.0,
+        zorder=3.0,
+    )

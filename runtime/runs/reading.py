@@ -1,0 +1,266 @@
+"""A run read back from disk, with every way in which its files can be broken told in one line."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import struct
+import warnings
+import zipfile
+import zlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from blocks.core import FloatArray, show
+from blocks.world import World
+from runtime.errors import UsageError
+from runtime.files import read_text
+from runtime.observation import PlotSpec, Recording, RunData
+from runtime.runs.folder import (
+    DIAGRAM,
+    MANIFEST,
+    METRICS,
+    PROBES,
+    RESOLVED,
+    SCHEMA_VERSION,
+    TIME,
+    WRITTEN,
+)
+from runtime.streaming import open_arrays
+
+LARGEST = 1e308
+# What numpy and zipfile raise over a file that is cut off or overwritten.
+_BROKEN_ARRAYS = (
+    *(OSError, ValueError, TypeError, EOFError, KeyError, RuntimeError, MemoryError, OverflowError),
+    *(zipfile.BadZipFile, zlib.error, struct.error, Warning),
+)
+
+
+def run_folder(path: str | Path) -> Path:
+    """The folder of a run.
+
+    Parameters
+    ----------
+    path : the folder, a link to it, or its manifest.json.
+
+    Raises
+    ------
+    UsageError : there is no run; the message says what is there instead.
+    """
+    path = Path(path)
+    folder = path.parent if path.name == MANIFEST else path
+    try:
+        if (folder / MANIFEST).is_file():
+            return folder
+        path.stat()
+        is_folder = folder.is_dir()
+        inside = sorted(child.parent for child in folder.glob(f"*/{MANIFEST}")) if is_folder else []
+    except FileNotFoundError:
+        text = f"there is no '{path}'; expected a run folder, as in runs/<graph>/latest"
+        raise UsageError(text) from None
+    except (OSError, ValueError) as error:
+        shown = show(str(path))
+        raise UsageError(f"{shown}: {getattr(error, 'strerror', None) or error}") from None
+    if not is_folder:
+        raise UsageError(f"'{path}' is a file; expected a run folder, as in runs/<graph>/latest")
+    latest = folder / "latest"
+    found = latest if latest in inside else inside[-1] if inside else None
+    suggestion = f"; did you mean '{found}'?" if found else ", as in runs/<graph>/latest"
+    raise UsageError(
+        f"'{folder}' holds no run (no {MANIFEST} in it); expected a run folder{suggestion}"
+    )
+
+
+def read_run(path: str | Path) -> RunData:
+    """Read a run back.
+
+    Parameters
+    ----------
+    path : the run's folder, a link to it, or its manifest.json.
+
+    Raises
+    ------
+    UsageError : there is no run, or one of its files is missing, damaged, or of a newer version.
+    """
+    folder = run_folder(path)
+    manifest = read_manifest(folder)
+    metrics = _mapping(folder / METRICS)
+    if any(v is not None and not _is_number(v) for v in metrics.values()):
+        raise _damaged(folder / METRICS, "expected a number or null for each metric")
+    if not all(name.isprintable() for name in metrics):
+        raise _damaged(folder / METRICS, "expected printable names")
+    return described_run(folder, manifest, _arrays(folder / PROBES), metrics)
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """The manifest of a run.
+
+    Raises
+    ------
+    UsageError : it cannot be read, or is of a newer version.
+    """
+    manifest = _mapping(folder / MANIFEST)
+    version = manifest.get("schema_version")
+    if isinstance(version, int) and version > SCHEMA_VERSION:
+        message = f"written by a newer version (schema {version}, this one reads {SCHEMA_VERSION})"
+        raise UsageError(f"'{folder / MANIFEST}' was {message}; upgrade spikeblocks")
+    return manifest
+
+
+def described_run(
+    folder: Path,
+    manifest: dict[str, Any],
+    arrays: dict[str, FloatArray],
+    metrics: dict[str, float | None],
+) -> RunData:
+    """The run that a manifest describes, with its arrays, and the texts in its folder.
+
+    Raises
+    ------
+    UsageError : they do not go together, or a text cannot be read.
+    """
+    texts = {name: _text(folder / name) for name in (WRITTEN, RESOLVED)}
+    if (folder / DIAGRAM).is_file():
+        texts[DIAGRAM] = _text(folder / DIAGRAM)
+    try:
+        probes = {
+            name: _recorded(name, info, arrays) for name, info in manifest.pop("probes").items()
+        }
+        plots = [
+            PlotSpec(p["name"], p["kind"], tuple(p["of"]), p["title"], dict(p.get("options", {})))
+            for p in manifest.pop("plots")
+        ]
+        # Runs written before there were worlds have none.
+        walls = manifest.pop("world", None)
+        world = None if walls is None else World(walls)
+        failures = [str(text) for text in manifest.pop("failures")]
+        notes = [str(text) for text in manifest["notes"]] + _changed_files(folder, manifest)
+        _check_facts(manifest)
+    except KeyError as error:
+        raise _damaged(folder / MANIFEST, f"{error} is missing") from None
+    except (ValueError, TypeError, AttributeError, IndexError) as error:
+        raise _damaged(folder / MANIFEST, str(error)) from None
+    return RunData(
+        *(str(manifest["graph"]), probes, metrics, plots, manifest),
+        *(lambda: (texts, {}), notes, failures, world),
+    )
+
+
+def _recorded(name: str, info: dict[str, Any], arrays: dict[str, FloatArray]) -> Recording:
+    """One probe, its columns held against what the manifest says of them."""
+    for wanted in (name, f"{name}.{TIME}"):
+        if wanted not in arrays:
+            raise ValueError(f"probe '{name}': there is no array '{wanted}' in {PROBES}")
+    if not name.isprintable():
+        raise ValueError("probes: expected printable names")
+    values, t = arrays[name], arrays[f"{name}.{TIME}"]
+    if t.ndim != 1 or not values.ndim or len(values) != len(t):
+        raise ValueError(f"probe '{name}': {len(t)} times for values of shape {values.shape}")
+    labels, units, kinds = (tuple(map(str, info[key])) for key in ("labels", "units", "kinds"))
+    addresses = {str(a): (int(span[0]), int(span[1])) for a, span in info["addresses"].items()}
+    if values.ndim <= 2 and len(labels) != (values.shape[1] if values.ndim == 2 else 1):
+        raise ValueError(f"probe '{name}': {len(labels)} labels for values of {values.shape}")
+    if any(not 0 <= start <= stop <= len(labels) for start, stop in addresses.values()):
+        raise ValueError(f"probe '{name}': its addresses name columns that it does not have")
+    return Recording(name, t, values, labels, units, kinds, addresses, bool(info["auto"]))
+
+
+def _check_facts(manifest: dict[str, Any]) -> None:
+    """What everything that reads a run relies on."""
+    for key in ("graph", "status"):
+        if not isinstance(manifest[key], str):
+            raise ValueError(f"{key}: expected a text, got {manifest[key]!r}")
+        if not manifest[key].isprintable():
+            raise ValueError(f"{key}: expected one printable line")
+    for key in ("seed", "dt", "until", "ticks", "wall_s", "us_per_tick"):
+        if not _is_number(manifest[key]) or not math.isfinite(manifest[key]):
+            raise ValueError(f"{key}: expected a number, got {manifest[key]!r}")
+    if manifest["dt"] <= 0.0 or manifest["ticks"] < 0:
+        raise ValueError("expected a step above 0 s, and ticks from 0")
+    for key, kind in (("overrides", list), ("removed", dict), ("versions", dict), ("argv", list)):
+        if not isinstance(manifest[key], kind):
+            raise ValueError(f"{key}: expected a {kind.__name__}, got {manifest[key]!r}")
+
+
+def _is_number(value: Any) -> bool:
+    """Whether a value is a number that a float can hold."""
+    if isinstance(value, bool):
+        return False
+    return isinstance(value, float) or (isinstance(value, int) and abs(value) < LARGEST)
+
+
+def _text(path: Path) -> str:
+    try:
+        return read_text(path)
+    except OSError as error:
+        raise UsageError(f"cannot read '{path}': {error.strerror or error}") from None
+    except UnicodeDecodeError:
+        raise _damaged(path, "it is no UTF-8 text") from None
+    except ValueError as error:
+        raise _damaged(path, str(error)) from None
+
+
+def _mapping(path: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(_text(path))
+        # Half a character (a lone surrogate) can be read but not written.
+        json.dumps(found, ensure_ascii=False).encode()
+    except (ValueError, RecursionError) as error:
+        raise _damaged(path, f"no JSON ({error})") from None
+    if not isinstance(found, dict):
+        raise _damaged(path, f"expected an object, got {type(found).__name__}")
+    return found
+
+
+def _arrays(path: Path) -> dict[str, FloatArray]:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            arrays = open_arrays(path)
+    except FileNotFoundError:
+        raise UsageError(f"cannot read '{path}': No such file or directory") from None
+    except _BROKEN_ARRAYS as error:
+        raise _damaged(path, str(error) or type(error).__name__) from None
+    for name, array in arrays.items():
+        if array.dtype != np.float64:
+            raise _damaged(path, f"array '{name}' is {array.dtype}, expected float64")
+    return arrays
+
+
+def _changed_files(folder: Path, manifest: dict[str, Any]) -> list[str]:
+    """A note for each file that differs from what the manifest says was saved.
+
+    Raises
+    ------
+    UsageError : the numbers themselves differ.
+    """
+    notes = []
+    hashes = manifest.get("hashes", {})
+    if not isinstance(hashes, dict):
+        raise ValueError(f"hashes: expected an object, got {type(hashes).__name__}")
+    for name, digest in hashes.items():
+        path = folder / name
+        if Path(name).name != name or not name.isprintable():
+            raise ValueError("hashes: expected names of files in the folder")
+        if path.is_file() and not path.is_symlink() and _sha256(path) == digest:
+            continue
+        if name in (METRICS, PROBES):
+            raise _damaged(path, f"it is not the file that was saved (SHA-256 in {MANIFEST})")
+        message = "was changed after" if path.is_file() else "is gone since"
+        notes.append(f"'{name}' {message} the run was saved (SHA-256 in {MANIFEST})")
+    return notes
+
+
+def _sha256(path: Path) -> str:
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise UsageError(f"cannot read '{path}': {error.strerror or error}") from None
+
+
+def _damaged(path: Path, message: str) -> UsageError:
+    return UsageError(f"'{path}' is damaged: {' '.join(message.split())}")

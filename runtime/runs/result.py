@@ -1,0 +1,51 @@
+"""A run as people get it in Python: its data, drawn and saved on request."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from blocks.core import hint
+from runtime.errors import UsageError
+from runtime.observation import RunData
+from runtime.runs.folder import save
+from runtime.runs.reading import read_run
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class Result(RunData):
+    """A run: ``result["plant.pose"]`` is an array, ``result.metrics`` a dict."""
+
+    def plot(self, name: str | None = None) -> Figure | dict[str, Figure]:
+        """Draw one of the graph's plots, or all of them, as matplotlib figures."""
+        from runtime.plots import draw
+
+        if name is None:
+            return {plot.name: draw(plot, self) for plot in self.plots}
+        for plot in self.plots:
+            if plot.name == name:
+                return draw(plot, self)
+        names = [plot.name for plot in self.plots]
+        raise UsageError(f"there is no plot '{name}'{hint(name, names) or ': ' + ', '.join(names)}")
+
+    def save(self, folder: str | Path) -> Path:
+        """Write the run into a folder that must not exist yet; returns the folder."""
+        return save(self, Path(folder))
+
+
+def open_run(path: str | Path) -> Result:
+    """Read a run back.
+
+    Parameters
+    ----------
+    path : the run's folder, a link to it, or its manifest.json.
+
+    Raises
+    ------
+    UsageError : there is no run, or one of its files is missing, damaged, or of a newer version.
+    """
+    data = read_run(path)
+    return Result(**{each.name: getattr(data, each.name) for each in fields(data)})

@@ -1,0 +1,259 @@
+"""One run of a graph, from checked network to result."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import platform
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from functools import cache, partial
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from blocks.core import FloatArray
+from blocks.world import World
+from runtime.diagrams import stored_picture
+from runtime.document import DEFAULT_MEMORY, dump_yaml
+from runtime.engine import Engine, MakeRunner, Outcome, Profile, Program, silent, take_compiled
+from runtime.network import Network
+from runtime.observation import Metric, Probe, Recording, Series, readable_bytes
+from runtime.runs.folder import (
+    DIAGRAM,
+    RESOLVED,
+    SCHEMA_VERSION,
+    WRITTEN,
+    begin,
+    contents,
+    portable_modules,
+)
+from runtime.runs.result import Result
+
+PACKAGES = (
+    *("spikeblocks", "numpy", "scipy", "networkx", "pyyaml", "matplotlib"),
+    *("numba", "mujoco-core"),
+)
+
+
+@dataclass(frozen=True)
+class PreparedRun:
+    """A checked graph as a run needs it.
+
+    program : what is executed and recorded. network : checked, with the run's seed.
+    document : gives the graph as plain values. source : the graph's file, if it came from one.
+    read : the content of all files that the graph was read from, by resolved path.
+    overrides : the changes made to it. notes : for people.
+    """
+
+    program: Program
+    network: Network
+    document: Callable[[], dict[str, Any]]
+    source: Path | None
+    read: Mapping[str, bytes]
+    overrides: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def simulate(
+    graph: PreparedRun,
+    progress: Callable[[int, int], None] | None = None,
+    note: Callable[[str], None] = silent,
+    profile: Profile | None = None,
+    folder: Path | None = None,
+) -> Result:
+    """Run a graph; see :meth:`runtime.graph.Graph.run`.
+
+    ``note`` is called with lines for people: what is compiled, and what is not. ``profile`` is
+    filled with what each block takes under the Python engine. ``folder`` takes recordings that
+    are larger than the graph's ``run.memory``; by default a temporary one.
+    """
+    network, program = graph.network, graph.program
+    observation = program.observation
+    began = datetime.now().astimezone()
+    runner = chosen_runner(network, note) if profile is None else None
+    engine = Engine(program, network.seed, runner, note, profile, folder)
+    if program.gathered:
+        note(f"recording to disk, since it takes more than {readable_bytes(network.memory)}")
+        if folder is not None:
+            _begin(graph, engine, began, folder)
+    outcome = engine.run(progress)
+    probes = {
+        name: _recorded(probe, rows, engine.recorder.times(name, len(rows), network.dt))
+        for name, probe in observation.probes.items()
+        for rows in (outcome.arrays[name],)
+    }
+    metrics, failures, unclear = evaluate(observation.metrics, probes, network.world)
+    notes = [*graph.notes, *observation.notes, *unclear]
+    notes += engine.diagnosis.notes(outcome.ticks) if outcome.ticks else []
+    result = Result(
+        title=network.title,
+        probes=probes,
+        metrics=metrics,
+        plots=observation.plots,
+        manifest=_manifest(graph, outcome, program, notes, began),
+        origin=partial(_origin, graph, outcome.engine),
+        notes=notes,
+        failures=failures,
+        world=network.world,
+    )
+    if outcome.error is not None:
+        outcome.error.result = result
+        raise outcome.error
+    return result
+
+
+def chosen_runner(network: Network, note: Callable[[str], None] = silent) -> MakeRunner | None:
+    """What makes the runner of a graph that is run once; None for the plan's Python text.
+
+    Raises
+    ------
+    MissingExtraError : the compiled engine is asked for and not installed.
+    """
+    if not take_compiled(network, 1, note):
+        return None
+    from runtime.engine.compiled import CompiledRunner
+
+    return CompiledRunner
+
+
+def _recorded(probe: Probe, values: FloatArray, times: FloatArray) -> Recording:
+    addresses, start = {}, 0
+    for signal in probe.signals:
+        width = len(signal.labels)
+        addresses[signal.address] = (start, start + width)
+        start += width
+    return Recording(
+        name=probe.name,
+        t=times,
+        values=values,
+        labels=probe.labels,
+        units=probe.units,
+        kinds=tuple(signal.kind for signal in probe.signals),
+        addresses=addresses,
+        auto=probe.auto,
+    )
+
+
+def _begin(graph: PreparedRun, engine: Engine, began: datetime, folder: Path) -> None:
+    """Put beside a recording on disk what it takes to read it if the process is killed."""
+    program, observation = graph.program, graph.program.observation
+    outcome = Outcome({}, 0, "interrupted", "python" if engine.make_runner is None else "compiled")
+    notes = [*graph.notes, *observation.notes]
+    empty = {
+        name: _recorded(probe, engine.arrays[name][:0], np.empty(0))
+        for name, probe in observation.probes.items()
+    }
+    begin(
+        Result(
+            title=graph.network.title,
+            probes=empty,
+            metrics=dict.fromkeys(metric.name for metric in observation.metrics),
+            plots=observation.plots,
+            manifest=_manifest(graph, outcome, program, notes, began),
+            origin=partial(_origin, graph, outcome.engine),
+            world=graph.network.world,
+        ),
+        observation.probes,
+        folder,
+    )
+
+
+def _origin(graph: PreparedRun, engine: str) -> tuple[dict[str, str], dict[str, bytes]]:
+    """The graph as it was written and as it was run, and the files of its own blocks."""
+    resolved, files = portable_modules(_resolved(graph, engine))
+    read = graph.read
+    source = None if graph.source is None else read.get(str(graph.source.resolve()))
+    text = dump_yaml(resolved) if source is None else source.decode("utf-8-sig")
+    texts = {WRITTEN: text, RESOLVED: dump_yaml(resolved)}
+    drawn = stored_picture(graph.network)
+    return (texts if drawn is None else {**texts, DIAGRAM: drawn}), contents(files, read)
+
+
+def _resolved(graph: PreparedRun, engine: str) -> dict[str, Any]:
+    """The document with everything about the run written out."""
+    network = graph.network
+    run = {"dt": network.dt, "until": network.until, "seed": network.seed, "engine": engine}
+    if network.memory != DEFAULT_MEMORY:
+        run["memory"] = network.memory
+    return {**graph.document(), "run": run}
+
+
+def _manifest(
+    graph: PreparedRun, outcome: Outcome, program: Program, notes: list[str], began: datetime
+) -> dict[str, Any]:
+    network = graph.network
+    read = {path: hashlib.sha256(data).hexdigest() for path, data in graph.read.items()}
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "graph": network.title,
+        "source": str(graph.source) if graph.source else None,
+        "read": read,
+        "status": outcome.status,
+        "error": str(outcome.error) if outcome.error else None,
+        "seed": network.seed,
+        "dt": network.dt,
+        "until": network.until,
+        "ticks": outcome.ticks,
+        "engine": outcome.engine,
+        "wall_s": outcome.wall_s,
+        "ready_s": outcome.ready_s,
+        "us_per_tick": 1e6 * (outcome.wall_s - outcome.ready_s) / max(1, outcome.ticks - 1),
+        "started": began.isoformat(timespec="seconds"),
+        "argv": sys.argv,
+        "overrides": list(graph.overrides),
+        "removed": dict(network.removed),
+        "order": _order(program),
+        "notes": notes,
+        "versions": dict(versions()),
+    }
+
+
+def _order(program: Program) -> list[str]:
+    """The probes in the order in which a tick computes what they see, causes first."""
+    ranks: dict[str, int] = {}
+    for step in program.plan.steps:
+        ranks.setdefault(step.block, len(ranks))
+
+    def rank(probe: Probe) -> int:
+        return min(ranks.get(signal.end.block, len(ranks)) for signal in probe.signals)
+
+    probes = program.observation.probes
+    return sorted(probes, key=lambda name: rank(probes[name]))
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Versions of Python and of the packages that a run's numbers hang on."""
+    found = {"python": platform.python_version()}
+    for name in PACKAGES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "not installed"
+    return found
+
+
+def evaluate(
+    metrics: list[Metric], probes: Mapping[str, Recording], world: World | None = None
+) -> tuple[dict[str, float | None], list[str], list[str]]:
+    """All metrics' values, what is wrong with those that carry an expectation, and notes.
+
+    A value that is infinite, as the distance that a beam measures where it hits nothing, is none
+    that means or files could hold: it becomes None with a note. It is what expectations see.
+    """
+    series = {name: Series(r.t, r.values) for name, r in probes.items()}
+    values: dict[str, float | None] = {}
+    failures, notes = [], []
+    for metric in metrics:
+        value = metric.value(series, world)
+        failures += [text] if (text := metric.expectation(value)) else []
+        if value is not None and not math.isfinite(value):
+            notes.append(f"metric '{metric.name}' is infinite ({value:g}): it counts as no value")
+            value = None
+        values[metric.name] = value
+    return values, failures, notes

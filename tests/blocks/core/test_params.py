@@ -1,0 +1,281 @@
+"""Parameters: what converts to what, and what is refused in which words."""
+
+from __future__ import annotations
+
+import math
+from decimal import Decimal
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+import blocks
+from blocks.core.params import Kind, Param, hint, param, show
+from blocks.core.signals import FloatArray
+
+finite = st.floats(allow_nan=False, allow_infinity=False)
+not_finite = st.sampled_from([math.nan, math.inf, -math.inf])
+# 1e309 lies beyond the largest float.
+integers = st.integers(-(10**300), 10**300)
+not_numbers = st.one_of(
+    st.booleans(),
+    st.text(),
+    st.floats().map(str),
+    st.binary(),
+    st.none(),
+    st.complex_numbers(),
+    st.dictionaries(st.text(), finite),
+    st.lists(finite),
+    st.sampled_from(
+        [
+            np.bool_(True),
+            np.array(True),
+            np.array("1.5"),
+            np.array([1.0]),
+            np.complex128(1.0),
+            bytearray(b"1.5"),
+            object(),
+            float,
+        ]
+    ),
+)
+
+
+def declared(kind: Kind, **options: Any) -> Param:
+    made: Param = param(**{"doc": "", **options})
+    return made.bound("p", kind)
+
+
+def refused(declaration: Param, value: Any) -> str:
+    with pytest.raises(ValueError) as caught:
+        declaration.convert(value)
+    return str(caught.value)
+
+
+@given(st.one_of(finite, integers))
+def test_numbers_become_floats(value: float) -> None:
+    converted = declared("float").convert(value)
+    assert type(converted) is float
+    assert converted == float(value)
+
+
+@given(st.integers(-1000, 1000), st.sampled_from([np.int8, np.int64, np.uint8, np.float32]))
+def test_numpy_numbers_become_floats(value: int, kind: Any) -> None:
+    number = np.array(value).astype(kind)
+    for form in (number, number[()]):
+        converted = declared("float").convert(form)
+        assert type(converted) is float
+        assert converted == float(number)
+
+
+def test_fractions_are_numbers_and_huge_integers_are_none() -> None:
+    assert declared("float").convert(Fraction(1, 4)) == 0.25
+    assert refused(declared("float"), 10**400) == f"expected a number, got {'1' + '0' * 36}..."
+    refused(declared("float"), Decimal("0.5"))
+
+
+@given(not_numbers)
+def test_what_is_no_number_is_refused(value: Any) -> None:
+    for kind in ("float", "int"):
+        assert refused(declared(kind), value).startswith("expected a")
+
+
+@given(not_finite)
+def test_finite_unless_declared_otherwise(value: float) -> None:
+    refused(declared("float"), value)
+    refused(declared("array"), [0.0, value])
+    endless = declared("float", finite=False)
+    if math.isnan(value):
+        refused(endless, value)
+    else:
+        assert endless.convert(value) == value
+
+
+@given(st.integers())
+def test_integers_stay(value: int) -> None:
+    if abs(value) < 10**300:
+        converted = declared("int").convert(value)
+        assert type(converted) is int
+        assert converted == value
+
+
+@given(st.floats())
+def test_a_float_is_no_integer(value: float) -> None:
+    """Not even 3.0: a count that is written with a point is a mistake elsewhere."""
+    refused(declared("int"), value)
+    refused(declared("int"), np.float64(value))
+    refused(declared("int"), np.float32(3.0))
+
+
+@given(st.one_of(finite, st.integers(), st.text(), st.none()))
+def test_only_booleans_are_booleans(value: Any) -> None:
+    refused(declared("bool"), value)
+    assert declared("bool").convert(np.bool_(True)) is True
+    assert declared("bool").convert(False) is False
+
+
+@given(st.one_of(finite, st.integers(), st.booleans(), st.none(), st.binary()))
+def test_only_texts_are_texts(value: Any) -> None:
+    refused(declared("str"), value)
+
+
+@given(finite, finite, finite)
+def test_bounds(value: float, low: float, high: float) -> None:
+    for options, good in (
+        ({"above": low}, value > low),
+        ({"at_least": low}, value >= low),
+        ({"below": high}, value < high),
+        ({"at_most": high}, value <= high),
+        ({"above": low, "at_most": high}, low < value <= high),
+    ):
+        for kind, given_value in (("float", value), ("array", [value]), ("array", [[value]])):
+            declaration = declared(kind, **options)  # type: ignore[arg-type]
+            if good:
+                np.testing.assert_array_equal(declaration.convert(given_value), given_value)
+            else:
+                assert "expected a" in refused(declaration, given_value)
+
+
+@given(st.lists(finite, min_size=2), st.data())
+def test_every_element_has_to_keep_the_bounds(values: list[float], data: st.DataObject) -> None:
+    bound = data.draw(st.one_of(st.sampled_from(values), finite))
+    for options, good in (
+        ({"at_most": bound}, max(values) <= bound),
+        ({"below": bound}, max(values) < bound),
+        ({"at_least": bound}, min(values) >= bound),
+        ({"above": bound}, min(values) > bound),
+    ):
+        declaration = declared("array", **options)  # type: ignore[arg-type]
+        if good:
+            declaration.convert(values)
+        else:
+            refused(declaration, values)
+
+
+@given(arrays.arrays(np.float64, arrays.array_shapes(max_dims=3, max_side=4), elements=finite))
+def test_nested_lists_become_arrays(table: FloatArray) -> None:
+    for form in (table, table.tolist(), tuple(table.tolist())):
+        converted = declared("array").convert(form)
+        assert converted.dtype == np.float64
+        np.testing.assert_array_equal(converted, table)
+        assert not converted.flags.writeable
+    assert table.flags.writeable
+
+
+@given(st.lists(st.lists(finite, max_size=4), min_size=2, max_size=4))
+def test_ragged_lists_are_refused(rows: list[list[float]]) -> None:
+    if len({len(row) for row in rows}) == 1:
+        declared("array").convert(rows)
+    else:
+        assert refused(declared("array"), rows).startswith("expected an array of numbers, got")
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        [1.0, True],
+        [1.0, "2"],
+        [1.0, None],
+        [1.0, [2.0]],
+        [[1.0], 2.0],
+        {"a": 1.0},
+        "1 2 3",
+        np.array([True, False]),
+        np.array(["1", "2"]),
+        np.array([1j]),
+        np.array([None, 1.0]),
+    ],
+)
+def test_arrays_hold_numbers_alone(value: Any) -> None:
+    refused(declared("array"), value)
+
+
+@pytest.mark.parametrize(
+    ("shape", "value", "fits"),
+    [
+        ((3,), [1, 2, 3], True),
+        ((3,), [1, 2], False),
+        ((3,), 1.0, False),
+        ((3,), [[1, 2, 3]], False),
+        ([(3,), (3, 3)], np.eye(3), True),
+        ([(3,), (3, 3)], np.ones((3, 2)), False),
+        ((None, 2), np.ones((7, 2)), True),
+        ((None, 2), np.ones((2, 7)), False),
+        (("n",), np.ones(5), True),
+        (("n",), np.ones(4), False),
+        (("n", None), np.ones((5, 9)), True),
+        (("m",), np.ones(4), True),
+        ((), np.ones((1, 2, 3)), True),
+    ],
+)
+def test_shapes(shape: Any, value: Any, fits: bool) -> None:
+    assert declared("array", shape=shape).fits(np.array(value), {"n": 5}) is fits
+
+
+def test_null_is_legal_only_as_the_default() -> None:
+    assert declared("float", default=None).convert(None) is None
+    assert refused(declared("float", default=1.0), None) == "expected a number, got nothing (null)"
+
+
+def test_choices() -> None:
+    colour = declared("str", choices=("red", "green"))
+    assert colour.convert("red") == "red"
+    message = "expected one of red, green, got the text 'gren', did you mean 'green'?"
+    assert refused(colour, "gren") == message
+    assert refused(colour, 3) == "expected one of red, green, got 3"
+
+
+@pytest.mark.parametrize(
+    ("declaration", "words"),
+    [
+        (declared("float", above=0.0, unit="m"), "a number above 0 m"),
+        (declared("int", at_least=1), "an integer at least 1"),
+        (declared("float", at_least=0.0, below=1.0), "a number at least 0 and below 1"),
+        (declared("bool"), "true or false"),
+        (declared("str"), "a text"),
+        (declared("array"), "an array of numbers"),
+        (declared("array", shape=[(3,), (None, 2)], unit="m"), "an array of 3 or nx2 numbers m"),
+        (declared("str", choices=("a", "b")), "one of a, b"),
+    ],
+)
+def test_descriptions(declaration: Param, words: str) -> None:
+    assert declaration.describe() == words
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        (None, "nothing (null)"),
+        (True, "true"),
+        (1.5, "1.5"),
+        ("x" * 50, f"the text '{'x' * 37}...'"),
+        ({}, "a mapping"),
+        (np.ones((2, 3)), "an array of shape (2, 3)"),
+        ((1, 2), "[1, 2]"),
+        (list(range(100)), "a list of 100 items"),
+        (10**100, "1" + "0" * 36 + "..."),
+    ],
+)
+def test_values_are_shown_shortly(value: Any, words: str) -> None:
+    assert show(value) == words
+
+
+@given(st.one_of(st.text(), st.integers(), st.lists(st.integers()), finite))
+def test_no_value_fills_the_screen(value: Any) -> None:
+    assert len(show(value)) < 80
+
+
+def test_hints() -> None:
+    assert hint("neurns", ["neurons", "radius"]) == ", did you mean 'neurons'?"
+    assert hint("zzz", ["neurons"]) == ""
+    assert hint(3, ["a"]) == ""
+
+
+def test_an_error_lists_every_problem() -> None:
+    error = blocks.ParameterError([("a", "is bad"), ("b", "is worse")], "Thing")
+    assert str(error) == "Thing.a: is bad\nThing.b: is worse"
+    assert isinstance(error, ValueError)

@@ -1,0 +1,128 @@
+"""Arithmetic that is the same on every processor: right, and the same."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import runtime
+from blocks.core import portable
+
+seeds = st.integers(0, 2**32 - 1)
+
+# Kernels of OpenBLAS, numbers of its threads, and NumPy without its AVX-512 code. Features that
+# a processor does not have cannot be disabled, which NumPy tells by a warning.
+MACHINES = {
+    "Haswell": {"OPENBLAS_CORETYPE": "Haswell", "OPENBLAS_NUM_THREADS": "1"},
+    "Prescott": {"OPENBLAS_CORETYPE": "Prescott", "OPENBLAS_NUM_THREADS": "2"},
+    "Nehalem": {"OPENBLAS_CORETYPE": "Nehalem"},
+    "no AVX-512": {
+        "OPENBLAS_NUM_THREADS": "1",
+        "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512F AVX512CD AVX512_SKX AVX512_CLX AVX512_CNL"
+        " AVX512_ICL AVX512_SPR",
+    },
+}
+
+
+def fingerprints() -> dict[str, str]:
+    """A hash of everything that runs record, and of their metrics."""
+    wide = runtime.load("line_actuator_failure").set("adaptive.snn_omega.neurons", 12_000)
+    spline = {"type": "WaypointPath", "points": [[0, 0], [3, 1], [5, -1], [9, 0], [12, 2]]}
+    winding = runtime.load("sine_estimation_error").set("blocks.track", spline)
+    turned = runtime.load("sine_estimation_error").set("lqr.q", [0.1, 0.3, 0.2])
+    least_squares = runtime.load("wall_following").set("fitter.fit", "least_squares")
+    runs = {
+        "line": (runtime.load("line_actuator_failure"), 3.0),
+        "sine": (runtime.load("sine_estimation_error"), 3.0),
+        "walls": (runtime.load("wall_following_robust").set("explore.explore_time", 0.5), 9.0),
+        "least squares": (least_squares.set("explore.explore_time", 0.5), 3.0),
+        "wide": (wide, 0.1),
+        "waypoints": (winding, 0.5),
+        "riccati": (turned, 0.5),
+    }
+    found = {}
+    for name, (graph, until) in runs.items():
+        result = graph.run(until=until, seed=3, engine="python")
+        for probe in result.probes:
+            found[f"{name}: {probe}"] = hashed(result[probe])
+        found[f"{name}: metrics"] = hashed(np.array(list(result.metrics.values()), dtype=float))
+    return found
+
+
+def hashed(values: np.ndarray) -> str:
+    return hashlib.sha256(np.ascontiguousarray(values).tobytes()).hexdigest()
+
+
+def on_a_machine(**environment: str) -> dict[str, Any]:
+    found = subprocess.run(
+        [sys.executable, "-W", "ignore", "-m", "tests.blocks.core.test_portable"],
+        env=os.environ | environment,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    result: dict[str, Any] = json.loads(found.stdout)
+    return result
+
+
+@pytest.fixture(scope="module")
+def here() -> dict[str, Any]:
+    return fingerprints()
+
+
+@pytest.mark.parametrize("machine", MACHINES)
+def test_bits_do_not_depend_on_the_processor_or_on_threads(
+    machine: str, here: dict[str, Any]
+) -> None:
+    there = on_a_machine(**MACHINES[machine])
+    assert [name for name, found in here.items() if there[name] != found] == []
+
+
+@settings(deadline=None)
+@given(seeds, st.integers(1, 12), st.integers(1, 4))
+def test_solve_is_the_solution(seed: int, n: int, m: int) -> None:
+    rng = np.random.default_rng(seed)
+    a, x = rng.standard_normal((n, n)), rng.standard_normal((n, m))
+    a[rng.random((n, n)) < 0.3] = 0.0
+    a += 3.0 * np.eye(n)[rng.permutation(n)]  # needs pivots
+    b, before = a @ x, a.copy()
+    found = portable.solve(a, b)
+    rounding = 1e-13 * np.linalg.cond(a)
+    np.testing.assert_allclose(found, x, rtol=0.0, atol=rounding * np.abs(x).max())
+    assert np.array_equal(a, before)
+
+
+def test_solve_refuses_a_singular_matrix() -> None:
+    with pytest.raises(np.linalg.LinAlgError, match="Singular"):
+        portable.solve(np.array([[1.0, 2.0], [2.0, 4.0]]), np.eye(2))
+
+
+def test_product_is_that_of_exact_numbers() -> None:
+    rng = np.random.default_rng(0)
+    a, b = rng.integers(-9, 9, (3, 7, 5)).astype(float), rng.integers(-9, 9, (5, 4)).astype(float)
+    assert np.array_equal(portable.product(a, b), a @ b)
+
+
+@pytest.mark.parametrize("name", ["sin", "cos", "exp", "expm1", "log1p"])
+def test_functions_are_numpys_to_rounding(name: str) -> None:
+    x = np.linspace(-0.99, 3.0, 1001).reshape(7, 143)
+    expected = getattr(np, name)(x)
+    np.testing.assert_allclose(getattr(portable, name)(x), expected, rtol=1e-15, atol=1e-15)
+
+
+def test_angles_are_numpys_to_rounding() -> None:
+    x, y = np.random.default_rng(0).standard_normal((2, 500))
+    np.testing.assert_allclose(portable.arctan2(y, x), np.arctan2(y, x), rtol=1e-15)
+
+
+if __name__ == "__main__":
+    print(json.dumps(fingerprints()))

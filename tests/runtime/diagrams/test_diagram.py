@@ -1,0 +1,588 @@
+"""The block diagram: all is in it, nothing covers anything, and it never changes by itself."""
+
+from __future__ import annotations
+
+import io
+import os
+import re
+import shutil
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from collections import Counter
+from functools import cache
+from itertools import combinations, pairwise
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import runtime
+from runtime.diagrams.diagram import picture_of, rate_text
+from runtime.diagrams.formats import FORMATS, diagram
+from runtime.diagrams.layout.grid import Cell, Link, find_feedback
+from runtime.diagrams.layout.layout import Layout, arrange
+from runtime.diagrams.layout.tracks import Track, assign_slots
+from runtime.diagrams.sheet import Place, Sheet, lay_out
+from runtime.errors import UsageError
+from runtime.network.network import Network
+
+ROOT = Path(__file__).parents[3]
+SVG = "{http://www.w3.org/2000/svg}"
+CASE_A = ROOT / "graphs" / "line_actuator_failure.yaml"
+
+NESTED = {
+    "graph": 'nested & "quoted" <parts>',
+    "run": {"dt": 0.001},
+    "blocks": {
+        "end": {"type": "Constant", "value": 1.0},
+        "robot": {
+            "inputs": {"v": "Scalar"},
+            "outputs": {"theta": "noise.measured.theta", "x": "plant.pose.x"},
+            "blocks": {
+                "mux": {"type": "Mux"},
+                "plant": {"type": "DifferentialDrive"},
+                "noise": {"type": "PoseNoise", "dt": 0.02},
+            },
+            "wires": {
+                "mux": {"v": "inputs.v"},
+                "plant": {"command": "mux.out"},
+                "noise": {"pose": "plant.pose"},
+            },
+        },
+        "control": {
+            "inputs": {"theta": "Scalar", "goal": "Scalar"},
+            "outputs": {"v": "inner.v"},
+            "blocks": {
+                "sum": {"type": "Sum"},
+                "inner": {
+                    "inputs": {"error": "Scalar"},
+                    "outputs": {"v": "add.out"},
+                    "blocks": {"add": {"type": "Sum"}, "delay": {"type": "UnitDelay"}},
+                    "wires": {
+                        "add": {"terms": ["inputs.error", "delay.out"]},
+                        "delay": {"input": "add.out"},
+                    },
+                },
+            },
+            "wires": {
+                "sum": {"terms": ["inputs.goal", "inputs.theta"]},
+                "inner": {"error": "sum.out"},
+            },
+        },
+        "gain": {"type": "Gain", "gain": 2.0},
+    },
+    "wires": {
+        "robot": {"v": "gain.out"},
+        "gain": {"input": "control.v"},
+        "control": {"theta": "robot.theta", "goal": "end.value"},
+    },
+}
+
+
+@cache
+def chain(n: int) -> Network:
+    blocks: dict[str, object] = {"b0": {"type": "Constant", "value": 1.0}}
+    blocks |= {f"b{i}": {"type": "Gain", "gain": 1.0} for i in range(1, n)}
+    first = {"b1": {"input": "b0.value"}} if n > 1 else {}
+    wires = first | {f"b{i}": {"input": f"b{i - 1}.out"} for i in range(2, n)}
+    return runtime.load({"graph": "chain", "blocks": blocks, "wires": wires}).network
+
+
+@cache
+def network(case: str) -> Network:
+    graph = runtime.load(NESTED if case.startswith("nested") else CASE_A)
+    changed = {
+        "without": lambda: graph.without("adaptive"),
+        "bypass": lambda: graph.bypass("limit"),
+        "nested_out": lambda: graph.without("control.inner.delay").bypass("gain", "robot.noise"),
+    }
+    return changed.get(case, lambda: graph)().network
+
+
+CASES = ("full", "without", "bypass", "nested", "nested_out")
+
+
+def all_wires(net: Network) -> Counter[tuple[str, str, bool]]:
+    """What must be drawn, straight from the network: source, target, whether it is a ghost."""
+    live = ((str(w.source), w.target, False) for w in net.wires)
+    return Counter((*live, *((str(w.source), w.target, True) for w in net.ghost_wires)))
+
+
+def svg_groups(text: str) -> list[ET.Element]:
+    return [g for g in ET.fromstring(text).iter(f"{SVG}g") if g.get("data-kind")]
+
+
+def test_another_format_is_refused_by_name() -> None:
+    with pytest.raises(UsageError) as caught:
+        diagram(chain(1), "pdf")
+    assert all(name in str(caught.value) for name in ("pdf", *FORMATS))
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_svg_shows_every_block_and_every_wire(case: str) -> None:
+    net = network(case)
+    groups = svg_groups(str(diagram(net, "svg")))
+    drawn = {g.get("data-name"): g for g in groups if "block" in str(g.get("data-kind"))}
+    assert drawn.keys() == net.entries.keys() | net.ghosts.keys()
+    for name, entry in {**net.entries, **net.ghosts}.items():
+        texts = [t.text for t in drawn[name].iter(f"{SVG}text")]
+        assert texts[:2] == [entry.short, entry.cls.__name__]
+        assert (drawn[name].get("data-kind") == "removed block") == (name in net.removed)
+    wires: Counter[tuple[str, str, bool]] = Counter()
+    for group in groups:
+        if "wire" in str(group.get("data-kind")):
+            title = group.find(f"{SVG}title")
+            ends = [line.split(" → ") for line in str(title.text).splitlines() if " → " in line]
+            ghost = group.get("data-kind") == "removed wire"
+            wires.update((source, target, ghost) for source, target in ends)
+            heads = [p for p in group.iter(f"{SVG}path") if p.get("fill")]
+            assert len(heads) == len(ends)
+    assert wires == all_wires(net)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_dot_shows_every_block_and_every_wire(case: str) -> None:
+    net = network(case)
+    text = str(diagram(net, "dot"))
+    found: Counter[tuple[str, str, bool]] = Counter()
+    for line in text.splitlines():
+        edge = re.match(r'\s*"(.+?)":"out_(.+?)":e -> "(.+?)":"in_(.+?)":w \[(.*)\]$', line)
+        if edge:
+            source, target = f"{edge[1]}.{edge[2]}", f"{edge[3]}.{edge[4]}"
+            found[source, target, "style=dashed" in edge[5]] += 1
+    assert found == all_wires(net)
+    nodes = dict(re.findall(r'^\s*"([^"]+)" \[label=<(.*)>\]$', text, flags=re.MULTILINE))
+    assert nodes.keys() == net.entries.keys() | net.ghosts.keys()
+    for name, table in nodes.items():
+        ET.fromstring(table)
+        assert ("DASHED" in table) == (name in net.removed)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_mermaid_shows_every_block_and_every_wire(case: str) -> None:
+    net = network(case)
+    text = str(diagram(net, "mermaid"))
+    found: Counter[tuple[str, str, bool]] = Counter()
+    edge = r'^\s*b_(\w+) (-\.->|-->)\|"(.+?) → (.+?)"\| b_(\w+)$'
+    for source, arrow, out, into, target in re.findall(edge, text, flags=re.MULTILINE):
+        ends = f"{source.replace('__', '.')}.{out}", f"{target.replace('__', '.')}.{into}"
+        found[(*ends, arrow == "-.->")] += 1
+    assert found == all_wires(net)
+    names = re.findall(r'^\s*b_(\w+)\["<b>', text, flags=re.MULTILINE)
+    assert {n.replace("__", ".") for n in names} == net.entries.keys() | net.ghosts.keys()
+    gone = re.findall(r"^\s*class (\S+) removed$", text, flags=re.MULTILINE)
+    listed = {n[2:].replace("__", ".") for line in gone for n in line.split(",")}
+    assert listed == net.removed.keys()
+    opened = len(re.findall(r"^\s*subgraph ", text, flags=re.MULTILINE))
+    assert opened == len(re.findall(r"^\s*end$", text, flags=re.MULTILINE))
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_png_is_a_picture_of_the_same_form_as_the_svg(case: str) -> None:
+    from matplotlib.image import imread
+
+    net = network(case)
+    data = diagram(net, "png")
+    assert isinstance(data, bytes)
+    pixels = imread(io.BytesIO(data))
+    root = ET.fromstring(str(diagram(net, "svg")))
+    assert pixels.shape[1] == pytest.approx(2 * float(str(root.get("width"))), abs=2)
+    assert pixels.shape[0] == pytest.approx(2 * float(str(root.get("height"))), abs=2)
+    assert (pixels[:16, :, :3] == 1.0).all()
+    # The same geometry: where the svg has a box, the png has its border and its tint.
+    for rect in root.findall(f".//{SVG}g[@data-kind='block']/{SVG}rect"):
+        x, y, width = (
+            float(str(rect.get(key))) + 16 * (key != "width") for key in ("x", "y", "width")
+        )
+        fill = [int(str(rect.get("fill"))[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+        assert pixels[int(2 * y + 6), int(2 * x + width), :3] == pytest.approx(fill, abs=0.01)
+        assert pixels[int(2 * y), int(2 * x + width), :3].mean() < 0.7
+
+
+def test_svg_stands_by_itself() -> None:
+    text = str(diagram(network("nested"), "svg"))
+    root = ET.fromstring(text)
+    assert root.get("viewBox") == f"0 0 {root.get('width')} {root.get('height')}"
+    title = root.find(f"{SVG}title")
+    assert title is not None and title.text == NESTED["graph"]
+    # Nothing is loaded, and no id or class clashes with those of a page around it.
+    for word in ("href", "url(", "<style", "<script", " id=", " class="):
+        assert word not in text
+    assert str(runtime.load(NESTED)._repr_svg_()) == text
+
+
+def test_a_signal_type_is_written_once_per_output() -> None:
+    net = network("full")
+    labels = [g for g in svg_groups(str(diagram(net, "svg"))) if g.get("data-kind") == "type"]
+    written = Counter(str(g.get("data-name")) for g in labels)
+    assert written == Counter({str(wire.source) for wire in net.wires})
+    by_name = {g.get("data-name"): "".join(g.itertext()).strip() for g in labels}
+    assert by_name["plant.pose"] == "Pose"
+    assert by_name["error.position"] == "Scalar"
+    assert by_name["adaptive.snn_v.output"] == "Vector(1)"
+
+
+def test_what_is_removed_says_so() -> None:
+    boxes = picture_of(network("without")).boxes
+    assert {n for n, box in boxes.items() if box.fate == "removed"} == {
+        *("adaptive.snn_v", "adaptive.snn_omega", "adaptive.join")
+    }
+    assert "removed" in str(diagram(network("without"), "svg"))
+    assert picture_of(network("bypass")).boxes["limit"].fate == "bypassed"
+    root = ET.fromstring(str(diagram(network("bypass"), "svg")))
+    groups = root.findall(f".//{SVG}g[@data-kind='removed block']")
+    assert [g.get("data-name") for g in groups] == ["limit"]
+    rect = groups[0].find(f"{SVG}rect")
+    assert rect is not None and rect.get("stroke-dasharray")
+    assert "bypassed" in [t.text for t in groups[0].iter(f"{SVG}text")]
+    for group in root.findall(f".//{SVG}g[@data-kind='removed wire']"):
+        lines = [p for p in group.findall(f"{SVG}path") if not p.get("fill")]
+        assert lines and all(line.get("stroke-dasharray") for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("period", "text"),
+    [
+        *((0.001, "1 kHz"), (0.01, "100 Hz"), (1.0, "1 Hz"), (4.0, "0.25 Hz")),
+        *((0.0, "constant"), (1e-4, "10 kHz"), (0.003, "333.3 Hz"), (0.0004, "2.5 kHz")),
+    ],
+)
+def test_rates_read_as_people_say_them(period: float, text: str) -> None:
+    assert rate_text(period) == text
+
+
+def test_boxes_say_their_rate_and_differ_in_tint() -> None:
+    root = ET.fromstring(str(diagram(network("full"), "svg")))
+    seen: dict[str, set[str]] = {}
+    for group in root.findall(f".//{SVG}g[@data-kind='block']"):
+        texts = [str(t.text) for t in group.iter(f"{SVG}text")]
+        rect = group.find(f"{SVG}rect")
+        rate = next(t for t in texts if t.endswith("Hz") or t == "constant")
+        seen.setdefault(rate, set()).add(str(rect.get("fill")) if rect is not None else "")
+    assert seen.keys() == {"1 kHz", "100 Hz", "constant"}
+    assert all(len(fills) == 1 for fills in seen.values())
+    assert len(set.union(*seen.values())) == 3
+    legend = root.find(f".//{SVG}g[@data-kind='legend']")
+    assert legend is not None
+    assert {t.text for t in legend.iter(f"{SVG}text")} == seen.keys()
+
+
+def corners(place: Place) -> tuple[float, float, float, float]:
+    return place.x, place.y, place.x + place.width, place.y + place.height
+
+
+def overlap(a: tuple[float, ...], b: tuple[float, ...], margin: float = 0.0) -> bool:
+    across = a[0] < b[2] - margin and b[0] < a[2] - margin
+    return across and a[1] < b[3] - margin and b[1] < a[3] - margin
+
+
+def run_box(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float, float, float]:
+    return min(a[0], b[0]), min(a[1], b[1]), max(a[0], b[0]), max(a[1], b[1])
+
+
+def sheet_of(case: str) -> Sheet:
+    return lay_out(picture_of(network(case)))
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_boxes_and_frames_stay_apart(case: str) -> None:
+    sheet = sheet_of(case)
+    boxes = {name: corners(place) for name, place in sheet.boxes.items()}
+    frames = {name: corners(place) for name, place in sheet.frames.items()}
+    for a, b in combinations(boxes.values(), 2):
+        assert not overlap(a, b)
+    for name, frame in frames.items():
+        for other, box in {**boxes, **frames}.items():
+            if other.startswith(f"{name}."):
+                assert frame[0] < box[0] and frame[1] < box[1]
+                assert frame[2] > box[2] and frame[3] > box[3]
+            elif other != name and not name.startswith(f"{other}."):
+                assert not overlap(frame, box)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_wires_join_their_ports_and_cross_no_box(case: str) -> None:
+    sheet = sheet_of(case)
+    obstacles = {n: corners(p) for n, p in {**sheet.boxes, **sheet.frames}.items()}
+    for (i, target), line in sheet.lines.items():
+        source = sheet.picture.nets[i].source
+        start, end = sheet.boxes[source[0]], sheet.boxes[target[0]]
+        assert line[0] == pytest.approx((start.x + start.width, start.outputs[source[1]]))
+        assert line[-1] == pytest.approx((end.x, end.inputs[target[1]]))
+        around = (source[0], target[0])
+        for a, b in pairwise(line):
+            assert a[0] == b[0] or a[1] == b[1]
+            for name, place in obstacles.items():
+                # A wire may be inside the frames of the parts that its ends belong to.
+                if not any(end.startswith(f"{name}.") for end in around):
+                    assert not overlap(run_box(a, b), place, margin=0.05), (source, target, name)
+
+
+@pytest.mark.parametrize("case", ["full", "without", "bypass"])
+def test_the_flow_reads_from_left_to_right(case: str) -> None:
+    sheet = sheet_of(case)
+    back = set()
+    for (i, target), line in sheet.lines.items():
+        if any(b[0] < a[0] for a, b in pairwise(line)):
+            back.add((sheet.picture.nets[i].source, target))
+            lowest = max(place.y + place.height for place in sheet.boxes.values())
+            assert max(y for _, y in line) > lowest
+        else:
+            source = sheet.boxes[sheet.picture.nets[i].source[0]]
+            assert source.x + source.width < sheet.boxes[target[0]].x
+    assert back == {(("plant", "pose"), (name, "pose")) for name in ("match", "error")}
+
+
+def test_a_part_is_opened_where_its_output_comes_from_memory() -> None:
+    sheet = sheet_of("nested")
+    back = {
+        (sheet.picture.nets[i].source, target)
+        for (i, target), line in sheet.lines.items()
+        if any(b[0] < a[0] for a, b in pairwise(line))
+    }
+    assert back == {
+        (("robot.noise", "measured.theta"), ("control.sum", "terms[1]")),
+        (("control.inner.delay", "out"), ("control.inner.add", "terms[1]")),
+    }
+
+
+def test_case_a_has_few_crossings() -> None:
+    """Two are forced: from below, error.pose and the way round of the pose cross one wire each."""
+    sheet = sheet_of("full")
+    runs = [(i, *run_box(a, b)) for (i, _), line in sheet.lines.items() for a, b in pairwise(line)]
+    crossings = {
+        (i, k, h[0], v[1])
+        for (i, *v), (k, *h) in combinations([*runs, *runs[::-1]], 2)
+        if i != k and v[0] == v[2] and h[1] == h[3]
+        if h[0] < v[0] < h[2] and v[1] < h[1] < v[3]
+    }
+    assert len({frozenset((i, k)) for i, k, *_ in crossings}) <= 2
+
+
+@st.composite
+def graphs(draw: st.DrawFn) -> tuple[list[Cell], list[Link]]:
+    cells = []
+    for i in range(draw(st.integers(1, 14))):
+        ins, outs = draw(st.integers(0, 3)), draw(st.integers(1, 3))
+        rows = max(ins, outs)
+        cell = Cell(f"c{i}", draw(st.integers(60, 140)), 40 + 16 * rows)
+        cell.inputs, cell.outputs = [f"i{k}" for k in range(ins)], [f"o{k}" for k in range(outs)]
+        cell.input_ys = [30.0 + (rows - ins) * 8 + 16 * k for k in range(ins)]
+        cell.output_ys = [30.0 + (rows - outs) * 8 + 16 * k for k in range(outs)]
+        cell.fixed, cell.stretch = draw(st.booleans()), draw(st.booleans())
+        cells.append(cell)
+    ends = [(cell.name, pin) for cell in cells for pin in cell.outputs]
+    wires: dict[tuple[str, str], list[tuple[str, str]]] = {}
+    for cell in cells:
+        for pin in cell.inputs:
+            if draw(st.integers(0, 4)):
+                wires.setdefault(draw(st.sampled_from(ends)), []).append((cell.name, pin))
+    links = [
+        Link(source, tuple(targets), holds=draw(st.booleans()), label=draw(st.integers(0, 60)))
+        for source, targets in wires.items()
+    ]
+    return cells, links
+
+
+def cell_boxes(cells: list[Cell], layout: Layout) -> dict[str, tuple[float, float, float, float]]:
+    found = {}
+    for cell in cells:
+        x, y = layout.places[cell.name]
+        found[cell.name] = x, y, x + cell.width, y + cell.height
+    return found
+
+
+SLOW = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+
+
+@SLOW
+@given(graphs())
+def test_any_layout_keeps_boxes_and_wires_apart(graph: tuple[list[Cell], list[Link]]) -> None:
+    cells, links = graph
+    layout = arrange(cells, links)
+    boxes = cell_boxes(cells, layout)
+    by_name = {cell.name: cell for cell in cells}
+    for a, b in combinations(boxes.values(), 2):
+        assert not overlap(a, b)
+    for (i, (name, pin)), line in layout.routes.items():
+        source, out = links[i].source
+        start, end = boxes[source], boxes[name]
+        assert line[0] == pytest.approx((start[2], start[1] + by_name[source].output_y(out)))
+        assert line[-1] == pytest.approx((end[0], end[1] + by_name[name].input_y(pin)))
+        forward = (i, (name, pin)) not in layout.feedback
+        assert not forward or start[2] < end[0]
+        for a, b in pairwise(line):
+            assert a[0] == b[0] or a[1] == b[1]
+            assert not forward or a[0] <= b[0]
+            run = run_box(a, b)
+            assert run[0] >= 0 and run[2] <= layout.width + 0.01 and run[3] <= layout.height + 0.01
+            for box in boxes.values():
+                assert not overlap(run, box, margin=0.05)
+
+
+@SLOW
+@given(graphs())
+def test_wires_of_different_outputs_never_lie_on_each_other(
+    graph: tuple[list[Cell], list[Link]],
+) -> None:
+    layout = arrange(*graph)
+    runs = [(i, run_box(*ab)) for (i, _), line in layout.routes.items() for ab in pairwise(line)]
+    for (i, a), (k, b) in combinations(runs, 2):
+        for along, across in ((0, 1), (1, 0)):
+            flat = a[across] == a[across + 2] and b[across] == b[across + 2]
+            if i != k and flat and abs(a[across] - b[across]) < 2.0:
+                shared = min(a[along + 2], b[along + 2]) - max(a[along], b[along])
+                assert shared < 1.0
+
+
+@SLOW
+@given(graphs())
+def test_without_the_feedback_no_loop_is_left(graph: tuple[list[Cell], list[Link]]) -> None:
+    import networkx as nx
+
+    cells, links = graph
+    back = find_feedback([cell.name for cell in cells], links)
+    wires = [(link.source[0], name, i) for i, link in enumerate(links) for name, _ in link.targets]
+    forward = nx.DiGraph([(u, v) for u, v, i in wires if (i, v) not in back])
+    assert nx.is_directed_acyclic_graph(forward)
+    for i, name in back:
+        # Each of them closes a loop: none was turned back needlessly.
+        source = links[i].source[0]
+        assert source == name or nx.has_path(forward, name, source)
+
+
+def pin_cell(name: str, ins: int, outs: int) -> Cell:
+    ys = [[20.0 + 16 * k for k in range(n)] for n in (ins, outs)]
+    pins = [f"i{k}" for k in range(ins)], [f"o{k}" for k in range(outs)]
+    return Cell(name, 80, 80, *pins, *ys)
+
+
+def test_a_loop_is_opened_behind_the_memory() -> None:
+    names = ["plant", "sensor", "law"]
+    wires = [("plant", "sensor"), ("sensor", "law"), ("law", "plant")]
+    for remembers in range(3):
+        links = [
+            Link((u, "o"), ((v, "i"),), holds=k == remembers) for k, (u, v) in enumerate(wires)
+        ]
+        assert find_feedback(names, links) == {(remembers, wires[remembers][1])}
+
+
+def test_ports_are_ordered_so_that_parallel_wires_do_not_cross() -> None:
+    left, right = pin_cell("left", 0, 3), pin_cell("right", 3, 0)
+    links = [Link(("left", f"o{k}"), (("right", f"i{2 - k}"),)) for k in range(3)]
+    layout = arrange([left, right], links)
+    assert all(len(line) == 2 for line in layout.routes.values())
+    fixed = pin_cell("left", 0, 3), pin_cell("right", 3, 0)
+    for cell in fixed:
+        cell.fixed = True
+    layout = arrange(list(fixed), links)
+    assert fixed[0].outputs == ["o0", "o1", "o2"] and fixed[1].inputs == ["i0", "i1", "i2"]
+    assert sorted(len(line) for line in layout.routes.values())[-1] > 2
+
+
+def test_boxes_are_ordered_so_that_trees_do_not_cross() -> None:
+    cells = [pin_cell("root", 0, 1), *(pin_cell(f"m{k}", 1, 1) for k in range(3))]
+    cells += [pin_cell(f"leaf{k}", 1, 0) for k in range(6)]
+    links = [Link(("root", "o0"), tuple((f"m{k}", "i0") for k in range(3)))]
+    links += [Link((f"m{k}", "o0"), ((f"leaf{k}", "i0"), (f"leaf{5 - k}", "i0"))) for k in range(3)]
+    layout = arrange(cells, links)
+    heights = {name: y for name, (_, y) in layout.places.items()}
+    parents = sorted(range(3), key=lambda k: heights[f"m{k}"])
+    leaves = sorted(range(6), key=lambda k: heights[f"leaf{k}"])
+    assert [min(k, 5 - k) for k in leaves] == [k for k in parents for _ in range(2)]
+
+
+def test_wires_that_swap_places_take_a_detour() -> None:
+    one, other = Track([10.0], [50.0]), Track([50.0], [10.0])
+    assert assign_slots([one, other]) == 3
+    (detour,) = [track for track in (one, other) if track.then is not None]
+    assert detour.then is not None
+    straight = other if detour is one else one
+    assert detour.slot < straight.slot < detour.then.slot
+    assert 10.0 < detour.rights[0] < 50.0
+
+
+def test_a_block_may_feed_itself() -> None:
+    cell = pin_cell("alone", 1, 1)
+    layout = arrange([cell], [Link(("alone", "o0"), (("alone", "i0"),))])
+    (line,) = layout.routes.values()
+    assert layout.feedback == {(0, ("alone", "i0"))}
+    assert max(y for _, y in line) > layout.places["alone"][1] + cell.height
+
+
+def test_long_wires_are_straight_and_boxes_give_way() -> None:
+    cells = [pin_cell("a", 0, 2), *(pin_cell(f"b{k}", 1, 1) for k in range(4)), pin_cell("c", 2, 0)]
+    links = [Link(("a", "o0"), (("b0", "i0"),)), Link(("b3", "o0"), (("c", "i0"),))]
+    links += [Link((f"b{k}", "o0"), ((f"b{k + 1}", "i0"),)) for k in range(3)]
+    links.append(Link(("a", "o1"), (("c", "i1"),)))
+    layout = arrange(cells, links)
+    long = layout.routes[len(links) - 1, ("c", "i1")]
+    assert len(long) <= 6
+    xs = [layout.places[name][0] for name in ("a", "b0", "b1", "b2", "b3", "c")]
+    assert xs == sorted(xs)
+
+
+def test_one_block_alone() -> None:
+    net = chain(1)
+    assert len(svg_groups(str(diagram(net, "svg")))) == 1
+    for name in FORMATS:
+        assert diagram(net, name)
+
+
+@pytest.mark.parametrize("n", [2, 200, 2000])
+def test_a_chain_is_one_straight_line(n: int) -> None:
+    net = chain(n)
+    sheet = lay_out(picture_of(net))
+    assert len({line[0][1] for line in sheet.lines.values()}) == 1
+    assert all(len(line) == 2 for line in sheet.lines.values())
+    xs = [sheet.boxes[f"b{i}"].x for i in range(n)]
+    assert xs == sorted(set(xs))
+    for name in ("svg", "dot", "mermaid"):
+        assert str(diagram(net, name)).count("Gain") >= n - 1
+
+
+def test_a_long_chain_as_png() -> None:
+    assert bytes(diagram(chain(2000), "png")).startswith(b"\x89PNG")  # type: ignore[arg-type]
+
+
+def test_the_same_graph_gives_the_same_bytes_in_every_process() -> None:
+    code = (
+        "import hashlib, sys, runtime\n"
+        f"for name in ({str(CASE_A)!r}, {NESTED!r}):\n"
+        "    for format in ('svg', 'png', 'dot', 'mermaid'):\n"
+        "        made = runtime.load(name).diagram(format)\n"
+        "        made = made if isinstance(made, bytes) else made.encode()\n"
+        "        print(hashlib.sha256(made).hexdigest())\n"
+    )
+    started = [
+        subprocess.Popen(
+            [sys.executable, "-c", code],
+            cwd=ROOT,
+            env={**os.environ, "PYTHONHASHSEED": seed},
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        for seed in ("1", "2")
+    ]
+    runs = [process.communicate()[0] for process in started]
+    assert [process.returncode for process in started] == [0, 0]
+    assert runs[0] == runs[1]
+    assert len(set(runs[0].split())) == 8
+
+
+@pytest.mark.skipif(shutil.which("dot") is None, reason="Graphviz is not installed")
+@pytest.mark.parametrize("case", CASES)
+def test_graphviz_reads_the_dot(case: str) -> None:
+    net = network(case)
+    done = subprocess.run(
+        ["dot", "-Tplain"],
+        input=str(diagram(net, "dot")),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stderr == ""
+    nodes = [line for line in done.stdout.splitlines() if line.startswith("node ")]
+    assert len(nodes) == len(net.entries) + len(net.ghosts)

@@ -1,0 +1,399 @@
+"""Every block of the library in its two forms: the methods that Python runs, and the text that is
+compiled. The text is run as plain Python on many random runs, and compiled on one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+import blocks
+from blocks import Block, Path, Pose, Scan, SignalType, Twist, Vector
+from blocks.generic import arithmetic
+from blocks.registry import BUILTIN
+from blocks.testing.bench import Bench
+from blocks.testing.checking import settle
+from blocks.vehicle.contact import slide
+from blocks.world.lidar import bearings
+from blocks.world.surfaces import from_surface, loop_cast, loop_nearest
+from blocks.world.world import World
+from runtime.engine.compiled import cache
+from runtime.engine.compiled.primitives import remainder
+from runtime.engine.compiled.translate import NotCompilableError, Translated, translate
+from tests.blocks.worlds import OVERLAPPING, SHIPPED, worlds
+
+Draw = Callable[[np.random.Generator], Any]
+ROOM = World(SHIPPED["paper_room"])
+TICKS = 40
+STREAMS = 3
+# Called from Python under the compiled engine: its arithmetic is another library's.
+PYTHON_ONLY = {"MujocoVacuum"}
+
+
+@dataclass(frozen=True)
+class Case:
+    """A block to compare the two forms of.
+
+    types : of inputs, where they are not those of ``check_block``.
+    inputs : makes a port's value, in place of the bench's random one.
+    free : states in which any number is a sound one; they are drawn anew now and then.
+    """
+
+    block: Block
+    types: dict[str, SignalType] = field(default_factory=dict)
+    inputs: dict[str, Draw] = field(default_factory=dict)
+    free: tuple[str, ...] = ()
+    dt: float = 0.01
+    absent: bool = False
+    world: World = ROOM
+
+    def __str__(self) -> str:
+        kinds = [f"{name}: {kind}" for name, kind in self.types.items()]
+        return " ".join([repr(self.block), *kinds, *(["absent"] if self.absent else [])])
+
+
+def normal(*sizes: float) -> Draw:
+    """A record of normal numbers."""
+    return lambda draw: tuple((np.array(sizes) * draw.standard_normal(len(sizes))).tolist())
+
+
+def uniform(*highs: float) -> Draw:
+    """A record of numbers between -high and high."""
+    return lambda draw: tuple(draw.uniform(-np.array(highs), highs).tolist())
+
+
+def seldom_new(of: Draw) -> Draw:
+    """The same value as before, most of the time."""
+    kept: dict[int, Any] = {}
+
+    def value(draw: np.random.Generator) -> Any:
+        if id(draw) not in kept or draw.random() < 0.2:
+            kept.clear()
+            kept[id(draw)] = of(draw)
+        return kept[id(draw)]
+
+    return value
+
+
+def with_misses(draw: np.random.Generator) -> Any:
+    """A scan as no LiDAR gives it: things near and far all about, misses, NaN."""
+    scan = draw.uniform(0.05, draw.choice([0.5, 3.0, 30.0]), 30)
+    scan[draw.random(30) < 0.3] = math.inf
+    scan[draw.random(30) < 0.05] = math.nan
+    return np.full(30, math.inf) if draw.random() < 0.1 else scan
+
+
+def seen_in_a_room(draw: np.random.Generator) -> Any:
+    """A scan of a room with pillars."""
+    x, y, theta = draw.uniform(-0.5, 0.5, 3).tolist()
+    return ROOM.cast(x, y, theta + bearings(360, -math.pi, math.pi))
+
+
+def ring(samples: int, radius: float) -> Draw:
+    """A closed path."""
+    turn = np.linspace(0.0, 2.0 * math.pi, samples, endpoint=False)
+    rows = np.column_stack((radius * np.cos(turn), radius * np.sin(turn), turn, turn / radius))
+    return lambda draw: rows
+
+
+def generic(block: Block, *free: str) -> list[Case]:
+    """A block that takes any type, with types of every form."""
+    kinds = (blocks.Scalar, Pose, Vector(4), Path(5))
+    return [Case(block, {block_input(block): kind}, free=free) for kind in kinds]
+
+
+def block_input(block: Block) -> str:
+    return next(name for name, port in block.spec.inputs.items() if port.type == blocks.Same("T"))
+
+
+WANDERING: dict[str, Draw] = {"pose": uniform(1.5, 1.5, 9.0)}
+PUSHING: dict[str, Draw] = {"command": seldom_new(uniform(3.0, 3.0))}
+TRACKING: dict[str, Draw] = {"error": normal(0.3, 0.3, 1.0), "reference": uniform(3.0, 3.0, 9.0)}
+TURNING: dict[str, Draw] = {**TRACKING, "reference": seldom_new(uniform(3.0, 3.0, 9.0))}
+NEURAL = ("weights", "activity")
+TWO = {"input": Vector(2), "error": Vector(2)}
+
+CASES: dict[str, list[Case]] = {
+    "MatchingPoint": [
+        Case(blocks.MatchingPoint(), {"path": Path(50)}, free=("way",)),
+        Case(blocks.MatchingPoint(window=0.1, curvature="unsigned"), {"path": Path(50)}),
+        Case(blocks.MatchingPoint(window=0.5), {"path": Path(60)}, {"path": ring(60, 1.0)}),
+        Case(blocks.MatchingPoint(window=9.0), {"path": Path(60)}, {"path": ring(60, 1.0)}),
+    ],
+    "TrackingError": [Case(blocks.TrackingError(), inputs={"pose": uniform(3.0, 3.0, 9.0)})],
+    "LQR": [
+        Case(blocks.LQR(), inputs=TRACKING),
+        Case(blocks.LQR(q=[1, 2, 3], v_r=-0.5), inputs=TURNING),
+        Case(blocks.LQR(q=[0.01, 0.03, 0], r=[[1, 0.3], [0.3, 2]], model="exact"), inputs=TURNING),
+        Case(blocks.LQR(q=[0, 1, 1]), inputs=TURNING, dt=0.1),
+    ],
+    "PID": [Case(blocks.PID(limit=2.0, ki=3.0), inputs=TRACKING, free=("integral", "smooth"))],
+    "PurePursuit": [Case(blocks.PurePursuit(), inputs=TRACKING)],
+    "Stanley": [
+        Case(blocks.Stanley(), inputs=TRACKING),
+        Case(blocks.Stanley(wheel_base=0.2, delta_max=0.5), inputs=TRACKING),
+    ],
+    "AdaptiveEnsemble": [
+        Case(blocks.AdaptiveEnsemble(), free=NEURAL, dt=0.001),
+        Case(blocks.AdaptiveEnsemble(leak=1.0, limit=0.5), TWO, free=NEURAL, dt=0.001),
+        Case(blocks.AdaptiveEnsemble(neurons=7), free=NEURAL, dt=0.002, absent=True),
+    ],
+    "RateEnsemble": [
+        Case(blocks.RateEnsemble(), free=NEURAL),
+        Case(blocks.RateEnsemble(leak=1.0, limit=0.5, neurons=33), TWO, free=NEURAL),
+    ],
+    "AdaptiveBias": [
+        Case(blocks.AdaptiveBias(), free=("bias",)),
+        Case(blocks.AdaptiveBias(leak=1.0, limit=0.5, power=1e4), free=("bias",)),
+    ],
+    "Lidar": [
+        Case(blocks.Lidar(), inputs=WANDERING),
+        Case(blocks.Lidar(beams=40, dropout=0.3, range_max=1.5, angle_min=-1.0), inputs=WANDERING),
+        Case(
+            blocks.Lidar(beams=60, sigma=0.0, range_max=math.inf),
+            inputs=WANDERING,
+            world=World(SHIPPED["outdoor"]),
+        ),
+    ],
+    "WallFitter": [
+        Case(
+            blocks.WallFitter(),
+            {"scan": Scan(360)},
+            {"scan": seldom_new(seen_in_a_room), **WANDERING},
+        )
+    ],
+    "Explorer": [
+        Case(
+            blocks.Explorer(explore_time=1.0, wander_hold=0.2),
+            {"scan": Scan(30)},
+            {"scan": with_misses, **WANDERING},
+            free=("course",),
+            dt=0.05,
+        )
+    ],
+    "Sum": [
+        *generic(blocks.Sum(signs=[1, -1])),
+        Case(blocks.Sum(), {"terms": Twist}),
+        Case(blocks.Sum(), {"terms": Twist}, absent=True),
+    ],
+    "Mux": [Case(blocks.Mux()), Case(blocks.Mux(), absent=True)],
+    "Gain": generic(blocks.Gain(gain=-0.7)),
+    "Switch": generic(blocks.Switch()),
+    "UnitDelay": [
+        *generic(blocks.UnitDelay(), "memory"),
+        Case(blocks.UnitDelay(initial=[1, 2]), {"input": Twist}),
+    ],
+    "Lowpass": generic(blocks.Lowpass(tau=0.1, initial=3), "memory"),
+    "Saturator": [Case(blocks.Saturator(omega_max=1))],
+    "ActuatorFault": [
+        Case(blocks.ActuatorFault(gain=[1, 0.5], bias=[0, 0.1], start=0.1, stop=0.3))
+    ],
+    "ActuatorLag": [Case(blocks.ActuatorLag(tau=0.1), free=("reached",))],
+    "ActuatorDelay": [Case(blocks.ActuatorDelay(delay=0.07, capacity=9), free=("ring",))],
+    "WheelSlip": [Case(blocks.WheelSlip(correlation_time=0.02))],
+    "PoseNoise": [Case(blocks.PoseNoise())],
+    "DifferentialDrive": [
+        *(
+            Case(blocks.DifferentialDrive(integrator=name), free=("pose_state",))
+            for name in ("euler", "rk4", "exact")
+        ),
+        Case(blocks.DifferentialDrive(body_radius=0.12), inputs=PUSHING, dt=0.1),
+        Case(
+            blocks.DifferentialDrive(body_radius=0.25, x0=[0, -1, 0]),
+            inputs=PUSHING,
+            dt=0.1,
+            world=World(OVERLAPPING),
+        ),
+    ],
+}
+EVERY = [case for cases in CASES.values() for case in cases]
+
+
+def has_work(cls: type[Block]) -> bool:
+    """Whether there is anything to do in a tick: what is constant is computed once, in Python."""
+    outputs = cls.spec.outputs.values()
+    return cls.spec.update is not None or not all(port.constant for port in outputs)
+
+
+def test_every_block_that_works_in_a_tick_is_here() -> None:
+    working = {name for name, cls in BUILTIN.items() if has_work(cls)}
+    assert working == CASES.keys() | PYTHON_ONLY
+    for name, cases in CASES.items():
+        assert all(type(case.block) is BUILTIN[name] for case in cases)
+
+
+class Run:
+    """One run of a block, in one of its forms, fed with random inputs."""
+
+    def __init__(self, case: Case, seed: int) -> None:
+        self.case = case
+        context = settle(case.block, case.types, case.dt, case.world)
+        self.bench = Bench(case.block, context, 1, absent=case.absent)
+        self.state = self.bench._state(seed)
+        case.block.start(self.state)
+
+    def call(self, method: str, t: float, *arguments: Any) -> Any:
+        return getattr(self.case.block, method)(self.state, t, *arguments)
+
+    def terms(self) -> dict[str, int]:
+        flags = self.state.context.terms
+        return {name: sum(connected) for name, connected in flags.items()}
+
+    def tick(self, t: float, inputs: dict[str, Any]) -> dict[str, Any]:
+        """All outputs and states of a tick, after its update."""
+        spec, values = self.case.block.spec, dict(inputs)
+        for evaluation in spec.evaluations:
+            arguments = [values[port] for port in evaluation.needs]
+            found = self.call(evaluation.method, t, *arguments)
+            found = found if len(evaluation.outputs) > 1 else (found,)
+            values.update(zip(evaluation.outputs, found, strict=True))
+        if spec.update is not None:
+            self.call(spec.update.method, t, *[values[port] for port in spec.update.needs])
+        states = {name: getattr(self.state, name).copy() for name in spec.states}
+        return {**{name: values[name] for name in spec.outputs}, **states}
+
+
+class TextRun(Run):
+    """A run of the text that is compiled, as plain Python."""
+
+    def __init__(self, case: Case, seed: int) -> None:
+        super().__init__(case, seed)
+        self.made = translate(case.block, self.state, self.terms(), safe=False)
+        self.functions = self.loaded(self.made)
+        self.fields = self.made.fields(case.block, self.state)
+
+    def loaded(self, made: Translated) -> dict[str, Any]:
+        begin = made.text.index("@njit")
+        scope = {
+            "njit": lambda **options: lambda function: function,
+            **{"math": math, "np": np, "remainder": math.remainder},
+            **{name: getattr(arithmetic, name) for name in ("added", "scaled")},
+        }
+        exec(compile(made.text[begin:], f"<{type(self.case.block).__name__}>", "exec"), scope)
+        return {method: scope[function] for method, function in made.methods.items()}
+
+    def call(self, method: str, t: float, *arguments: Any) -> Any:
+        with np.errstate(invalid="ignore"):  # infinity times zero, say, as compiled: no word of it
+            return self.functions[method](self.fields, t, *arguments)
+
+
+class CompiledRun(TextRun):
+    """A run of the compiled text."""
+
+    def loaded(self, made: Translated) -> dict[str, Any]:
+        module = cache.module("block", made.text)
+        return {method: getattr(module, name) for method, name in made.methods.items()}
+
+
+def check_equal(case: Case, form: type[Run], stream: int, ticks: int = TICKS) -> None:
+    """Run both forms on the same random inputs, and compare all that they show in each tick."""
+    python, other = Run(case, stream), form(case, stream)
+    draw = np.random.default_rng(stream)
+    for k in range(ticks):
+        t = k * case.dt
+        inputs = python.bench._inputs(draw)
+        inputs.update({name: make(draw) for name, make in case.inputs.items()})
+        if k % 10 == 5:
+            for name in case.free:
+                drawn = draw.standard_normal(getattr(python.state, name).shape)
+                getattr(python.state, name)[...] = getattr(other.state, name)[...] = drawn
+        expected, found = python.tick(t, inputs), other.tick(t, inputs)
+        for name, value in expected.items():
+            message = f"{name} at tick {k} of stream {stream}"
+            assert np.shape(found[name]) == np.shape(value), message
+            if name == "spikes":
+                np.testing.assert_array_equal(found[name], value, message)
+            else:
+                # What cancels is as good as what it is the difference of.
+                np.testing.assert_allclose(found[name], value, 1e-12, 1e-12, err_msg=message)
+
+
+@pytest.mark.parametrize("case", EVERY, ids=str)
+def test_the_text_is_the_block(case: Case) -> None:
+    for stream in range(STREAMS):
+        check_equal(case, TextRun, stream)
+
+
+@pytest.mark.parametrize("case", EVERY, ids=str)
+def test_the_compiled_block_is_the_block(case: Case) -> None:
+    check_equal(case, CompiledRun, STREAMS)
+
+
+def test_a_solver_of_another_library_is_not_compiled() -> None:
+    with pytest.raises(NotCompilableError, match=r"imports 'scipy.linalg' \(.*lqr.py:\d+\)"):
+        CompiledRun(Case(blocks.LQR(q=[1, 2, 3], solver="dare")), 0)
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.floats(-1e6, 1e6), st.floats(0.1, 1e3))
+def test_the_remainder_is_pythons(x: float, y: float) -> None:
+    assert remainder(x, y) == math.remainder(x, y)
+
+
+places = st.tuples(st.floats(-2.5, 2.5), st.floats(-2.5, 2.5))
+
+
+@settings(deadline=None, max_examples=40)
+@given(worlds(), places)
+def test_nearest_in_loops(world: World, place: tuple[float, float]) -> None:
+    found, expected = loop_nearest(world.arrays, *place), world.nearest(*place)
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
+
+
+@settings(deadline=None, max_examples=40)
+@given(worlds(), st.integers(0, 2**32 - 1))
+def test_nearest_behind_surfaces_is_the_distance(world: World, seed: int) -> None:
+    """By an independent account: World.distance, and the way that the normal leads."""
+    points = np.random.default_rng(seed).uniform(-2.5, 2.5, (50, 2))
+    distance = world.distance(points)
+    for (x, y), d in zip(points.tolist(), distance.tolist(), strict=True):
+        found, nx, ny = from_surface(world.arrays[3], x, y, d < 0.0)
+        assert found == pytest.approx(d, rel=1e-12, abs=1e-12)
+        assert math.hypot(nx, ny) == pytest.approx(1.0, abs=1e-9)
+        on_surface = np.array([[x - found * nx, y - found * ny]])
+        assert abs(world.distance(on_surface)[0]) < 1e-9
+
+
+@settings(deadline=None, max_examples=40)
+@given(worlds(), places, st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0)))
+def test_sliding_in_loops(
+    world: World, place: tuple[float, float], way: tuple[float, float]
+) -> None:
+    class Loops:
+        """The world by the arrays that compiled text is given."""
+
+        def nearest(self, x: float, y: float) -> Any:
+            return loop_nearest(world.arrays, x, y)
+
+    gap = world.nearest(*place)[0] - 0.1
+    assume(gap >= 0.0)
+    loops: Any = Loops()
+    found, expected = (slide(w, *place, gap, *way, 0.1) for w in (loops, world))
+    np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
+
+
+@settings(deadline=None, max_examples=40)
+@given(worlds(), st.integers(0, 2**32 - 1))
+def test_cast_in_loops(world: World, seed: int) -> None:
+    """From places and at angles that are nobody's: on a corner, rounding decides."""
+    draw = np.random.default_rng(seed)
+    points = draw.uniform(-2.5, 2.5, (20, 2))
+    points = points[world.distance(points) > 1e-3][:3]
+    ahead = np.sort(draw.uniform(-math.pi, math.pi, 60))
+    theta = float(draw.uniform(-9.0, 9.0))
+    for x, y in points.tolist():
+        expected = world.cast(x, y, ahead + theta)
+        found = loop_cast(world.arrays, x, y, theta, ahead)
+        # Along a wall, a range is as uncertain as the angle is, times the range's slope.
+        with np.errstate(invalid="ignore"):  # infinity less infinity
+            slope = np.abs(world.cast(x, y, ahead + theta + 1e-7) - expected) / 1e-7
+            room = 1e-12 * (1.0 + np.abs(expected) + np.nan_to_num(slope))
+            same = (found == expected) | (np.abs(found - expected) <= room)
+        assert same.all(), (found[~same], expected[~same])

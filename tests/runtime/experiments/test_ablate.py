@@ -1,0 +1,284 @@
+"""``runtime ablate``: variants that see the same noise, and a table that says what is real."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import runtime
+from runtime.document.node import parse_yaml
+from runtime.experiments.design.variants import each_alone, grouped, slugs
+from tests.conftest import Run
+from tests.runtime.experiments.graphs import normal
+
+SEEDS = ("--seeds", "0..5", "-j", "2")
+
+
+def folder_of(root: Path) -> Path:
+    return (root / "ablations" / "draw" / "latest").resolve()
+
+
+def values(folder: Path) -> dict[tuple[str, int], dict[str, str]]:
+    with (folder / "index.csv").open(newline="") as lines:
+        return {(row["variant"], int(row["seed"])): row for row in csv.DictReader(lines)}
+
+
+def table(facts: dict[str, Any]) -> dict[tuple[str, str], dict[str, Any]]:
+    return {(line["variant"], line["metric"]): line for line in facts["table"]}
+
+
+def test_every_block_alone(cli: Run, draw: Path, tmp_path: Path) -> None:
+    done = cli("ablate", "draw.yaml", *SEEDS)
+    assert done.returncode == 0, done.stderr
+    folder = folder_of(tmp_path)
+    facts = json.loads((folder / "ablation.json").read_text())
+    names = [variant["name"] for variant in facts["variants"]]
+    assert names == ["baseline", "bypass twice", "bypass half", "without sum"]
+    assert facts["essential"] == {"draw": "input 'twice.input' is not connected without 'draw'"}
+    assert facts["essential"]["draw"] in done.stdout
+    # total is draw + half * twice * draw: 2 draw, and 1.5 or 3 draw with one of the gains gone.
+    found = values(folder)
+    for seed in range(6):
+        out = 1.0 + normal(seed)
+        for variant, factor in (("baseline", 2.0), ("bypass twice", 1.5), ("bypass half", 3.0)):
+            row = found[variant, seed]
+            assert float(row["drawn"]) == out
+            assert float(row["total"]) == pytest.approx(factor * out)
+        assert found["without sum", seed]["total"] == ""
+    lines = table(facts)
+    assert lines["bypass twice", "drawn"]["difference"]["mean"] == 0.0
+    assert lines["bypass twice", "drawn"]["difference"]["distinguishable"] is False
+    assert lines["without sum", "total"]["recorded"] is False
+    assert lines["without sum", "total"]["n"] == 0
+    outs = np.array([1.0 + normal(seed) for seed in range(6)])
+    apart = lines["bypass half", "total"]["difference"]
+    expected = stats.ttest_rel(3.0 * outs, 2.0 * outs)
+    assert apart["p"] == pytest.approx(expected.pvalue)
+    interval = expected.confidence_interval(0.95)
+    assert (apart["low"], apart["high"]) == pytest.approx((interval.low, interval.high))
+    assert apart["mean"] == pytest.approx(outs.mean())
+    settled = lines["baseline", "above_two"]
+    assert settled["n"] == int((outs > 2.0).sum())
+    assert settled["runs"] == 6
+
+
+def test_what_a_folder_holds(here: Run, draw: Path, tmp_path: Path) -> None:
+    done = here("ablate", "draw.yaml", *SEEDS, "--bypass", "twice", "--json")
+    assert done.returncode == 0, done.stderr
+    folder = folder_of(tmp_path)
+    facts = json.loads(done.stdout)
+    written = json.loads((folder / "ablation.json").read_text())
+    assert {**written, "plots": facts["plots"]} == facts
+    assert [Path(plot).name for plot in facts["plots"]] == ["ablation.png"]
+    assert {path.name for path in folder.iterdir()} == {
+        *("plan.yaml", "graph.resolved.yaml", "own.py", "index.csv", "ablation.json"),
+        *("diagram.json", "variants", "diagrams", "runs", "plots"),
+    }
+    plan = parse_yaml((folder / "plan.yaml").read_text(), "plan").plain()
+    assert plan["kind"] == "ablation"
+    assert plan["variants"] == {
+        "bypass twice": {
+            "graph": "variants/bypass_twice/graph.resolved.yaml",
+            "changes": ["bypass twice"],
+        }
+    }
+    for slug in ("baseline", "bypass_twice"):
+        result = runtime.open(folder / "runs" / slug)
+        assert result.metrics["drawn"] == 1.0 + normal(0)
+        assert (folder / "diagrams" / f"{slug}.svg").read_text().startswith("<")
+    # What is gone is greyed, not left out: both diagrams show all four blocks.
+    drawn = (folder / "diagrams" / "bypass_twice.svg").read_text()
+    whole = (folder / "diagrams" / "baseline.svg").read_text()
+    assert "bypassed" in drawn and "bypassed" not in whole
+    for block in ("draw", "twice", "half", "sum"):
+        assert block in drawn
+    again = here("ablate", str(folder / "plan.yaml"), "--json", "-j", "2", "--no-plots")
+    assert json.loads(again.stdout)["table"] == facts["table"]
+
+
+EXPERIMENT = """
+experiment: draw
+graph: draw.yaml
+set: {draw.level: 5}
+seeds: [0, 3]
+variants:
+  no half: {without: half}
+  steep: {set: {params.gain: 4}}
+  constant:
+    replace: {twice: Constant}
+    set: {twice.value: 8}
+    wire: {half.input: twice.value}
+  unlimited: {wire: {sum.terms: [draw.out]}}
+"""
+
+
+def test_variants_of_a_file_and_of_the_command_line(here: Run, draw: Path, tmp_path: Path) -> None:
+    (tmp_path / "e.yaml").write_text(EXPERIMENT)
+    late = ("--variant", "late", "--without", "half", "--without", "twice")
+    extra = ("--set", "draw.count=1", *late)
+    done = here("ablate", "e.yaml", *extra, "--json", "-j", "2", "--no-plots")
+    assert done.returncode == 0, done.stderr
+    facts = json.loads(done.stdout)
+    names = [variant["name"] for variant in facts["variants"]]
+    assert names == ["baseline", "no half", "steep", "constant", "unlimited", "late"]
+    changes = {variant["name"]: variant["changes"] for variant in facts["variants"]}
+    assert changes["steep"] == ["set params.gain=4"]
+    assert changes["late"] == ["without half", "without twice"]
+    notes = {variant["name"]: variant["notes"] for variant in facts["variants"]}
+    assert any("no input 'input'" in note for note in notes["constant"])
+    found = values(folder_of(tmp_path))
+    for seed in (0, 3):
+        out = 6.0 + normal(seed)
+        expected = {"baseline": 2.0 * out, "no half": out, "steep": 3.0 * out, "late": out}
+        expected |= {"unlimited": out, "constant": out + 4.0}
+        for name, total in expected.items():
+            assert float(found[name, seed]["total"]) == pytest.approx(total)
+
+
+def test_changes_are_grouped_in_the_order_written() -> None:
+    plain = [("set", "a=1"), ("without", "x"), ("set", "b=2"), ("bypass", "y"), ("replace", "z=T")]
+    assert grouped(plain) == (
+        [("set", "a=1")],
+        [
+            ("without x", [("without", "x"), ("set", "b=2")]),
+            ("bypass y", [("bypass", "y")]),
+            ("replace z=T", [("replace", "z=T")]),
+        ],
+    )
+    named = [
+        ("set", "a=1"),
+        ("variant", "soft"),
+        ("without", "x"),
+        ("set", "b=2"),
+        ("variant", "n"),
+    ]
+    assert grouped(named) == (
+        [("set", "a=1")],
+        [("soft", [("without", "x"), ("set", "b=2")]), ("n", [])],
+    )
+
+
+def test_names_of_files_never_clash() -> None:
+    names = ["a b", "a_b", "A b", "ä", "..", "a" * 200]
+    found = slugs(names)
+    assert len({slug.lower() for slug in found.values()}) == len(names)
+    assert all(re.fullmatch(r"[A-Za-z0-9_-]{1,64}", slug) for slug in found.values())
+
+
+def test_each_block_of_case_a() -> None:
+    variants, essential = each_alone(runtime.load("line_actuator_failure"))
+    assert {variant.name for variant in variants} >= {
+        *("bypass limit", "bypass fault", "without adaptive", "without adaptive.snn_v"),
+        "without lqr",
+    }
+    assert set(essential) == {"track", "match", "error", "total", "plant"}
+    assert essential["plant"] == "input 'match.pose' (Pose) is not connected without 'plant'"
+    # What a graph leaves out already is not tried again.
+    less, _ = each_alone(runtime.load("line_actuator_failure").without("adaptive"))
+    assert not [variant for variant in less if "adaptive" in variant.name]
+
+
+def test_variants_see_the_same_noise_and_neurons(here: Run, tmp_path: Path) -> None:
+    case = ("ablate", "sine_estimation_error", "--until", "0.2", "--seeds", "1,4", "-j", "2")
+    done = here(*case, "--without", "adaptive.snn_v", "--bypass", "limit", "--json")
+    assert done.returncode == 0, done.stderr
+    with (Path(json.loads(done.stdout)["folder"]) / "index.csv").open(newline="") as lines:
+        found = list(csv.DictReader(lines))
+    base = runtime.load("sine_estimation_error").set("run.until", 0.2)
+    graphs = {
+        "baseline": base,
+        "without adaptive.snn_v": base.without("adaptive.snn_v"),
+        "bypass limit": base.bypass("limit"),
+    }
+    noise = {}
+    for row in found:
+        result = graphs[row["variant"]].probe("seen", "noise.measured").run(seed=int(row["seed"]))
+        for name, value in result.metrics.items():
+            assert row[name] == ("" if value is None else repr(value))
+        noise[row["variant"], row["seed"]] = result["seen"] - result["pose"]
+    assert len(found) == 6
+    for seed in ("1", "4"):
+        assert np.allclose(noise["baseline", seed], noise["bypass limit", seed], atol=1e-12)
+    assert not np.allclose(noise["baseline", "1"], noise["baseline", "4"])
+
+
+def test_an_interrupted_ablation_goes_on(here: Run, draw: Path, tmp_path: Path) -> None:
+    variants = ("ablate", "draw.yaml", *SEEDS, "--no-plots", "--bypass", "half")
+    assert here(*variants).returncode == 0
+    folder = folder_of(tmp_path)
+    whole = values(folder)
+    index = folder / "index.csv"
+    # As a kill would leave it: no table, a torn row, a run folder without its row.
+    (folder / "ablation.json").unlink()
+    kept = index.read_bytes().splitlines(keepends=True)
+    index.write_bytes(b"".join(kept[:6]) + kept[6][:9])
+    done = here(*variants, "--resume", str(folder), "--json")
+    assert done.returncode == 0, done.stderr
+    assert len(json.loads(done.stdout)["table"]) == 6
+    numbers = ("status", "drawn", "total", "above_two")
+    again = values(folder)
+    assert {key: [row[n] for n in numbers] for key, row in again.items()} == {
+        key: [row[n] for n in numbers] for key, row in whole.items()
+    }
+    other = here(*variants, "--bypass", "twice", "--resume", str(folder))
+    assert other.returncode == 2
+    assert "is of another plan, which differs in variants" in other.stderr
+    missing = here(*variants, "--resume", "nosuch")
+    assert "--resume nosuch: there is no such folder" in missing.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--without", "drw"], "there is no block 'drw', did you mean 'draw'?"),
+        (["--without", "draw"], "variant 'without draw' cannot run:"),
+        (["--without", "half", "--without", "half"], "there are two variants 'without half'"),
+        (["--variant", "baseline"], "there are two variants 'baseline'"),
+        (["--variant", ""], "'' is no name for a variant"),
+        (["--bypass", "sum"], "variant 'bypass sum' cannot run:"),
+        (["--replace", "half=Gian"], "no block type 'Gian', did you mean 'Gain'?"),
+        (["--seeds", "two"], "expected seeds such as 0..9, 3 or 0,4,7..9, got the text 'two'"),
+        (["--set", "metrics={}"], "the graph measures nothing that variants could differ in"),
+        (["--set", "metrics.variant={kind: final, of: draw.out}"], "metric 'variant': the name is"),
+        (["--test", "z"], "invalid choice: 'z'"),
+    ],
+)
+def test_mistakes_are_told_before_anything_runs(
+    here: Run, draw: Path, tmp_path: Path, arguments: list[str], message: str
+) -> None:
+    done = here("ablate", "draw.yaml", *arguments)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert done.stdout == ""
+    assert not (tmp_path / "ablations").exists()
+
+
+def test_a_variant_that_fails_is_told(here: Run, draw: Path) -> None:
+    failing = ("--variant", "broken", "--set", "draw.how=raise")
+    done = here("ablate", "draw.yaml", *SEEDS, "--no-plots", *failing)
+    assert done.returncode == 0, done.stderr
+    assert "broken: 6 of 6 runs not ok, first: block 'draw' at tick 0" in done.stdout
+    assert "yes, in seeds" in done.stdout
+
+
+def test_bootstrap_says_so(here: Run, draw: Path) -> None:
+    done = here(
+        *("ablate", "draw.yaml", *SEEDS, "--bypass", "half", "--json", "--no-plots"),
+        *("--test", "bootstrap"),
+    )
+    facts = json.loads(done.stdout)
+    assert facts["test"] == "bootstrap (BCa) with a sign-flip permutation test"
+    apart = table(facts)["bypass half", "total"]["difference"]
+    outs = [1.0 + normal(seed) for seed in range(6)]
+    # All 2^6 ways to flip the signs of six differences are counted.
+    signs = np.array(np.meshgrid(*[[-1, 1]] * 6)).reshape(6, -1)
+    means = np.abs(np.array(outs) @ signs)
+    expected = np.mean(means >= abs(sum(outs)) * (1 - 1e-12))
+    assert apart["p"] == pytest.approx(expected)

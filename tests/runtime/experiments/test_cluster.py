@@ -1,0 +1,109 @@
+"""The same points on a Dask cluster: a real scheduler and two workers on loopback."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import Run
+from tests.runtime.experiments.test_survival import LATER, POINTS, SWEEP, lines
+from tests.runtime.experiments.test_sweep import rows
+
+needs_dask = pytest.mark.skipif(
+    importlib.util.find_spec("distributed") is None, reason="needs pip install -e '.[cluster]'"
+)
+Start = Callable[..., "subprocess.Popen[bytes]"]
+Cluster = tuple[str, list["subprocess.Popen[bytes]"]]
+
+
+@pytest.fixture
+def start(tmp_path: Path) -> Iterator[Start]:
+    """Starts processes that end with the test."""
+    with ExitStack() as stack:
+
+        def started(*arguments: str) -> subprocess.Popen[bytes]:
+            command = [sys.executable, "-m", *arguments]
+            quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+            process = subprocess.Popen(command, cwd=tmp_path, **quiet)
+            stack.callback(process.wait)
+            stack.callback(process.kill)
+            return process
+
+        yield started
+
+
+@pytest.fixture
+def cluster(start: Start, tmp_path: Path) -> Cluster:
+    """A scheduler with two workers: its address, and the three processes."""
+    found = tmp_path / "scheduler.json"
+    options = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard")
+    scheduler = start("distributed.cli.dask_scheduler", *options, "--scheduler-file", str(found))
+    while not found.exists() or not found.read_text().endswith("}"):
+        assert scheduler.poll() is None
+    address = json.loads(found.read_text())["address"]
+    options = ("--host", "127.0.0.1", "--no-nanny", "--nthreads", "1", "--no-dashboard")
+    workers = [start("distributed.cli.dask_worker", address, *options) for _ in range(2)]
+
+    return address, [scheduler, *workers]
+
+
+@needs_dask
+def test_a_cluster_that_loses_a_worker_gives_the_same_index(
+    script: Path, here: Run, cluster: Cluster, draw: Path, tmp_path: Path
+) -> None:
+    local = here("sweep", "draw.yaml", *SWEEP, *LATER, "--name", "local")
+    assert local.returncode == 0, local.stderr
+
+    address, processes = cluster
+    index = tmp_path / "sweeps" / "draw" / "index.csv"
+    command = [script, "sweep", "draw.yaml", *SWEEP, *LATER, "--scheduler", address]
+    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE) as sweep:
+        while lines(index) < 8:
+            assert sweep.poll() is None
+        processes[1].kill()
+        assert lines(index) < POINTS
+        message = sweep.communicate()[1].decode()
+    assert sweep.returncode == 0, message
+    assert rows(index.parent) == rows(tmp_path / "sweeps" / "local")
+
+
+@needs_dask
+def test_a_scheduler_that_is_gone_ends_the_sweep_with_its_rows_kept(
+    script: Path, here: Run, cluster: Cluster, draw: Path, tmp_path: Path
+) -> None:
+    address, processes = cluster
+    index = tmp_path / "sweeps" / "draw" / "index.csv"
+    slow = ("sweep", "draw.yaml", *SWEEP, *LATER)
+    command = [script, *slow, "--scheduler", address]
+    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE) as sweep:
+        while lines(index) < 4:
+            assert sweep.poll() is None
+        processes[0].kill()
+        message = sweep.communicate(timeout=60)[1].decode()
+    assert sweep.returncode == 2, message
+    assert f"--scheduler {address}: the scheduler is gone" in message
+    assert "Traceback" not in message
+    assert here(*slow).returncode == 0
+    assert len(rows(index.parent)) == POINTS
+
+
+@needs_dask
+def test_no_scheduler_is_told(here: Run, draw: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("runtime.experiments.execution.backends.PATIENCE", 0.2)
+    done = here("sweep", "draw.yaml", *SWEEP, *LATER, "--scheduler", "tcp://127.0.0.1:9")
+    assert done.returncode == 2
+    assert "--scheduler tcp://127.0.0.1:9: no scheduler answers there" in done.stderr
+
+
+def test_a_missing_extra_is_told(here: Run, draw: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    done = here("sweep", "draw.yaml", *SWEEP, *LATER, "--scheduler", "tcp://127.0.0.1:9")
+    assert done.returncode == 4
+    assert "pip install 'spikeblocks[cluster]'" in done.stderr

@@ -1,0 +1,158 @@
+"""Figures show the numbers of the index."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_hex, to_rgba
+
+from runtime.experiments.analysis import sweep_data
+from runtime.experiments.analysis.ablation_plots import ablation_figure
+from runtime.experiments.analysis.sweep_data import read_sweep
+from runtime.experiments.analysis.sweep_plots import MARK, sweep_figures
+from tests.conftest import Run
+from tests.runtime.experiments.graphs import normal
+
+SWEEP = ("sweep", "draw.yaml", "-j", "2", "--no-plots", "--seeds", "0..2")
+MEAN = sum(map(normal, range(3))) / 3
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return tmp_path / "sweeps" / "draw"
+
+
+def test_a_curve_for_one_knob(here: Run, draw: Path, folder: Path) -> None:
+    assert here(*SWEEP, "--vary", "draw.level=log(0.1..10):3").returncode == 0
+    [(name, figure)] = sweep_figures(folder)
+    assert name == "curves"
+    drawn, total = figure.axes[:2]
+    assert [axes.get_title("left") for axes in (drawn, total)] == ["drawn", "total"]
+    assert drawn.get_xscale() == "log"
+    x, y = drawn.lines[0].get_data()
+    assert np.allclose(x, [0.1, 1.0, 10.0])
+    assert np.allclose(y, np.add(x, MEAN))
+    assert np.allclose(total.lines[0].get_ydata(), 2.0 * np.add(x, MEAN))
+    bars = drawn.containers[0][2][0].get_segments()
+    assert np.allclose(np.diff(bars, axis=1)[:, 0, 1], np.diff(bars, axis=1)[0, 0, 1])
+
+
+def test_a_heat_map_for_two(here: Run, draw: Path, folder: Path) -> None:
+    factors = ("--vary", "draw.level=[3, 1]", "--vary", "params.gain=0..4:3")
+    assert here(*SWEEP, *factors).returncode == 0
+    [(name, figure)] = sweep_figures(folder)
+    assert name == "maps"
+    [total] = [axes for axes in figure.axes if axes.get_title("left") == "total"]
+    image = np.asarray(total.images[0].get_array())
+    levels, gains = np.array([1.0, 3.0]), np.array([0.0, 2.0, 4.0])
+    assert np.allclose(image, (levels + MEAN) * (1.0 + 0.5 * gains[:, None]))
+    assert [text.get_text() for text in total.get_xticklabels()] == ["1", "3"]
+    assert [text.get_text() for text in total.get_yticklabels()] == ["0", "2", "4"]
+
+
+def shares(levels: list[float]) -> list[int]:
+    """How many of the seeds have a value of ``above_two``, for each level."""
+    return [sum(level + normal(seed) > 2.0 for seed in range(3)) for level in levels]
+
+
+def test_means_over_some_of_the_seeds_are_marked(here: Run, draw: Path, folder: Path) -> None:
+    levels = [-50.0, 2.5, 3.5, 50.0]
+    assert shares(levels) == [0, 1, 2, 3]
+    factors = ("--vary", f"draw.level={levels}", "--vary", "params.gain=[1, 2]")
+    assert here(*SWEEP, *factors).returncode == 0
+    [(_, figure)] = sweep_figures(folder)
+    assert "n/N or red" in figure.get_suptitle()
+    panels = {axes.get_title("left"): axes for axes in figure.axes}
+    written = [text.get_text() for text in panels["above_two"].texts]
+    assert [text for text in written if "\n" in text] == ["0\n1/3", "0\n2/3"] * 2
+    assert not any("\n" in text.get_text() for text in panels["drawn"].texts)
+    assert read_sweep(folder).is_partial("above_two").sum() == 4
+
+
+def test_means_over_some_of_the_seeds_are_marked_where_numbers_have_no_room(
+    here: Run, draw: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("runtime.experiments.analysis.sweep_plots.FEW_CELLS", 0)
+    monkeypatch.setattr("runtime.experiments.analysis.sweep_plots.CROWD", 0)
+    levels = [-50.0, 2.5, 3.5, 50.0]
+    factors = ("--vary", f"draw.level={levels}", "--vary", "params.gain=[1, 2]")
+    more = ("--vary", "draw.count=[0]")
+    for name, chosen in (("one", factors[:2]), ("two", factors), ("three", (*factors, *more))):
+        assert here(*SWEEP, *chosen, "--name", name).returncode == 0
+        figures = dict(sweep_figures(folder.with_name(name)))
+        figure = figures.get("parallel_above_two") or next(iter(figures.values()))
+        titles = {axes.get_title("left"): axes for axes in figure.axes}
+        axes = titles.get("above_two", figure.axes[0])
+        marks = [line for line in axes.lines if line.get_color() == MARK]
+        assert sum(len(line.get_xdata()) for line in marks) == (2 if name == "one" else 4)
+
+
+def test_samples_with_some_of_the_seeds_are_marked(here: Run, draw: Path, folder: Path) -> None:
+    factors = ("--vary", "draw.level=0..4", "--vary", "params.gain=1..2", "--sobol", "16")
+    assert here(*SWEEP, *factors).returncode == 0
+    [(_, figure)] = sweep_figures(folder)
+    [axes] = [axes for axes in figure.axes if axes.get_title("left") == "above_two"]
+    data = read_sweep(folder)
+    some = data.is_partial("above_two")
+    assert some.any()
+    red = [tuple(colour) == to_rgba(MARK) for colour in axes.collections[1].get_edgecolors()]
+    known = np.isfinite(data.means("above_two"))
+    assert red == some[known].tolist()
+
+
+def test_parallel_coordinates_beyond(here: Run, draw: Path, folder: Path) -> None:
+    factors = ("--vary", "draw.level=0..1", "--vary", "params.gain=1..2", "--sobol", "16")
+    assert here(*SWEEP, *factors, "--vary", "draw.how=[fine, raise]").returncode == 0
+    figures = dict(sweep_figures(folder))
+    assert set(figures) == {"parallel_drawn", "parallel_total"}
+    axes = figures["parallel_total"].axes[0]
+    lost, lines = (item for item in axes.collections if isinstance(item, LineCollection))
+    data = read_sweep(folder)
+    known = np.isfinite(data.means("total"))
+    assert len(lines.get_segments()) == known.sum()
+    assert len(lost.get_segments()) == (~known).sum() > 0
+    # The smallest is drawn last, on top of all others.
+    assert lines.get_segments()[-1][-1][1] == 0.0
+    assert lines.get_segments()[0][-1][1] == 1.0
+
+
+def test_names_are_places_of_their_own(here: Run, draw: Path, folder: Path) -> None:
+    assert here(*SWEEP, "--vary", "without=[[], [half], [sum]]").returncode == 0
+    [(_, figure)] = sweep_figures(folder)
+    labels = [text.get_text() for text in figure.axes[1].get_xticklabels()]
+    assert labels == ["[]", "[half]", "[sum]"]
+
+
+def test_more_settings_than_a_page_shows(
+    here: Run, draw: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sweep_data, "MOST", 4)
+    assert here(*SWEEP, "--vary", "draw.level=0..9:10").returncode == 0
+    data = read_sweep(folder)
+    assert data.axes[0].places.tolist() == [0.0, 4.0, 8.0]
+    assert data.skipped == 7
+
+
+def test_an_ablation(here: Run, draw: Path, tmp_path: Path) -> None:
+    variants = ("--bypass", "half", "--without", "sum", "--seeds", "0..4", "-j", "2")
+    assert here("ablate", "draw.yaml", *variants, "--no-plots").returncode == 0
+    figure = ablation_figure(tmp_path / "ablations" / "draw" / "latest")
+    drawn, total = figure.axes[:2]
+    assert [text.get_text() for text in drawn.get_yticklabels()] == [
+        *("baseline", "bypass half", "without sum")
+    ]
+    outs = np.array([1.0 + normal(seed) for seed in range(5)])
+    dots = [line for line in total.lines if line.get_marker() == "."]
+    assert np.allclose(sorted(dots[0].get_xdata()), sorted(2.0 * outs))
+    assert np.allclose(sorted(dots[1].get_xdata()), sorted(3.0 * outs))
+    means = [container.lines[0] for container in total.containers]
+    assert [mean.get_xdata()[0] for mean in means] == pytest.approx(
+        [2.0 * outs.mean(), 3.0 * outs.mean()]
+    )
+    assert [text.get_text() for text in total.texts] == ["gone"]
+    # Equal to the baseline on every seed: hollow.
+    hollow = drawn.containers[1].lines[0]
+    assert to_hex(hollow.get_markerfacecolor()) == "#ffffff"

@@ -1,0 +1,76 @@
+"""What is known of a sweep while it runs, in memory that does not grow with it."""
+
+from __future__ import annotations
+
+import random
+import tracemalloc
+from collections.abc import Iterator
+
+import pytest
+
+from runtime.experiments.analysis.groups import BEST, REASONS, Tally, gather
+from runtime.experiments.design.objective import Objective
+from runtime.experiments.execution.index import Row
+
+SEEDS = 3
+
+
+def row(point: int, value: float | None, status: str = "ok") -> Row:
+    reason = "" if status == "ok" else f"at tick {point}"
+    return Row(point, (str(point // SEEDS),), point % SEEDS, status, reason, (value,), 0.1)
+
+
+def tally(goal: str = "minimize") -> Tally:
+    return Tally(SEEDS, 0, Objective("m", goal))  # type: ignore[arg-type]
+
+
+def shuffled(count: int, reach: int = 8) -> Iterator[int]:
+    """Points in the order in which workers end them: never far from the order of the plan."""
+    moments = random.Random(1)
+    yield from sorted(range(count), key=lambda number: number + moments.uniform(0, reach))
+
+
+@pytest.mark.parametrize("goal", ["minimize", "maximize"])
+def test_the_best_settings_are_those_with_the_best_means(goal: str) -> None:
+    moments = random.Random(2)
+    values = {point: moments.gauss(0.0, 1.0) for point in range(300)}
+    found = tally(goal)
+    for point in shuffled(300):
+        found.add(row(point, values[point]))
+    means = {k: sum(values[SEEDS * k + i] for i in range(SEEDS)) / SEEDS for k in range(100)}
+    expected = sorted(means, key=lambda k: means[k], reverse=goal == "maximize")[:BEST]
+    assert [int(ranked.cells[0]) for ranked in found.best] == expected
+    assert found.best[0].objective.mean == pytest.approx(means[expected[0]])
+    assert found.best[0].objective.n == SEEDS
+    assert found.line(["k"]).startswith(f"best m {means[expected[0]]:.4g} at k={expected[0]}")
+
+
+def test_a_setting_with_a_hole_is_not_the_best() -> None:
+    found = tally()
+    for point, value in enumerate([None, -9.0, -9.0, 1.0, 1.0, 1.0]):
+        found.add(row(point, value))
+    assert [ranked.cells for ranked in found.best] == [("1",)]
+
+
+def test_settings_are_put_together_whatever_the_order() -> None:
+    groups = list(gather((row(point, float(point)) for point in shuffled(29)), SEEDS))
+    assert sorted(group.number for group in groups) == list(range(10))
+    whole = {group.number: group.values(0) for group in groups}
+    assert whole[4] == [12.0, 13.0, 14.0]
+    assert whole[9] == [27.0, 28.0]
+
+
+def test_memory_does_not_grow_with_the_sweep() -> None:
+    found = tally()
+    peaks = []
+    tracemalloc.start()
+    try:
+        for point in range(15_000):
+            found.add(row(point, float(-point), "failed" if point % 7 else "ok"))
+            if point % 5_000 == 4_999:
+                peaks.append(tracemalloc.get_traced_memory()[0])
+    finally:
+        tracemalloc.stop()
+    assert len(found.reasons) == REASONS
+    assert found.counts == {"ok": 2143, "failed": 12857}
+    assert max(peaks) - peaks[0] < 20_000

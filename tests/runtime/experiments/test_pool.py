@@ -1,0 +1,413 @@
+"""Workers that die, hang and come back; points sent a bounded number at a time."""
+
+from __future__ import annotations
+
+import errno
+import os
+import select
+import signal
+import socket
+import sys
+import tempfile
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor, Executor, Future, wait
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from runtime.errors import UsageError
+from runtime.experiments.execution import forkserver as nurseries
+from runtime.experiments.execution import messages as line
+from runtime.experiments.execution import pool as pools
+from runtime.experiments.execution.backends import WorkerPool, local_pool
+from runtime.experiments.execution.forkserver import THREADS
+from runtime.experiments.execution.pool import LocalPool, WorkerDied
+from runtime.experiments.execution.runner import run_points
+from runtime.experiments.execution.trials import Configuration, GraphBundle, Trial
+from runtime.experiments.execution.worker import Task, TrialResult
+
+LARGE = 8_000_000  # bytes; no socket holds as many
+
+
+def die() -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def leave() -> None:
+    os._exit(7)
+
+
+def stop_until(socket_path: str) -> int:
+    """Wait, at the other end of a socket, until whoever listens there lets go."""
+    with socket.socket(socket.AF_UNIX) as link:
+        link.connect(socket_path)
+        link.recv(1)
+    return os.getpid()
+
+
+def die_half_way() -> bytes:
+    """Begin to send an answer that is larger than what a socket holds, and die in the middle."""
+
+    def half(link: socket.socket, message: bytes) -> None:
+        link.sendall(line._LENGTH.pack(len(message)))
+        link.sendall(message[: len(message) // 2])
+        die()
+
+    line._send = half
+    return bytes(LARGE)
+
+
+def die_leaving_a_child(path: str) -> None:
+    """Die while a child of one's own holds all files open."""
+    held = os.open(path, os.O_RDONLY)
+    if not os.fork():
+        os.read(held, 1)  # until the other end of the pipe is closed
+        os._exit(0)
+    die()
+
+
+def large() -> bytes:
+    return bytes(LARGE)
+
+
+def unpicklable() -> object:
+    return threading.Lock()
+
+
+def system_exit() -> None:
+    sys.exit(5)
+
+
+def hang() -> None:
+    threading.Event().wait()
+
+
+class Meeting:
+    """A socket where calls wait until they are let go: they are known to run at one time."""
+
+    def __init__(self, folder: Path) -> None:
+        self.path = str(folder / "m")
+        self.listener = socket.socket(socket.AF_UNIX)
+        self.listener.bind(self.path)
+        self.listener.listen()
+        self.arrived: list[socket.socket] = []
+
+    def await_arrivals(self, count: int) -> None:
+        while len(self.arrived) < count:
+            self.arrived.append(self.listener.accept()[0])
+
+    def let_go(self) -> None:
+        for link in self.arrived:
+            link.close()
+        self.arrived = []
+
+
+@pytest.fixture
+def meeting(tmp_path: Path) -> Iterator[Meeting]:
+    made = Meeting(tmp_path)
+    yield made
+    made.let_go()
+    made.listener.close()
+
+
+@pytest.fixture
+def pool() -> Iterator[LocalPool]:
+    made = LocalPool(2)
+    yield made
+    made.kill()
+
+
+def both(pool: LocalPool, meeting: Meeting) -> set[int]:
+    """The workers, as they are while both are busy."""
+    together = [pool.submit(stop_until, meeting.path) for _ in range(2)]
+    meeting.await_arrivals(2)
+    meeting.let_go()
+    return {future.result() for future in together}
+
+
+def test_a_death_while_computing_costs_one_call(pool: LocalPool, meeting: Meeting) -> None:
+    before = both(pool, meeting)
+    beside = pool.submit(stop_until, meeting.path)
+    meeting.await_arrivals(1)
+    with pytest.raises(WorkerDied, match="its process was killed by SIGKILL"):
+        pool.submit(die).result()
+    meeting.let_go()
+    assert beside.result() in before
+    after = both(pool, meeting)
+    assert len(after) == 2
+    assert len(after & before) == 1
+
+
+def test_how_a_worker_ended_is_known(pool: LocalPool) -> None:
+    with pytest.raises(WorkerDied, match="its process ended with exit code 7"):
+        pool.submit(leave).result()
+
+
+def test_a_death_half_way_through_an_answer_costs_that_answer(pool: LocalPool) -> None:
+    with pytest.raises(WorkerDied, match="killed by SIGKILL"):
+        pool.submit(die_half_way).result()
+    assert pool.submit(large).result() == bytes(LARGE)
+
+
+def test_a_death_is_seen_though_a_child_holds_the_line(pool: LocalPool, tmp_path: Path) -> None:
+    path = tmp_path / "held"
+    os.mkfifo(path)
+    opened: list[int] = []
+    opener = threading.Thread(target=lambda: opened.append(os.open(path, os.O_WRONLY)))
+    opener.start()
+    with pytest.raises(WorkerDied, match="killed by SIGKILL"):
+        pool.submit(die_leaving_a_child, str(path)).result()
+    opener.join()
+    os.close(opened[0])
+    assert pool.submit(os.getpid).result() > 0
+
+
+def test_an_idle_worker_that_dies_costs_nothing(meeting: Meeting) -> None:
+    made = LocalPool(1)
+    first = made.submit(os.getpid).result()
+    os.kill(first, signal.SIGKILL)
+    wait_for_end(first)
+    # The call may still be sent to the worker that is gone; then it fails as one that was killed.
+    assert retried(made, os.getpid) != first
+    made.kill()
+
+
+def wait_for_end(pid: int) -> None:
+    """Wait until a process is gone that is no child of ours."""
+    file = os.pidfd_open(pid)
+    select.select([file], [], [])
+    os.close(file)
+
+
+def retried(pool: LocalPool, call: Callable[[], Any]) -> Any:
+    try:
+        return pool.submit(call).result()
+    except WorkerDied:
+        return pool.submit(call).result()
+
+
+def test_the_nursery_may_die(pool: LocalPool, meeting: Meeting) -> None:
+    before = both(pool, meeting)
+    os.kill(pool.fork_server.pid, signal.SIGKILL)
+    wait_for_end(pool.fork_server.pid)
+    assert both(pool, meeting) == before  # who is there stays there
+    with pytest.raises(WorkerDied):
+        pool.submit(die).result()
+    after = both(pool, meeting)  # and who is not is started by another nursery
+    assert len(after & before) == 1
+    made = pool.fork_server
+    pool.kill()
+    for pid in after:
+        wait_for_end_or_none(pid)
+    assert made.is_alive
+
+
+def wait_for_end_or_none(pid: int) -> None:
+    try:
+        wait_for_end(pid)
+    except ProcessLookupError:
+        return
+
+
+def test_workers_that_are_being_started_may_die() -> None:
+    made = LocalPool(2)
+    first = made.fork_server
+    # Nothing is forked any more: the calls wait for workers whose sockets end with the nursery.
+    os.kill(first.pid, signal.SIGSTOP)
+    calls = [made.submit(os.getpid) for _ in range(2)]
+    os.kill(first.pid, signal.SIGKILL)
+    assert all(call.result() > 0 for call in calls)
+    assert made.fork_server is not first
+    made.kill()
+
+
+def test_workers_that_can_never_start_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = LocalPool(2)
+    monkeypatch.setattr(made.fork_server, "fork", ended)
+    with pytest.raises(UsageError, match="each one ends as it starts"):
+        made.submit(os.getpid).result()
+    made.kill()
+
+
+def ended() -> socket.socket:
+    near, far = socket.socketpair()
+    far.close()
+    return near
+
+
+def test_no_more_workers_than_calls(pool: LocalPool) -> None:
+    made = LocalPool(40)
+    asked = []
+    fork = made.fork_server.fork
+    made.fork_server.fork = lambda: asked.append(0) or fork()  # type: ignore[func-returns-value, method-assign]
+    calls = [made.submit(os.getpid) for _ in range(2)]
+    assert len({call.result() for call in calls}) <= 2
+    assert len(asked) == 2
+    made.shutdown()
+
+
+def test_where_there_is_no_room_there_are_fewer_workers(
+    monkeypatch: pytest.MonkeyPatch, meeting: Meeting
+) -> None:
+    made = LocalPool(3)
+    first = made.submit(stop_until, meeting.path)
+    meeting.await_arrivals(1)
+    full = OSError(errno.EMFILE, os.strerror(errno.EMFILE))
+    monkeypatch.setattr(made.fork_server, "fork", lambda: raised(full))
+    others = [made.submit(os.getpid) for _ in range(2)]
+    meeting.let_go()
+    assert {call.result() for call in others} == {first.result()}
+    made.submit(leave).exception()
+    with pytest.raises(UsageError, match="cannot start worker processes: Too many open files"):
+        made.submit(os.getpid).result()
+    made.kill()
+
+
+def raised(error: Exception) -> Any:
+    raise error
+
+
+def test_what_a_call_raises_is_its_own(pool: LocalPool) -> None:
+    with pytest.raises(RuntimeError, match="SystemExit: 5"):
+        pool.submit(system_exit).result()
+    with pytest.raises(TypeError, match="cannot pickle"):
+        pool.submit(unpicklable).result()
+    assert pool.submit(os.getpid).result() > 0
+
+
+def test_a_worker_that_hangs_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pools, "GRACE", 0.0)
+    made = LocalPool(1, limit=0.2)
+    with pytest.raises(TimeoutError, match=r"killed after 0\.2 s, stuck inside a block"):
+        made.submit(hang).result()
+    assert made.submit(os.getpid).result() > 0
+    made.kill()
+
+
+def test_a_limit_may_be_of_any_size() -> None:
+    made = LocalPool(1, limit=1e300)
+    assert made.submit(os.getpid).result() > 0
+    made.kill()
+
+
+def test_workers_have_one_thread_each_and_leave_our_environment_alone(pool: LocalPool) -> None:
+    before = {name: os.environ.get(name) for name in THREADS}
+    seen = [pool.submit(os.getenv, name).result() for name in THREADS]
+    assert seen == ["1"] * len(THREADS)
+    assert {name: os.environ.get(name) for name in THREADS} == before
+
+
+def test_temporary_files_of_workers_go_with_their_nursery() -> None:
+    made = LocalPool(1)
+    folder = Path(made.submit(tempfile.mkdtemp).result())
+    assert folder.parent == made.fork_server.folder
+    made.kill()
+    nurseries.take().close()
+    assert not folder.parent.exists()
+
+
+def test_a_pool_that_is_killed_ends_what_runs(meeting: Meeting) -> None:
+    made = LocalPool(1)
+    future = made.submit(stop_until, meeting.path)
+    waiting = made.submit(os.getpid)
+    meeting.await_arrivals(1)
+    made.kill()
+    for call in (future, waiting):
+        with pytest.raises(WorkerDied):
+            call.result()
+    with pytest.raises(RuntimeError, match="the pool is closed"):
+        made.submit(os.getpid)
+
+
+def point(number: int) -> Trial:
+    return Trial(number, Configuration(number, (str(number),), GraphBundle("g")), 0)
+
+
+class Fake(Executor):
+    """Answers calls when it is told to; counts how many wait."""
+
+    def __init__(self, answer: Callable[[Task, int], Any]) -> None:
+        self.answer = answer
+        self.most = 0
+        self.open: list[Future[Any]] = []
+        self.tries: dict[int, int] = {}
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        task: Task = args[0]
+        number = task.point.number
+        self.tries[number] = self.tries.get(number, 0) + 1
+        future: Future[Any] = Future()
+        self.open = [other for other in self.open if not other.done()] + [future]
+        self.most = max(self.most, len(self.open))
+        answer = self.answer(task, self.tries[number])
+        if isinstance(answer, BaseException):
+            future.set_exception(answer)
+        else:
+            future.set_result(answer)
+        return future
+
+
+def pool_of(executor: Executor, width: int = 3) -> WorkerPool:
+    return WorkerPool(executor, lambda: width, lambda finished: None, (BrokenExecutor,))
+
+
+def test_points_are_taken_as_workers_become_free() -> None:
+    taken = 0
+
+    def points() -> Iterator[Trial]:
+        nonlocal taken
+        for number in range(10**9):
+            taken += 1
+            yield point(number)
+
+    ended = run_points(points(), pool_of(Fake(lambda task, tries: TrialResult("ok"))), Task)
+    for count in range(1, 2000):
+        next(ended)
+        assert taken - count <= 3
+
+
+def test_a_point_is_tried_three_times_and_no_more() -> None:
+    def answer(task: Task, tries: int) -> Any:
+        number = task.point.number
+        if number == 2 or (number == 1 and tries < 3):
+            return BrokenExecutor("gone")
+        return TrialResult("ok")
+
+    fake = Fake(answer)
+    ended = {p.number: done for p, done in run_points(map(point, range(4)), pool_of(fake), Task)}
+    assert {number: done.status for number, done in ended.items()} == {
+        **dict.fromkeys((0, 1, 3), "ok"),
+        2: "lost",
+    }
+    assert fake.tries == {0: 1, 1: 3, 2: 3, 3: 1}
+    assert ended[2].reason == "its worker died 3 times, the last time: gone"
+
+
+def test_workers_that_cannot_run_points_end_the_sweep() -> None:
+    fake = Fake(lambda task, tries: ModuleNotFoundError("No module named 'runtime'"))
+    with pytest.raises(UsageError, match="the workers cannot run points: ModuleNotFoundError"):
+        list(run_points(map(point, range(4)), pool_of(fake), Task))
+
+
+def test_a_call_that_fails_is_that_points_failure() -> None:
+    fake = Fake(lambda task, tries: MemoryError() if task.point.number else TrialResult("ok"))
+    ended = {p.number: done for p, done in run_points(map(point, range(2)), pool_of(fake), Task)}
+    assert (ended[0].status, ended[1].status) == ("ok", "failed")
+    assert ended[1].reason == "MemoryError: "
+
+
+def test_a_time_out_is_an_answer() -> None:
+    fake = Fake(lambda task, tries: TimeoutError("killed after 1 s"))
+    [(_, done)] = run_points(map(point, range(1)), pool_of(fake), Task)
+    assert (done.status, done.reason) == ("timeout", "killed after 1 s")
+
+
+def test_a_local_crew_finishes_and_leaves() -> None:
+    made = local_pool(1, None)
+    future = made.executor.submit(os.getpid)
+    wait([future])
+    made.leave(True)
+    with pytest.raises(ProcessLookupError):
+        os.kill(future.result(), 0)

@@ -1,0 +1,125 @@
+"""Statistics on data whose answers are printed in books."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from runtime.experiments.analysis.comparison import compare, legend, table
+from runtime.experiments.analysis.statistics import adjusted, difference, estimate, presence
+
+# Hours of sleep gained by ten patients under two drugs (Student 1908, Biometrika 6, 1-25).
+FIRST = [0.7, -1.6, -0.2, -1.2, -0.1, 3.4, 3.7, 0.8, 0.0, 2.0]
+SECOND = [1.9, 0.8, 1.1, 0.1, -0.1, 4.4, 5.5, 1.6, 4.6, 3.4]
+
+
+def test_paired_t_on_students_own_data() -> None:
+    found = difference(SECOND, FIRST)
+    assert found.n == 10
+    assert found.mean == pytest.approx(1.58)
+    assert found.p == pytest.approx(0.002833, abs=5e-7)
+    assert (found.low, found.high) == pytest.approx((0.7001142, 2.4598858), abs=5e-8)
+
+
+def test_the_interval_of_a_mean() -> None:
+    # n = 4, s = sqrt(5/3): half a width is t(0.975, 3) s / 2 with t = 3.1824463.
+    found = estimate([1.0, 2.0, 3.0, 4.0])
+    half = 3.1824463 * math.sqrt(5.0 / 3.0) / 2.0
+    assert (found.mean, found.low, found.high) == pytest.approx((2.5, 2.5 - half, 2.5 + half))
+
+
+def test_a_bootstrap_and_its_permutations() -> None:
+    found = difference(SECOND, FIRST, "bootstrap")
+    # Nine patients slept longer and one as long: of 2^10 ways to flip signs, only those that
+    # flip none of the nine, or all of them, are as extreme.
+    assert found.p == pytest.approx(4 / 2**10)
+    assert found.mean == pytest.approx(1.58)
+    assert 0.7 < found.low < 1.3 and 2.0 < found.high < 3.2
+    assert difference(SECOND, FIRST, "bootstrap") == found
+
+
+def test_only_seeds_that_have_both_values_are_paired() -> None:
+    holes = [*SECOND, None, 5.0]
+    found = difference(holes, [*FIRST, 3.0, None])
+    assert found == difference(SECOND, FIRST)
+
+
+def test_too_few_and_too_equal() -> None:
+    assert estimate([]).n == 0 and math.isnan(estimate([]).mean)
+    assert estimate([3.0]).mean == 3.0 and math.isnan(estimate([3.0]).low)
+    same = difference([1.0, 2.0, 3.0], [1.0, 2.0, 3.0])
+    assert (same.mean, same.low, same.high, same.p) == (0.0, 0.0, 0.0, 1.0)
+    shifted = difference([1.1, 2.1, 3.1], [1.0, 2.0, 3.0])
+    assert (shifted.low, shifted.high) == pytest.approx((0.1, 0.1))
+    assert shifted.p == 0.0
+    assert math.isnan(difference([1.0], [2.0]).p)
+
+
+def test_benjamini_and_hochbergs_own_example() -> None:
+    # The 15 p values of their paper (1995, J. R. Statist. Soc. B 57, section 4.1): four are
+    # rejected at 0.05, where Bonferroni rejects three.
+    p = [
+        *(0.0001, 0.0004, 0.0019, 0.0095, 0.0201, 0.0278, 0.0298, 0.0344, 0.0459),
+        *(0.3240, 0.4262, 0.5719, 0.6528, 0.7590, 1.0000),
+    ]
+    corrected = adjusted(p)
+    assert sum(value < 0.05 for value in corrected) == 4
+    assert corrected[3] == pytest.approx(0.0095 * 15 / 4)
+    with_hole = adjusted([p[0], math.nan, *p[1:]])
+    assert math.isnan(with_hole[1])
+    assert with_hole[:1] + with_hole[2:] == corrected
+
+
+def test_mcnemars_exact_test() -> None:
+    # Six seeds have lost their value, none has gained one: 2 / 2^6.
+    baseline = [1.0] * 10
+    values = [None] * 6 + [1.0] * 4
+    assert presence(values, baseline) == pytest.approx(2 / 2**6)
+    assert presence(baseline, baseline) == 1.0
+
+
+def test_false_alarms_are_as_rare_as_promised() -> None:
+    rng = np.random.default_rng(1)
+    noise = rng.normal(size=(400, 2, 12))
+    p = [difference(a.tolist(), b.tolist()).p for a, b in noise]
+    # Binomial(400, 0.05): mean 20, standard deviation 4.4.
+    assert 5 < sum(value < 0.05 for value in p) < 36
+
+
+def test_a_table_with_all_that_can_happen() -> None:
+    values = {
+        "baseline": {"gain": FIRST, "settled": [1.0] * 10},
+        "second": {"gain": SECOND, "settled": [None] * 9 + [1.0]},
+        "gone": {"gain": [None] * 10, "settled": [1.0] * 10},
+        "same": {"gain": FIRST, "settled": [1.0] * 10},
+    }
+    lines = compare(values, "baseline", gone={("gone", "gain")})
+    found = {(line.variant, line.metric): line for line in lines}
+    assert found["baseline", "gain"].apart is None
+    assert found["second", "gain"].is_distinguishable is True
+    # Five p values are corrected together; 0.002833 is the smallest but one.
+    assert found["second", "gain"].p_adjusted == pytest.approx(0.002833 * 4 / 1, rel=0.6)
+    lost = found["second", "settled"]
+    assert lost.own.n == 1 and lost.is_distinguishable is None
+    assert lost.is_missing_differently
+    assert found["gone", "gain"].is_gone and found["gone", "gain"].is_distinguishable is None
+    assert found["same", "gain"].is_distinguishable is False
+    text = table(lines)
+    assert "1/10" in text and "yes, in seeds" in text and "gone" in text and "equal" in text
+    facts = lost.to_dict()
+    assert facts["n"] == 1 and facts["low"] is None
+    assert facts["difference"]["distinguishable"] is None
+    assert facts["difference"]["p_presence"] < 0.05
+
+
+def test_a_difference_over_some_of_the_seeds_says_so() -> None:
+    values = {"baseline": {"rms": [1.0, None, 3.0, 4.0]}, "v": {"rms": [2.0, 2.0, None, 5.0]}}
+    lines = compare(values, "baseline")
+    shown = table(lines)
+    # Both have three of four seeds, and only two of these together.
+    assert [line.apart.n for line in lines if line.apart is not None] == [2]
+    assert shown.count("3/4") == 2
+    assert "+1 (2/4)" in shown
+    assert "n/N: n of N seeds have a value, or for a difference one in both" in legend(lines, "t")

@@ -1,0 +1,194 @@
+"""A graph in Python: built, changed, written and read back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import runtime
+from blocks import Constant, DifferentialDrive, Gain, Saturator, Sum
+from runtime.document.loader import SHIPPED, shipped_graphs
+
+
+def small() -> runtime.Graph:
+    graph = runtime.Graph("small", dt=0.01, until=0.5, seed=2)
+    graph.add("go", Constant(value=[1.0, 0.5], signal="Twist"))
+    graph.add("limit", Saturator(omega_max=0.25), dt=0.02)
+    graph.add("plant", DifferentialDrive(x0=[0.0, 1.0, 0.1], integrator="rk4"))
+    graph.connect("go.value", "limit.command").connect("limit.limited", "plant.command")
+    graph.probe("pose", "plant.pose", every=5).plot("way", "trajectory", "pose")
+    return graph.metric("turned", "final", "plant.pose.theta", below=1.0)
+
+
+def test_yaml_loads_back_equal(tmp_path: Path) -> None:
+    path = tmp_path / "small.yaml"
+    path.write_text(small().to_yaml(), encoding="utf-8")
+    again = runtime.load(path)
+    assert again == small()
+    assert again.to_yaml() == small().to_yaml()
+    first, second = small().run(), again.run()
+    assert np.array_equal(first["pose"], second["pose"])
+    assert first.metrics == second.metrics
+
+
+@pytest.mark.parametrize("name", shipped_graphs())
+def test_shipped_graphs_write_and_load_back_equal(name: str, tmp_path: Path) -> None:
+    graph = runtime.load(name)
+    path = tmp_path / "copy.yaml"
+    path.write_text(graph.to_yaml(), encoding="utf-8")
+    assert runtime.load(path) == graph
+    assert runtime.load(graph.to_dict()) == graph
+
+
+def test_a_dict_is_the_same_graph() -> None:
+    assert runtime.load(small().to_dict()) == small()
+
+
+def test_changes_are_copies() -> None:
+    graph = small()
+    before = graph.to_yaml()
+    changed = graph.set("limit.omega_max", 0.1).without("limit").bypass("limit")
+    assert graph.to_yaml() == before
+    assert changed != graph
+    assert changed.overrides == ("set limit.omega_max=0.1", "without limit", "bypass limit")
+
+
+def test_bypass_and_without() -> None:
+    straight = small().bypass("limit").run()
+    assert straight["plant.pose"][-1, 2] > small().run()["plant.pose"][-1, 2]
+    with pytest.raises(
+        runtime.GraphError, match=r"input 'plant.command' \(Twist\) is not connected"
+    ):
+        small().without("limit").check()
+
+
+def test_a_removed_term_takes_its_sign_along() -> None:
+    graph = runtime.Graph(dt=1.0, until=1.0)
+    for i, value in enumerate((1.0, 10.0, 100.0)):
+        graph.add(f"c{i}", Constant(value=value))
+    graph.add("sum", Sum(signs=[1, -1, -1]))
+    for i in range(3):
+        graph.connect(f"c{i}.value", "sum.terms")
+    graph.probe("sum.out")
+    assert graph.run()["sum.out"][0] == -109.0
+    assert graph.without("c1").run()["sum.out"][0] == -99.0
+    assert graph.without("c0", "c1").run()["sum.out"][0] == -100.0
+
+
+def test_mistakes_in_building_are_told() -> None:
+    graph = small()
+    with pytest.raises(runtime.UsageError, match="there is a block 'go' already"):
+        graph.add("go", Gain(gain=1.0))
+    with pytest.raises(
+        runtime.UsageError, match="'plant.command' is wired to 'limit.limited' already"
+    ):
+        graph.connect("go.value", "plant.command")
+    with pytest.raises(runtime.GraphError, match="did you mean 'limit'"):
+        graph.set("blocks.limti.omega_max", 1.0)
+
+
+def test_results_answer_by_probe_address_and_component(tmp_path: Path) -> None:
+    result = small().run()
+    assert np.array_equal(result["pose"], result["plant.pose"])
+    assert (
+        np.array_equal(result["plant.pose.theta"], result["pose"][:, 2])
+        or len(result["plant.pose.theta"]) == 50
+    )
+    with pytest.raises(KeyError, match="did you mean 'pose'"):
+        result["pos"]
+    assert "plant.pose" in result
+    assert "nothing" not in result
+    folder = result.save(tmp_path / "run")
+    again = runtime.open(folder)
+    assert list(again) == list(result)
+    assert np.array_equal(again["plant.pose"], result["plant.pose"])
+    assert again.metrics == result.metrics
+    assert again.title == "small"
+    with pytest.raises(runtime.UsageError, match="exists already"):
+        result.save(folder)
+    with pytest.raises(runtime.UsageError, match="holds no run"):
+        runtime.open(tmp_path)
+
+
+def test_a_result_draws_its_plots() -> None:
+    from matplotlib.figure import Figure
+
+    result = small().run()
+    assert isinstance(result.plot("way"), Figure)
+    assert list(result.plot()) == ["way"]  # type: ignore[arg-type]
+    with pytest.raises(runtime.UsageError, match="did you mean 'way'"):
+        result.plot("wya")
+
+
+def test_a_graph_shows_itself_in_a_notebook() -> None:
+    svg = small()._repr_svg_()
+    assert svg.lstrip().startswith("<")
+    assert "DifferentialDrive" in svg
+
+
+def test_blocks_of_a_file_are_written_with_their_module(tmp_path: Path) -> None:
+    file = tmp_path / "own.py"
+    file.write_text(
+        'from blocks import *\nclass Twice(Block):\n    """Twice."""\n'
+        "    x = Input(Scalar)\n    out = Output(Scalar)\n"
+        "    def output(self, state, t, x):\n        return 2.0 * x\n"
+    )
+    text = (
+        "run: {dt: 1, until: 1}\nblocks:\n  c: {type: Constant, value: 3}\n"
+        "  twice: {type: Twice, module: own.py}\nwires:\n  twice: {x: c.value}\n"
+        "probes: {out: twice.out}\n"
+    )
+    (tmp_path / "g.yaml").write_text(text)
+    result = runtime.load(tmp_path / "g.yaml").run()
+    assert result["out"][0] == 6.0
+    folder = result.save(tmp_path / "runs" / "one")
+    file.unlink()
+    assert runtime.load(folder / "graph.resolved.yaml").run()["out"][0] == 6.0
+
+
+def test_shipped_graphs_name_what_they_need() -> None:
+    assert set(shipped_graphs()) >= {
+        *("line_actuator_failure", "line_actuator_failure_robust"),
+        *("sine_estimation_error", "sine_estimation_error_robust"),
+    }
+    assert (SHIPPED / "parts" / "adaptive_snn.yaml").is_file()
+    for name in ("line_actuator_failure", "sine_estimation_error"):
+        network = runtime.load(name).network
+        sizes = [
+            e.made.value("neurons")
+            for e in network.entries.values()
+            if e.cls.__name__ == "AdaptiveEnsemble"
+        ]
+        assert sizes == [100, 100]
+        robust = runtime.load(f"{name}_robust").to_dict()
+        assert robust["blocks"]["adaptive"]["params"]["leak"] > 0.0
+
+
+def test_results_answer_by_the_address_that_was_written() -> None:
+    """Through a part's port, and through a bypass that makes two addresses one signal."""
+    result = runtime.load("line_actuator_failure").run(until=0.05)
+    assert result["adaptive.command"].shape == (5, 2)
+    graph = small().probe("both", "limit.limited", "go.value", every=1)
+    with pytest.raises(runtime.GraphError, match="constant"):
+        graph.check()
+    graph = small().add("twice", Gain(gain=2.0)).connect("limit.limited", "twice.input")
+    straight = graph.probe("both", "limit.limited", "twice.out").bypass("twice").run()
+    assert straight["both"].shape[1] == 4
+    assert np.array_equal(straight["limit.limited"], straight["twice.out"])
+
+
+def test_a_world_is_exchanged_whole_by_its_file() -> None:
+    graph = runtime.load("wall_following")
+    for changed in (
+        graph.set("world", "worlds/l_room.yaml"),
+        graph.overlay({"world": "worlds/l_room.yaml"}),
+    ):
+        world = changed.network.world
+        assert world is not None
+        assert len(world.circles) == 0
+        assert world.room is not None
+        assert len(world.room) == 6
+    with pytest.raises(runtime.GraphError, match="no such"):
+        graph.set("world", "worlds/nowhere.yaml")

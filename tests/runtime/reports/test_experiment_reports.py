@@ -1,0 +1,250 @@
+"""Reports of sweeps and ablations: the numbers of their indexes, computed anew here."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from runtime.errors import UsageError
+from runtime.reports.report import report
+from runtime.reports.schema import check
+from tests.browser import elements, find, load, measure, rows
+from tests.runtime.experiments.graphs import MODULE
+
+SEEDS = 4
+GRAPH = """
+graph: draw
+run: {dt: 0.01, until: 0.05}
+blocks:
+  draw: {type: Draw, module: own.py, level: 1.0}
+  twice: {type: Gain, gain: 2.0}
+  half: {type: Gain, gain: 0.5}
+  sum: {type: Sum}
+wires:
+  twice: {input: draw.out}
+  half: {input: twice.out}
+  sum: {terms: [draw.out, half.out]}
+metrics:
+  drawn: {kind: final, of: draw.out}
+  total: {kind: final, of: sum.out}
+  above_two: {kind: first_time, of: draw.out, level: 2.0}
+"""
+
+
+@pytest.fixture(scope="module")
+def folders(script: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """An ablation, and sweeps over one knob and over three, half of whose points fail."""
+    root = tmp_path_factory.mktemp("experiments")
+    (root / "own.py").write_text(MODULE)
+    (root / "draw.yaml").write_text(GRAPH)
+
+    def run(*arguments: str) -> None:
+        command = [str(script), *arguments, "--no-plots", "-q", "-j", "1"]
+        done = subprocess.run(command, cwd=root, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+
+    seeds = ("--seeds", f"0..{SEEDS - 1}")
+    run("ablate", "draw.yaml", *seeds, "--bypass", "twice", "--without", "half")
+    level = "draw.level=-1..2:3"
+    run("sweep", "draw.yaml", *seeds, "--vary", level, "--name", "one", "--maximize", "total")
+    others = ("--vary", "half.gain=[0.5, 1]", "--vary", "draw.how=[fine, raise]")
+    run("sweep", "draw.yaml", *seeds, "--vary", level, *others, "--name", "three")
+    found = {name: root / "sweeps" / name for name in ("one", "three")}
+    return {**found, "ablation": (root / "ablations" / "draw" / "latest").resolve()}
+
+
+@pytest.fixture(scope="module")
+def pages(folders: dict[str, Path]) -> dict[str, Path]:
+    written = {}
+    for name, folder in folders.items():
+        written[name] = folder.parent / f"{name}.html"
+        written[name].write_text(report(folder).html, encoding="utf-8")
+    return written
+
+
+def _index(folder: Path) -> list[dict[str, str]]:
+    with (folder / "index.csv").open(newline="") as lines:
+        return sorted(csv.DictReader(lines), key=lambda row: int(row["point"]))
+
+
+def _number(text: str) -> float:
+    """A number as a report shows it."""
+    return float(text.replace("−", "-"))
+
+
+def _interval(text: str) -> list[float]:
+    return [_number(end) for end in text.strip("[]").split(", ")]
+
+
+def test_pages_load_without_a_word_and_fit_a_phone(pages: dict[str, Path]) -> None:
+    for page in (pages["ablation"], pages["three"]):
+        loaded = load(page)
+        assert loaded.console == []
+        assert not find(loaded.html, "script")
+    found = measure(pages["ablation"], 360)
+    assert found["width"] <= 360
+    assert found["wide"] == []
+
+
+def test_an_ablations_table_says_what_its_index_says(
+    folders: dict[str, Path], pages: dict[str, Path]
+) -> None:
+    index = _index(folders["ablation"])
+    names = ["baseline", "bypass twice", "without half"]
+    values = {
+        name: np.array([float(row["total"]) for row in index if row["variant"] == name])
+        for name in names
+    }
+    html = load(pages["ablation"]).html
+    table = [row for row in rows(html, "differences") if len(row) > 1]
+    assert [row[0] for row in table] == names * 3
+    for row in table[3:6]:
+        mine = values[row[0]]
+        low, high = stats.t.interval(0.95, SEEDS - 1, mine.mean(), stats.sem(mine))
+        assert row[1] == str(SEEDS)
+        assert _number(row[2]) == pytest.approx(mine.mean(), rel=1e-3)
+        assert _interval(row[3]) == pytest.approx([low, high], rel=1e-3)
+        apart = mine - values["baseline"]
+        if row[0] == "baseline":
+            assert row[4:] == ["", "", "", ""]
+            continue
+        low, high = stats.t.interval(0.95, SEEDS - 1, apart.mean(), stats.sem(apart))
+        assert _number(row[4]) == pytest.approx(apart.mean(), rel=1e-3)
+        assert _interval(row[5]) == pytest.approx([low, high], rel=1e-3)
+    # What is drawn does not hang on what comes after it.
+    assert {row[7] for row in table[1:3]} == {"equal"}
+    groups = [e.text for e in find(html, "th", scope="rowgroup")]
+    assert groups == ["drawn", "total", "above_two"]
+
+
+def test_an_ablation_shows_its_figure_and_a_diagram_for_each_variant(
+    pages: dict[str, Path],
+) -> None:
+    every = elements(load(pages["ablation"]).html)
+    figure = [e for e in every if e.inside("figure", id="figure-1")]
+    message = {e.text.strip() for e in figure if e.tag == "text"}
+    assert {"drawn", "total", "above_two", "baseline", "bypass twice", "without half"} <= message
+    shown = [e for e in every if e.inside("section", id="diagrams")]
+    titles = [e.text for e in shown if e.tag == "h3"]
+    assert titles == ["baseline", "bypass twice", "without half"]
+    greyed = [e for e in shown if e.attributes.get("data-kind") == "removed block"]
+    assert [e.attributes["data-name"] for e in greyed] == ["twice", "half"]
+    ids = [e.attributes["id"] for e in every if "id" in e.attributes]
+    assert len(ids) == len(set(ids))
+
+
+def test_a_sweeps_tables_say_what_its_index_says(
+    folders: dict[str, Path], pages: dict[str, Path]
+) -> None:
+    index = _index(folders["one"])
+    html = load(pages["one"]).html
+    means = {
+        level: np.mean([float(r["total"]) for r in index if float(r["draw.level"]) == level])
+        for level in (-1.0, 0.5, 2.0)
+    }
+    best = rows(html, "best settings")
+    assert [float(row[0]) for row in best] == sorted(means, key=lambda v: -means[v])
+    heads = [e.text for e in find(html, "th", scope="col")]
+    # The objective comes first.
+    assert heads[:4] == ["draw.level", "ok", "total", "95 % interval"]
+    for row in best:
+        mine = [float(r["total"]) for r in index if float(r["draw.level"]) == float(row[0])]
+        low, high = stats.t.interval(0.95, SEEDS - 1, np.mean(mine), stats.sem(mine))
+        assert row[1] == f"{SEEDS}/{SEEDS}"
+        assert _number(row[2]) == pytest.approx(means[float(row[0])], rel=1e-3)
+        assert _interval(row[3]) == pytest.approx([low, high], rel=1e-3)
+    facts = dict(zip(*[[e.text for e in find(html, tag)] for tag in ("dt", "dd")], strict=True))
+    assert (facts["points"], facts["settings"], facts["seeds"]) == ("12", "3", "0..3")
+
+
+def test_points_that_failed_are_counted_with_their_reason(pages: dict[str, Path]) -> None:
+    html = pages["three"].read_text(encoding="utf-8")
+    (lead,) = find(html, "p", class_="lead")
+    assert lead.text.endswith("draw.how = [fine, raise], to minimize drawn.")
+    assert rows(html, "points by status") == [["failed", "24"], ["ok", "24"]]
+    reasons = rows(html, "reasons")
+    assert all("it broke, on purpose" in reason for reason, _ in reasons)
+    assert sum(int(count) for _, count in reasons) == 24
+    every = rows(html, "all settings")
+    assert len(every) == 12
+    assert [row[3] for row in every if row[2] == "raise"] == [f"0/{SEEDS}"] * 6
+    assert {row[4] for row in every if row[2] == "raise"} == {"–"}
+
+
+def test_figures_of_a_sweep_hang_on_its_number_of_knobs(pages: dict[str, Path]) -> None:
+    one, three = (pages[name].read_text(encoding="utf-8") for name in ("one", "three"))
+    (caption,) = find(one, "figcaption")
+    assert "along the knob" in caption.text
+    captions = [e.text for e in find(three, "figcaption")]
+    assert [text.split(":")[1].split(",")[0] for text in captions] == [
+        *(" drawn", " total", " above_two"),
+    ]
+
+
+def test_a_sweep_that_is_not_complete_is_reported_as_far_as_it_came(
+    folders: dict[str, Path], tmp_path: Path
+) -> None:
+    folder = Path(shutil.copytree(folders["one"], tmp_path / "one"))
+    lines = (folder / "index.csv").read_text().splitlines(keepends=True)
+    (folder / "index.csv").write_text("".join(lines[:6]))
+    (folder / "summary.json").unlink()
+    html = report(folder).html
+    facts = dict(zip(*[[e.text for e in find(html, tag)] for tag in ("dt", "dd")], strict=True))
+    assert facts["points"] == "5 of 12"
+    assert facts["wall time"] == "unknown"
+    (folder / "index.csv").write_text(lines[0])
+    assert "0 of 12" in report(folder).html
+
+
+def test_an_ablation_without_results_is_refused(folders: dict[str, Path], tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(folders["ablation"], tmp_path / "x"))
+    facts = json.loads((folder / "ablation.json").read_text())
+    for change, message in (
+        ({"table": facts["table"][1:]}, "expected a line for each metric and variant"),
+        ({"seeds": ["x"]}, r"seeds\[0\]: expected a number, got 'x'"),
+        ({"variants": [{**facts["variants"][0], "slug": "../x"}]}, "expected a line|no name"),
+        ({"metrics": None}, "metrics: expected a list, got 'None'"),
+    ):
+        (folder / "ablation.json").write_text(json.dumps({**facts, **change}))
+        with pytest.raises(UsageError, match=f"ablation.json' is damaged: .*({message})"):
+            report(folder)
+    (folder / "ablation.json").unlink()
+    with pytest.raises(UsageError, match="without results.*--resume"):
+        report(folder)
+    with pytest.raises(UsageError, match="did you mean '.*/x'"):
+        report(tmp_path)
+
+
+def test_a_diagram_that_is_gone_is_told_in_its_place(
+    folders: dict[str, Path], tmp_path: Path
+) -> None:
+    folder = Path(shutil.copytree(folders["ablation"], tmp_path / "x"))
+    drawn = sorted((folder / "diagrams").glob("*.json"))
+    drawn[0].unlink()
+    drawn[1].write_text("{")
+    html = report(folder).html
+    assert len(re.findall("The diagram cannot be read", html)) == 1
+    assert len(re.findall("This folder holds no diagram", html)) == 1
+
+
+def test_forms_of_plain_data() -> None:
+    form = {"a": [{"b": (int, type(None))}], "c": float, "d": bool}
+    check({"a": [{"b": 1}, {"b": None, "x": 0}], "c": 0.5, "d": True}, form)
+    for value, message in (
+        ([], "it: expected an object"),
+        ({"a": [], "c": 0.5}, "d is missing"),
+        ({"a": [{"b": True}], "c": 0.5, "d": True}, r"a\[0\].b: expected a number or null"),
+        ({"a": [{"b": 10**400}], "c": 0.5, "d": True}, r"a\[0\].b: expected"),
+        ({"a": [], "c": "x", "d": True}, "c: expected a number, got 'x'"),
+        ({"a": [], "c": 0.5, "d": 1}, "d: expected true or false"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            check(value, form)
