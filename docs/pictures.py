@@ -1,4 +1,4 @@
-"""Makes the pictures of the README:  python docs/pictures.py"""
+"""Makes the images of the README:  python docs/pictures.py"""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import runtime
-from runtime.rendering.process import render
-from runtime.rendering.request import RenderRequest
+from runtime.rendering import RenderRequest, render
 
 IMAGES = Path(__file__).parent / "images"
 

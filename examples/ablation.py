@@ -2,8 +2,8 @@
 
     python examples/ablation.py [seeds]
 
-Every block's noise and neurons hang on the seed and the block's name, so a seed's two runs see
-the very same noise: the difference is paired.
+Every block's noise and neurons depend only on the seed and the block's name, so the two runs of
+a seed see the same noise: the difference is paired.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A robot with mass, friction and slipping wheels follows the walls; one wheel grows weak.
+"""A robot with mass, friction and slipping wheels follows the walls; one wheel becomes weak.
 
     python examples/physics.py [seconds]
 
@@ -24,10 +24,10 @@ error = result.metrics["distance_mae"]
 print("distance error", "not measured yet" if error is None else f"{1e3 * error:.1f} mm")
 print(f"time in contact with walls {result.metrics['contacts']:.1%}")
 
-# The odometry believes what the wheels did; the true pose is another matter.
-told, true = result["plant.odometry"], result["plant.pose"][::2]
-drift = np.hypot(*(told - true[: len(told)])[:, :2].T)
+# The odometry integrates the rotation of the wheels, which is not the motion of a slipping body.
+odometry, true = result["plant.odometry"], result["plant.pose"][::2]
+drift = np.hypot(*(odometry - true[: len(odometry)])[:, :2].T)
 print(f"the odometry is {1e3 * drift[-1]:.1f} mm off at the end")
 
 folder = result.save(new_folder(Path("runs"), result.title))
-print(f"draw it:  runtime render {folder}")
+print(f"to draw it: runtime render {folder}")

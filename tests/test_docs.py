@@ -13,8 +13,10 @@ import pytest
 
 import runtime
 from runtime.cli.describe import blocks_page, observing_page
+from tests.test_rooms import FLOORS
 
 ROOT = Path(__file__).parent.parent
+PAGES = (*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"))
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 GRAPH = re.search(r"```yaml\n(graph: my_first.*?)```", README, re.S)
 ERRORS = re.search(r"```text\n(my\.yaml.*?)```", README, re.S)
@@ -134,6 +136,21 @@ def test_the_example_block_runs_from_its_graph() -> None:
 
 
 def test_links_lead_somewhere() -> None:
-    for page in (*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")):
+    for page in PAGES:
         for target in re.findall(r"\]\(([^)#:]+)\)", page.read_text(encoding="utf-8")):
             assert (page.parent / target).exists(), f"{page.name}: {target}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_files_that_are_named_exist(page: Path) -> None:
+    named = r"`((?:blocks|runtime|tests|graphs|examples|benchmarks|docs)/[\w./-]*)`"
+    found = re.findall(named, page.read_text(encoding="utf-8"))
+    assert [name for name in found if not (ROOT / name).exists()] == []
+
+
+def test_the_architecture_lists_every_room() -> None:
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    listed = set(re.findall(r"^\| `([\w/]+)(?:\.py)?` \|", page, re.M))
+    rooms = {name.partition(".")[2].replace(".", "/") for floor in FLOORS for name in floor}
+    parts = {room for room in rooms if room.startswith(("experiments/", "compare/"))}
+    assert rooms - parts - {""} == listed
