@@ -384,7 +384,7 @@ class Graph:
         The keys are the files' resolved paths.
         """
         own: dict[str, bytes] = {}
-        for entry in (*self.network.entries.values(), *self.network.ghosts.values()):
+        for entry in (*self.network.entries.values(), *self.network.removed_entries.values()):
             own |= module_text(entry.cls)
         return self.read | own
 

@@ -22,8 +22,8 @@ class _Block:
     why: dict[str, str] = field(default_factory=dict)
 
 
-def infer_types(network: Network, problems: Problems) -> None:
-    """Settle the type of every port, as far as the wires tell; reports what clashes."""
+def infer_types(network: Network, problems: Problems) -> dict[tuple[str, str], SignalType]:
+    """The types of ports, as far as blocks and wires determine them; reports contradictions."""
     known = {
         name: _Block(dict(entry.made.variables), dict(entry.made.sizes()))
         for name, entry in network.entries.items()
@@ -32,14 +32,14 @@ def infer_types(network: Network, problems: Problems) -> None:
     inference = _Inference(network, known, problems)
     inference.settle()
     inference.report()
+    types = {}
     for name, block in known.items():
         spec = network.entries[name].cls.spec
-        ports = [(port, declared.type) for port, declared in spec.inputs.items()]
-        ports += [(port, declared.type) for port, declared in spec.outputs.items()]
-        for port, written in ports:
-            kind = _resolved(written, block)
-            if kind is not None and not kind.symbol:
-                network.types[name, port] = kind
+        for port in (*spec.inputs, *spec.outputs):
+            kind = _concrete(_resolved(spec.ports[port].type, block))
+            if kind is not None:
+                types[name, port] = kind
+    return types
 
 
 def report_open(network: Network, problems: Problems) -> None:
@@ -121,7 +121,9 @@ class _Inference:
 
     def promised(self, wire: Wire) -> SignalType | None:
         """The type that the outermost part through which a wire comes asks of its source."""
-        typed = [self.network.declared[name] for name in wire.via if name in self.network.declared]
+        typed = [
+            self.network.part_inputs[name] for name in wire.via if name in self.network.part_inputs
+        ]
         return typed[-1] if typed and not wire.source.component else None
 
     def coming(self, wire: Wire) -> SignalType | None:
@@ -130,7 +132,7 @@ class _Inference:
             kind = _resolved(self.out(wire), self.known[wire.source.block])
             return None if kind is None else component_type(kind, wire.source)
         outer = self.outer[wire.via[0]]
-        kind = self.network.declared.get(outer.target) or self.coming(outer)
+        kind = self.network.part_inputs.get(outer.target) or self.coming(outer)
         own = wire.source if not outer.source.component else replace(wire.source, component="")
         return None if kind is None else component_type(kind, own)
 
@@ -167,7 +169,7 @@ class _Inference:
             wanted = _concrete(_resolved(self.into(wire), self.known[wire.block]))
             wanted = self.promised(wire) or wanted
             if target is not None and coming is not None:
-                votes.append((target, coming, wire.message))
+                votes.append((target, coming, wire.source_text))
             if source is not None and not wire.source.component:
                 if wanted is not None:
                     votes.append((source, wanted, wire.target))
@@ -196,7 +198,7 @@ class _Inference:
         learnt = []
         source, target = self.known[wire.source.block], self.known[wire.block]
         coming = _concrete(self.coming(wire))
-        if coming is not None and _learn(self.into(wire), target, coming, wire.message):
+        if coming is not None and _learn(self.into(wire), target, coming, wire.source_text):
             learnt.append(wire.block)
         wanted = _concrete(_resolved(self.into(wire), target))
         wanted = self.promised(wire) or wanted
@@ -217,7 +219,7 @@ class _Inference:
                 message = unknown_component(source, wire.source)
                 self.problems.add(wire.where, wire.address, message)
         for wire in self.network.part_wires:
-            target = self.network.declared.get(wire.target)
+            target = self.network.part_inputs.get(wire.target)
             coming = self.coming(wire) if wire.source.block in self.known else None
             if target is not None and coming is not None:
                 self.compare(wire, coming, target, "")
@@ -235,13 +237,13 @@ class _Inference:
                 return
         elif compatible(coming, target):
             return
-        if wire.via and not any(name in self.network.declared for name in wire.via):
+        if wire.via and not any(name in self.network.part_inputs for name in wire.via):
             # The part takes any type: what is wired to it from outside does not fit inside.
             wire = self.outer.get(wire.via[-1], wire)
-        because = f" (as '{why}' is)" if why and why != wire.message else ""
-        message = f"expected {target}{because}, got {coming} from '{wire.message}'"
+        because = f" (as '{why}' is)" if why and why != wire.source_text else ""
+        message = f"expected {target}{because}, got {coming} from '{wire.source_text}'"
         if target.form == "scalar" and coming.form == "record":
-            fitting = ", ".join(f"{wire.message}.{c}" for c in coming.components)
+            fitting = ", ".join(f"{wire.source_text}.{c}" for c in coming.components)
             message += f"; one component would fit: {fitting}"
         self.problems.add(wire.where, wire.address, message)
 

@@ -38,10 +38,10 @@ class _Open:
 
 def report_open_inputs(network: Network, wiring: Wiring, problems: Problems) -> None:
     """Report every open input, once removal is done and types are known."""
-    ghosts = {(wire.block, wire.port): wire for wire in network.ghost_wires}
+    removed = {(wire.block, wire.port): wire for wire in network.removed_wires}
     for found in (*_of_blocks(network), *_of_parts(network)):
-        if found.at in ghosts:
-            _report_lost(network, found, ghosts[found.at], problems)
+        if found.at in removed:
+            _report_lost(network, found, removed[found.at], problems)
         elif found.at not in wiring.settled and "wires" not in found.scope.unread:
             wires = found.scope.wires.get(found.consumer)
             why = wiring.open_for.get(found.at)
@@ -67,15 +67,16 @@ def _of_parts(network: Network) -> Iterator[_Open]:
         if scope.parent is not None and alive:
             for name, node in scope.inputs.items():
                 if not is_optional(node):
-                    kind = network.declared.get(scope.prefix + name)
+                    kind = network.part_inputs.get(scope.prefix + name)
                     yield _Open(scope.parent, scope.name, name, kind, scope.where)
 
 
 def _report_lost(network: Network, found: _Open, wire: Wire, problems: Problems) -> None:
     block = lost(network, wire.source)
     message = f"input '{wire.target}'{_typed(found.kind)} is not connected without '{block}'"
-    if block in network.ghosts and network.ghosts[block].cls.spec.through is not None:
-        message += f"; 'bypass: [{block}]' would wire it straight"
+    entry = network.removed_entries.get(block)
+    if entry is not None and entry.cls.spec.through is not None:
+        message += f"; 'bypass: [{block}]' would connect through it"
     problems.add(wire.where, wire.address, message + _offers(network, found))
 
 
@@ -107,7 +108,7 @@ def _outputs(
 ) -> Iterator[tuple[str, SignalType | None]]:
     """What a graph can wire to one of its blocks, with its type."""
     for name in scope.inputs:
-        yield f"inputs.{name}", network.declared.get(scope.prefix + name)
+        yield f"inputs.{name}", network.part_inputs.get(scope.prefix + name)
     for name in scope.blocks:
         entry = network.entries.get(scope.prefix + name)
         if entry is not None and name != consumer:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from blocks.core import hint
+from blocks.core import SignalType, hint
 from runtime.document import Node, meant
 from runtime.errors import Problems
 from runtime.network.addresses import (
@@ -19,30 +19,30 @@ Input = tuple[str, str]
 
 
 class Wiring:
-    """Resolves the wires of a network, and remembers what became of each input.
+    """Resolves the wires of a network; reports those that lead to or from nothing.
 
-    ``settled`` holds the inputs, of blocks and of parts, of which nothing more needs to be said:
-    something is wired to them, even if it is something that is wrong. ``open_for`` says of others
-    why the wire that is written leads to nothing.
+    ``wires``, ``part_wires``, ``part_inputs`` and ``terms`` are the network's. ``settled`` holds
+    the inputs of blocks and parts that need no further message: something is wired to them, even
+    if it is wrong. ``open_for`` says why the wire that is written to an input leads to nothing.
     """
 
     def __init__(self, network: Network, problems: Problems) -> None:
         self.network = network
         self.problems = problems
+        self.wires: list[Wire] = []
+        self.part_wires: list[Wire] = []
+        self.part_inputs: dict[str, SignalType] = {}
+        self.terms: dict[Input, tuple[bool, ...]] = {}
         self.settled: set[Input] = set()
         self.open_for: dict[Input, str] = {}
-
-    def resolve(self) -> None:
-        """Add all wires to the network; reports those that lead to or from nothing."""
-        for scope in self.network.scope.walk():
+        for scope in network.scope.walk():
             for name, node in scope.outputs.items():
                 self.check_source(scope, node, scope.path("outputs", name))
             for name, node in scope.inputs.items():
-                kind = part_input(
-                    node, scope.path("inputs", name), self.problems, self.network.kinds
-                )
+                address = scope.path("inputs", name)
+                kind = part_input(node, address, problems, network.signal_types)
                 if kind is not None and not kind.symbol:
-                    self.network.declared[scope.prefix + name] = kind
+                    self.part_inputs[scope.prefix + name] = kind
             for consumer, ports in scope.wires.items():
                 self.consumer(scope, consumer, ports)
 
@@ -111,7 +111,7 @@ class Wiring:
             self.problems.add(node.where, address, message)
         else:
             items = node.value if node.is_list else [node]
-            self.network.terms[entry.name, port] = tuple(
+            self.terms[entry.name, port] = tuple(
                 self.wire(entry, port, i, item, f"{address}[{i}]" if node.is_list else address)
                 for i, item in enumerate(items)
             )
@@ -127,10 +127,8 @@ class Wiring:
             return False
         self.settled.add((entry.name, port))
         if found is not None:
-            end, via = found.end, found.via
-            self.network.wires.append(
-                Wire(end, entry.name, port, term, node.where, address, via, node.value)
-            )
+            place = (node.where, address, found.via, node.value)
+            self.wires.append(Wire(found.end, entry.name, port, term, *place))
         return found is not None
 
     def part_port(self, scope: Scope, name: str, port: str, node: Node, address: str) -> None:
@@ -144,10 +142,8 @@ class Wiring:
             return
         self.settled.add((full, port))
         if found is not None:
-            end, via = found.end, found.via
-            self.network.part_wires.append(
-                Wire(end, full, port, None, node.where, address, via, node.value)
-            )
+            place = (node.where, address, found.via, node.value)
+            self.part_wires.append(Wire(found.end, full, port, None, *place))
 
     def check_source(self, scope: Scope, node: Node, address: str) -> None:
         try:

@@ -108,7 +108,7 @@ def test_wire_moves_an_input(cli: Run, small: Path) -> None:
         (["run", "small.yaml", "--set", "limit.omega_max=-1"], "expected a number above 0 rad/s"),
         (["run", "small.yaml", "--without", "plnt"], "did you mean 'plant'?"),
         (["run", "small.yaml", "--without", "go"], "input 'limit.command' (Twist)"),
-        (["run", "small.yaml", "--bypass", "plant"], "has no through-pair"),
+        (["run", "small.yaml", "--bypass", "plant"], "has no pass-through"),
         (["run", "small.yaml", "--seed", "x"], "invalid int value"),
         (["run", "small.yaml", "--seed", "-1"], "run.seed: expected an integer from 0"),
         (["run", "small.yaml", "--until", "0"], "run.until: expected a number of seconds above 0"),

@@ -335,7 +335,7 @@ CASES = {
     ],
     "bypass without a pair": [
         "bypass: lqr\n",
-        "g.yaml:18:9: bypass: 'lqr' (LQR) has no through-pair; 'without: [lqr]' takes it out",
+        "g.yaml:18:9: bypass: 'lqr' (LQR) has no pass-through; 'without: [lqr]' removes it",
     ],
     "without of a number": [
         "without: [3]\n",
@@ -582,7 +582,7 @@ PARTS = {
     "bypass a part": [
         with_part("bypass: [p]\n"),
         PART,
-        "g.yaml:20:10: bypass[0]: 'p' is a part; only a block with a through-pair can be bypassed",
+        "g.yaml:20:10: bypass[0]: 'p' is a part; only a block with a pass-through can be bypassed",
     ],
 }
 

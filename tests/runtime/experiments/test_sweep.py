@@ -284,7 +284,7 @@ def test_values_that_do_not_go_together_are_rows(here: Run, draw: Path, tmp_path
         ("[twice]", "[twice, half]"),
         ("[twice]", "[twice, half]"),
     ]
-    assert "'twice' stands in 'without' as well" in invalid[0]["reason"]
+    assert "'twice' is in 'without' as well" in invalid[0]["reason"]
 
 
 @pytest.mark.parametrize(
