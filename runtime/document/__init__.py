@@ -1,6 +1,16 @@
 """runtime.document."""
 
-from runtime.document.edits import add_names, full_path, set_entry, set_wire
+from runtime.document.edits import (
+    Override,
+    add_block,
+    add_entry,
+    add_names,
+    add_wire,
+    full_path,
+    names_in,
+    set_entry,
+    set_wire,
+)
 from runtime.document.limits import Work
 from runtime.document.loader import decoded, find_file, merge, read_file, read_graph
 from runtime.document.node import Node, dump_yaml, from_python, parse_yaml
@@ -11,6 +21,7 @@ from runtime.document.sections import (
     SECTIONS,
     check_keys,
     expected,
+    in_order,
     is_part,
     meant,
     misnamed,
@@ -27,8 +38,12 @@ __all__ = [
     "PART_SECTIONS",
     "SECTIONS",
     "Node",
+    "Override",
     "Work",
+    "add_block",
+    "add_entry",
     "add_names",
+    "add_wire",
     "check_keys",
     "decoded",
     "dump_yaml",
@@ -38,11 +53,13 @@ __all__ = [
     "flow_yaml",
     "from_python",
     "full_path",
+    "in_order",
     "is_part",
     "meant",
     "merge",
     "misnamed",
     "misspelt",
+    "names_in",
     "parse_scalar",
     "parse_yaml",
     "read_file",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from typing import Any
 
 from blocks.core import hint
 from runtime.document.node import Node
@@ -22,6 +23,10 @@ SECTIONS = {
     "without": "blocks to leave out, with their wires",
     "bypass": "blocks to wire straight through",
 }
+WRITTEN_ORDER = (
+    *("graph", "run", "params", "blocks", "wires", "without", "bypass"),
+    *("probes", "plots", "metrics"),
+)
 PART_SECTIONS = ("params", "inputs", "outputs", "blocks", "wires", "graph", "part")
 EXAMPLES = {
     "run": "dt: 0.001",
@@ -39,6 +44,12 @@ RUN_KEYS = ("dt", "until", "seed", "engine", "memory")
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,99}")
 # numpy.savez would take probes of these names for arguments of its own.
 _RESERVED = ("file", "allow_pickle")
+
+
+def in_order(plain: dict[str, Any]) -> dict[str, Any]:
+    """A graph's plain values with the sections in the order in which they are written."""
+    ordered = {key: plain[key] for key in WRITTEN_ORDER if key in plain}
+    return {**ordered, **{key: value for key, value in plain.items() if key not in ordered}}
 
 
 def expected(name: str) -> str:

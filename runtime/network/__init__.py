@@ -1,7 +1,7 @@
 """runtime.network."""
 
 from runtime.network.addresses import AddressError, Endpoint, ReportedError, find
-from runtime.network.block_types import source_file
+from runtime.network.block_types import is_variadic, source_file
 from runtime.network.build import build
 from runtime.network.inference import component_type, unknown_component
 from runtime.network.network import Entry, Network, Wire, check_output
@@ -24,6 +24,7 @@ __all__ = [
     "expand",
     "find",
     "follow",
+    "is_variadic",
     "lost",
     "replace_block",
     "source_file",

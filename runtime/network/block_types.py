@@ -55,6 +55,16 @@ def block_class(
     return None
 
 
+def is_variadic(document: Node, target: str, classes: Mapping[str, type[Block]]) -> bool:
+    """Whether ``block.input`` is known to take several wires."""
+    name, _, port = target.partition(".")
+    entry = (document.get("blocks") or Node({})).get(name) or Node({})
+    written = entry.get("type") or Node("")
+    cls = {**BUILTIN, **classes}.get(str(written.value))
+    declared = cls.spec.inputs.get(port) if cls is not None else None
+    return declared is not None and declared.many
+
+
 def own_types(cls: type[Block], node: Node) -> list[SignalType]:
     """Signal types beside the library's that a block's ports use or its ``module`` defines."""
     kinds: list[object] = [port.type for port in cls.spec.ports.values()]

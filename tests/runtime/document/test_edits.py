@@ -101,16 +101,16 @@ def test_set_takes_out(graph: runtime.Graph) -> None:
 REFUSED_SETS = {
     "dubble.gain": "there is no 'dubble' in the graph, did you mean 'double'?",
     "bloks.double.gain": "there is no 'bloks' in the graph, did you mean 'blocks'?",
-    "double..gain": "'double..gain' is no path; expected one such as blocks.lqr.q",
-    "": "'' is no path; expected one such as blocks.lqr.q",
+    "double..gain": "'double..gain' is not a path; expected one such as blocks.lqr.q",
+    "": "'' is not a path; expected one such as blocks.lqr.q",
     "blocks": "name an entry, as in blocks.NAME.KEY",
     "blocks.fresh.gain": (
         "there is no 'fresh'; there are one, ten, hundred, double, triple, sum, part"
     ),
-    "sum.signs.3": "'3' is no item of a list of 3; items count from 0",
-    "sum.signs.7": "'7' is no item of a list of 3; items count from 0",
-    "sum.signs.x": "'x' is no item of a list of 3; items count from 0",
-    "sum.signs.-1": "'-1' is no item of a list of 3; items count from 0",
+    "sum.signs.3": "'3' is not an item of a list of 3; items count from 0",
+    "sum.signs.7": "'7' is not an item of a list of 3; items count from 0",
+    "sum.signs.x": "'x' is not an item of a list of 3; items count from 0",
+    "sum.signs.-1": "'-1' is not an item of a list of 3; items count from 0",
     "double.gain.x": "'x' cannot be set inside 2",
     "one.initial.0": "'initial' is not written in the graph; set the whole list",
 }

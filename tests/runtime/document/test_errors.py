@@ -727,7 +727,7 @@ TITLES = ['"""', 'a"""; raise SystemExit; """', "\\", 'a\\"""', "{0} %s", "Ã©ðŸ˜
 @pytest.mark.parametrize("title", TITLES)
 def test_any_title_runs(title: str) -> None:
     graph = runtime.Graph(title, dt=0.01, until=0.02)
-    graph.add("one", Constant(value=1.0)).probe("one.value")
+    graph = graph.add("one", Constant(value=1.0)).probe("one.value")
     assert graph.run().title == title
 
 

@@ -71,7 +71,7 @@ def test_terms_of_different_units_are_refused() -> None:
 
 def test_components_of_records_have_units() -> None:
     made = graph().add("plant", blocks.DifferentialDrive()).add("mux", blocks.Mux())
-    made.connect("mux.out", "plant.command")
+    made = made.connect("mux.out", "plant.command")
     assert made.connect("plant.pose.x", "sum.terms").check()
     assert "got rad from 'plant.pose.theta'" in refused(
         made.connect("plant.pose.theta", "sum.terms")
@@ -83,7 +83,7 @@ def test_generic_blocks_hand_a_unit_on_and_a_gain_frees_it() -> None:
     made = graph()
     source = "meter.angle"
     for i in range(1500):
-        made.add(f"d{i}", blocks.UnitDelay()).connect(source, f"d{i}.input")
+        made = made.add(f"d{i}", blocks.UnitDelay()).connect(source, f"d{i}.input")
         source = f"d{i}.out"
     assert "expected m as 'meter.length' has, got rad from 'd1499.out'" in refused(
         made.connect(source, "sum.terms")
