@@ -1,4 +1,7 @@
-"""runtime.document."""
+"""The text of a graph: YAML read into an immutable tree with positions, files merged, edits made.
+
+A :class:`Node` is a value with its position; every change returns a new tree.
+"""
 
 from runtime.document.edits import (
     Override,
@@ -20,10 +23,10 @@ from runtime.document.sections import (
     PART_SECTIONS,
     SECTIONS,
     check_keys,
+    closest,
     expected,
     in_order,
     is_part,
-    meant,
     misnamed,
     misspelt,
     section,
@@ -45,6 +48,7 @@ __all__ = [
     "add_names",
     "add_wire",
     "check_keys",
+    "closest",
     "decoded",
     "dump_yaml",
     "expected",
@@ -55,7 +59,6 @@ __all__ = [
     "full_path",
     "in_order",
     "is_part",
-    "meant",
     "merge",
     "misnamed",
     "misspelt",

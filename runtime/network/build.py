@@ -11,7 +11,7 @@ from typing import Any
 from blocks.core import TYPES, Block, ParameterError, SignalType, beyond_a_turn, hint, signal_type
 from blocks.core import MissingExtraError as MissingPackageError
 from blocks.world import World
-from runtime.document import MAX_TICKS, Node, meant, read_run, seconds, section
+from runtime.document import MAX_TICKS, Node, closest, read_run, seconds, section
 from runtime.errors import MissingExtraError, Problems
 from runtime.network.addresses import Endpoint
 from runtime.network.block_types import block_class, own_types
@@ -85,7 +85,9 @@ def _world(document: Node, problems: Problems) -> World | None:
     try:
         return World(node.plain())
     except ArithmeticError as error:
-        problems.add(node.where, "world", f"expected lengths in m, too large ones here: {error}")
+        problems.add(
+            node.where, "world", f"expected lengths in m, got one that is too large: {error}"
+        )
         return None
     except ParameterError as error:
         for address, text in error.problems:
@@ -187,7 +189,7 @@ def _constructed(
         dict(block.variables), dict(block.sizes())
         return block, _large_angles(cls, address, values)
     except ParameterError as error:
-        misspelt = {meant(key, known) for key in unknown}
+        misspelt = {closest(key, known) for key in unknown}
         for parameter, text in error.problems:
             if parameter in values or parameter not in misspelt:
                 where = values[parameter].where if parameter in values else node.key
@@ -225,7 +227,9 @@ def _large_angles(cls: type[Block], address: str, values: Mapping[str, Node]) ->
             continue  # reported with the block
         for number in beyond_a_turn(node.plain(), cls.spec.params[name].units):
             message = f"{number:g} rad is {math.degrees(number):.5g} degrees"
-            notes.append(f"{address}.{name}: {message}; if degrees are meant, write {number:g}deg")
+            notes.append(
+                f"{address}.{name}: {message}; if degrees are intended, write {number:g}deg"
+            )
     return notes
 
 
@@ -242,9 +246,7 @@ def _ticks(node: Node | None, base: float, address: str, problems: Problems) -> 
     whole = round(ratio) if ratio < MAX_TICKS else 0
     if whole < 1 or abs(ratio - whole) > 1e-6:
         near = max(1, whole) * base
-        message = (
-            f"{value:g} s is no whole multiple of run.dt = {base:g} s; the nearest is {near:g}"
-        )
+        message = f"{value:g} s is not a multiple of run.dt = {base:g} s; the nearest is {near:g}"
         problems.add(node.where, f"{address}.dt", message)
         return 1
     return whole

@@ -15,7 +15,10 @@ from runtime.network.scope import Scope
 
 @dataclass(frozen=True)
 class Entry:
-    """A block of the network. ``block`` is None where it could not be constructed."""
+    """A block of the network; ``block`` is None if it could not be constructed.
+
+    ``every`` is its step in base ticks.
+    """
 
     name: str
     scope: Scope

@@ -94,7 +94,7 @@ def follow(network: Network, end: Endpoint) -> Endpoint | None:
     return None if last.block in network.removed else last
 
 
-def lost(network: Network, end: Endpoint) -> str:
+def missing_block(network: Network, end: Endpoint) -> str:
     """The removed block, or part, without which a signal is missing."""
     *_, last = _chain(network, end)
     return network.removed_by.get(last.block, last.block)

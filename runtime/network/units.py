@@ -9,7 +9,7 @@ from runtime.errors import Problems
 from runtime.network.addresses import Endpoint
 from runtime.network.network import Network, Wire
 
-INTENDED = "; where that is meant, a Gain on this wire gives it another unit"
+INTENDED = "; if that is intended, a Gain on this wire gives it another unit"
 
 
 def check_units(network: Network, problems: Problems) -> list[str]:
@@ -19,8 +19,8 @@ def check_units(network: Network, problems: Problems) -> list[str]:
     may be intended: a block may well take its factor as 1.
 
     Units are known where a port declares one and where a record's component has one. A generic
-    block hands on the unit of what is wired to it, but for outputs in a unit of their own
-    (``Same("T", own_unit=True)``, as a Gain's), which may be anything.
+    block passes on the unit of its source, except for outputs with a unit of their own
+    (``Same("T", own_unit=True)``, as a Gain's), which may be any.
     """
     units = _Units(network, problems)
     units.check_joined()
@@ -28,7 +28,7 @@ def check_units(network: Network, problems: Problems) -> list[str]:
 
 
 class _Units:
-    """The units of the groups of ports that have one in common: of a block's type variable."""
+    """The units of groups of ports that share one: those of a block's type variable."""
 
     def __init__(self, network: Network, problems: Problems) -> None:
         self.network = network
@@ -73,7 +73,7 @@ class _Units:
         return found
 
     def of(self, end: Endpoint) -> str:
-        """The unit of what comes from an address; '' if it is not known or differs by component."""
+        """The unit of a signal; '' if it is not known or differs between components."""
         port = self.network.entries[end.block].cls.spec.outputs[end.port]
         kind = self.network.types.get((end.block, end.port))
         if kind is not None and kind.form == "record":

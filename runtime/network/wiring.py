@@ -1,9 +1,9 @@
-"""Wires from text to network: every end of them looked up."""
+"""Wires: from the text to the blocks and ports that they connect."""
 
 from __future__ import annotations
 
 from blocks.core import SignalType, hint
-from runtime.document import Node, meant
+from runtime.document import Node, closest
 from runtime.errors import Problems
 from runtime.network.addresses import (
     AddressError,
@@ -60,8 +60,8 @@ class Wiring:
         address = scope.path("wires", name)
         known = [*scope.names(), *scope.broken]
         if name not in known and "blocks" not in scope.unread:
-            near = meant(name, known)
-            suggestion = f"; delete these wires, or put it back and write 'without: [{name}]'"
+            near = closest(name, known)
+            suggestion = f"; delete these wires, or restore it and write 'without: [{name}]'"
             head, _, port = name.rpartition(".")
             if head in known:
                 near = ""
@@ -97,8 +97,8 @@ class Wiring:
     def unknown_port(self, scope: Scope, name: str, port: str, node: Node, address: str) -> None:
         inputs = self.inputs(scope, name)
         full = scope.prefix + name
-        # The input that was meant is wired, if under another name.
-        self.settled.add((full, meant(port, inputs)))
+        # The input is connected, if by a misspelt name.
+        self.settled.add((full, closest(port, inputs)))
         suggestion = hint(port, inputs) or f"; its inputs: {', '.join(inputs) or 'none'}"
         owner = f"part '{full}'" if name in scope.parts else f"'{full}'"
         self.problems.add(node.key, address, f"{owner} has no input '{port}'{suggestion}", True)
@@ -152,11 +152,11 @@ class Wiring:
             return
 
     def source(self, scope: Scope, node: Node, address: str) -> ResolvedAddress | None:
-        """Where a wire comes from; None if that is wrong, or a block of unknown type.
+        """Where a wire comes from; None if that is wrong, or the block's type is unknown.
 
         Raises
         ------
-        UnwiredError : it comes through a part's input that is open.
+        UnwiredError : it comes through an open input of a part.
         """
         if not isinstance(node.value, str):
             message = f"expected one producer.output, got {node.describe()}"
@@ -171,10 +171,10 @@ class Wiring:
         except ReportedError:
             return None
         except AddressError as error:
-            self.problems.add(*(error.place or (node.where, address)), str(error), True)
+            self.problems.add(*(error.location or (node.where, address)), str(error), True)
             return None
         text = check_output(self.network, found.end)
         if text:
-            self.problems.add(*(found.place or (node.where, address)), text, True)
+            self.problems.add(*(found.location or (node.where, address)), text, True)
             return None
         return found if found.end.block in self.network.entries else None

@@ -80,11 +80,11 @@ CASES = {
     ],
     "seed": [
         ("until: 0.1", "until: 0.1, seed: -1"),
-        "g.yaml:2:35: run.seed: expected an integer from 0, got -1",
+        "g.yaml:2:35: run.seed: expected a non-negative integer, got -1",
     ],
     "seed of a list": [
         ("until: 0.1", "until: 0.1, seed: [1]"),
-        "g.yaml:2:35: run.seed: expected an integer from 0, got [1]",
+        "g.yaml:2:35: run.seed: expected a non-negative integer, got [1]",
     ],
     "key of run": [
         ("until:", "utnil:"),
@@ -105,12 +105,12 @@ CASES = {
     ],
     "param unused": [
         "params: {v: 1}\n",
-        "g.yaml:18:10: params.v: nothing reads $v; take it out, or write it as a value",
+        "g.yaml:18:10: params.v: $v is not used; remove it, or write it as a value",
     ],
     "param of params": [
         ("{type: LinePath}", "{type: LinePath, y: $a}"),
         "params: {a: $b, b: 1}\n",
-        "g.yaml:18:13: params.a: '$b': params hold plain values, not other params",
+        "g.yaml:18:13: params.a: '$b': the values of params cannot be other params",
     ],
     "value of a param": [
         ("{type: LinePath}", "{type: LinePath, samples: $n}"),
@@ -129,8 +129,8 @@ CASES = {
     ],
     "block type of its own": [
         ("type: LinePath", "type: Mine"),
-        "g.yaml:4:17: blocks.track.type: no block type 'Mine'; see 'runtime blocks'; a block of "
-        "your own needs 'module: file.py'",
+        "g.yaml:4:17: blocks.track.type: no block type 'Mine'; see 'runtime blocks'; your own "
+        "block needs 'module: file.py'",
     ],
     "no type": [
         ("{type: LinePath}", "{y: 3}"),
@@ -147,12 +147,12 @@ CASES = {
     "block name": [
         ("  track: {", "  1track: {"),
         ("track.path", "1track.path"),
-        "g.yaml:4:3: blocks.1track: '1track' is no name for a block; use letters, digits and _",
+        "g.yaml:4:3: blocks.1track: '1track' is not a name for a block; use letters, digits and _",
     ],
     "block named inputs": [
         ("  track: {", "  inputs: {"),
         ("track.path", "inputs.path"),
-        "g.yaml:4:3: blocks.inputs: 'inputs' stands for the ports of a part; give the block "
+        "g.yaml:4:3: blocks.inputs: 'inputs' is reserved for the ports of a part; give the block "
         "another name",
     ],
     "colon missing": [
@@ -192,7 +192,7 @@ CASES = {
     ],
     "no whole multiple": [
         ("{type: LinePath}", "{type: LinePath, dt: 0.015}"),
-        "g.yaml:4:31: blocks.track.dt: 0.015 s is no whole multiple of run.dt = 0.01 s; the "
+        "g.yaml:4:31: blocks.track.dt: 0.015 s is not a multiple of run.dt = 0.01 s; the "
         "nearest is 0.02",
     ],
     "module missing": [
@@ -225,7 +225,7 @@ CASES = {
     ],
     "no address": [
         ("pose: plant.pose, path", "pose: plant.pose., path"),
-        "g.yaml:11:17: wires.match.pose: 'plant.pose.' is no address; expected block.output",
+        "g.yaml:11:17: wires.match.pose: 'plant.pose.' is not an address; expected block.output",
     ],
     "too many parts": [
         ("pose: plant.pose, path", "pose: plant.pose.x.y, path"),
@@ -284,15 +284,15 @@ CASES = {
     "nothing to connect": [
         ("  track: {type: LinePath}\n", ""),
         (", path: track.path", ""),
-        "g.yaml:10:3: input 'match.path' (Path(n)) is not connected; no output is a Path: add a "
+        "g.yaml:10:3: input 'match.path' (Path(n)) is not connected; no output is a Path; add a "
         "block that has one",
     ],
     "deleted block": [
         ("  lqr: {type: LQR, q: [1, 1, 1], r: [1, 1]}\n", ""),
-        "g.yaml:12:3: wires.lqr: there is no block 'lqr'; delete these wires, or put it back and "
+        "g.yaml:12:3: wires.lqr: there is no block 'lqr'; delete these wires, or restore it and "
         "write 'without: [lqr]'",
-        "g.yaml:13:19: wires.total.terms[0]: there is no block 'lqr'; if it was taken out of "
-        "blocks, put it back and write 'without: [lqr]'",
+        "g.yaml:13:19: wires.total.terms[0]: there is no block 'lqr'; if it was deleted, "
+        "restore it and write 'without: [lqr]'",
     ],
     # -- types
     "type clash": [
@@ -352,8 +352,8 @@ CASES = {
     ],
     "probe with a dot": [
         "  plant.pose: lqr.command\n",
-        "g.yaml:18:3: probes.plant.pose: 'plant.pose' is no name; use up to 100 letters, digits, _ "
-        "and -",
+        "g.yaml:18:3: probes.plant.pose: 'plant.pose' is not a valid name; use up to 100 "
+        "letters, digits, _ and -",
     ],
     "probe every": [
         "  way: {of: plant.pose, every: 0.1}\n",
@@ -506,14 +506,14 @@ PARTS = {
     "inner input unknown": [
         with_part(),
         changed(PART, ("inputs.a", "inputs.aa")),
-        "p.yaml:6:51: blocks.p.wires.g.input: 'inputs.aa' is no input of this part, did you mean "
-        "'a'?",
+        "p.yaml:6:51: blocks.p.wires.g.input: 'inputs.aa' is not an input of this part, did you "
+        "mean 'a'?",
     ],
     "outside seen from inside": [
         with_part(),
         changed(PART, ("inputs.a", "lqr.command")),
-        "p.yaml:6:51: blocks.p.wires.g.input: there is no block 'lqr' in part 'p'; what comes from "
-        "outside: inputs.a, inputs.b",
+        "p.yaml:6:51: blocks.p.wires.g.input: there is no block 'lqr' in part 'p'; inputs of the "
+        "part: inputs.a, inputs.b",
     ],
     "inputs no mapping": [
         with_part(),
@@ -545,15 +545,15 @@ PARTS = {
     "inner input far off": [
         with_part(),
         changed(PART, ("inputs.a", "inputs.speed")),
-        "p.yaml:6:51: blocks.p.wires.g.input: 'inputs.speed' is no input of this part; its "
+        "p.yaml:6:51: blocks.p.wires.g.input: 'inputs.speed' is not an input of this part; its "
         "inputs: a, b",
     ],
     "output names nothing": [
         with_part(),
         changed(PART, ("out: s.out", "out: s.ot, more: t.out")),
         "p.yaml:4:16: blocks.p.outputs.out: 'p.s' has no output 'ot', did you mean 'out'?",
-        "p.yaml:4:28: blocks.p.outputs.more: there is no block 't' in part 'p'; what comes from "
-        "outside: inputs.a, inputs.b",
+        "p.yaml:4:28: blocks.p.outputs.more: there is no block 't' in part 'p'; inputs of the "
+        "part: inputs.a, inputs.b",
     ],
     "outputs no mapping": [
         with_part(),

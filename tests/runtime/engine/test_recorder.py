@@ -124,4 +124,4 @@ def test_memory_that_is_no_size_is_told(cli, tmp_path: Path, memory: str) -> Non
     (tmp_path / "g.yaml").write_text(ramp((1,), 1.0).to_yaml())
     done = cli("validate", "g.yaml", "--set", f"run.memory={memory}")
     assert done.returncode == 2
-    assert "run.memory: expected bytes that recordings may take, such as 512M" in done.stderr
+    assert "run.memory: expected a size in bytes for recordings, such as 512M" in done.stderr

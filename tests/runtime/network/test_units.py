@@ -65,7 +65,7 @@ def refused(made: runtime.Graph) -> str:
 def test_terms_of_different_units_are_refused() -> None:
     assert refused(graph().connect("meter.angle", "sum.terms")) == (
         "set wires.sum.terms: wires.sum.terms[1]: expected m as 'meter.length' has, got rad from "
-        "'meter.angle'; where that is meant, a Gain on this wire gives it another unit"
+        "'meter.angle'; if that is intended, a Gain on this wire gives it another unit"
     )
 
 
@@ -105,7 +105,7 @@ def test_an_input_that_declares_a_unit_says_so_in_a_note() -> None:
     made = graph().add("mux", blocks.Mux()).connect("meter.rate", "mux.omega")
     assert made.run().notes == []
     assert made.connect("meter.angle", "mux.v").run().notes == [
-        "wires.mux.v: expected m/s, got rad from 'meter.angle'; where that is meant, a Gain on "
+        "wires.mux.v: expected m/s, got rad from 'meter.angle'; if that is intended, a Gain on "
         "this wire gives it another unit"
     ]
 
@@ -149,7 +149,7 @@ def test_rates_and_options_of_plots_take_degrees() -> None:
 
 
 def test_an_angle_of_more_than_a_turn_is_noted() -> None:
-    message = "blocks.plant.x0: 90 rad is 5156.6 degrees; if degrees are meant, write 90deg"
+    message = "blocks.plant.x0: 90 rad is 5156.6 degrees; if degrees are intended, write 90deg"
     graph = turned(0, 90, 90)
     assert graph.run().notes == [message]
     assert graph.run().manifest["notes"] == [message]
