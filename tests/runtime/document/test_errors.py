@@ -1,4 +1,4 @@
-"""Messages: the right place, the user's words, a way out, all at once, and no follow-ups."""
+"""Messages: location, cause and suggested fix, all at once, without errors that only follow."""
 
 from __future__ import annotations
 
@@ -411,7 +411,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
-def test_a_mistake_is_told_in_its_place(
+def test_an_error_is_reported_with_its_location(
     case: list[tuple[str, str] | str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -588,7 +588,7 @@ PARTS = {
 
 
 @pytest.mark.parametrize("case", PARTS.values(), ids=PARTS.keys())
-def test_a_mistake_in_a_part_is_told_in_its_place(case: list[str], tmp_path: Path) -> None:
+def test_an_error_in_a_part_is_reported_with_its_location(case: list[str], tmp_path: Path) -> None:
     graph, part, *messages = case
     assert problems(tmp_path, {"g.yaml": graph, "p.yaml": part}) == messages
 
@@ -622,7 +622,7 @@ def test_all_at_once_in_the_order_of_the_text(tmp_path: Path) -> None:
     ]
 
 
-def test_every_loop_is_told(tmp_path: Path) -> None:
+def test_every_loop_is_reported(tmp_path: Path) -> None:
     text = changed(
         SOUND,
         (
@@ -637,7 +637,7 @@ def test_every_loop_is_told(tmp_path: Path) -> None:
         ),
     )
     first, second = problems(tmp_path, {"g.yaml": text})
-    # A loop has no first wire: it may be told from either of its blocks.
+    # A loop has no first wire: it may be reported from either of its blocks.
     assert first.split(": ")[2].split("; ")[0] in (
         "a.out ▸ b.terms[0] ▸ b.out ▸ a.terms[0]",
         "b.out ▸ a.terms[0] ▸ a.out ▸ b.terms[0]",
@@ -677,7 +677,7 @@ MODULES = {
 
 
 @pytest.mark.parametrize("case", MODULES.values(), ids=MODULES.keys())
-def test_a_block_of_ones_own_that_fails_is_told(
+def test_a_failing_block_of_the_user_is_reported(
     case: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -711,7 +711,7 @@ def test_a_problem_is_one_line() -> None:
     assert str(Problem(NOWHERE, "", "it")) == "it"
 
 
-def test_what_stands_at_a_silenced_place_is_not_told_again() -> None:
+def test_a_silenced_location_has_no_further_problems() -> None:
     found = Problems()
     found.add(Where("f", 1, 2), "a.b[1]", "unknown")
     found.silence(Where("f", 1, 2), "a.b[1]")

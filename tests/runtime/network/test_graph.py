@@ -115,7 +115,7 @@ def test_a_removed_term_takes_its_sign_along() -> None:
     assert graph.without("c0", "c1").run()["sum.out"][0] == -100.0
 
 
-def test_mistakes_in_building_are_told() -> None:
+def test_errors_in_building_are_reported() -> None:
     graph = small()
     with pytest.raises(runtime.UsageError, match="there is a block 'go' already"):
         graph.add("go", Gain(gain=1.0))
