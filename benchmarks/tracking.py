@@ -105,7 +105,7 @@ def graph(steps: int, dt: float, engine: str) -> runtime.Graph:
             "probes": {"pose": {"of": "robot.pose", "every": 1}},
         }
     )
-    made.add("line", LineReference()).connect("robot.pose", "line.pose")
+    made = made.add("line", LineReference()).connect("robot.pose", "line.pose")
     return made.connect("line.reference", "error.reference").connect(
         "line.reference", "lqr.reference"
     )

@@ -1,4 +1,4 @@
-"""What can go wrong, each with an address and a way out; the exit codes are the CLI's."""
+"""Errors and problems, each with its location and a suggested fix; exit codes are the CLI's."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 @dataclass(frozen=True, order=True, slots=True)
 class Where:
-    """A place in a text: file, line and column, counted from 1; line 0 is the whole file."""
+    """A position in a text: file, line and column, from 1; line 0 stands for the whole file."""
 
     file: str = ""
     line: int = 0
@@ -17,19 +17,21 @@ class Where:
 
     def __str__(self) -> str:
         if not self.line or self.file.startswith("--"):
-            return self.file  # a change on the command line is short enough without
+            return self.file  # changes on the command line have no lines
         return f"{self.file}:{self.line}:{self.column}"
 
 
 NOWHERE = Where()
+# Where something is written, and its address in the graph: 'blocks.lqr.q', or '' for the whole.
+Location = tuple[Where, str]
 MAX_PROBLEMS = 1_000
 
 
 @dataclass(frozen=True, order=True)
 class Problem:
-    """One thing that is wrong: where, at which address of the graph, and how to mend it.
+    """One thing that is wrong: its position, its address in the graph, and how to fix it.
 
-    ``is_name`` marks a name that stands for nothing, which no later change can put right.
+    ``is_name`` marks a name that does not exist, which no later change can correct.
     """
 
     where: Where
@@ -43,32 +45,34 @@ class Problem:
 
 
 def one_line(text: str) -> str:
-    """A text as one line: what would break or blind a line is written as an escape."""
+    """A text as one line: characters that cannot be printed are escaped."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
 class SpikeblocksError(Exception):
-    """Base of all errors that people get to read; ``exit_code`` is what the CLI returns."""
+    """Base of all errors that are reported to users; ``exit_code`` is what the CLI returns."""
 
     exit_code = 2
 
     def __reduce__(self) -> tuple[Any, ...]:
-        # Workers send their errors home; BaseException would call the class with the message.
-        return _remade, (type(self), self.args, self.__dict__)
+        # Errors cross processes; BaseException would call the class with the message alone.
+        return _restored, (type(self), self.args, self.__dict__)
 
 
-def _remade(cls: type[SpikeblocksError], args: tuple[Any, ...], known: dict[str, Any]) -> Any:
+def _restored(
+    cls: type[SpikeblocksError], args: tuple[Any, ...], attributes: dict[str, Any]
+) -> SpikeblocksError:
     error = cls.__new__(cls, *args)
-    error.__dict__.update(known)
+    error.__dict__.update(attributes)
     return error
 
 
 class UsageError(SpikeblocksError):
-    """A command or a call was given something it cannot use."""
+    """A command or a call was given an argument that it cannot use."""
 
 
 class GraphError(SpikeblocksError):
-    """A graph that cannot run. ``problems`` lists all that is wrong, in the order of the text."""
+    """A graph that cannot run; ``problems`` lists everything wrong in the order of the text."""
 
     def __init__(self, problems: Iterable[Problem]) -> None:
         self.problems = sorted(set(problems))
@@ -78,7 +82,7 @@ class GraphError(SpikeblocksError):
 class SimulationError(SpikeblocksError):
     """A run that failed: in which block, at which tick and time (s).
 
-    ``result`` holds what was recorded before.
+    ``result`` holds what was recorded up to then.
     """
 
     exit_code = 3
@@ -99,17 +103,17 @@ class MissingExtraError(SpikeblocksError):
 
 
 class MissingLibraryError(SpikeblocksError):
-    """A feature needs a library of the system that is not there; the message says which."""
+    """A feature needs a system library that is not installed; the message names it."""
 
     exit_code = 4
 
 
 @dataclass
 class Problems:
-    """Collects problems, so that a reader sees them all at once, or the first thousand.
+    """Collects problems, so that all are reported at once, up to :data:`MAX_PROBLEMS`.
 
-    What stands at a silenced place is unknown, for a reason that is reported: whatever else
-    could be said about it would only hide that reason.
+    A value at a silenced location is unknown for a reason that is reported already; further
+    problems of it would only distract from that reason.
     """
 
     found: list[Problem] = field(default_factory=list)
@@ -119,11 +123,11 @@ class Problems:
         if where not in self._silenced and address not in self._silenced:
             self.found.append(Problem(where, address, text, is_name))
             if len(self.found) > MAX_PROBLEMS:
-                message = f"more than {MAX_PROBLEMS} problems; those that follow were found first"
+                message = f"more than {MAX_PROBLEMS} problems; these are the first"
                 raise GraphError([Problem(NOWHERE, "", message), *self.found])
 
     def silence(self, where: Where, address: str) -> None:
-        """Take no more problems of the value that stands here, or of a list that it is in."""
+        """Ignore further problems of the value here, and of lists that contain it."""
         if where.line:
             self._silenced.add(where)
         while address.endswith("]"):

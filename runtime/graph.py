@@ -1,113 +1,157 @@
-"""A graph in Python: load it, build it, change it, run it."""
+"""The class that users work with: a graph that is loaded or built, changed and run."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from blocks.core import Block, SignalType
 from blocks.registry import BUILTIN, module_text
 from runtime.document import (
     Node,
+    Override,
+    add_block,
+    add_entry,
     add_names,
+    add_wire,
     dump_yaml,
     from_python,
+    in_order,
     merge,
+    names_in,
     read_graph,
     set_entry,
     set_wire,
 )
-from runtime.errors import GraphError, MissingExtraError, Problems, UsageError
-from runtime.network import Network, build, replace_block, source_file
+from runtime.errors import GraphError, MissingExtraError, Problems
+from runtime.network import Network, build, is_variadic, replace_block, source_file
 from runtime.observation import Observation, observe
 
 if TYPE_CHECKING:
     from runtime.engine import Program
     from runtime.runs import PreparedRun, Result
 
-SECTION_ORDER = (
-    *("graph", "run", "params", "blocks", "wires", "without", "bypass"),
-    *("probes", "plots", "metrics"),
-)
+
+@dataclass(frozen=True)
+class _Content:
+    """All that a graph consists of.
+
+    classes, signal_types : of blocks that were added in Python, by name.
+    source : the file that the graph was loaded from. files : content of all files read.
+    modules : whether Python files that the graph names may be imported.
+    """
+
+    document: Node
+    classes: Mapping[str, type[Block]] = field(default_factory=dict)
+    signal_types: Mapping[str, SignalType] = field(default_factory=dict)
+    source: Path | None = None
+    overrides: tuple[Override, ...] = ()
+    notes: tuple[str, ...] = ()
+    modules: bool = True
+    files: Mapping[str, bytes] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class _Checked:
+    """What checking a graph yields; copies with another seed share the programs."""
+
+    network: Network
+    observation: Observation
+    programs: dict[tuple[str | None, bool], Program] = field(default_factory=dict)
+
+    def program(self, plots: Container[str] | None, profiled: bool) -> Program:
+        from runtime.engine import Program
+
+        key = (None if plots is None else repr(plots), profiled)
+        if key not in self.programs:
+            seen = self.observation if plots is None else self.observation.reduced(plots)
+            self.programs[key] = Program(self.network, seen, profiled)
+        return self.programs[key]
 
 
 class Graph:
-    """A block diagram. ``set``, ``wire``, ``without``, ``bypass`` and ``replace`` return
-    changed copies; ``add``, ``connect``, ``probe``, ``plot`` and ``metric`` build one up in place.
+    """A block diagram. A graph never changes: every change returns a changed copy.
 
     Parameters
     ----------
     dt : base step (s).
     until : length of a run (s).
     seed : of all noise and neurons.
-    title : what a plot's title says.
+    title : shown in plots and reports.
     """
 
-    source: Path | None
-    overrides: tuple[str, ...]
-    notes: tuple[str, ...]
-    modules: bool
-    read: dict[str, bytes]
-    _document: Node
-    _classes: dict[str, type[Block]]
-    _kinds: dict[str, SignalType]
+    _content: _Content
+    _with_other_seed: Graph | None
 
     def __init__(
         self, title: str = "graph", *, dt: float = 0.001, until: float = 10.0, seed: int = 0
     ) -> None:
         run = {"dt": dt, "until": until, "seed": seed}
-        empty = Graph._of(from_python({"graph": title, "run": run, "blocks": {}}))
-        self.__dict__.update(empty.__dict__)
+        self._fill(_Content(from_python({"graph": title, "run": run, "blocks": {}})))
+
+    def _fill(self, content: _Content, with_other_seed: Graph | None = None) -> None:
+        object.__setattr__(self, "_content", content)
+        object.__setattr__(self, "_with_other_seed", with_other_seed)
+
+    def __setattr__(self, name: str, value: object) -> NoReturn:
+        raise AttributeError(f"a graph never changes, so '{name}' cannot be set; use a copy")
 
     @classmethod
-    def _of(
-        cls,
-        document: Node,
-        classes: Mapping[str, type[Block]] | None = None,
-        source: Path | None = None,
-        overrides: tuple[str, ...] = (),
-        modules: bool = True,
-        read: Mapping[str, bytes] | None = None,
-    ) -> Graph:
+    def _of(cls, content: _Content, with_other_seed: Graph | None = None) -> Graph:
         graph = cls.__new__(cls)
-        graph._document = document
-        graph._classes = dict(classes or {})
-        graph._kinds = {}
-        graph.source = source
-        graph.overrides = overrides
-        graph.read = dict(read or {})
-        graph.notes = ()
-        graph.modules = modules
+        graph._fill(content, with_other_seed)
         return graph
 
-    def _changed(self, document: Node, *overrides: str) -> Graph:
-        changes = (*self.overrides, *overrides)
-        changed = Graph._of(document, self._classes, self.source, changes, self.modules, self.read)
-        changed.notes = self.notes
-        changed._kinds = dict(self._kinds)
-        return changed
+    def _changed(self, document: Node, *overrides: Override, **changes: Any) -> Graph:
+        made = (*self.overrides, *overrides)
+        return Graph._of(replace(self._content, document=document, overrides=made, **changes))
+
+    @property
+    def source(self) -> Path | None:
+        """The file that the graph was loaded from."""
+        return self._content.source
+
+    @property
+    def overrides(self) -> tuple[Override, ...]:
+        """The changes made since it was loaded or built."""
+        return self._content.overrides
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What :meth:`replace` dropped."""
+        return self._content.notes
 
     @property
     def document(self) -> Node:
-        """The graph as a tree that knows where its text stands."""
-        return self._document
+        """The graph as a tree in which every value knows its position in the text."""
+        return self._content.document
 
     @property
     def title(self) -> str:
         return self.network.title
 
     @cached_property
-    def _checked(self) -> tuple[Network, Observation]:
-        problems = Problems()
-        network, missing = build(self._document, problems, self._classes, self._kinds, self.modules)
+    def _checked(self) -> _Checked:
+        if self._with_other_seed is not None:
+            try:
+                shared = self._with_other_seed._checked
+            except GraphError:
+                pass  # the other seed may be what is wrong, and so are the positions of problems
+            else:
+                seed = (self.document.get("run") or Node({})).plain()["seed"]
+                return replace(shared, network=replace(shared.network, seed=seed))
+        content, problems = self._content, Problems()
+        network, missing = build(
+            content.document, problems, content.classes, content.signal_types, content.modules
+        )
         observation = observe(network, problems)
         problems.raise_any()
         if missing is not None:
             raise missing
-        return network, observation
+        return _Checked(network, observation)
 
     @property
     def network(self) -> Network:
@@ -116,30 +160,21 @@ class Graph:
         Raises
         ------
         GraphError : listing all that is wrong.
-        MissingExtraError : all is well but for a package that a block needs.
+        MissingExtraError : nothing is wrong, but a block needs a package that is not installed.
         """
-        return self._checked[0]
+        return self._checked.network
 
     @property
     def observation(self) -> Observation:
-        """What a run records, draws and measures; raises as :attr:`network` does."""
-        return self._checked[1]
+        """What a run records, plots and measures; raises as :attr:`network` does."""
+        return self._checked.observation
 
     def program(self, plots: Container[str] | None = None, profiled: bool = False) -> Program:
-        """What runs of this graph share, whatever their seeds.
+        """What is executed; runs that differ in their seeds alone share it.
 
         ``plots`` limits what is recorded to the metrics' probes and those of plots of these kinds.
         """
-        from runtime.engine import Program
-
-        programs = self.__dict__.setdefault("_programs", {})
-        key = (None if plots is None else repr(plots), profiled)
-        if key not in programs:
-            seen = self.observation
-            reduced = seen if plots is None else seen.reduced(plots)
-            programs[key] = Program(self.network, reduced, profiled)
-        made: Program = programs[key]
-        return made
+        return self._checked.program(plots, profiled)
 
     def check(self) -> Graph:
         """Check everything that can be checked without running; returns the graph.
@@ -151,86 +186,64 @@ class Graph:
         self.program()
         return self
 
-    def _edit(self, document: Node) -> Graph:
-        self._document = document
-        self.__dict__.pop("_checked", None)
-        self.__dict__.pop("_programs", None)
-        return self
-
-    def add(self, name: str, block: Block, *, dt: float | None = None) -> Graph:
-        """Add a block under a name, at its own step ``dt`` (s) if given."""
-        kind = type(block)
-        if name in self.names:
-            raise UsageError(f"there is a block '{name}' already; blocks have names of their own")
-        entry: dict[str, Any] = {"type": kind.__name__}
-        if BUILTIN.get(kind.__name__) is not kind:
-            self._classes[kind.__name__] = kind
-        if dt is not None:
-            entry["dt"] = dt
-        for key, value in block.parameters().items():
-            if isinstance(value, SignalType):
-                self._kinds[value.name] = value.sized(None)
-            entry[key] = str(value) if isinstance(value, SignalType) else value
-        blocks = self._document.get("blocks") or Node({})
-        return self._edit(
-            self._document.with_item("blocks", blocks.with_item(name, from_python(entry)))
-        )
-
     @property
     def names(self) -> list[str]:
         """Names of the blocks and parts."""
-        blocks = self._document.get("blocks")
-        return [name for name, _ in blocks.items()] if blocks is not None else []
+        return names_in(self.document)
+
+    def add(self, name: str, block: Block, *, dt: float | None = None) -> Graph:
+        """A copy with a block added under a name, at its own step ``dt`` (s) if given."""
+        cls = type(block)
+        classes, signal_types = dict(self._content.classes), dict(self._content.signal_types)
+        if BUILTIN.get(cls.__name__) is not cls:
+            classes[cls.__name__] = cls
+        entry: dict[str, Any] = {"type": cls.__name__, **({} if dt is None else {"dt": dt})}
+        for key, value in block.parameters().items():
+            if isinstance(value, SignalType):
+                signal_types[value.name] = value.sized(None)
+            entry[key] = str(value) if isinstance(value, SignalType) else value
+        document = add_block(self.document, name, entry)
+        return self._changed(document, classes=classes, signal_types=signal_types)
 
     def connect(self, source: str, target: str) -> Graph:
-        """Wire ``producer.output`` to ``consumer.input``; an input that takes many gains a term."""
-        block, _, port = target.partition(".")
-        entry = (self._document.get("blocks") or Node({})).get(block)
-        kind = entry.get("type") if entry is not None else None
-        cls = {**BUILTIN, **self._classes}.get(str(kind.value)) if kind is not None else None
-        declared = cls.spec.inputs.get(port) if cls is not None else None
-        value: Any = source
-        wires = self._document.get("wires") or Node({})
-        old = (wires.get(block) or Node({})).get(port)
-        if declared is not None and declared.many:
-            value = [*(old.plain() if old is not None else []), source]
-        elif old is not None:
-            raise UsageError(
-                f"'{target}' is wired to '{old.plain()}' already; use wire() to move it"
-            )
-        return self._edit(set_wire(self._document, target, value))
+        """A copy with a wire from ``producer.output`` to ``consumer.input``.
 
-    def _observe(self, section: str, name: str, entry: Any) -> Graph:
-        found = self._document.get(section) or Node({})
-        added = found.with_item(name, from_python(entry))
-        return self._edit(self._document.with_item(section, added))
-
-    def probe(self, name: str, *of: str, every: int | None = None) -> Graph:
-        """Record addresses under a name; without addresses, the name is the address."""
-        addresses = list(of) or [name]
-        key = name if of else name.replace(".", "_")
-        entry: dict[str, Any] = {"of": addresses if len(addresses) > 1 else addresses[0]}
-        if every is not None:
-            entry["every"] = every
-        return self._observe("probes", key, entry if every is not None else entry["of"])
-
-    def plot(self, name: str, kind: str, *of: str, **options: Any) -> Graph:
-        """Draw probes or addresses in a picture."""
-        return self._observe("plots", name, {"kind": kind, "of": list(of), **options})
-
-    def metric(self, name: str, kind: str, of: str | None = None, **options: Any) -> Graph:
-        """Measure a probe or address."""
-        entry = {"kind": kind, **({} if of is None else {"of": of}), **options}
-        return self._observe("metrics", name, entry)
-
-    def _named(self, origin: str, place: str) -> Graph:
-        """This graph, once the names that a change gave are known to stand for something.
-
-        Changes of a command line are checked together at the end, so that all are reported.
+        An input that takes several wires gains one; any other must be open.
 
         Raises
         ------
-        GraphError : a name at this place stands for nothing.
+        UsageError : there is no such consumer yet, or its input is connected already.
+        """
+        several = is_variadic(self.document, target, self._content.classes)
+        return self._changed(add_wire(self.document, source, target, several))
+
+    def probe(self, name: str, *of: str, every: int | None = None) -> Graph:
+        """A copy that records addresses under a name; without them, the name is the address."""
+        addresses = list(of) or [name]
+        signals: Any = addresses if len(addresses) > 1 else addresses[0]
+        entry = signals if every is None else {"of": signals, "every": every}
+        key = name if of else name.replace(".", "_")
+        return self._changed(add_entry(self.document, "probes", key, entry))
+
+    def plot(self, name: str, kind: str, *of: str, **options: Any) -> Graph:
+        """A copy that draws probes or addresses in a plot."""
+        entry = {"kind": kind, "of": list(of), **options}
+        return self._changed(add_entry(self.document, "plots", name, entry))
+
+    def metric(self, name: str, kind: str, of: str | None = None, **options: Any) -> Graph:
+        """A copy that measures a probe or address."""
+        entry = {"kind": kind, **({} if of is None else {"of": of}), **options}
+        return self._changed(add_entry(self.document, "metrics", name, entry))
+
+    def _with_known_names(self, origin: str, place: str) -> Graph:
+        """This graph, once the names in a change made at ``place`` are known to exist.
+
+        Changes on a command line have an ``origin``; they are checked together at the end, so
+        that all problems are reported.
+
+        Raises
+        ------
+        GraphError : a name in the change does not exist.
         """
         if not origin:
             try:
@@ -240,7 +253,7 @@ class Graph:
                 if wrong:
                     raise GraphError(wrong) from None
             except MissingExtraError:
-                pass  # what a run needs is no matter of names
+                pass  # a package that only a run needs
         return self
 
     def set(self, path: str, value: Any, *, origin: str = "") -> Graph:
@@ -250,40 +263,39 @@ class Graph:
         ------
         GraphError : the path, or a parameter that it names, does not exist.
         """
-        return self._set(path, value, origin)._named(origin, f"set {path}")
+        return self._set(path, value, origin)._with_known_names(origin, f"set {path}")
 
     def _set(self, path: str, value: Any, origin: str = "") -> Graph:
-        """The copy of :meth:`set`, not looked at yet."""
+        """The copy of :meth:`set`, its names not checked yet."""
         node: Any = value
         read: dict[str, bytes] = {}
         if path.strip() == "world" and isinstance(value, str):
-            # The world's nodes keep the places where they stand in its file.
+            # The world's nodes keep their positions in its file.
             document, read = read_graph({"world": value})
             node = document.get("world")
-        changed = set_entry(self._document, path, node, origin)
-        graph = self._changed(changed, f"set {path}={value!r}")
-        graph.read |= read
-        return graph
+        changed = set_entry(self.document, path, node, origin)
+        override = Override("set", path, repr(value))
+        return self._changed(changed, override, files={**self._content.files, **read})
 
     def wire(self, consumer: str, source: Any, *, origin: str = "") -> Graph:
-        """A copy with one input wired anew, as in ``wire("lqr.error", "error.state")``.
+        """A copy with one input connected to another source: ``wire("lqr.error", "error.state")``.
 
         Raises
         ------
         GraphError, UsageError : an end of the wire does not exist.
         """
         place = f"wire {consumer}"
-        changed = set_wire(self._document, consumer, source, origin or place)
-        return self._changed(changed, f"wire {consumer}={source}")._named(origin, place)
+        changed = set_wire(self.document, consumer, source, origin or place)
+        override = Override("wire", consumer, str(source))
+        return self._changed(changed, override)._with_known_names(origin, place)
 
     def overlay(self, source: str | Path | Mapping[str, Any]) -> Graph:
-        """A copy with another graph, or part of one, laid on top as ``extends`` would."""
+        """A copy with another graph, or part of one, merged over it, as ``extends`` does."""
         document, read = read_graph(source)
-        name = "mapping" if isinstance(source, Mapping) else source
-        changed = self._changed(merge(self._document, document), f"with {name}")
-        # The file that this graph came from stays as it was read then.
-        changed.read = read | changed.read
-        return changed
+        override = Override("with", "mapping" if isinstance(source, Mapping) else str(source))
+        # The file that this graph was loaded from stays as it was read then.
+        files = {**read, **self._content.files}
+        return self._changed(merge(self.document, document), override, files=files)
 
     def without(self, *names: str, origin: str = "") -> Graph:
         """A copy without these blocks or parts and their wires.
@@ -292,42 +304,38 @@ class Graph:
         ------
         GraphError : there is no such block.
         """
-        changed = add_names(self._document, "without", names, origin)
-        graph = self._changed(changed, *(f"without {name}" for name in names))
-        return graph._named(origin, "without")
+        changed = add_names(self.document, "without", names, origin)
+        graph = self._changed(changed, *(Override("without", name) for name in names))
+        return graph._with_known_names(origin, "without")
 
     def bypass(self, *names: str, origin: str = "") -> Graph:
-        """A copy with the through-pair of these blocks wired straight.
+        """A copy with these blocks bypassed: what they take in passes straight through.
 
         Raises
         ------
         GraphError : there is no such block.
         """
-        changed = add_names(self._document, "bypass", names, origin)
-        graph = self._changed(changed, *(f"bypass {name}" for name in names))
-        return graph._named(origin, "bypass")
+        changed = add_names(self.document, "bypass", names, origin)
+        graph = self._changed(changed, *(Override("bypass", name) for name in names))
+        return graph._with_known_names(origin, "bypass")
 
     def replace(self, name: str, kind: str, *, origin: str = "") -> Graph:
         """A copy with a block of another type in a block's place, as in ``replace("lqr", "PID")``.
 
-        Parameters and wires that the new type has as well stay; ``notes`` says what fell away.
+        Parameters and wires that the new type has as well stay; ``notes`` lists what is dropped.
         """
         changed, notes = replace_block(
-            self._document, name, kind, self._classes, origin, self.modules
+            self.document, name, kind, self._content.classes, origin, self._content.modules
         )
-        graph = self._changed(changed, f"replace {name}={kind}")
-        graph.notes = (*self.notes, *notes)
-        return graph
+        override = Override("replace", name, kind)
+        return self._changed(changed, override, notes=(*self.notes, *notes))
 
     def with_seed(self, seed: int) -> Graph:
-        """A copy with another seed, which shares the checked network if that is built already."""
+        """A copy with another seed, which shares what is checked and planned."""
         changed = self._set("run.seed", seed)
-        checked = self.__dict__.get("_checked")
-        if checked is not None and type(seed) is int and seed >= 0:
-            network, observation = checked
-            changed.__dict__["_checked"] = (replace(network, seed=seed), observation)
-            changed.__dict__["_programs"] = self.__dict__.setdefault("_programs", {})
-        return changed
+        if type(seed) is not int or seed < 0:
+            return changed
+        return Graph._of(changed._content, self._with_other_seed or self)
 
     def run(
         self,
@@ -339,12 +347,12 @@ class Graph:
     ) -> Result:
         """Simulate; see :class:`runtime.runs.result.Result`.
 
-        ``engine`` is "python", "compiled" or "auto", which compiles where that repays itself.
+        ``engine`` is "python", "compiled" or "auto", which compiles where it pays off.
 
         Raises
         ------
         GraphError : the graph cannot run.
-        SimulationError : it failed on the way; ``error.result`` holds what was recorded.
+        SimulationError : it failed; ``error.result`` holds what was recorded before.
         """
         from runtime.runs import simulate
 
@@ -358,7 +366,7 @@ class Graph:
         return simulate(graph.prepared(), progress)
 
     def prepared(self, plots: Container[str] | None = None, profiled: bool = False) -> PreparedRun:
-        """All that a run needs of the graph; ``plots`` and ``profiled`` as for :meth:`program`."""
+        """What a run needs of the graph; ``plots`` and ``profiled`` as for :meth:`program`."""
         from runtime.runs import PreparedRun
 
         return PreparedRun(
@@ -373,9 +381,7 @@ class Graph:
 
     def to_dict(self) -> dict[str, Any]:
         """The graph as plain values, sections in their usual order."""
-        plain = self._document.plain()
-        ordered = {key: plain[key] for key in SECTION_ORDER if key in plain}
-        return {**ordered, **{key: value for key, value in plain.items() if key not in ordered}}
+        return in_order(self.document.plain())
 
     @property
     def texts(self) -> dict[str, bytes]:
@@ -384,15 +390,15 @@ class Graph:
         The keys are the files' resolved paths.
         """
         own: dict[str, bytes] = {}
-        for entry in (*self.network.entries.values(), *self.network.ghosts.values()):
+        for entry in (*self.network.entries.values(), *self.network.removed_entries.values()):
             own |= module_text(entry.cls)
-        return self.read | own
+        return {**self._content.files, **own}
 
     def to_yaml(self) -> str:
-        """The graph as a text that :func:`runtime.load` reads back equal."""
+        """The graph as a text from which :func:`runtime.load` reads an equal graph."""
         plain = self.to_dict()
         for entry in plain.get("blocks", {}).values():
-            cls = self._classes.get(entry.get("type", ""))
+            cls = self._content.classes.get(entry.get("type", ""))
             if cls is not None and "module" not in entry:
                 entry["module"] = source_file(cls)
         return dump_yaml(plain)
@@ -409,7 +415,7 @@ class Graph:
     __hash__ = None  # type: ignore[assignment]
 
     def __repr__(self) -> str:
-        return f"<Graph '{self._document.plain().get('graph')}': {', '.join(self.names)}>"
+        return f"<Graph '{self.document.plain().get('graph')}': {', '.join(self.names)}>"
 
     def diagram(self, format: str = "svg") -> str | bytes:
         """The block diagram as svg, png, dot or mermaid."""
@@ -418,10 +424,10 @@ class Graph:
         return diagram(self.network, format)
 
     def _repr_svg_(self) -> str | None:
-        """The diagram for a notebook; None, which shows the text in its place, if there is none."""
+        """The diagram for a notebook; None, for which it shows the text, if there is none."""
         try:
             return str(self.diagram("svg"))
-        except Exception:  # noqa: BLE001 -- what shows a graph must not hide where it went wrong
+        except Exception:  # noqa: BLE001 -- a display hook must not raise
             return None
 
 
@@ -437,4 +443,4 @@ def load(source: str | Path | Mapping[str, Any], *, modules: bool = True) -> Gra
     """
     document, read = read_graph(source)
     path = None if isinstance(source, Mapping) else Path(document.where.file)
-    return Graph._of(document, source=path, modules=modules, read=read)
+    return Graph._of(_Content(document, source=path, modules=modules, files=read))

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from runtime.document import parse_yaml
+from runtime.document import Override, parse_yaml
 from runtime.errors import UsageError
 from runtime.observation import RunData
 from runtime.runs import RESOLVED, read_run, run_folder
@@ -64,13 +64,13 @@ def _document(folder: Path, result: RunData) -> dict[str, Any]:
 
 def _labels(folders: Sequence[Path], results: Sequence[RunData]) -> list[str]:
     """What sets each run apart: graph, changes, seed; the run's id where that is not enough."""
-    changes = [[text for text in map(str, r.manifest["overrides"]) if text] for r in results]
+    changes = [[Override.parse(str(o)) for o in r.manifest["overrides"] if o] for r in results]
     common = set.intersection(*map(set, changes))
     titles = len({r.title for r in results}) > 1
     seeds = len({r.manifest["seed"] for r in results}) > 1
     labels = []
     for result, made in zip(results, changes, strict=True):
-        own = [_short(text) for text in made if text not in common and not _sets_seed(text)]
+        own = [_short(o) for o in made if o not in common and not _sets_seed(o)]
         parts = [result.title] * titles + own
         parts += [f"seed {result.manifest['seed']}"] * seeds
         labels.append(_cut(", ".join(parts) or "as written"))
@@ -86,13 +86,15 @@ def _labels(folders: Sequence[Path], results: Sequence[RunData]) -> list[str]:
     return _numbered(labels)
 
 
-def _sets_seed(change: str) -> bool:
-    return change.startswith("set run.seed=")
+def _sets_seed(change: Override) -> bool:
+    return (change.kind, change.target) == ("set", "run.seed")
 
 
-def _short(change: str) -> str:
+def _short(change: Override) -> str:
     """A change as it reads in a list: 'lqr.q=[1, 1, 1]' of 'set blocks.lqr.q=[1, 1, 1]'."""
-    return re.sub(r"^(set|wire) (blocks\.)?", "", change)
+    if change.kind not in ("set", "wire"):
+        return str(change)
+    return f"{change.target.removeprefix('blocks.')}={change.value}"
 
 
 def _cut(text: str) -> str:

@@ -107,7 +107,7 @@ class Picture:
 
 def picture_of(network: Network) -> Picture:
     """Collect what a network's diagram shows; removed blocks keep their place in the order."""
-    entries = {**network.entries, **network.ghosts}
+    entries = {**network.entries, **network.removed_entries}
     scopes = list(network.scope.walk())
     written = [scope.prefix + name for scope in scopes for name in scope.blocks]
     boxes = {name: _box(network, entries[name]) for name in written if name in entries}
@@ -120,7 +120,7 @@ def picture_of(network: Network) -> Picture:
     }
     nets = [
         *_nets(network, entries, network.wires, is_ghost=False),
-        *_nets(network, entries, network.ghost_wires, is_ghost=True),
+        *_nets(network, entries, network.removed_wires, is_ghost=True),
     ]
     for net in nets:
         _note(boxes[net.source[0]].outputs, net.source[1])

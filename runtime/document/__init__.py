@@ -1,6 +1,19 @@
-"""runtime.document."""
+"""The text of a graph: YAML read into an immutable tree with positions, files merged, edits made.
 
-from runtime.document.edits import add_names, full_path, set_entry, set_wire
+A :class:`Node` is a value with its position; every change returns a new tree.
+"""
+
+from runtime.document.edits import (
+    Override,
+    add_block,
+    add_entry,
+    add_names,
+    add_wire,
+    full_path,
+    names_in,
+    set_entry,
+    set_wire,
+)
 from runtime.document.limits import Work
 from runtime.document.loader import decoded, find_file, merge, read_file, read_graph
 from runtime.document.node import Node, dump_yaml, from_python, parse_yaml
@@ -10,9 +23,10 @@ from runtime.document.sections import (
     PART_SECTIONS,
     SECTIONS,
     check_keys,
+    closest,
     expected,
+    in_order,
     is_part,
-    meant,
     misnamed,
     misspelt,
     section,
@@ -27,9 +41,14 @@ __all__ = [
     "PART_SECTIONS",
     "SECTIONS",
     "Node",
+    "Override",
     "Work",
+    "add_block",
+    "add_entry",
     "add_names",
+    "add_wire",
     "check_keys",
+    "closest",
     "decoded",
     "dump_yaml",
     "expected",
@@ -38,11 +57,12 @@ __all__ = [
     "flow_yaml",
     "from_python",
     "full_path",
+    "in_order",
     "is_part",
-    "meant",
     "merge",
     "misnamed",
     "misspelt",
+    "names_in",
     "parse_scalar",
     "parse_yaml",
     "read_file",

@@ -1,7 +1,8 @@
-"""Changes to a graph's document: one entry set, a wire moved, a block left out."""
+"""Changes to a graph's document: an entry set, a wire moved, a block added or left out."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 from blocks.core import hint
@@ -9,32 +10,57 @@ from runtime.document.node import MAX_DEPTH, Node, from_python
 from runtime.document.sections import PART_SECTIONS, SECTIONS
 from runtime.errors import GraphError, Problem, UsageError, Where
 
-# Entries may be added to these; blocks and runs have the entries that they have.
+# New entries may be added to these; blocks and run have fixed keys.
 OPEN_SECTIONS = ("params", "wires", "probes", "plots", "metrics")
 
 
+@dataclass(frozen=True)
+class Override:
+    """One change to a loaded graph: ``set lqr.q=[1, 1]``, ``without adaptive``, ``with own.yaml``.
+
+    ``kind`` is the method that made it, ``target`` the entry, block or file that it names, and
+    ``value`` what was given for it, as text. A run's manifest holds the printed form.
+    """
+
+    kind: str
+    target: str
+    value: str | None = None
+
+    def __str__(self) -> str:
+        return f"{self.kind} {self.target}" + ("" if self.value is None else f"={self.value}")
+
+    @classmethod
+    def parse(cls, text: str) -> Override:
+        """The change that a manifest holds in printed form."""
+        kind, _, rest = text.partition(" ")
+        if kind not in ("set", "wire", "replace"):
+            return cls(kind, rest)
+        target, equals, value = rest.partition("=")
+        return cls(kind, target, value if equals else None)
+
+
 def set_entry(document: Node, path: str, value: Any, origin: str = "") -> Node:
-    """The document with one entry changed; ``None`` takes the entry out.
+    """The document with one entry changed; ``None`` deletes the entry.
 
     Parameters
     ----------
-    value : plain, or a node that keeps the places where it was read.
-    path : as the file reads: ``blocks.lqr.q``, ``run.until``, ``params.v_r``; each ``blocks.``
+    value : plain, or a node that keeps the positions where it was read.
+    path : as in the file: ``blocks.lqr.q``, ``run.until``, ``params.v_r``; each ``blocks.``
         may be left out, and a number counts the items of a list from 0.
     origin : where the change was written, for messages about the value.
 
     Raises
     ------
-    GraphError : the path leads nowhere.
+    GraphError : the path does not exist.
     """
     where = Where(origin or f"set {path}")
     names = path.strip().split(".")
     if "" in names:
-        message = f"'{path}' is no path; expected one such as blocks.lqr.q"
+        message = f"'{path}' is not a path; expected one such as blocks.lqr.q"
         raise GraphError([Problem(where, "", message)])
     if len(names) > MAX_DEPTH:
         raise GraphError([Problem(where, "", f"a path of more than {MAX_DEPTH} names")])
-    blocks = _block_names(document)
+    blocks = names_in(document)
     if names[0] not in SECTIONS and names[0] not in blocks:
         suggestion = hint(names[0], [*SECTIONS, *blocks]) or f"; expected {', '.join(SECTIONS)}"
         raise GraphError(
@@ -47,11 +73,12 @@ def set_entry(document: Node, path: str, value: Any, origin: str = "") -> Node:
 
 
 def full_path(document: Node, path: str) -> str:
-    """A path with every ``blocks.`` written out, so that two of one entry are equal."""
+    """A path with every ``blocks.`` written out, so that paths of the same entry are equal."""
     return ".".join(_completed(document, path.strip().split("."), SECTIONS))
 
 
-def _block_names(node: Node | None) -> list[str]:
+def names_in(node: Node | None) -> list[str]:
+    """Names of the blocks and parts of a graph or part."""
     blocks = node.get("blocks") if node is not None else None
     return [name for name, _ in blocks.items()] if blocks is not None else []
 
@@ -63,7 +90,7 @@ def _completed(node: Node | None, names: list[str], own: Any) -> list[str]:
     blocks = node.get("blocks") if node is not None else None
     if names[0] == "blocks" and len(names) > 1:
         names = names[1:]
-    elif names[0] in own or names[0] not in _block_names(node):
+    elif names[0] in own or names[0] not in names_in(node):
         return names
     below = blocks.get(names[0]) if blocks is not None else None
     return ["blocks", names[0], *_completed(below, names[1:], PART_SECTIONS)]
@@ -73,7 +100,7 @@ def _set(node: Node, names: list[str], value: Node | None, path: str, where: Whe
     name, rest = names[0], names[1:]
     if node.is_list:
         if not name.isdecimal() or int(name) >= len(node.value):
-            message = f"'{name}' is no item of a list of {len(node.value)}; items count from 0"
+            message = f"'{name}' is not an item of a list of {len(node.value)}; items count from 0"
             raise GraphError([Problem(where, path, message)])
         items = list(node.value)
         inner = value if not rest else _set(items[int(name)], rest, value, path, where)
@@ -99,18 +126,18 @@ def _set(node: Node, names: list[str], value: Node | None, path: str, where: Whe
 
 
 def set_wire(document: Node, consumer: str, source: Any, origin: str = "") -> Node:
-    """The document with one input wired anew.
+    """The document with one input connected to another source.
 
     Parameters
     ----------
-    consumer : ``block.input``, ``part.block.input``, or ``block.input.1`` for one of many terms.
+    consumer : ``block.input``, ``part.block.input``, or ``block.input.1`` for one of several terms.
 
     Raises
     ------
-    UsageError, GraphError : the consumer is no such thing.
+    UsageError, GraphError : there is no such consumer.
     """
     names = consumer.strip().split(".")
-    if names[0] == "wires" and "wires" not in _block_names(document):
+    if names[0] == "wires" and "wires" not in names_in(document):
         names = names[1:]
     if "" in names or len(names) < 2:
         shown = f"{origin}: " if origin else ""
@@ -123,7 +150,7 @@ def set_wire(document: Node, consumer: str, source: Any, origin: str = "") -> No
     while len(names) > 2 and scope is not None:
         blocks = scope.get("blocks")
         scope = blocks.get(names[0]) if blocks is not None else None
-        if not _block_names(scope):
+        if not names_in(scope):
             break
         path += ["blocks", names.pop(0)]
     return set_entry(document, ".".join([*path, "wires", *names]), source, origin)
@@ -134,7 +161,7 @@ def add_names(document: Node, section: str, names: tuple[str, ...], origin: str 
 
     Raises
     ------
-    UsageError : a command line names none.
+    UsageError : a command line names no block.
     """
     if origin and not names:
         raise UsageError(f"{origin.strip()}: expected a block's name")
@@ -144,3 +171,43 @@ def add_names(document: Node, section: str, names: tuple[str, ...], origin: str 
     known = {item.value for item in written if isinstance(item.value, str)}
     added = [Node(name, where, where) for name in names if name not in known]
     return document.with_item(section, Node([*written, *added], where, where))
+
+
+def add_entry(document: Node, section: str, name: str, entry: Any) -> Node:
+    """The document with an entry of a section added or replaced."""
+    entries = document.get(section) or Node({})
+    return document.with_item(section, entries.with_item(name, from_python(entry)))
+
+
+def add_block(document: Node, name: str, entry: dict[str, Any]) -> Node:
+    """The document with a block added.
+
+    Raises
+    ------
+    UsageError : there is a block of that name.
+    """
+    if name in names_in(document):
+        raise UsageError(f"there is a block '{name}' already; every block needs its own name")
+    return add_entry(document, "blocks", name, entry)
+
+
+def add_wire(document: Node, source: str, target: str, is_variadic: bool) -> Node:
+    """The document with a wire added; a variadic input keeps those that it has.
+
+    Raises
+    ------
+    UsageError : the target's block does not exist, or the input takes one wire and has it.
+    """
+    block, _, port = target.partition(".")
+    if block not in names_in(document):
+        suggestion = hint(block, names_in(document))
+        raise UsageError(
+            f"there is no block '{block}' to connect '{source}' to{suggestion or ';'} "
+            "a graph never changes: keep what add() returns, as in graph = graph.add(...)"
+        )
+    old = ((document.get("wires") or Node({})).get(block) or Node({})).get(port)
+    if is_variadic:
+        return set_wire(document, target, [*(old.plain() if old is not None else []), source])
+    if old is not None:
+        raise UsageError(f"'{target}' is wired to '{old.plain()}' already; use wire() to move it")
+    return set_wire(document, target, source)

@@ -1,8 +1,8 @@
-"""Limits on the work that a graph's text may ask for, counted and never timed.
+"""Limits on the work that a graph's text may cause, counted rather than timed.
 
-A few lines can stand for an enormous tree: a list of files that each extend two others, parts
-inside parts, params that repeat params. What is shared costs nothing to hold, and everything to
-write out; so trees are measured as if written out before anything walks them.
+A few lines can expand to an enormous tree: files that each extend two others, parts inside
+parts, params that repeat params. Shared subtrees cost no memory until they are written out, so
+the expanded size of a tree is measured before anything walks it.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ MAX_WORK = 3 * MAX_NODES
 
 
 class Measure:
-    """Sizes and depths of trees as if written out; what is shared is visited once."""
+    """Expanded sizes and depths of trees; shared subtrees are visited once."""
 
     def __init__(self) -> None:
-        # The values themselves are kept, since an id counts only while its object lives.
+        # Holds the values as well, since an id is unique only while its object exists.
         self._known: dict[int, tuple[object, int, int]] = {}
 
     def of(self, node: Node) -> tuple[int, int]:
-        """How many values a tree holds, and how many levels lie below its root."""
+        """The number of values in a tree, and of levels below its root."""
         value = node.value
         if not isinstance(value, (dict, list)):
             return 1, 0
@@ -40,7 +40,7 @@ class Measure:
 
 
 class Work:
-    """Counts what reading and checking a graph takes; ends it where that passes a limit."""
+    """Counts the steps of reading and checking a graph; stops at a limit."""
 
     def __init__(self, problems: Problems) -> None:
         self.problems = problems
@@ -49,20 +49,20 @@ class Work:
         self.blocks = 0
 
     def check(self, node: Node, where: Where, address: str) -> None:
-        """Refuse a tree that is too large or too deep to be written out and read back.
+        """Refuse a tree that is too large or too deep to be written out and read again.
 
         Raises
         ------
-        GraphError : with all that was found before.
+        GraphError : with all problems found before.
         """
         size, depth = self.measure.of(node)
         if size > MAX_NODES:
-            self.stop(where, address, f"unfolds to more than {MAX_NODES} values")
+            self.stop(where, address, f"expands to more than {MAX_NODES} values")
         if depth > MAX_DEPTH:
             self.stop(where, address, f"nested more than {MAX_DEPTH} deep")
 
     def charge(self, count: int, where: Where, address: str = "") -> None:
-        """Count values that are about to be read, merged or substituted.
+        """Count values to be read, merged or substituted.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""From files to one self-contained document: finds graphs, merges ``extends``, inlines parts."""
+"""From files to one complete document: finds graphs, merges ``extends``, inlines parts."""
 
 from __future__ import annotations
 
@@ -10,16 +10,15 @@ from typing import Any
 from blocks.core import hint
 from runtime.document.limits import MAX_LEVELS, Work
 from runtime.document.node import Node, from_python, parse_yaml
-from runtime.document.parse_errors import place
-from runtime.document.sections import meant
-from runtime.errors import NOWHERE, GraphError, Problem, Problems, Where
+from runtime.document.parse_errors import position
+from runtime.document.sections import closest
+from runtime.errors import NOWHERE, GraphError, Location, Problem, Problems
 
 SHIPPED = Path(__file__).resolve().parents[2] / "graphs"
-# The texts of a run's, a sweep's or an ablation's folder that can be run again.
-TEXTS = ("plan.yaml", "graph.resolved.yaml")
+# Files in a run's, a sweep's or an ablation's folder that can be run again.
+RUNNABLE = ("plan.yaml", "graph.resolved.yaml")
 SUFFIX = ".yaml"
-MAX_BYTES = 32 * 2**20  # of one file: more than a million values take
-Place = tuple[Where, str]
+MAX_BYTES = 32 * 2**20  # of one file: enough for a million values
 TYPED = ("blocks", "plots", "metrics")
 
 
@@ -33,20 +32,20 @@ def load_document(source: str | Path | Mapping[str, Any]) -> Node:
 
     Parameters
     ----------
-    source : a file, the name of a shipped graph, or the same mapping as a dict.
+    source : a file, the name of a shipped graph, or the graph as a dict.
 
     Raises
     ------
-    GraphError : texts, or files that they name, cannot be read; all of them are named.
+    GraphError : files, or files that they name, cannot be read; it lists all of them.
     """
     return read_graph(source)[0]
 
 
 def read_graph(source: str | Path | Mapping[str, Any]) -> tuple[Node, dict[str, bytes]]:
-    """Read a graph as :func:`load_document` does, and with it the content of every file read.
+    """Read a graph as :func:`load_document` does; returns also the content of every file read.
 
-    Files are named by their resolved paths. Each is read once, so that what is kept of a run is
-    what ran, whatever becomes of the files meanwhile.
+    The keys are the files' resolved paths. Each file is read once, so that a run stores exactly
+    what it ran, even if the files change meanwhile.
     """
     loader = _Loader()
     if isinstance(source, Mapping):
@@ -57,8 +56,8 @@ def read_graph(source: str | Path | Mapping[str, Any]) -> tuple[Node, dict[str, 
     return document or Node({}), loader.contents
 
 
-def _uncounted(entries: int) -> None:
-    """Counts nothing."""
+def _unlimited(entries: int) -> None:
+    """Set no limit."""
 
 
 def merge(
@@ -66,15 +65,15 @@ def merge(
     top: Node,
     section: str = "",
     key: str = "",
-    charge: Callable[[int], None] = _uncounted,
+    charge: Callable[[int], None] = _unlimited,
 ) -> Node:
-    """Lay one tree over another: mappings merge, null deletes, everything else replaces.
+    """Merge one tree over another: mappings merge, null deletes, everything else replaces.
 
     A world replaces the one below, and so does a block, plot or metric of another ``type``,
-    ``kind`` or ``part``, since the parameters of one mean nothing to the other. A null that finds
-    nothing to delete stays, and is an error where it is read: it may be a slip of the pen.
-    ``section`` and ``key`` name the mapping that holds the two, and the two in it; ``charge``
-    is called with the number of entries that each step merges.
+    ``kind`` or ``part``, since their parameters differ. A null with nothing to delete stays, and
+    is reported where it is read, since it may be a mistake. ``section`` is the mapping that
+    holds the two trees, ``key`` their key in it; ``charge`` is called with the number of
+    entries that each step merges.
     """
     is_another = section in TYPED and _is_another(base, top)
     is_world = key == "world" and not section
@@ -105,10 +104,10 @@ def _is_another(base: Node, top: Node) -> bool:
     return False
 
 
-def find_file(name: str, at: Place, folder: Path, noun: str = "graph") -> Path:
-    """A graph or world by path, as seen from ``folder``, or by the name of a shipped one.
+def find_file(name: str, at: Location, folder: Path, noun: str = "graph") -> Path:
+    """A graph or world by its path relative to ``folder``, or by the name of a shipped one.
 
-    ``at`` is where in a graph the name stands, if it stands in one.
+    ``at`` is the location of the name, if a graph contains it.
 
     Raises
     ------
@@ -123,7 +122,7 @@ def find_file(name: str, at: Place, folder: Path, noun: str = "graph") -> Path:
             if candidate.is_file():
                 return candidate
         is_folder = bool(name) and (folder / written).is_dir()
-        inside = [n for n in TEXTS if is_folder and (folder / written / n).is_file()]
+        inside = [n for n in RUNNABLE if is_folder and (folder / written / n).is_file()]
         near = [path.name for path in (folder / written).parent.glob(f"*{SUFFIX}")]
     except OSError as error:
         raise GraphError([Problem(*at, f"'{name[:60]}': {error.strerror}")]) from None
@@ -132,7 +131,7 @@ def find_file(name: str, at: Place, folder: Path, noun: str = "graph") -> Path:
     # Compared without suffixes, which would make any two files look alike.
     known = {Path(n).stem: n for n in shipped}
     known |= {Path(n).stem: str(written.parent / n) for n in near if n != Path(at[0].file).name}
-    close = meant(written.stem, known)
+    close = closest(written.stem, known)
     suggestion = f"; shipped {noun}s: {', '.join(shipped)}"
     candidates = [str(written / n) for n in inside] or ([known[close]] if close else [])
     if candidates:
@@ -141,10 +140,10 @@ def find_file(name: str, at: Place, folder: Path, noun: str = "graph") -> Path:
     raise GraphError([Problem(*at, f"'{name}': {message}{suggestion}")])
 
 
-def read_file(path: Path, at: Place) -> bytes:
+def read_file(path: Path, at: Location) -> bytes:
     """The content of a graph's file.
 
-    ``at`` is where in a graph the file is named.
+    ``at`` is the location where a graph names the file.
 
     Raises
     ------
@@ -167,21 +166,21 @@ def decoded(data: bytes, path: Path) -> str:
 
     Raises
     ------
-    GraphError : it is no UTF-8.
+    GraphError : it is not UTF-8.
     """
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         before = data[: error.start].decode("utf-8-sig")
         message = f"byte 0x{data[error.start]:02X} is not UTF-8; save the file as UTF-8"
-        raise GraphError([Problem(place(before, len(before), str(path)), "", message)]) from None
+        raise GraphError([Problem(position(before, len(before), str(path)), "", message)]) from None
 
 
 class _Loader:
-    """Reads files, and goes on after a problem, so that all of them are found.
+    """Reads files, and continues after a problem, so that all problems are found.
 
-    ``above`` holds the files that are being read, the outermost first; ``contents`` that of
-    each file that was.
+    ``above`` holds the files that are being read, the outermost first; ``contents`` the content
+    of each file read.
     """
 
     def __init__(self) -> None:
@@ -190,8 +189,8 @@ class _Loader:
         self.done: dict[str, Node | None] = {}
         self.contents: dict[str, bytes] = {}
 
-    def file(self, name: str, at: Place, folder: Path, above: tuple[Path, ...]) -> Node | None:
-        """A graph's file, complete; each file is read once, however often it is named."""
+    def file(self, name: str, at: Location, folder: Path, above: tuple[Path, ...]) -> Node | None:
+        """A graph's file with all that it names; each file is read once, however often named."""
         try:
             path = find_file(name, at, folder)
         except GraphError as error:
@@ -213,7 +212,7 @@ class _Loader:
             self.work.check(found, found.where if at[0] == NOWHERE else at[0], at[1])
         return found
 
-    def read(self, path: Path, at: Place, above: tuple[Path, ...]) -> Node | None:
+    def read(self, path: Path, at: Location, above: tuple[Path, ...]) -> Node | None:
         try:
             document = parse_yaml(self.text(path, at), str(path))
         except GraphError as error:
@@ -226,8 +225,8 @@ class _Loader:
         self.work.charge(self.work.measure.of(document)[0], document.where)
         return self.complete(document, above)
 
-    def text(self, path: Path, at: Place) -> str:
-        """The text of a file, whose content is kept."""
+    def text(self, path: Path, at: Location) -> str:
+        """The text of a file; its content is stored."""
         data = read_file(path, at)
         self.contents[str(path.resolve())] = data
         return decoded(data, path)
@@ -260,7 +259,7 @@ class _Loader:
         self.work.charge(entries, at.where, "extends")
 
     def world(self, document: Node) -> Node:
-        """Put in the world that a text names."""
+        """Insert the world if it is given by name."""
         node = document.get("world")
         if node is None or not is_path(node):
             return document
@@ -286,7 +285,7 @@ class _Loader:
             elif entry.get("blocks") is not None:
                 entries[name] = self.parts(entry, f"{inner}.blocks", above)
             elif module is not None and is_path(module):
-                # From here on the tree stands by itself; the path must not hang on this file.
+                # Relative to the file that names it, which the merged tree no longer knows.
                 file = str((_folder(module) / module.value).resolve())
                 entries[name] = entry.with_item("module", Node(file, module.where, module.key))
         return document.with_item("blocks", Node(entries, blocks.where, blocks.key))

@@ -1,7 +1,7 @@
-"""YAML text as a tree that remembers where everything stands.
+"""YAML text as a tree in which every value has its position.
 
 A strict reading of YAML 1.2: scalars by its core schema (:mod:`runtime.document.scalars`),
-a key may appear only once. Tags and merge keys are refused; aliases are followed, within bounds.
+keys must be unique. Tags and merge keys are refused; aliases are expanded up to a limit.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import yaml
 
 from blocks.core import show
 from runtime.document.parse_errors import explain
-from runtime.document.scalars import fitting, parse_scalar
+from runtime.document.scalars import in_range, parse_scalar
 from runtime.document.writer import dump_yaml as dump_yaml
 from runtime.errors import NOWHERE, GraphError, Problem, Where
 
@@ -31,8 +31,8 @@ _MISSING_SPACE = re.compile(r"\w+:\S.*")
 class Node:
     """A value in the tree: a scalar, a list of nodes, or a mapping from text to nodes.
 
-    ``where`` is where the value stands, ``key`` where its key does. Trees are never changed in
-    place; edits share what they leave alone.
+    ``where`` is the position of the value, ``key`` that of its key. Trees are never changed in
+    place; edits share what they do not change.
     """
 
     value: Any
@@ -64,7 +64,7 @@ class Node:
         return self.value
 
     def with_item(self, name: str, node: Node | None) -> Node:
-        """The mapping with one entry set, or left out where ``node`` is None."""
+        """The mapping with one entry set, or deleted where ``node`` is None."""
         entries = dict(self.value) if self.is_map else {}
         if node is None:
             entries.pop(name, None)
@@ -73,16 +73,16 @@ class Node:
         return Node(entries, self.where, self.key)
 
     def describe(self) -> str:
-        """What kind of value this is, for messages."""
+        """The value, or what kind it is, for messages."""
         return show(self.plain() if not self.is_map else {})
 
 
 def from_python(value: Any, where: Where = NOWHERE) -> Node:
-    """A tree from plain Python values; every node stands at ``where``.
+    """A tree from plain Python values; every node has the position ``where``.
 
     Raises
     ------
-    GraphError : for a value that YAML cannot hold, or nesting that is too deep.
+    GraphError : a value that YAML cannot represent, or nesting that is too deep.
     """
     return _from_python(value, where, "", 0, count(1))
 
@@ -113,13 +113,13 @@ def _from_python(value: Any, where: Where, address: str, depth: int, seen: count
         return Node(items, where, where)
     if isinstance(value, int) and not isinstance(value, bool):
         try:
-            fitting(value)
+            in_range(value)
         except ValueError as error:
             raise refuse(str(error)) from None
     elif value is not None and not isinstance(value, (bool, float, str)):
         raise refuse(f"expected a number, text, list or mapping, got {type(value).__name__}")
     elif isinstance(value, str) and not _is_unicode(value):
-        raise refuse("a text with half a character (a lone surrogate)")
+        raise refuse("a text with a lone surrogate, which is no character")
     return Node(value, where, where)
 
 
@@ -132,8 +132,8 @@ def parse_yaml(text: str, file: str) -> Node:
 
     Raises
     ------
-    GraphError : with the place of the first syntax error, of every duplicate key, tag and number
-        out of range before it; or if there is no document.
+    GraphError : the first syntax error, and every duplicate key, tag and number out of range
+        before it; or there is no document.
     """
     reader = _Reader(file)
     try:
@@ -142,7 +142,7 @@ def parse_yaml(text: str, file: str) -> Node:
         reader.problems.append(explain(error, text, file))
         root = None
     if root is None and not reader.problems:
-        reader.problems.append(Problem(Where(file), "", "there is nothing in it"))
+        reader.problems.append(Problem(Where(file), "", "the file is empty"))
     if root is None or reader.problems:
         raise GraphError(reader.problems)
     return root
@@ -166,7 +166,7 @@ class _Reader:
         self.problems.append(Problem(self.where(event), address[:200], message))
 
     def stop(self, event: Any, address: str, message: str) -> GraphError:
-        """The error that ends the reading, with all that was found before."""
+        """The error that ends reading, with all problems found before."""
         self.note(event, address, message)
         return GraphError(self.problems)
 
@@ -207,7 +207,7 @@ class _Reader:
     def refuse_tag(self, event: Any, address: str) -> None:
         if event.tag and event.tag != "!":
             tag = event.tag.replace("tag:yaml.org,2002:", "!!")
-            self.note(event, address, f"tag '{tag}': a graph holds plain data only; leave it out")
+            self.note(event, address, f"tag '{tag}': a graph contains plain data only; remove it")
 
     def scalar(self, event: Any, address: str) -> Any:
         self.refuse_tag(event, address)
@@ -223,11 +223,11 @@ class _Reader:
         target = self.anchors.get(event.anchor)
         if target is None:
             inside = event.anchor in self.anchors
-            message = "refers to itself" if inside else "is defined nowhere above"
+            message = "refers to itself" if inside else "is not defined above"
             raise self.stop(event, address, f"alias '*{event.anchor}' {message}")
         self.count += self.sizes[id(target)]
         if self.count > MAX_NODES:
-            raise self.stop(event, address, f"aliases unfold to more than {MAX_NODES} values")
+            raise self.stop(event, address, f"aliases expand to more than {MAX_NODES} values")
         return Node(target.value, where, key)
 
     def sequence(self, events: Iterator[Any], depth: int, address: str) -> list[Node]:
@@ -246,7 +246,7 @@ class _Reader:
             value = self.node(following, events, self.where(event), depth + 1, inner)
             if name in entries:
                 first = entries[name].key.line
-                self.note(event, inner, f"this key stands twice, first in line {first}; keep one")
+                self.note(event, inner, f"duplicate key, first in line {first}; keep one")
             elif _MISSING_SPACE.fullmatch(name) and getattr(following, "value", None) == "":
                 before, _, after = name.partition(":")
                 message = f"a space is missing after the colon: {before}: {after}"
@@ -267,6 +267,6 @@ class _Reader:
         if event.implicit[0] and name == "":
             self.note(event, address, "a key must be a text")
         if event.implicit[0] and name == "<<":
-            message = "merge keys are no part of YAML 1.2; write the entries out, or use extends"
+            message = "YAML 1.2 has no merge keys; write the entries out, or use extends"
             self.note(event, address, message)
         return name

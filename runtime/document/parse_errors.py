@@ -1,4 +1,4 @@
-"""What the YAML parser says of a broken text, in words that tell how to mend it."""
+"""Errors of the YAML parser, each with a message that suggests a fix."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from runtime.errors import Problem, Where
 
 _ILLEGAL = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
-_MENDS = {
+_SUGGESTIONS = {
     "mapping values are not allowed in this context": (
-        "a ':' too many; quote a text that holds ': ', or check the indentation"
+        "an unexpected ':'; quote a text that contains ': ', or check the indentation"
     ),
     "did not find expected key": (
         "this does not fit the lines above; check its indentation, and the quotes before it"
@@ -25,7 +25,7 @@ _MENDS = {
         "expected '- ' as in the items above; check the indentation"
     ),
     "block sequence entries are not allowed in this context": (
-        "a list begins on a line of its own, or is written [a, b]"
+        "a list starts on a new line, or is written [a, b]"
     ),
     "did not find expected node content": "expected a value here",
     "found a tab character that violates indentation": "a tab; indent with spaces",
@@ -33,14 +33,14 @@ _MENDS = {
 
 
 def explain(error: yaml.YAMLError | UnicodeError, text: str, file: str) -> Problem:
-    """The problem that a parser's error stands for, at the place that is to be mended."""
+    """The problem that a parser's error stands for, at the position that needs to change."""
     illegal = _ILLEGAL.search(text)
     problem: Any = getattr(error, "problem_mark", None)
     context: Any = getattr(error, "context_mark", None)
     message = str(getattr(error, "problem", None) or str(error).splitlines()[0])
     if illegal and problem is None:
-        message = f"character U+{ord(illegal[0]):04X} is not allowed; take it out"
-        return Problem(place(text, illegal.start(), file), "", message)
+        message = f"character U+{ord(illegal[0]):04X} is not allowed; remove it"
+        return Problem(position(text, illegal.start(), file), "", message)
     mark = problem or context
     if "cannot start any token" in message:
         message = _stray(text, mark.line, mark.column) or message
@@ -54,12 +54,12 @@ def explain(error: yaml.YAMLError | UnicodeError, text: str, file: str) -> Probl
             message = message.replace("did not find expected", "expected")
     elif "could not find expected ':'" in message and context is not None:
         mark = context
-    message = _MENDS.get(message, message)
+    message = _SUGGESTIONS.get(message, message)
     return Problem(_where(text, mark, file), "", f"not valid YAML: {message}")
 
 
 def _where(text: str, mark: Any, file: str) -> Where:
-    """The place of a parser's mark, which lies inside the text."""
+    """The position of a parser's mark, moved into the text."""
     if mark is None:
         return Where(file)
     # Where the last line has no line break, the parser places the end of the text below it.
@@ -69,7 +69,7 @@ def _where(text: str, mark: Any, file: str) -> Where:
     return Where(file, mark.line + 1, mark.column + 1)
 
 
-def place(text: str, index: int, file: str) -> Where:
+def position(text: str, index: int, file: str) -> Where:
     """Line and column of a character."""
     before = text[:index]
     return Where(file, before.count("\n") + 1, index - before.rfind("\n"))

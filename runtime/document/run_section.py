@@ -20,7 +20,7 @@ UNITS = {"": 1, "K": 1024, "M": 1024**2, "G": 1024**3}
 
 @dataclass(frozen=True)
 class RunSection:
-    """What ``run`` says, with defaults in place: dt and until in s, memory in bytes."""
+    """The section ``run`` with defaults filled in: dt and until in s, memory in bytes."""
 
     dt: float
     until: float
@@ -30,7 +30,7 @@ class RunSection:
 
 
 def read_run(document: Node, problems: Problems) -> RunSection:
-    """Read the section; what is wrong with it is reported, and a default taken instead."""
+    """Read the section; wrong values are reported and replaced by defaults."""
     run = section(document, "run", "run", problems)
     check_keys(document.get("run") or Node({}), RUN_KEYS, "run", problems, "key")
 
@@ -56,7 +56,7 @@ def _seed(run: dict[str, Node], problems: Problems) -> int:
     node = run.get("seed")
     value = 0 if node is None else node.value
     if node is not None and (not isinstance(value, int) or isinstance(value, bool) or value < 0):
-        message = f"expected an integer from 0, got {Node(value).describe()}"
+        message = f"expected a non-negative integer, got {Node(value).describe()}"
         problems.add(node.where, "run.seed", message)
         return 0
     return int(value)
@@ -78,14 +78,14 @@ def _memory(run: dict[str, Node], problems: Problems) -> int:
         return DEFAULT_MEMORY
     written = re.fullmatch(r"([1-9][0-9]*)([KMG]?)", str(node.value))
     if written is None or isinstance(node.value, bool):
-        message = "expected bytes that recordings may take, such as 512M or 2G"
+        message = "expected a size in bytes for recordings, such as 512M or 2G"
         problems.add(node.where, "run.memory", f"{message}, got {node.describe()}")
         return DEFAULT_MEMORY
     return int(written[1]) * UNITS[written[2]]
 
 
 def seconds(node: Node, address: str, problems: Problems) -> float | None:
-    """A positive number of seconds; None, and a problem, if it is none."""
+    """A positive number of seconds; None, and a problem, for anything else."""
     value = node.value
     if isinstance(value, (int, float)) and not isinstance(value, bool) and 0 < value < math.inf:
         return float(value)

@@ -1,4 +1,4 @@
-"""Plain scalars by YAML 1.2's core schema: ``1e-3`` is a number, ``on`` a text, ``010`` ten."""
+"""Plain scalars by YAML 1.2's core schema: ``1e-3`` is a number, ``on`` text, ``010`` ten."""
 
 from __future__ import annotations
 
@@ -25,36 +25,36 @@ def parse_scalar(text: str) -> Any:
 
     Raises
     ------
-    ValueError : a number that no float can hold.
+    ValueError : the number is out of a float's range.
     """
     if text in _WORDS:
         return _WORDS[text]
     if _INT.fullmatch(text):
         digits = text.lstrip("+-").lstrip("0")
-        return fitting(int(text)) if len(digits) <= MAX_DIGITS else fitting(10**MAX_DIGITS)
+        return in_range(int(text)) if len(digits) <= MAX_DIGITS else in_range(10**MAX_DIGITS)
     if _OTHER_INT.fullmatch(text):
-        return fitting(int(text, 0))
+        return in_range(int(text, 0))
     if _FLOAT.fullmatch(text):
         number = float(text)
         if math.isinf(number):
-            raise ValueError("too large for a number; infinity is written .inf")
+            raise ValueError("too large for a float; infinity is written .inf")
         if number == 0.0 and re.search("[1-9]", re.split("[eE]", text)[0]):
-            raise ValueError("too small for a number; write 0 if you mean it")
+            raise ValueError("too small for a float; write 0 if that is intended")
         return number
     return text
 
 
-def fitting(number: int) -> int:
-    """The number, if a float can hold it."""
+def in_range(number: int) -> int:
+    """The number, if it is in a float's range."""
     try:
         float(number)
     except OverflowError:
-        raise ValueError("too large for a number; infinity is written .inf") from None
+        raise ValueError("too large for a float; infinity is written .inf") from None
     return number
 
 
 def is_text(text: str) -> bool:
-    """Whether a plain scalar that is written so reads back as a text."""
+    """Whether a plain scalar written like this is read as text."""
     try:
         return isinstance(parse_scalar(text), str)
     except ValueError:

@@ -1,9 +1,10 @@
-"""The sections of a graph: what each holds, and how it is read."""
+"""The sections of a graph: what each contains, and how it is read."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from typing import Any
 
 from blocks.core import hint
 from runtime.document.node import Node
@@ -17,11 +18,15 @@ SECTIONS = {
     "blocks": "the boxes",
     "wires": "consumer: {input: producer.output}",
     "probes": "what is recorded",
-    "plots": "pictures of probes",
+    "plots": "plots of probes",
     "metrics": "numbers from probes",
     "without": "blocks to leave out, with their wires",
-    "bypass": "blocks to wire straight through",
+    "bypass": "blocks to bypass",
 }
+WRITTEN_ORDER = (
+    *("graph", "run", "params", "blocks", "wires", "without", "bypass"),
+    *("probes", "plots", "metrics"),
+)
 PART_SECTIONS = ("params", "inputs", "outputs", "blocks", "wires", "graph", "part")
 EXAMPLES = {
     "run": "dt: 0.001",
@@ -37,24 +42,30 @@ EXAMPLES = {
 }
 RUN_KEYS = ("dt", "until", "seed", "engine", "memory")
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,99}")
-# numpy.savez would take probes of these names for arguments of its own.
+# Parameters of numpy.savez, which stores the probes by name.
 _RESERVED = ("file", "allow_pickle")
 
 
+def in_order(plain: dict[str, Any]) -> dict[str, Any]:
+    """A graph's plain values with the sections in the order in which they are written."""
+    ordered = {key: plain[key] for key in WRITTEN_ORDER if key in plain}
+    return {**ordered, **{key: value for key, value in plain.items() if key not in ordered}}
+
+
 def expected(name: str) -> str:
-    """What a section should hold, for messages."""
+    """What a section should contain, for messages."""
     return f"expected entries such as '{EXAMPLES[name]}'"
 
 
 def is_part(entry: Node) -> bool:
-    """Whether an entry of ``blocks`` is a graph of its own."""
+    """Whether an entry of ``blocks`` is a part."""
     return entry.get("part") is not None or entry.get("blocks") is not None
 
 
 def check_keys(
     node: Node, known: Iterable[str], address: str, problems: Problems, noun: str
 ) -> None:
-    """Report entries of a mapping that nothing reads."""
+    """Report unknown entries of a mapping."""
     for name, item in node.items():
         if name not in known:
             suggestion = hint(name, known) or f"; expected {', '.join(known)}"
@@ -65,7 +76,7 @@ def check_keys(
 def section(
     document: Node, name: str, address: str, problems: Problems, unread: set[str] | None = None
 ) -> dict[str, Node]:
-    """The entries of a section; reports it if it is no mapping, and adds it to ``unread``."""
+    """The entries of a section; reports one that is not a mapping, and adds it to ``unread``."""
     node = document.get(name)
     if node is None or node.value is None:
         return {}
@@ -92,22 +103,22 @@ def texts(node: Node | None, address: str, what: str, problems: Problems) -> lis
     return found
 
 
-def meant(name: str, known: Iterable[str]) -> str:
-    """The known name that a misspelt one comes closest to; '' if none is close."""
+def closest(name: str, known: Iterable[str]) -> str:
+    """The known name most similar to a misspelt one; '' if none is similar."""
     suggestion = hint(name, known)
     return suggestion.split("'")[1] if suggestion else ""
 
 
 def misspelt(node: Node, known: Iterable[str]) -> set[str]:
-    """Keys that are missing because they are misspelt: what they hold is unknown."""
+    """Known keys that are missing because they are misspelt."""
     written = {name for name, _ in node.items()}
-    return {meant(name, known) for name in written.difference(known)} - written
+    return {closest(name, known) for name in written.difference(known)} - written
 
 
 def misnamed(name: str, is_probe: bool) -> str:
-    """Why a probe, plot or metric cannot have a name; '' if it can."""
+    """Why a probe, plot or metric cannot have this name; '' if it can."""
     if not _NAME.fullmatch(name):
-        return f"'{name[:40]}' is no name; use up to 100 letters, digits, _ and -"
+        return f"'{name[:40]}' is not a valid name; use up to 100 letters, digits, _ and -"
     if is_probe and name in _RESERVED:
-        return f"'{name}' cannot be a probe's name in the run's file; use another"
+        return f"'{name}' is reserved in the file of a run's probes; use another name"
     return ""

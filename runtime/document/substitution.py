@@ -1,4 +1,4 @@
-"""Values of ``params`` in the place of ``$names``."""
+"""Substitution of ``$names`` by the values of ``params``."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ _NAME = re.compile(r"\$([A-Za-z_]\w*)")
 def fill_sections(
     document: Node, declared: Node | None, address: str, problems: Problems, work: Work
 ) -> Node:
-    """A graph with every ``$name`` filled in from its params.
+    """A graph with every ``$name`` replaced by the value of its param.
 
     Parameters
     ----------
-    declared : the section ``params``; a part's holds what its user gives, already filled in.
-    address : where the graph stands in the document: '' or ``blocks.adaptive``.
+    declared : the section ``params``; for a part with the values given, already filled in.
+    address : of the graph in the document: '' or ``blocks.adaptive``.
     """
     prefix = f"{address}." if address else ""
     params: dict[str, Node] | None = None if "params" in misspelt(document, SECTIONS) else {}
@@ -40,8 +40,8 @@ def fill_sections(
             document = document.with_item(name, fill(node, f"{prefix}{name or repr(name)}"))
     for name, node in (params or {}).items():
         if name not in filler.used and not hint(name, filler.missing):
-            suggestion = hint(name, filler.used) or "; take it out, or write it as a value"
-            problems.add(node.key, f"{prefix}params.{name}", f"nothing reads ${name}{suggestion}")
+            suggestion = hint(name, filler.used) or "; remove it, or write it as a value"
+            problems.add(node.key, f"{prefix}params.{name}", f"${name} is not used{suggestion}")
     return document
 
 
@@ -66,11 +66,11 @@ class _Filler:
         for name, node in (self.params or {}).items():
             for bad in _references(node):
                 self.used.add(bad.value[1:])
-                message = f"'{bad.value}': params hold plain values, not other params"
+                message = f"'{bad.value}': the values of params cannot be other params"
                 self.problems.add(bad.where, f"params.{name}", message)
 
     def blocks(self, node: Node, address: str) -> Node:
-        """The section ``blocks``; a part's inside waits for the part's own params."""
+        """The section ``blocks``; the inside of a part uses the part's own params."""
         if not node.is_map:
             return self.fill(node, address)
         entries = dict(node.items())
@@ -95,7 +95,7 @@ class _Filler:
         return node if match is None else self.value(match[1], node, address)
 
     def value(self, name: str, node: Node, address: str) -> Node:
-        """The value of a param, which stands where it is written, not where it is used."""
+        """The value of a param, with the position where it is written, not where it is used."""
         found = (self.params or {}).get(name)
         if found is not None and found.value is not None:
             self.used.add(name)

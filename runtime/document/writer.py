@@ -1,4 +1,4 @@
-"""Plain values as YAML text that reads back equal, by our rules and by YAML 1.1's."""
+"""Plain values as YAML text that gives equal values under YAML 1.2 and 1.1."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ _DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 
 def dump_yaml(value: Any) -> str:
-    """Write plain values as YAML that :func:`runtime.document.node.parse_yaml` reads back equal."""
+    """Plain values as YAML from which :func:`parse_yaml` reads equal values."""
     return _Writer.text(value)
 
 
 def flow_yaml(value: Any) -> str:
-    """Write plain values as YAML in one line that reads back equal."""
+    """Plain values as one line of YAML from which equal values are read."""
     if isinstance(value, dict):
         return "{" + ", ".join(f"{flow_yaml(k)}: {flow_yaml(v)}" for k, v in value.items()) + "}"
     if isinstance(value, (list, tuple)):
@@ -31,18 +31,18 @@ def flow_yaml(value: Any) -> str:
     if isinstance(value, str):
         plain = _PLAIN.fullmatch(value) and is_text(value)
         return value if plain else f'"{"".join(map(_escaped, value))}"'
-    return json.dumps(value)  # integers, true, false and null read alike
+    return json.dumps(value)  # integers, true, false and null are the same in JSON
 
 
 def _escaped(c: str) -> str:
-    """A character as it stands between double quotes."""
+    """A character as written between double quotes."""
     if c in '"\\':
         return f"\\{c}"
     return c if c.isprintable() else f"\\U{ord(c):08x}"
 
 
 class _Writer(_DUMPER):  # type: ignore[misc, valid-type]
-    """Flow style for what holds no mapping deeper down, block style for the rest."""
+    """Flow style for lists and mappings of scalars, block style for the rest."""
 
     @classmethod
     def text(cls, value: Any) -> str:
@@ -61,7 +61,7 @@ class _Writer(_DUMPER):  # type: ignore[misc, valid-type]
 
 
 def _represent_text(dumper: Any, text: str) -> Any:
-    # Quote what would read back as anything but this text, by our rules or by YAML 1.1's.
+    # Quote what either version of YAML would not read as this text.
     style = None if is_text(text) else "'"
     return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
 

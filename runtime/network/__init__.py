@@ -1,11 +1,14 @@
-"""runtime.network."""
+"""The network of a document: blocks constructed, wires resolved, types and units checked.
+
+:func:`build` returns a frozen :class:`Network` and collects every problem with its location.
+"""
 
 from runtime.network.addresses import AddressError, Endpoint, ReportedError, find
-from runtime.network.block_types import source_file
+from runtime.network.block_types import is_variadic, source_file
 from runtime.network.build import build
 from runtime.network.inference import component_type, unknown_component
 from runtime.network.network import Entry, Network, Wire, check_output
-from runtime.network.removal import follow, lost
+from runtime.network.removal import follow, missing_block
 from runtime.network.replacement import replace_block
 from runtime.network.scope import expand
 from runtime.network.shapes import MAX_BYTES, state_shape, whole_shape
@@ -24,7 +27,8 @@ __all__ = [
     "expand",
     "find",
     "follow",
-    "lost",
+    "is_variadic",
+    "missing_block",
     "replace_block",
     "source_file",
     "state_shape",

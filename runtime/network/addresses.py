@@ -6,11 +6,10 @@ from dataclasses import dataclass, replace
 
 from blocks.core import hint
 from runtime.document import Node
-from runtime.errors import Where
+from runtime.errors import Location
 from runtime.network.scope import Scope
 
 MAX_HOPS = 100
-Place = tuple[Where, str]
 
 
 @dataclass(frozen=True)
@@ -27,29 +26,29 @@ class Endpoint:
 
 @dataclass(frozen=True)
 class ResolvedAddress:
-    """Where an address leads.
+    """What an address refers to.
 
-    ``via`` names the inputs of parts that it passed, the nearest first; ``place`` is where the
-    text stands that names the block, if that is not the text that was asked for.
+    ``via`` names the inputs of parts that it passes, the nearest first; ``location`` is that of
+    the text that names the block, if it is not the address itself.
     """
 
     end: Endpoint
     via: tuple[str, ...] = ()
-    place: Place | None = None
+    location: Location | None = None
 
 
 class AddressError(ValueError):
-    """An address that names nothing; ``place`` as in :class:`ResolvedAddress`."""
+    """An address that does not exist; ``location`` as in :class:`ResolvedAddress`."""
 
-    place: Place | None = None
+    location: Location | None = None
 
 
 class ReportedError(AddressError):
-    """An address that leads to something that is wrong, and reported, elsewhere."""
+    """An address of something that is wrong, which is reported elsewhere."""
 
 
 class UnwiredError(AddressError):
-    """An address that leads to a part's input to which nothing is wired."""
+    """An address of a part's input to which nothing is wired."""
 
     def __init__(self, scope: Scope, port: str) -> None:
         self.scope, self.port = scope, port
@@ -63,13 +62,13 @@ def find(scope: Scope, text: str, depth: int = 0) -> ResolvedAddress:
 
     Raises
     ------
-    AddressError : the message names what is not there and what comes close.
+    AddressError : the message names what does not exist, and similar names.
     """
     names = text.split(".")
     if "" in names or depth > MAX_HOPS:
-        message = "leads through parts in a circle" if depth else "is no address"
+        message = "leads through parts in a circle" if depth else "is not an address"
         raise AddressError(f"'{text}' {message}; expected block.output")
-    asked = scope
+    start = scope
     while len(names) > 1 and names[0] in scope.parts:
         scope = scope.parts[names.pop(0)]
     head, rest = names[0], names[1:]
@@ -78,14 +77,14 @@ def find(scope: Scope, text: str, depth: int = 0) -> ResolvedAddress:
         return _component(found, rest[1:], text)
     if head in scope.broken:
         raise ReportedError
-    if head == "inputs" and scope is asked and scope.parent is not None:
+    if head == "inputs" and scope is start and scope.parent is not None:
         return _from_outside(scope, rest, text, depth)
-    if scope is not asked and head in scope.outputs:
-        place = scope.path("outputs", head)
-        return _component(_hop(scope, scope.outputs[head], place, depth), rest, text)
-    if "blocks" in scope.unread or (scope is not asked and "outputs" in scope.unread):
+    if scope is not start and head in scope.outputs:
+        address = scope.path("outputs", head)
+        return _component(_hop(scope, scope.outputs[head], address, depth), rest, text)
+    if "blocks" in scope.unread or (scope is not start and "outputs" in scope.unread):
         raise ReportedError
-    raise AddressError(_missing(asked, scope, head))
+    raise AddressError(_missing(start, scope, head))
 
 
 def _component(found: ResolvedAddress, rest: list[str], text: str) -> ResolvedAddress:
@@ -97,25 +96,25 @@ def _component(found: ResolvedAddress, rest: list[str], text: str) -> ResolvedAd
 
 
 def _hop(scope: Scope, node: Node, address: str, depth: int) -> ResolvedAddress:
-    """Go on from a text that stands elsewhere, and remember where."""
+    """Follow an address that is written elsewhere, and keep its location."""
     if not isinstance(node.value, str):
         raise ReportedError
     try:
         found = find(scope, node.value, depth + 1)
     except AddressError as error:
-        error.place = error.place or (node.where, address)
+        error.location = error.location or (node.where, address)
         raise
-    return replace(found, place=found.place or (node.where, address))
+    return replace(found, location=found.location or (node.where, address))
 
 
 def _from_outside(scope: Scope, rest: list[str], text: str, depth: int) -> ResolvedAddress:
-    """What the graph around a part wires to one of the part's inputs."""
+    """The source that the graph around a part wires to one of the part's inputs."""
     if "inputs" in scope.unread or scope.parent is None:
         raise ReportedError
     if not rest or rest[0] not in scope.inputs:
         known = ", ".join(scope.inputs) or "none"
         suggestion = (hint(rest[0], scope.inputs) if rest else "") or f"; its inputs: {known}"
-        raise AddressError(f"'{text}' is no input of this part{suggestion}")
+        raise AddressError(f"'{text}' is not an input of this part{suggestion}")
     wires = scope.parent.wires.get(scope.name)
     if "wires" in scope.parent.unread or (wires is not None and not wires.is_map):
         raise ReportedError
@@ -127,9 +126,9 @@ def _from_outside(scope: Scope, rest: list[str], text: str, depth: int) -> Resol
     return _component(replace(found, via=(scope.prefix + rest[0], *found.via)), rest[1:], text)
 
 
-def _missing(asked: Scope, scope: Scope, head: str) -> str:
-    """What is wrong with a name, looked for in ``scope`` by a text that stands in ``asked``."""
-    if scope is not asked:
+def _missing(start: Scope, scope: Scope, head: str) -> str:
+    """What is wrong with a name in ``scope`` that an address written in ``start`` refers to."""
+    if scope is not start:
         known = [*scope.outputs, *scope.names()]
         suggestion = hint(head, known) or f"; its outputs: {', '.join(scope.outputs) or 'none'}"
         return f"part '{scope.prefix.rstrip('.')}' has no output '{head}'{suggestion}"
@@ -139,11 +138,9 @@ def _missing(asked: Scope, scope: Scope, head: str) -> str:
     suggestion = hint(head, [*scope.names(), *scope.broken])
     if scope.parent is not None:
         inputs = ", ".join(f"inputs.{name}" for name in scope.inputs) or "none"
-        suggestion = suggestion or f"; what comes from outside: {inputs}"
+        suggestion = suggestion or f"; inputs of the part: {inputs}"
         return f"there is no block '{head}' in part '{scope.prefix.rstrip('.')}'{suggestion}"
     if head == "inputs":
         return "only a part has 'inputs'; expected block.output"
-    suggestion = (
-        suggestion or f"; if it was taken out of blocks, put it back and write 'without: [{head}]'"
-    )
+    suggestion = suggestion or f"; if it was deleted, restore it and write 'without: [{head}]'"
     return f"there is no block '{head}'{suggestion}"

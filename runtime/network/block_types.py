@@ -1,4 +1,4 @@
-"""Block types: from what a graph writes to a class, the library's or the user's own."""
+"""Block types: from a name in a graph to a class of the library or of the user."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 from blocks.core import TYPES, Block, DeclarationError, SignalType, hint
 from blocks.registry import BUILTIN, blocks_of_module, installed, types_of_module
-from runtime.document import Node, meant
+from runtime.document import Node, closest
 from runtime.errors import Problems, UsageError
 
 
@@ -18,15 +18,15 @@ def block_class(
     problems: Problems,
     modules: bool = True,
 ) -> type[Block] | None:
-    """The class that a block's entry names; None, and a problem, if there is none.
+    """The class that a block's entry names; None, and a problem, if it does not exist.
 
-    With ``modules=False`` no module of the graph is imported: a block that names one is refused.
+    With ``modules=False`` blocks with a ``module`` are refused, and nothing is imported.
     """
     written = node.get("type")
     if written is None or not isinstance(written.value, str):
         got = "" if written is None else f", got {written.describe()}"
         where = node.key if written is None else written.where
-        misspelt = node.get(meant("type", [key for key, _ in node.items()]))
+        misspelt = node.get(closest("type", [key for key, _ in node.items()]))
         if written is None and misspelt is not None:
             where = misspelt.key
         message = f"expected a type, as in {{type: Sum}}{got}; see 'runtime blocks'"
@@ -34,7 +34,8 @@ def block_class(
         return None
     module = node.get("module")
     if module is not None and not modules:
-        message = f"'{shown(module)}' was not imported, since modules are refused (--no-modules)"
+        path = short_path(module)
+        message = f"'{path}' was not imported, since modules are refused (--no-modules)"
         problems.add(written.where, f"{address}.type", f"{message}; its types are unknown")
         return None
     own = {} if module is None else _module_blocks(module, address, problems)
@@ -49,14 +50,24 @@ def block_class(
     known = [*own, *classes, *BUILTIN, *others]
     suggestion = hint(written.value, known)
     if not suggestion and module is not None:
-        suggestion = f"; '{shown(module)}' defines {', '.join(own) or 'none'}"
-    suggestion = suggestion or "; see 'runtime blocks'; a block of your own needs 'module: file.py'"
+        suggestion = f"; '{short_path(module)}' defines {', '.join(own) or 'none'}"
+    suggestion = suggestion or "; see 'runtime blocks'; your own block needs 'module: file.py'"
     problems.add(written.where, f"{address}.type", f"no block type '{written.value}'{suggestion}")
     return None
 
 
+def is_variadic(document: Node, target: str, classes: Mapping[str, type[Block]]) -> bool:
+    """Whether ``block.input`` is known to take several wires."""
+    name, _, port = target.partition(".")
+    entry = (document.get("blocks") or Node({})).get(name) or Node({})
+    written = entry.get("type") or Node("")
+    cls = {**BUILTIN, **classes}.get(str(written.value))
+    declared = cls.spec.inputs.get(port) if cls is not None else None
+    return declared is not None and declared.many
+
+
 def own_types(cls: type[Block], node: Node) -> list[SignalType]:
-    """Signal types beside the library's that a block's ports use or its ``module`` defines."""
+    """Signal types, other than the library's, that a block or its ``module`` defines."""
     kinds: list[object] = [port.type for port in cls.spec.ports.values()]
     module = node.get("module")
     kinds += [] if module is None else types_of_module(Path(module.value))
@@ -64,8 +75,8 @@ def own_types(cls: type[Block], node: Node) -> list[SignalType]:
     return sorted((kind for kind in plain if TYPES.get(kind.name) != kind), key=str)
 
 
-def shown(module: Node) -> str:
-    """A module's path as seen from here, where it lies below."""
+def short_path(module: Node) -> str:
+    """A module's path, relative to the current folder if it is inside."""
     path = Path(str(module.value))
     here = Path.cwd()
     return str(path.relative_to(here)) if path.is_relative_to(here) else str(path)
@@ -74,11 +85,11 @@ def shown(module: Node) -> str:
 def _module_blocks(node: Node, address: str, problems: Problems) -> dict[str, type[Block]] | None:
     message = ""
     if not isinstance(node.value, str) or not node.value.endswith(".py"):
-        got = f"'{shown(node)}'" if isinstance(node.value, str) else node.describe()
+        got = f"'{short_path(node)}'" if isinstance(node.value, str) else node.describe()
         message = f"expected a Python file, got {got}"
         problems.add(node.where, f"{address}.module", message)
         return None
-    file = shown(node)
+    file = short_path(node)
     try:
         return blocks_of_module(Path(node.value))
     except FileNotFoundError:
@@ -108,7 +119,7 @@ def source_file(cls: type[Block]) -> str:
         file = None
     if file is None or not Path(file).is_file():
         raise UsageError(
-            f"block type {cls.__name__} is defined in no file, so a YAML graph cannot name it; "
+            f"block type {cls.__name__} is not defined in a file, so a YAML graph cannot name it; "
             "put the class into a .py file"
         )
     return str(Path(file).resolve())

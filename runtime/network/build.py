@@ -1,16 +1,17 @@
-"""From names to a checked network: blocks constructed, wires resolved, types settled."""
+"""From names to a checked network: blocks constructed, wires resolved, types inferred."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from blocks.core import TYPES, Block, ParameterError, SignalType, beyond_a_turn, hint, signal_type
 from blocks.core import MissingExtraError as MissingPackageError
 from blocks.world import World
-from runtime.document import MAX_TICKS, Node, meant, read_run, seconds, section
+from runtime.document import MAX_TICKS, Node, closest, read_run, seconds, section
 from runtime.errors import MissingExtraError, Problems
 from runtime.network.addresses import Endpoint
 from runtime.network.block_types import block_class, own_types
@@ -34,11 +35,11 @@ def build(
     kinds: Mapping[str, SignalType] | None = None,
     modules: bool = True,
 ) -> tuple[Network, MissingExtraError | None]:
-    """Build the network of a document that stands by itself (nothing to extend or inline).
+    """Build the network of a document in which nothing is left to extend or inline.
 
     Parameters
     ----------
-    problems : takes what is wrong; the network is sound only if there is nothing.
+    problems : collects what is wrong; the network is valid only if nothing is.
     classes, kinds : block types and signal types beside the library's, of graphs made in Python.
     modules : whether Python files that the graph names are imported.
 
@@ -48,32 +49,30 @@ def build(
     """
     scope, document = expand(document, problems)
     before = len(problems.found)
-    network = _empty_network(document, scope, problems)
-    network.document = document
-    network.kinds.update(kinds or {})
-    network.world = _world(document, problems)
+    run, title = read_run(document, problems), _title(document.get("graph"), problems)
+    world = _world(document, problems)
+    network = Network(title, **asdict(run), scope=scope, document=document, world=world)
     can_run = len(problems.found) == before
-    _add_blocks(network, scope, classes or {}, problems, modules)
+    network = _with_blocks(network, classes or {}, kinds or {}, problems, modules)
     wiring = Wiring(network, problems)
-    wiring.resolve()
-    remove(network, document, problems)
-    infer_types(network, problems)
+    network = replace(
+        network,
+        wires=tuple(wiring.wires),
+        part_wires=tuple(wiring.part_wires),
+        part_inputs=wiring.part_inputs,
+        terms=wiring.terms,
+    )
+    network = remove(network, problems)
+    network = replace(network, types=infer_types(network, problems))
     if not problems.found:
-        check_units(network, problems)
+        notes = check_units(network, problems)
+        network = replace(network, notes=(*network.notes, *notes))
     report_open_inputs(network, wiring, problems)
     if not problems.found:
         report_open(network, problems)
-    missing = _check_settings(network, problems) if can_run else None
+    missing = _check_contexts(network, problems) if can_run else None
     extra = None if missing is None else MissingExtraError(missing.feature, missing.extra)
     return network, extra
-
-
-def _empty_network(document: Node, scope: Scope, problems: Problems) -> Network:
-    run = read_run(document, problems)
-    title = _title(document.get("graph"), problems)
-    network = Network(title, run.dt, run.until, run.seed, scope)
-    network.engine, network.memory = run.engine, run.memory
-    return network
 
 
 def _world(document: Node, problems: Problems) -> World | None:
@@ -86,7 +85,9 @@ def _world(document: Node, problems: Problems) -> World | None:
     try:
         return World(node.plain())
     except ArithmeticError as error:
-        problems.add(node.where, "world", f"expected lengths in m, too large ones here: {error}")
+        problems.add(
+            node.where, "world", f"expected lengths in m, got one that is too large: {error}"
+        )
         return None
     except ParameterError as error:
         for address, text in error.problems:
@@ -114,47 +115,67 @@ def _title(node: Node | None, problems: Problems) -> str:
     return title
 
 
-def _add_blocks(
+@dataclass(frozen=True)
+class _Definition:
+    """A block as the graph defines it, before it is constructed."""
+
+    scope: Scope
+    name: str
+    node: Node
+    cls: type[Block]
+
+    @property
+    def address(self) -> str:
+        return self.scope.path("blocks", self.name)
+
+
+def _with_blocks(
     network: Network,
-    top: Scope,
     classes: Mapping[str, type[Block]],
+    kinds: Mapping[str, SignalType],
     problems: Problems,
     modules: bool,
-) -> None:
-    """Find every block's class, and with them the signal types that they bring; then make them."""
+) -> Network:
+    """The network with its blocks, constructed once all classes and signal types are known."""
     found = []
-    for scope in top.walk():
+    for scope in network.scope.walk():
         for name, node in scope.blocks.items():
-            address = scope.path("blocks", name)
-            cls = block_class(node, address, classes, problems, modules)
+            cls = block_class(node, scope.path("blocks", name), classes, problems, modules)
             if cls is not None:
-                found.append((scope, name, node, cls))
-                _add_kinds(network, node, address, cls, problems)
-    for item in found:
-        _add_block(network, *item, problems)
+                found.append(_Definition(scope, name, node, cls))
+    own = _signal_types(found, kinds, problems)
+    entries, notes = {}, []
+    for definition in found:
+        block, seen = _constructed(definition, own, problems)
+        scope, node = definition.scope, definition.node
+        full = scope.prefix + definition.name
+        every = _ticks(node.get("dt"), network.dt, definition.address, problems)
+        entries[full] = Entry(full, scope, node, definition.cls, block, every)
+        notes += seen
+    return replace(network, signal_types=own, entries=entries, notes=tuple(notes))
 
 
-def _add_kinds(
-    network: Network, node: Node, address: str, cls: type[Block], problems: Problems
-) -> None:
-    """Note the signal types that a block's class and its module bring."""
-    for kind in own_types(cls, node):
-        if network.kinds.setdefault(kind.name, kind) != kind or kind.name in TYPES:
-            message = (
-                f"the signal type '{kind.name}' of this block differs from another of that name"
-            )
-            problems.add(node.key, address, message + " in the graph; rename one of them")
+def _signal_types(
+    found: Iterable[_Definition], kinds: Mapping[str, SignalType], problems: Problems
+) -> dict[str, SignalType]:
+    """The signal types that the blocks' classes and modules define, beside those given."""
+    types = dict(kinds)
+    for definition in found:
+        for kind in own_types(definition.cls, definition.node):
+            if types.setdefault(kind.name, kind) != kind or kind.name in TYPES:
+                message = (
+                    f"the signal type '{kind.name}' of this block differs from another of that "
+                    "name in the graph; rename one of them"
+                )
+                problems.add(definition.node.key, definition.address, message)
+    return types
 
 
-def _add_block(
-    network: Network,
-    scope: Scope,
-    name: str,
-    node: Node,
-    cls: type[Block],
-    problems: Problems,
-) -> None:
-    address = scope.path("blocks", name)
+def _constructed(
+    definition: _Definition, own: Mapping[str, SignalType], problems: Problems
+) -> tuple[Block | None, list[str]]:
+    """A block, None where it cannot be constructed, and notes about its parameters."""
+    node, cls, address = definition.node, definition.cls, definition.address
     values = {key: item for key, item in node.items() if key not in BLOCK_KEYS}
     known = cls.spec.params
     unknown = [key for key in values if key not in known]
@@ -163,26 +184,24 @@ def _add_block(
         if key == "graph":
             suggestion = "; parts are read with the file that names them"
         problems.add(values[key].key, f"{address}.{key}", f"unknown parameter{suggestion}", True)
-    block: Block | None = None
     try:
-        made = cls(**_given(network, {k: item for k, item in values.items() if k in known}, cls))
-        dict(made.variables), dict(made.sizes())
-        block = made
-        network.notes += _turned(cls, address, values)
+        block = cls(**_given({k: item for k, item in values.items() if k in known}, cls, own))
+        dict(block.variables), dict(block.sizes())
+        return block, _large_angles(cls, address, values)
     except ParameterError as error:
-        misspelt = {meant(key, known) for key in unknown}
+        misspelt = {closest(key, known) for key in unknown}
         for parameter, text in error.problems:
             if parameter in values or parameter not in misspelt:
                 where = values[parameter].where if parameter in values else node.key
                 problems.add(where, f"{address}.{parameter}", text)
     except (Exception, SystemExit) as error:  # noqa: BLE001 -- a user's block may raise anything
         problems.add(node.key, address, _failed(cls, error))
-    full = scope.prefix + name
-    every = _ticks(node.get("dt"), network.dt, address, problems)
-    network.entries[full] = Entry(full, scope, node, cls, block, every)
+    return None, []
 
 
-def _given(network: Network, values: Mapping[str, Node], cls: type[Block]) -> dict[str, Any]:
+def _given(
+    values: Mapping[str, Node], cls: type[Block], own: Mapping[str, SignalType]
+) -> dict[str, Any]:
     """The parameters as a block takes them, with the graph's own signal types looked up.
 
     Raises
@@ -191,24 +210,26 @@ def _given(network: Network, values: Mapping[str, Node], cls: type[Block]) -> di
     """
     plain = {key: item.plain() for key, item in values.items()}
     for key, value in plain.items():
-        if network.kinds and cls.spec.params[key].kind == "signal" and isinstance(value, str):
+        if own and cls.spec.params[key].kind == "signal" and isinstance(value, str):
             try:
-                plain[key] = signal_type(value, own=network.kinds)
+                plain[key] = signal_type(value, own=own)
             except ValueError as error:
-                near = hint(value, [*network.kinds, *TYPES])
+                near = hint(value, [*own, *TYPES])
                 raise ParameterError([(key, f"{error}{near}")]) from None
     return plain
 
 
-def _turned(cls: type[Block], address: str, values: Mapping[str, Node]) -> list[str]:
-    """Angles of more than a turn, which are most often degrees."""
+def _large_angles(cls: type[Block], address: str, values: Mapping[str, Node]) -> list[str]:
+    """Notes about angles of more than a turn, which are often meant as degrees."""
     notes = []
     for name, node in values.items():
         if name not in cls.spec.params:
             continue  # reported with the block
         for number in beyond_a_turn(node.plain(), cls.spec.params[name].units):
             message = f"{number:g} rad is {math.degrees(number):.5g} degrees"
-            notes.append(f"{address}.{name}: {message}; if degrees are meant, write {number:g}deg")
+            notes.append(
+                f"{address}.{name}: {message}; if degrees are intended, write {number:g}deg"
+            )
     return notes
 
 
@@ -225,16 +246,14 @@ def _ticks(node: Node | None, base: float, address: str, problems: Problems) -> 
     whole = round(ratio) if ratio < MAX_TICKS else 0
     if whole < 1 or abs(ratio - whole) > 1e-6:
         near = max(1, whole) * base
-        message = (
-            f"{value:g} s is no whole multiple of run.dt = {base:g} s; the nearest is {near:g}"
-        )
+        message = f"{value:g} s is not a multiple of run.dt = {base:g} s; the nearest is {near:g}"
         problems.add(node.where, f"{address}.dt", message)
         return 1
     return whole
 
 
 def _misshapen(network: Network, name: str) -> str:
-    """Which of a block's arrays cannot be made, and why; '' if all can."""
+    """Which of a block's arrays cannot be allocated, and why; '' if all can."""
     spec = network.entries[name].cls.spec
     for key in (*spec.states, *spec.outputs):
         shape = whole_shape(network, Endpoint(name, key)) or ()
@@ -246,10 +265,10 @@ def _misshapen(network: Network, name: str) -> str:
     return ""
 
 
-def _check_settings(network: Network, problems: Problems) -> MissingPackageError | None:
-    """Let each block check its surroundings, once all its ports have types.
+def _check_contexts(network: Network, problems: Problems) -> MissingPackageError | None:
+    """Let each block check its context, once all its ports have types.
 
-    Returns what one of them lacks to run, which is no fault of the graph.
+    Returns the error of a block that needs a package that is not installed: the graph is right.
     """
     missing: MissingPackageError | None = None
     for name, entry in network.entries.items():

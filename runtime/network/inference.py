@@ -15,15 +15,15 @@ Variable = tuple[str, str]
 
 @dataclass
 class _Block:
-    """What is known of one block's type variables and length symbols, and why."""
+    """The type variables and length symbols of a block that are known, and from which wire."""
 
     types: dict[str, SignalType]
     lengths: dict[str, int]
     why: dict[str, str] = field(default_factory=dict)
 
 
-def infer_types(network: Network, problems: Problems) -> None:
-    """Settle the type of every port, as far as the wires tell; reports what clashes."""
+def infer_types(network: Network, problems: Problems) -> dict[tuple[str, str], SignalType]:
+    """The types of ports, as far as blocks and wires determine them; reports contradictions."""
     known = {
         name: _Block(dict(entry.made.variables), dict(entry.made.sizes()))
         for name, entry in network.entries.items()
@@ -32,18 +32,18 @@ def infer_types(network: Network, problems: Problems) -> None:
     inference = _Inference(network, known, problems)
     inference.settle()
     inference.report()
+    types = {}
     for name, block in known.items():
         spec = network.entries[name].cls.spec
-        ports = [(port, declared.type) for port, declared in spec.inputs.items()]
-        ports += [(port, declared.type) for port, declared in spec.outputs.items()]
-        for port, written in ports:
-            kind = _resolved(written, block)
-            if kind is not None and not kind.symbol:
-                network.types[name, port] = kind
+        for port in (*spec.inputs, *spec.outputs):
+            kind = _concrete(_resolved(spec.ports[port].type, block))
+            if kind is not None:
+                types[name, port] = kind
+    return types
 
 
 def report_open(network: Network, problems: Problems) -> None:
-    """Report ports whose type nothing settles, block by block."""
+    """Report ports whose type is not determined, block by block."""
     for name, entry in network.entries.items():
         spec = entry.cls.spec
         ports = [p for p in (*spec.inputs, *spec.outputs) if (name, p) not in network.types]
@@ -54,7 +54,7 @@ def report_open(network: Network, problems: Problems) -> None:
 
 
 def _open(block: str, port: str, spec: BlockSpec) -> str:
-    """What to do about a port whose type or length nothing settles."""
+    """What to do about a port whose type or length is not determined."""
     kind = spec.ports[port].type
     if isinstance(kind, Same):
         message = f"the signal type of '{block}.{port}' is open; wire a typed signal to it"
@@ -96,7 +96,7 @@ def _concrete(kind: SignalType | None) -> SignalType | None:
 
 
 class _Inference:
-    """Passes types along the wires until nothing new is learnt."""
+    """Propagates types along the wires until nothing changes."""
 
     def __init__(self, network: Network, known: dict[str, _Block], problems: Problems) -> None:
         self.network = network
@@ -119,18 +119,20 @@ class _Inference:
     def into(self, wire: Wire) -> PortType:
         return self.network.entries[wire.block].cls.spec.inputs[wire.port].type
 
-    def promised(self, wire: Wire) -> SignalType | None:
-        """The type that the outermost part through which a wire comes asks of its source."""
-        typed = [self.network.declared[name] for name in wire.via if name in self.network.declared]
+    def declared_by_part(self, wire: Wire) -> SignalType | None:
+        """The type that the outermost part on a wire's way declares for its source."""
+        typed = [
+            self.network.part_inputs[name] for name in wire.via if name in self.network.part_inputs
+        ]
         return typed[-1] if typed and not wire.source.component else None
 
-    def coming(self, wire: Wire) -> SignalType | None:
+    def arriving(self, wire: Wire) -> SignalType | None:
         """The type that arrives at a wire's end."""
         if not wire.via or wire.via[0] not in self.outer:
             kind = _resolved(self.out(wire), self.known[wire.source.block])
             return None if kind is None else component_type(kind, wire.source)
         outer = self.outer[wire.via[0]]
-        kind = self.network.declared.get(outer.target) or self.coming(outer)
+        kind = self.network.part_inputs.get(outer.target) or self.arriving(outer)
         own = wire.source if not outer.source.component else replace(wire.source, component="")
         return None if kind is None else component_type(kind, own)
 
@@ -147,9 +149,9 @@ class _Inference:
                 queue.extend(touching[name])
 
     def vote(self) -> None:
-        """Give generic ports that hang together the type that most of their wires have.
+        """Give connected generic ports the type that most of their wires have.
 
-        A single wire that is wrong is then the one that is reported, wherever it stands.
+        A single wrong wire is then the one that is reported, wherever it is written.
         """
         groups: dict[Variable, Variable] = {}
 
@@ -163,11 +165,11 @@ class _Inference:
         for wire in self.wires:
             source = self.variable(wire.source.block, self.out(wire))
             target = self.variable(wire.block, self.into(wire))
-            coming = _concrete(self.coming(wire))
+            coming = _concrete(self.arriving(wire))
             wanted = _concrete(_resolved(self.into(wire), self.known[wire.block]))
-            wanted = self.promised(wire) or wanted
+            wanted = self.declared_by_part(wire) or wanted
             if target is not None and coming is not None:
-                votes.append((target, coming, wire.message))
+                votes.append((target, coming, wire.source_text))
             if source is not None and not wire.source.component:
                 if wanted is not None:
                     votes.append((source, wanted, wire.target))
@@ -179,34 +181,34 @@ class _Inference:
         for variable in list(groups):
             kinds = cast[root(variable)]
             if kinds:
-                # max takes the first of equals: the wire that is written first.
+                # Of equals, max returns the first: the wire that is written first.
                 winner = max(kinds, key=lambda kind: len(kinds[kind]))
                 block = self.known[variable[0]]
                 block.types[variable[1]] = winner
                 block.why[variable[1]] = kinds[winner][0]
 
     def variable(self, block: str, declared: PortType) -> Variable | None:
-        """A port's type variable, if the block's own parameters leave it open."""
+        """A port's type variable, if the block's parameters do not determine it."""
         if isinstance(declared, Same) and declared.variable not in self.known[block].types:
             return block, declared.variable
         return None
 
     def propagate(self, wire: Wire) -> list[str]:
-        """Pass types along one wire, both ways; returns the blocks that learnt something."""
-        learnt = []
+        """Propagate types along one wire, both ways; returns the blocks that changed."""
+        changed = []
         source, target = self.known[wire.source.block], self.known[wire.block]
-        coming = _concrete(self.coming(wire))
-        if coming is not None and _learn(self.into(wire), target, coming, wire.message):
-            learnt.append(wire.block)
+        coming = _concrete(self.arriving(wire))
+        if coming is not None and _bind(self.into(wire), target, coming, wire.source_text):
+            changed.append(wire.block)
         wanted = _concrete(_resolved(self.into(wire), target))
-        wanted = self.promised(wire) or wanted
+        wanted = self.declared_by_part(wire) or wanted
         whole = wanted if not wire.source.component else None
-        if whole is not None and _learn(self.out(wire), source, whole, wire.target):
-            learnt.append(wire.source.block)
-        return learnt
+        if whole is not None and _bind(self.out(wire), source, whole, wire.target):
+            changed.append(wire.source.block)
+        return changed
 
     def report(self) -> None:
-        """Report wires whose ends differ, and components that do not exist."""
+        """Report wires whose ends have different types, and components that do not exist."""
         for wire in (*self.network.wires, *self.network.part_wires):
             if wire.source.block not in self.known:
                 continue
@@ -217,37 +219,37 @@ class _Inference:
                 message = unknown_component(source, wire.source)
                 self.problems.add(wire.where, wire.address, message)
         for wire in self.network.part_wires:
-            target = self.network.declared.get(wire.target)
-            coming = self.coming(wire) if wire.source.block in self.known else None
+            target = self.network.part_inputs.get(wire.target)
+            coming = self.arriving(wire) if wire.source.block in self.known else None
             if target is not None and coming is not None:
-                self.compare(wire, coming, target, "")
+                self.check(wire, coming, target, "")
         for wire in self.wires:
             target = _resolved(self.into(wire), self.known[wire.block])
-            coming = self.coming(wire)
+            coming = self.arriving(wire)
             if target is not None and coming is not None:
                 declared = self.into(wire)
                 symbol = declared.variable if isinstance(declared, Same) else declared.symbol
-                self.compare(wire, coming, target, self.known[wire.block].why.get(symbol or "", ""))
+                self.check(wire, coming, target, self.known[wire.block].why.get(symbol or "", ""))
 
-    def compare(self, wire: Wire, coming: SignalType, target: SignalType, why: str) -> None:
+    def check(self, wire: Wire, coming: SignalType, target: SignalType, why: str) -> None:
         if target.symbol or coming.symbol:
             if coming.name == target.name or {coming.name, target.name} == {"Scalar", "Vector"}:
                 return
         elif compatible(coming, target):
             return
-        if wire.via and not any(name in self.network.declared for name in wire.via):
-            # The part takes any type: what is wired to it from outside does not fit inside.
+        if wire.via and not any(name in self.network.part_inputs for name in wire.via):
+            # The part takes any type, so the wire to it is the one that does not fit inside.
             wire = self.outer.get(wire.via[-1], wire)
-        because = f" (as '{why}' is)" if why and why != wire.message else ""
-        message = f"expected {target}{because}, got {coming} from '{wire.message}'"
+        because = f" (as '{why}' is)" if why and why != wire.source_text else ""
+        message = f"expected {target}{because}, got {coming} from '{wire.source_text}'"
         if target.form == "scalar" and coming.form == "record":
-            fitting = ", ".join(f"{wire.message}.{c}" for c in coming.components)
-            message += f"; one component would fit: {fitting}"
+            fitting = ", ".join(f"{wire.source_text}.{c}" for c in coming.components)
+            message += f"; one of its components fits: {fitting}"
         self.problems.add(wire.where, wire.address, message)
 
 
-def _learn(declared: PortType, block: _Block, kind: SignalType, why: str) -> bool:
-    """Bind what is open in a declared type; returns whether anything new was learnt."""
+def _bind(declared: PortType, block: _Block, kind: SignalType, why: str) -> bool:
+    """Bind the open variable or length of a declared type; returns whether it was open."""
     if isinstance(declared, Same):
         if declared.variable in block.types:
             return False
@@ -266,7 +268,7 @@ def _learn(declared: PortType, block: _Block, kind: SignalType, why: str) -> boo
 
 
 def unknown_component(kind: SignalType, end: Endpoint) -> str:
-    """What is wrong with a component that a signal has not."""
+    """What is wrong with a component that a signal does not have."""
     if kind.form == "scalar":
         has = "it is a scalar"
     elif kind.form == "record":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from blocks.core import Block, BlockContext, SignalType, hint
@@ -12,9 +13,12 @@ from runtime.network.addresses import Endpoint
 from runtime.network.scope import Scope
 
 
-@dataclass
+@dataclass(frozen=True)
 class Entry:
-    """A block of the network. ``block`` is None where it could not be constructed."""
+    """A block of the network; ``block`` is None if it could not be constructed.
+
+    ``every`` is its step in base ticks.
+    """
 
     name: str
     scope: Scope
@@ -57,8 +61,8 @@ class Wire:
     written: str = ""
 
     @property
-    def message(self) -> str:
-        """The source in the words of the graph."""
+    def source_text(self) -> str:
+        """The source as the graph writes it."""
         return self.written or str(self.source)
 
     @property
@@ -66,52 +70,56 @@ class Wire:
         return f"{self.block}.{self.port}" + ("" if self.term is None else f"[{self.term}]")
 
 
-@dataclass
+@dataclass(frozen=True)
 class Network:
-    """A graph, typed and checked; what the plan, the diagram and the probes are made from.
+    """A graph, typed and checked: the source of the plan, the diagram and the probes.
 
-    ``types`` maps (block, port) to the signal type; ``terms`` an input that takes many wires to
-    one flag per wire as written. ``removed`` says for each block that is out of the run how:
-    "without" or "bypass"; its entry and its wires stay in ``ghosts``. ``part_wires`` end at
-    parts, whose typed inputs ``declared`` lists. ``asked`` is the name that took a block out:
-    its own, or that of its part. ``document`` has its ``$params`` filled in. ``kinds`` are the
-    signal types that the graph's own blocks bring, and ``notes`` what looks wrong but can run.
+    document : the graph with its ``$params`` filled in; scope : the names in it.
+    signal_types : those that the graph's own blocks define, by name.
+    notes : what looks wrong but can run.
+    wires : into blocks; part_wires : into parts, whose typed inputs ``part_inputs`` lists.
+    terms : (block, port) of a variadic input to one flag per wire as written: whether it is kept.
+    types : (block, port) to signal type.
+    removed : blocks that are left out, each with "without" or "bypass".
+    removed_by : the name in ``without`` that removed a block: its own, or that of its part.
+    removed_entries, removed_wires : removed blocks, and wires that went or moved with them.
+    bypass_sources : output of a bypassed block to what is wired to the input it passes through.
     """
 
     title: str
     dt: float
     until: float
     seed: int
+    engine: str
+    memory: int
     scope: Scope
-    entries: dict[str, Entry] = field(default_factory=dict)
-    wires: list[Wire] = field(default_factory=list)
-    terms: dict[tuple[str, str], tuple[bool, ...]] = field(default_factory=dict)
-    types: dict[tuple[str, str], SignalType] = field(default_factory=dict)
-    removed: dict[str, str] = field(default_factory=dict)
-    asked: dict[str, str] = field(default_factory=dict)
-    straight: dict[str, Endpoint] = field(default_factory=dict)
-    ghosts: dict[str, Entry] = field(default_factory=dict)
-    ghost_wires: list[Wire] = field(default_factory=list)
-    part_wires: list[Wire] = field(default_factory=list)
-    declared: dict[str, SignalType] = field(default_factory=dict)
-    kinds: dict[str, SignalType] = field(default_factory=dict)
-    notes: list[str] = field(default_factory=list)
-    engine: str = "auto"
-    memory: int = 0
+    document: Node
     world: World | None = None
-    document: Node = field(default_factory=lambda: Node({}))
+    signal_types: Mapping[str, SignalType] = field(default_factory=dict)
+    entries: Mapping[str, Entry] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    wires: tuple[Wire, ...] = ()
+    part_wires: tuple[Wire, ...] = ()
+    part_inputs: Mapping[str, SignalType] = field(default_factory=dict)
+    terms: Mapping[tuple[str, str], tuple[bool, ...]] = field(default_factory=dict)
+    types: Mapping[tuple[str, str], SignalType] = field(default_factory=dict)
+    removed: Mapping[str, str] = field(default_factory=dict)
+    removed_by: Mapping[str, str] = field(default_factory=dict)
+    removed_entries: Mapping[str, Entry] = field(default_factory=dict)
+    removed_wires: tuple[Wire, ...] = ()
+    bypass_sources: Mapping[str, Endpoint] = field(default_factory=dict)
 
     @property
     def ticks(self) -> int:
         return round(self.until / self.dt)
 
     def is_typed(self, name: str) -> bool:
-        """Whether all ports of a block have their types, so that its setting is known."""
+        """Whether all ports of a block have their types."""
         spec = self.entries[name].cls.spec
         return all((name, port) in self.types for port in (*spec.inputs, *spec.outputs))
 
     def context(self, name: str) -> BlockContext:
-        """Where a block finds itself: its step, its types, its wires."""
+        """What a block is told about its place in the graph: step, types, wires, world."""
         entry = self.entries[name]
         ports = (*entry.cls.spec.inputs, *entry.cls.spec.outputs)
         return BlockContext(
@@ -128,7 +136,7 @@ class Network:
 
 def check_output(network: Network, end: Endpoint, states: bool = False) -> str:
     """What is wrong with an address that should be an output (or a state); '' if nothing is."""
-    entry = network.entries.get(end.block) or network.ghosts.get(end.block)
+    entry = network.entries.get(end.block) or network.removed_entries.get(end.block)
     if entry is None:
         return ""
     spec = entry.cls.spec

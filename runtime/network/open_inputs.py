@@ -1,4 +1,4 @@
-"""Inputs that must be wired and are not: each with what could be wired to it."""
+"""Required inputs that are not connected, each with outputs that fit."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from runtime.errors import NOWHERE, Problems, Where
 from runtime.network.addresses import AddressError, find
 from runtime.network.inference import compatible
 from runtime.network.network import Network, Wire
-from runtime.network.removal import lost
+from runtime.network.removal import missing_block
 from runtime.network.scope import Scope, is_optional
 from runtime.network.wiring import Wiring
 
-MAX_OFFERS = 6
+MAX_SUGGESTED = 6
 
 
 @dataclass(frozen=True)
 class _Open:
-    """An open input: of which consumer in which graph, and where that stands."""
+    """An open input: its graph, its consumer, and where that is written."""
 
     scope: Scope
     consumer: str
@@ -37,16 +37,16 @@ class _Open:
 
 
 def report_open_inputs(network: Network, wiring: Wiring, problems: Problems) -> None:
-    """Report every open input, once removal is done and types are known."""
-    ghosts = {(wire.block, wire.port): wire for wire in network.ghost_wires}
+    """Report every open input, after removal and type inference."""
+    removed = {(wire.block, wire.port): wire for wire in network.removed_wires}
     for found in (*_of_blocks(network), *_of_parts(network)):
-        if found.at in ghosts:
-            _report_lost(network, found, ghosts[found.at], problems)
+        if found.at in removed:
+            _report_removed(network, found, removed[found.at], problems)
         elif found.at not in wiring.settled and "wires" not in found.scope.unread:
             wires = found.scope.wires.get(found.consumer)
             why = wiring.open_for.get(found.at)
             message = f"input '{'.'.join(found.at)}'{_typed(found.kind)} is not connected"
-            message += (f", since {why}" if why else "") + _offers(network, found)
+            message += (f", since {why}" if why else "") + _suggestion(network, found)
             where = found.where if wires is None else wires.key
             problems.add(where, found.address if where == NOWHERE else "", message)
 
@@ -61,39 +61,40 @@ def _of_blocks(network: Network) -> Iterator[_Open]:
 
 
 def _of_parts(network: Network) -> Iterator[_Open]:
-    """Inputs of parts; those that are wired are among the settled ones."""
+    """Inputs of parts; those that are connected are among the settled ones."""
     for scope in network.scope.walk():
         alive = any(name.startswith(scope.prefix) for name in network.entries)
         if scope.parent is not None and alive:
             for name, node in scope.inputs.items():
                 if not is_optional(node):
-                    kind = network.declared.get(scope.prefix + name)
+                    kind = network.part_inputs.get(scope.prefix + name)
                     yield _Open(scope.parent, scope.name, name, kind, scope.where)
 
 
-def _report_lost(network: Network, found: _Open, wire: Wire, problems: Problems) -> None:
-    block = lost(network, wire.source)
+def _report_removed(network: Network, found: _Open, wire: Wire, problems: Problems) -> None:
+    block = missing_block(network, wire.source)
     message = f"input '{wire.target}'{_typed(found.kind)} is not connected without '{block}'"
-    if block in network.ghosts and network.ghosts[block].cls.spec.through is not None:
-        message += f"; 'bypass: [{block}]' would wire it straight"
-    problems.add(wire.where, wire.address, message + _offers(network, found))
+    entry = network.removed_entries.get(block)
+    if entry is not None and entry.cls.spec.through is not None:
+        message += f"; 'bypass: [{block}]' would connect through it"
+    problems.add(wire.where, wire.address, message + _suggestion(network, found))
 
 
 def _typed(kind: PortType | None) -> str:
     return f" ({kind})" if isinstance(kind, SignalType) else ""
 
 
-def _offers(network: Network, found: _Open) -> str:
-    """What could be wired to an input, in the words that its graph would use."""
+def _suggestion(network: Network, found: _Open) -> str:
+    """Outputs that fit an input, by the names that its graph would use."""
     kind = found.kind
     if not isinstance(kind, SignalType):
         return "; wire any output to it"
     outputs = _outputs(network, found.scope, found.consumer)
     fitting = [name for name, have in outputs if _fits(have, kind)]
     if not fitting:
-        return f"; no output is a {kind.name}: add a block that has one"
-    more = ", ..." if len(fitting) > MAX_OFFERS else ""
-    return f"; outputs of that type: {', '.join(fitting[:MAX_OFFERS])}{more}"
+        return f"; no output is a {kind.name}; add a block that has one"
+    more = ", ..." if len(fitting) > MAX_SUGGESTED else ""
+    return f"; outputs of that type: {', '.join(fitting[:MAX_SUGGESTED])}{more}"
 
 
 def _fits(have: SignalType | None, want: SignalType) -> bool:
@@ -105,9 +106,9 @@ def _fits(have: SignalType | None, want: SignalType) -> bool:
 def _outputs(
     network: Network, scope: Scope, consumer: str
 ) -> Iterator[tuple[str, SignalType | None]]:
-    """What a graph can wire to one of its blocks, with its type."""
+    """What a graph can connect to one of its blocks, with its type."""
     for name in scope.inputs:
-        yield f"inputs.{name}", network.declared.get(scope.prefix + name)
+        yield f"inputs.{name}", network.part_inputs.get(scope.prefix + name)
     for name in scope.blocks:
         entry = network.entries.get(scope.prefix + name)
         if entry is not None and name != consumer:

@@ -1,8 +1,8 @@
-"""Taking blocks out: ``without`` drops a block with its wires, ``bypass`` wires it straight."""
+"""Removing blocks: ``without`` drops a block with its wires, ``bypass`` connects through it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from blocks.core import hint
@@ -12,81 +12,96 @@ from runtime.network.addresses import Endpoint
 from runtime.network.network import Network, Wire
 
 
-def remove(network: Network, document: Node, problems: Problems) -> None:
-    """Apply both lists to a network, in place; what goes stays visible among its ghosts."""
-    for node, address in _listed(document, "without", problems):
+def remove(network: Network, problems: Problems) -> Network:
+    """The network without the blocks that its document's ``without`` and ``bypass`` name."""
+    removed: dict[str, str] = {}
+    removed_by: dict[str, str] = {}
+    sources: dict[str, Endpoint] = {}
+    for node, address in _listed(network, "without", problems):
         for name in _named(network, node, address, problems):
-            network.removed[name] = "without"
-            network.asked.setdefault(name, node.value)
-    bypassed = _listed(document, "bypass", problems)
+            removed[name] = "without"
+            removed_by.setdefault(name, node.value)
+    bypassed = _listed(network, "bypass", problems)
     for node, address in bypassed:
         for name in _named(network, node, address, problems):
-            message = _no_bypass(network, name, node.value)
-            if message:
-                problems.add(node.where, address, message)
+            found = _bypass_wire(network, removed, name, node.value)
+            if isinstance(found, str):
+                problems.add(node.where, address, found)
             else:
-                network.removed[name] = "bypass"
+                removed[name] = "bypass"
+                sources[f"{name}.{_output(network, name)}"] = found.source
+    network = replace(network, removed=removed, removed_by=removed_by, bypass_sources=sources)
     for node, address in bypassed:
-        if follow(network, Endpoint(node.value, _through(network, node.value))) is None:
-            _check_circle(network, node, address, problems)
-    if network.entries and network.removed.keys() >= network.entries.keys():
+        _check_circle(network, node, address, problems)
+    if network.entries and removed.keys() >= network.entries.keys():
+        document = network.document
         lists = document.get("without") or document.get("bypass")
         where = document.where if lists is None else lists.where
         problems.add(where, "without", "nothing is left of the graph; keep a block")
-    for name in network.removed:
-        network.ghosts[name] = network.entries.pop(name)
-    _rewire(network)
+    return _rewired(network)
 
 
-def _listed(document: Node, name: str, problems: Problems) -> list[tuple[Node, str]]:
-    node = document.get(name)
+def _listed(network: Network, name: str, problems: Problems) -> list[tuple[Node, str]]:
+    node = network.document.get(name)
     if node is None or node.value is None:
         return []
     return texts(node, name, "a block's name", problems)
 
 
-def _rewire(network: Network) -> None:
-    kept: list[Wire] = []
+def _rewired(network: Network) -> Network:
+    """The network with what is removed kept apart, and wires moved to where signals come from."""
+    wires: list[Wire] = []
+    removed_wires: list[Wire] = []
+    terms = dict(network.terms)
     for wire in network.wires:
         source = None if wire.block in network.removed else follow(network, wire.source)
         if source != wire.source:
-            network.ghost_wires.append(wire)
+            removed_wires.append(wire)
         if source is not None:
-            kept.append(replace(wire, source=source))
+            wires.append(replace(wire, source=source))
         elif wire.term is not None and wire.block not in network.removed:
-            flags = list(network.terms[wire.block, wire.port])
+            flags = list(terms[wire.block, wire.port])
             flags[wire.term] = False
-            network.terms[wire.block, wire.port] = tuple(flags)
-    network.wires = kept
+            terms[wire.block, wire.port] = tuple(flags)
     followed = [(wire, follow(network, wire.source)) for wire in network.part_wires]
-    network.part_wires = [replace(w, source=end) for w, end in followed if end is not None]
+    kept = {name: e for name, e in network.entries.items() if name not in network.removed}
+    return replace(
+        network,
+        entries=kept,
+        removed_entries={name: network.entries[name] for name in network.removed},
+        wires=tuple(wires),
+        removed_wires=tuple(removed_wires),
+        part_wires=tuple(replace(w, source=end) for w, end in followed if end is not None),
+        terms=terms,
+    )
 
 
 def _chain(network: Network, end: Endpoint) -> Iterator[Endpoint]:
-    """An address and what takes its place, block for block, as far as bypasses lead."""
+    """An address and, bypass by bypass, the addresses that take its place."""
     seen = set()
     while end.block not in seen:
         yield end
         seen.add(end.block)
-        through = network.straight.get(f"{end.block}.{end.port}")
+        through = network.bypass_sources.get(f"{end.block}.{end.port}")
         if network.removed.get(end.block) != "bypass" or through is None:
             return
         end = replace(through, component=through.component or end.component)
 
 
 def follow(network: Network, end: Endpoint) -> Endpoint | None:
-    """Where a signal comes from once blocks are removed; None if it is gone with its block."""
+    """Where a signal comes from once blocks are removed; None if its block is removed."""
     *_, last = _chain(network, end)
     return None if last.block in network.removed else last
 
 
-def lost(network: Network, end: Endpoint) -> str:
-    """The removed block with which a signal went, or the part in whose name it was removed."""
+def missing_block(network: Network, end: Endpoint) -> str:
+    """The removed block, or part, without which a signal is missing."""
     *_, last = _chain(network, end)
-    return network.asked.get(last.block, last.block)
+    return network.removed_by.get(last.block, last.block)
 
 
-def _through(network: Network, name: str) -> str:
+def _output(network: Network, name: str) -> str:
+    """The output that a block's bypass stands for; '' if it has none."""
     entry = network.entries.get(name)
     pair = entry.cls.spec.through if entry is not None else None
     return pair[1] if pair else ""
@@ -103,29 +118,29 @@ def _named(network: Network, node: Node, address: str, problems: Problems) -> li
     return inside
 
 
-def _no_bypass(network: Network, name: str, written: str) -> str:
-    """Why a block cannot be bypassed; '' if it can, and then its straight wire is noted."""
+def _bypass_wire(
+    network: Network, removed: Mapping[str, str], name: str, written: str
+) -> Wire | str:
+    """The wire that takes the place of a block, or why the block cannot be bypassed."""
     entry = network.entries[name]
     pair = entry.cls.spec.through
     if name != written:
-        return f"'{written}' is a part; only a block with a through-pair can be bypassed"
-    if network.removed.get(name) == "without":
-        return f"'{name}' stands in 'without' as well; keep one of the two"
+        return f"'{written}' is a part; only a block with a pass-through can be bypassed"
+    if removed.get(name) == "without":
+        return f"'{name}' is in 'without' as well; keep one of the two"
     if pair is None:
         kind = entry.cls.__name__
-        return f"'{name}' ({kind}) has no through-pair; 'without: [{name}]' takes it out"
+        return f"'{name}' ({kind}) has no pass-through; 'without: [{name}]' removes it"
     for wire in network.wires:
         if (wire.block, wire.port) == (name, pair[0]):
-            network.straight[f"{name}.{pair[1]}"] = wire.source
-            return ""
-    return f"nothing is wired to '{name}.{pair[0]}', so there is nothing to wire straight"
+            return wire
+    return f"nothing is wired to '{name}.{pair[0]}', so there is nothing to connect directly"
 
 
 def _check_circle(network: Network, node: Node, address: str, problems: Problems) -> None:
-    end = Endpoint(node.value, _through(network, node.value))
+    """Report a bypassed block whose signal would come from bypassed blocks alone."""
+    end = Endpoint(node.value, _output(network, node.value))
     *_, last = _chain(network, end)
     if network.removed.get(last.block) == "bypass" and end.port:
-        message = (
-            f"the straight wire through '{node.value}' leads back to itself; keep a block of it"
-        )
+        message = f"bypassing '{node.value}' would close a circle of wires; keep a block of it"
         problems.add(node.where, address, message)

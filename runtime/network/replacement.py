@@ -1,4 +1,4 @@
-"""Another type in a block's place: what fits it stays, the rest falls away with a note."""
+"""Replacing a block by one of another type: what fits stays, the rest is dropped with a note."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from runtime.network.block_types import block_class
 
 SIGNAL_FREE = ("kind", "title")
 _REFERENCE = re.compile(r"\$([A-Za-z_]\w*)")
-Gone = Callable[[str], bool]
+IsGone = Callable[[str], bool]
 
 
 def replace_block(
@@ -33,14 +33,14 @@ def replace_block(
     Parameters
     ----------
     name : the block's name; inside a part, ``adaptive.snn_v``.
-    kind : the new type, or ``file.py:Type`` for one of your own.
-    classes : block types beside the library's.
+    kind : the new type, or ``file.py:Type`` for your own.
+    classes : block types other than the library's.
     origin : where the change was written, for messages.
     modules : whether Python files may be imported.
 
     Returns
     -------
-    The document, and one note for each thing that fell away.
+    The document, and a note about each thing that was dropped.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def replace_block(
 
 
 def _scopes(document: Node, names: list[str], where: Where) -> list[Node]:
-    """The graph and the parts inside which a block stands, the outermost first."""
+    """The graph and the parts that contain a block, the outermost first."""
     scopes = [document]
     for depth, name in enumerate(names):
         blocks = scopes[-1].get("blocks") or Node({})
@@ -81,7 +81,7 @@ def _scopes(document: Node, names: list[str], where: Where) -> list[Node]:
 
 @dataclass
 class _Replacement:
-    """One replacement; collects what fell away."""
+    """One replacement; collects notes about what is dropped."""
 
     name: str
     cls: type[Block]
@@ -93,7 +93,7 @@ class _Replacement:
             self.notes.append(text)
 
     def apply(self, scopes: list[Node], names: list[str], entry: dict[str, Node]) -> Node:
-        """Change the innermost scope, and whatever refers to the block in those around it."""
+        """Change the innermost scope, and all that refers to the block in those around it."""
         scope = self.block(scopes[-1], names[-1], entry)
         for depth in range(len(names) - 1, -1, -1):
             if depth < len(names) - 1:
@@ -102,8 +102,8 @@ class _Replacement:
             scope = self.wires(scope, self.gone(".".join(names[depth:]), with_states=False))
         return self.observed(scope, self.gone(self.name, with_states=True))
 
-    def gone(self, name: str, with_states: bool) -> Gone:
-        """Tells an address of the block that the new type does not have."""
+    def gone(self, name: str, with_states: bool) -> IsGone:
+        """A test for addresses of the block that the new type does not have."""
         spec = self.cls.spec
         known = {*spec.outputs, *(spec.states if with_states else ())}
 
@@ -135,12 +135,12 @@ class _Replacement:
                 mine = mine.with_item(port, None)
         if mine is not None:
             changed = changed.with_item("wires", wires.with_item(name, mine))
-        return _without_unread(
+        return _without_unused(
             changed, {text for key in dropped for text in _references(given[key])}
         )
 
-    def wires(self, scope: Node, gone: Gone) -> Node:
-        """A scope without the wires that come from outputs that are gone."""
+    def wires(self, scope: Node, gone: IsGone) -> Node:
+        """A scope without the wires from outputs that are gone."""
         wires = scope.get("wires")
         if wires is None:
             return scope
@@ -152,20 +152,20 @@ class _Replacement:
             wires = wires.with_item(consumer, ports)
         return scope.with_item("wires", wires)
 
-    def left(self, node: Node, gone: Gone) -> Node | None:
+    def left(self, node: Node, gone: IsGone) -> Node | None:
         """A text or list of texts without what is gone; None if nothing is left."""
         items = node.value if node.is_list else [node]
         lost = [item for item in items if isinstance(item.value, str) and gone(item.value)]
         for item in [item for item in lost if "." in item.value]:
             port = item.value.rpartition(f"{self.name.rpartition('.')[2]}.")[2]
-            self.note(f"which has no '{port}': '{item.value}' falls away")
+            self.note(f"which has no '{port}': '{item.value}' is dropped")
         if not lost:
             return node
         kept = [item for item in items if item not in lost]
         return Node(kept, node.where, node.key) if kept and node.is_list else None
 
-    def observed(self, document: Node, gone: Gone) -> Node:
-        """A document without the probes, plots and metrics of what is gone."""
+    def observed(self, document: Node, gone: IsGone) -> Node:
+        """A document without the probes, plots and metrics of signals that are gone."""
         lost: set[str] = set()
         for section in ("probes", "plots", "metrics"):
             entries = document.get(section)
@@ -180,7 +180,7 @@ class _Replacement:
             document = document.with_item(section, entries)
         return document
 
-    def entry(self, entry: Node, gone: Gone) -> Node | None:
+    def entry(self, entry: Node, gone: IsGone) -> Node | None:
         if not entry.is_map:
             return self.left(entry, gone)
         for key, node in entry.items():
@@ -194,15 +194,15 @@ class _Replacement:
 
 
 def _references(node: Node) -> Iterable[str]:
-    """Names of the params that a value reads."""
+    """Names of the params that a value uses."""
     if isinstance(node.value, str) and (match := _REFERENCE.fullmatch(node.value)):
         yield match[1]
     for item in node.value if node.is_list else [inner for _, inner in node.items()]:
         yield from _references(item)
 
 
-def _without_unread(scope: Node, names: set[str]) -> Node:
-    """A graph or part without those of its params that nothing reads any more."""
+def _without_unused(scope: Node, names: set[str]) -> Node:
+    """A graph or part without those params that are no longer used."""
     params = scope.get("params") or Node({})
     read = {text for key, node in scope.items() if key != "params" for text in _references(node)}
     for name in names - read:

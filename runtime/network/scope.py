@@ -1,4 +1,4 @@
-"""Names and their meaning: a graph's blocks and ports, its parts as scopes of their own."""
+"""Scopes of names: a graph's blocks and ports, and a scope for each of its parts."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ RESERVED = ("inputs", "outputs")
 
 @dataclass
 class Scope:
-    """One graph's names: its blocks, its parts as scopes of their own, its ports.
+    """The names of a graph or part: its blocks, parts and ports.
 
-    ``prefix`` is what the names inside have in front of them in the whole graph, and ``address``
-    where the scope stands in the document. ``broken`` names blocks that are written but cannot be
-    read, ``unread`` such sections: what leads there is reported once, where it stands.
+    ``prefix`` is put before the names inside to form those in the whole graph; ``address`` is the
+    scope's in the document. ``broken`` names blocks that cannot be read, ``unread`` such
+    sections: they are reported once, and addresses that lead there are not.
     """
 
     prefix: str
@@ -81,7 +81,7 @@ def expand(document: Node, problems: Problems) -> tuple[Scope, Node]:
 
 
 def _unread(document: Node, known: Iterable[str]) -> set[str]:
-    """Sections that were meant but cannot be read, since they stand under another name."""
+    """Sections that cannot be read because their names are misspelt."""
     found = misspelt(document, known)
     strange = any(name not in known for name, _ in document.items())
     return found | {"wires"} if strange and document.get("wires") is None else found
@@ -104,7 +104,7 @@ def _scope(document: Node, scope: Scope, problems: Problems, work: Work) -> Scop
             message = f"expected {{type: ...}}, got {entry.describe()}"
             if entry.value is None:
                 others = [other for other in written if other != name]
-                message += hint(name, others) or "; null only takes out what 'extends' brings"
+                message += hint(name, others) or "; null only deletes what 'extends' adds"
             problems.add(entry.where, address, message)
             scope.broken.add(name)
         elif is_part(entry):
@@ -122,11 +122,11 @@ def _scope(document: Node, scope: Scope, problems: Problems, work: Work) -> Scop
 
 def _misnamed(name: str) -> str:
     if name in RESERVED:
-        return f"'{name}' stands for the ports of a part; give the block another name"
+        return f"'{name}' is reserved for the ports of a part; give the block another name"
     if "{" in name:
         return f"a colon is missing after '{name.split('{')[0].strip()}'"
     if not NAME.fullmatch(name):
-        return f"'{name}' is no name for a block; use letters, digits and _"
+        return f"'{name}' is not a name for a block; use letters, digits and _"
     return ""
 
 
@@ -149,9 +149,9 @@ def _part(
 def part_input(
     node: Node, address: str, problems: Problems, own: Mapping[str, SignalType] | None = None
 ) -> SignalType | None:
-    """The type that an entry of a part's ``inputs`` declares; None if it leaves it open.
+    """The type that an entry of a part's ``inputs`` declares; None if it declares none.
 
-    ``own`` are the signal types that the graph's own blocks bring, by name.
+    ``own`` are the signal types that the graph's own blocks define, by name.
     """
     declared = node.get("type") if node.is_map else node
     if node.is_map:
@@ -172,6 +172,6 @@ def part_input(
 
 
 def is_optional(declared: Node) -> bool:
-    """Whether a part's input may stay open (or says so in words that are reported)."""
+    """Whether a part's input may stay open; a value that is not a boolean counts as true."""
     node = declared.get("optional")
     return node is not None and node.value is not False

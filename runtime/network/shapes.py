@@ -1,4 +1,4 @@
-"""Shapes of a network's outputs and states, with their symbolic lengths filled in."""
+"""Shapes of a network's outputs and states, with symbolic lengths resolved."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def whole_shape(network: Network, end: Endpoint) -> tuple[int, ...] | None:
 def state_shape(
     sizes: dict[str, int], state: State, context: BlockContext, spec: Any
 ) -> tuple[int, ...]:
-    """The shape of a declared state, with its symbols filled in."""
+    """The shape of a declared state, with symbolic lengths resolved."""
     if state.like:
         return context.types[state.like].shape
     lengths = dict(sizes)

@@ -1,4 +1,4 @@
-"""Units along the wires: what certainly does not go together is refused."""
+"""Units along the wires: units that contradict each other are refused."""
 
 from __future__ import annotations
 
@@ -9,22 +9,26 @@ from runtime.errors import Problems
 from runtime.network.addresses import Endpoint
 from runtime.network.network import Network, Wire
 
-MEANT = "; where that is meant, a Gain on this wire gives it another unit"
+INTENDED = "; if that is intended, a Gain on this wire gives it another unit"
 
 
-def check_units(network: Network, problems: Problems) -> None:
-    """Report wires that are joined with one of another unit, and note those that differ from
-    what the input itself declares: a block may well take its factor as 1.
+def check_units(network: Network, problems: Problems) -> list[str]:
+    """Report wires that are joined with one of another unit.
+
+    Returns notes about wires whose unit differs from the one that their input declares, which
+    may be intended: a block may well take its factor as 1.
 
     Units are known where a port declares one and where a record's component has one. A generic
-    block hands on the unit of what is wired to it, but for outputs in a unit of their own
-    (``Same("T", own_unit=True)``, as a Gain's), which may be anything.
+    block passes on the unit of its source, except for outputs with a unit of their own
+    (``Same("T", own_unit=True)``, as a Gain's), which may be any.
     """
-    _Units(network, problems).check()
+    units = _Units(network, problems)
+    units.check_joined()
+    return units.notes()
 
 
 class _Units:
-    """The units of the groups of ports that have one in common: of a block's type variable."""
+    """The units of groups of ports that share one: those of a block's type variable."""
 
     def __init__(self, network: Network, problems: Problems) -> None:
         self.network = network
@@ -49,25 +53,27 @@ class _Units:
     def port(self, wire: Wire) -> Input:
         return self.network.entries[wire.block].cls.spec.inputs[wire.port]
 
-    def check(self) -> None:
+    def check_joined(self) -> None:
         for wires in self.joined.values():
             known = [(wire, unit) for wire in wires if (unit := self.of(wire.source))]
             for wire, unit in known[1:]:
                 first, wanted = known[0]
                 if differ(unit, wanted):
-                    message = f"expected {wanted} as '{first.message}' has, "
-                    message += f"got {unit} from '{wire.message}'"
-                    self.problems.add(wire.where, wire.address, message + MEANT)
+                    message = f"expected {wanted} as '{first.source_text}' has, "
+                    message += f"got {unit} from '{wire.source_text}'"
+                    self.problems.add(wire.where, wire.address, message + INTENDED)
+
+    def notes(self) -> list[str]:
+        found = []
         for wire in self.network.wires:
             wanted, unit = self.port(wire).unit, self.of(wire.source)
             if differ(unit, wanted):
-                message = (
-                    f"{wire.address}: expected {wanted}, got {unit} from '{wire.message}'{MEANT}"
-                )
-                self.network.notes.append(message)
+                message = f"expected {wanted}, got {unit} from '{wire.source_text}'{INTENDED}"
+                found.append(f"{wire.address}: {message}")
+        return found
 
     def of(self, end: Endpoint) -> str:
-        """The unit of what comes from an address; '' if it is not known or differs by component."""
+        """The unit of a signal; '' if it is not known or differs between components."""
         port = self.network.entries[end.block].cls.spec.outputs[end.port]
         kind = self.network.types.get((end.block, end.port))
         if kind is not None and kind.form == "record":

@@ -1,9 +1,9 @@
-"""Wires from text to network: every end of them looked up."""
+"""Wires: from the text to the blocks and ports that they connect."""
 
 from __future__ import annotations
 
-from blocks.core import hint
-from runtime.document import Node, meant
+from blocks.core import SignalType, hint
+from runtime.document import Node, closest
 from runtime.errors import Problems
 from runtime.network.addresses import (
     AddressError,
@@ -19,30 +19,30 @@ Input = tuple[str, str]
 
 
 class Wiring:
-    """Resolves the wires of a network, and remembers what became of each input.
+    """Resolves the wires of a network; reports those that lead to or from nothing.
 
-    ``settled`` holds the inputs, of blocks and of parts, of which nothing more needs to be said:
-    something is wired to them, even if it is something that is wrong. ``open_for`` says of others
-    why the wire that is written leads to nothing.
+    ``wires``, ``part_wires``, ``part_inputs`` and ``terms`` are the network's. ``settled`` holds
+    the inputs of blocks and parts that need no further message: something is wired to them, even
+    if it is wrong. ``open_for`` says why the wire that is written to an input leads to nothing.
     """
 
     def __init__(self, network: Network, problems: Problems) -> None:
         self.network = network
         self.problems = problems
+        self.wires: list[Wire] = []
+        self.part_wires: list[Wire] = []
+        self.part_inputs: dict[str, SignalType] = {}
+        self.terms: dict[Input, tuple[bool, ...]] = {}
         self.settled: set[Input] = set()
         self.open_for: dict[Input, str] = {}
-
-    def resolve(self) -> None:
-        """Add all wires to the network; reports those that lead to or from nothing."""
-        for scope in self.network.scope.walk():
+        for scope in network.scope.walk():
             for name, node in scope.outputs.items():
                 self.check_source(scope, node, scope.path("outputs", name))
             for name, node in scope.inputs.items():
-                kind = part_input(
-                    node, scope.path("inputs", name), self.problems, self.network.kinds
-                )
+                address = scope.path("inputs", name)
+                kind = part_input(node, address, problems, network.signal_types)
                 if kind is not None and not kind.symbol:
-                    self.network.declared[scope.prefix + name] = kind
+                    self.part_inputs[scope.prefix + name] = kind
             for consumer, ports in scope.wires.items():
                 self.consumer(scope, consumer, ports)
 
@@ -60,8 +60,8 @@ class Wiring:
         address = scope.path("wires", name)
         known = [*scope.names(), *scope.broken]
         if name not in known and "blocks" not in scope.unread:
-            near = meant(name, known)
-            suggestion = f"; delete these wires, or put it back and write 'without: [{name}]'"
+            near = closest(name, known)
+            suggestion = f"; delete these wires, or restore it and write 'without: [{name}]'"
             head, _, port = name.rpartition(".")
             if head in known:
                 near = ""
@@ -97,8 +97,8 @@ class Wiring:
     def unknown_port(self, scope: Scope, name: str, port: str, node: Node, address: str) -> None:
         inputs = self.inputs(scope, name)
         full = scope.prefix + name
-        # The input that was meant is wired, if under another name.
-        self.settled.add((full, meant(port, inputs)))
+        # The input is connected, if by a misspelt name.
+        self.settled.add((full, closest(port, inputs)))
         suggestion = hint(port, inputs) or f"; its inputs: {', '.join(inputs) or 'none'}"
         owner = f"part '{full}'" if name in scope.parts else f"'{full}'"
         self.problems.add(node.key, address, f"{owner} has no input '{port}'{suggestion}", True)
@@ -111,7 +111,7 @@ class Wiring:
             self.problems.add(node.where, address, message)
         else:
             items = node.value if node.is_list else [node]
-            self.network.terms[entry.name, port] = tuple(
+            self.terms[entry.name, port] = tuple(
                 self.wire(entry, port, i, item, f"{address}[{i}]" if node.is_list else address)
                 for i, item in enumerate(items)
             )
@@ -127,10 +127,8 @@ class Wiring:
             return False
         self.settled.add((entry.name, port))
         if found is not None:
-            end, via = found.end, found.via
-            self.network.wires.append(
-                Wire(end, entry.name, port, term, node.where, address, via, node.value)
-            )
+            place = (node.where, address, found.via, node.value)
+            self.wires.append(Wire(found.end, entry.name, port, term, *place))
         return found is not None
 
     def part_port(self, scope: Scope, name: str, port: str, node: Node, address: str) -> None:
@@ -144,10 +142,8 @@ class Wiring:
             return
         self.settled.add((full, port))
         if found is not None:
-            end, via = found.end, found.via
-            self.network.part_wires.append(
-                Wire(end, full, port, None, node.where, address, via, node.value)
-            )
+            place = (node.where, address, found.via, node.value)
+            self.part_wires.append(Wire(found.end, full, port, None, *place))
 
     def check_source(self, scope: Scope, node: Node, address: str) -> None:
         try:
@@ -156,11 +152,11 @@ class Wiring:
             return
 
     def source(self, scope: Scope, node: Node, address: str) -> ResolvedAddress | None:
-        """Where a wire comes from; None if that is wrong, or a block of unknown type.
+        """Where a wire comes from; None if that is wrong, or the block's type is unknown.
 
         Raises
         ------
-        UnwiredError : it comes through a part's input that is open.
+        UnwiredError : it comes through an open input of a part.
         """
         if not isinstance(node.value, str):
             message = f"expected one producer.output, got {node.describe()}"
@@ -175,10 +171,10 @@ class Wiring:
         except ReportedError:
             return None
         except AddressError as error:
-            self.problems.add(*(error.place or (node.where, address)), str(error), True)
+            self.problems.add(*(error.location or (node.where, address)), str(error), True)
             return None
         text = check_output(self.network, found.end)
         if text:
-            self.problems.add(*(found.place or (node.where, address)), text, True)
+            self.problems.add(*(found.location or (node.where, address)), text, True)
             return None
         return found if found.end.block in self.network.entries else None

@@ -27,7 +27,7 @@ from runtime.network import (
     check_output,
     find,
     follow,
-    lost,
+    missing_block,
     whole_shape,
 )
 from runtime.observation.metrics import METRIC_KINDS, Metric, ProbeInfo
@@ -172,7 +172,7 @@ class _Reader:
         except ReportedError:
             return None
         except AddressError as error:
-            self.problems.add(*(error.place or (node.where, address)), str(error))
+            self.problems.add(*(error.location or (node.where, address)), str(error))
             return None
         text = check_output(self.network, found.end, states=True)
         real = follow(self.network, found.end)
@@ -190,12 +190,12 @@ class _Reader:
             else:
                 text = f"{columns} columns are too many to record; name one, '{node.value}.0'"
         elif not text:
-            block = lost(self.network, found.end)
+            block = missing_block(self.network, found.end)
             note = f"'{node.value}' is not recorded: block '{block}' is removed"
             if note not in self.seen.notes:
                 self.seen.notes.append(note)
             return None
-        self.problems.add(*(found.place or (node.where, address)), text)
+        self.problems.add(*(found.location or (node.where, address)), text)
         return None
 
     def recorded(self, owner: Node, key: str, keys: tuple[str, ...], address: str) -> list[str]:

@@ -11,6 +11,7 @@ from matplotlib.text import Text
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
 from blocks.core import FloatArray
+from runtime.document import Override
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -105,11 +106,11 @@ def head(axes: Axes, title: str, small: str) -> None:
 def subtitle(result: RunData) -> str:
     """What was run, in one line: the graph, what was taken out of it, where it broke off."""
     removed: dict[str, str] = result.manifest.get("removed", {})
-    overrides = result.manifest.get("overrides", [])
+    overrides = [Override.parse(str(text)) for text in result.manifest.get("overrides", [])]
     parts = [result.title]
     for how, message in (("without", "without"), ("bypass", "bypassing")):
         names = [name for name, way in removed.items() if way == how]
-        asked = [text.partition(" ")[2] for text in overrides if text.startswith(f"{how} ")]
+        asked = [override.target for override in overrides if override.kind == how]
         if names:
             parts.append(f"{message} {_listed(_grouped(names, asked))}")
     status = result.manifest.get("status", "complete")

@@ -19,7 +19,7 @@ import numpy as np
 from blocks.core import FloatArray
 from blocks.world import World
 from runtime.diagrams import stored_picture
-from runtime.document import DEFAULT_MEMORY, dump_yaml
+from runtime.document import DEFAULT_MEMORY, Override, dump_yaml
 from runtime.engine import Engine, MakeRunner, Outcome, Profile, Program, silent, take_compiled
 from runtime.network import Network
 from runtime.observation import Metric, Probe, Recording, Series, readable_bytes
@@ -55,7 +55,7 @@ class PreparedRun:
     document: Callable[[], dict[str, Any]]
     source: Path | None
     read: Mapping[str, bytes]
-    overrides: tuple[str, ...]
+    overrides: tuple[Override, ...]
     notes: tuple[str, ...]
 
 
@@ -205,7 +205,7 @@ def _manifest(
         "us_per_tick": 1e6 * (outcome.wall_s - outcome.ready_s) / max(1, outcome.ticks - 1),
         "started": began.isoformat(timespec="seconds"),
         "argv": sys.argv,
-        "overrides": list(graph.overrides),
+        "overrides": [str(override) for override in graph.overrides],
         "removed": dict(network.removed),
         "order": _order(program),
         "notes": notes,

@@ -23,17 +23,17 @@ def loop(
 ) -> runtime.Graph:
     """A robot that follows a path: u = u_l + u_f."""
     graph = runtime.Graph(dt=dt, until=until)
-    graph.add("track", path)
-    graph.add("match", blocks.MatchingPoint(v_r=lqr.v_r, alpha=alpha))
-    graph.add("error", blocks.TrackingError()).add("lqr", lqr).add("total", blocks.Sum())
-    graph.add("plant", blocks.DifferentialDrive(x0=x0))
-    graph.connect("track.path", "match.path").connect("plant.pose", "match.pose")
-    graph.connect("plant.pose", "error.pose").connect("match.reference", "error.reference")
-    graph.connect("error.state", "lqr.error").connect("match.reference", "lqr.reference")
-    graph.connect("lqr.command", "total.terms").connect("match.feedforward", "total.terms")
-    graph.connect("total.out", "plant.command")
+    graph = graph.add("track", path)
+    graph = graph.add("match", blocks.MatchingPoint(v_r=lqr.v_r, alpha=alpha))
+    graph = graph.add("error", blocks.TrackingError()).add("lqr", lqr).add("total", blocks.Sum())
+    graph = graph.add("plant", blocks.DifferentialDrive(x0=x0))
+    graph = graph.connect("track.path", "match.path").connect("plant.pose", "match.pose")
+    graph = graph.connect("plant.pose", "error.pose").connect("match.reference", "error.reference")
+    graph = graph.connect("error.state", "lqr.error").connect("match.reference", "lqr.reference")
+    graph = graph.connect("lqr.command", "total.terms").connect("match.feedforward", "total.terms")
+    graph = graph.connect("total.out", "plant.command")
     for signal in ("plant.pose", "error.lateral", "error.heading", "match.progress"):
-        graph.probe(signal)
+        graph = graph.probe(signal)
     return graph
 
 

@@ -240,5 +240,5 @@ class _Reader:
             return Variant(name, changed, tuple(map(str, message.plain())))
         other = node.get("graph")
         if other is not None:
-            return Variant(name, changed, (f"graph {other.value}", *changed.overrides))
+            return Variant(name, changed, (f"graph {other.value}", *map(str, changed.overrides)))
         return Variant.of(name, changed, baseline)

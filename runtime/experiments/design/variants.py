@@ -26,7 +26,7 @@ class Variant:
     @classmethod
     def of(cls, name: str, graph: Graph, baseline: Graph) -> Variant:
         known = len(baseline.overrides)
-        return cls(name, graph, graph.overrides[known:])
+        return cls(name, graph, tuple(map(str, graph.overrides[known:])))
 
 
 def grouped(changes: Iterable[Change]) -> tuple[list[Change], list[tuple[str, list[Change]]]]:

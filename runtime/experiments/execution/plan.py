@@ -143,7 +143,7 @@ class Plan:
                 "started": datetime.now().astimezone().isoformat(timespec="seconds"),
                 "argv": list(sys.argv),
                 "source": str(source) if source else None,
-                "changes": list(self.graph.overrides),
+                "changes": [str(change) for change in self.graph.overrides],
                 "versions": versions(),
                 "git": git_commit(),
             },

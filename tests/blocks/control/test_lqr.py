@@ -425,10 +425,10 @@ def test_what_cannot_be_solved_is_refused_before_the_run(
     parameters: dict[str, Any], message: str
 ) -> None:
     graph = runtime.Graph(dt=0.01, until=0.1)
-    graph.add("p", blocks.Constant(value=[0, 0, 0], signal="Pose"))
-    graph.add("e", blocks.TrackingError()).add("lqr", blocks.LQR(**parameters))
-    graph.connect("p.value", "e.pose").connect("p.value", "e.reference")
-    graph.connect("e.state", "lqr.error").connect("p.value", "lqr.reference")
+    graph = graph.add("p", blocks.Constant(value=[0, 0, 0], signal="Pose"))
+    graph = graph.add("e", blocks.TrackingError()).add("lqr", blocks.LQR(**parameters))
+    graph = graph.connect("p.value", "e.pose").connect("p.value", "e.reference")
+    graph = graph.connect("e.state", "lqr.error").connect("p.value", "lqr.reference")
     with pytest.raises(runtime.GraphError) as caught:
         graph.check()
     assert message in str(caught.value)

@@ -49,15 +49,21 @@ def drive(
     """A robot beside a straight path, steered by the block and a feedforward of v_r."""
     graph = runtime.Graph(dt=dt, until=seconds)
     v_r = block.value("v_r")
-    graph.add("track", blocks.LinePath(x_end=2.0 * abs(v_r) * seconds + 1.0, samples=20001))
-    graph.add("match", blocks.MatchingPoint(v_r=v_r)).add("error", blocks.TrackingError())
-    graph.add("tracker", block).add("total", blocks.Sum())
-    graph.add("plant", blocks.DifferentialDrive(x0=[0.1, lateral, heading], integrator="exact"))
+    graph = graph.add("track", blocks.LinePath(x_end=2.0 * abs(v_r) * seconds + 1.0, samples=20001))
+    graph = graph.add("match", blocks.MatchingPoint(v_r=v_r)).add("error", blocks.TrackingError())
+    graph = graph.add("tracker", block).add("total", blocks.Sum())
+    graph = graph.add(
+        "plant", blocks.DifferentialDrive(x0=[0.1, lateral, heading], integrator="exact")
+    )
     for wire in ("plant.pose match.pose", "track.path match.path", "plant.pose error.pose"):
-        graph.connect(*wire.split())
-    graph.connect("match.reference", "error.reference")
-    graph.connect("error.state", "tracker.error").connect("match.reference", "tracker.reference")
-    graph.connect("tracker.command", "total.terms").connect("match.feedforward", "total.terms")
+        graph = graph.connect(*wire.split())
+    graph = graph.connect("match.reference", "error.reference")
+    graph = graph.connect("error.state", "tracker.error").connect(
+        "match.reference", "tracker.reference"
+    )
+    graph = graph.connect("tracker.command", "total.terms").connect(
+        "match.feedforward", "total.terms"
+    )
     return graph.connect("total.out", "plant.command").probe("plant.pose").run()
 
 

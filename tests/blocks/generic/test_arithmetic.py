@@ -74,8 +74,8 @@ def total(*removed: str) -> float:
     """2 - 3 + 10 - 40, without some of the terms."""
     graph = runtime.Graph(dt=0.1, until=0.1).add("sum", blocks.Sum(signs=[1, -1, 1, -1]))
     for name, value in zip("abcd", (2, 3, 10, 40), strict=True):
-        graph.add(name, blocks.Constant(value=value)).connect(f"{name}.value", "sum.terms")
-    graph.probe("sum.out")
+        graph = graph.add(name, blocks.Constant(value=value)).connect(f"{name}.value", "sum.terms")
+    graph = graph.probe("sum.out")
     return float((graph.without(*removed) if removed else graph).run()["sum.out"][0])
 
 
@@ -165,7 +165,9 @@ def mux(*wired: str) -> list[float]:
     graph = runtime.Graph(dt=0.1, until=0.1).add("mux", blocks.Mux())
     for name, value in (("v", 0.7), ("omega", -0.3)):
         if name in wired:
-            graph.add(name, blocks.Constant(value=value)).connect(f"{name}.value", f"mux.{name}")
+            graph = graph.add(name, blocks.Constant(value=value)).connect(
+                f"{name}.value", f"mux.{name}"
+            )
     return list(graph.probe("mux.out").run()["mux.out"][0].tolist())
 
 

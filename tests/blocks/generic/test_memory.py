@@ -124,8 +124,10 @@ def test_bad_time_constant(tau: Any) -> None:
 def test_a_delay_breaks_a_loop_at_the_blocks_own_step() -> None:
     """x_k+1 = 2 x_k counts one doubling per tick of the delay, which ticks every third time."""
     graph = runtime.Graph(dt=0.1, until=1.2)
-    graph.add("hold", blocks.UnitDelay(initial=1.0), dt=0.3).add("twice", blocks.Gain(gain=2))
-    graph.connect("hold.out", "twice.input").connect("twice.out", "hold.input")
-    graph.add("typed", blocks.Mux()).connect("hold.out", "typed.v")
+    graph = graph.add("hold", blocks.UnitDelay(initial=1.0), dt=0.3).add(
+        "twice", blocks.Gain(gain=2)
+    )
+    graph = graph.connect("hold.out", "twice.input").connect("twice.out", "hold.input")
+    graph = graph.add("typed", blocks.Mux()).connect("hold.out", "typed.v")
     held = graph.probe("hold.out").run()["hold.out"]
     np.testing.assert_array_equal(held, [1.0, 2.0, 4.0, 8.0])

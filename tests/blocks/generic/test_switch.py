@@ -39,10 +39,10 @@ def test_it_keeps_the_rules_of_blocks(kind: SignalType | None) -> None:
 
 def test_it_takes_its_type_from_the_wires() -> None:
     graph = runtime.Graph(dt=0.1, until=1.0)
-    graph.add("select", blocks.Constant(value=1.0))
-    graph.add("a", blocks.Constant(value=[1.0, 2.0], signal="Twist"))
-    graph.add("b", blocks.Constant(value=[3.0, 4.0], signal="Twist"))
-    graph.add("switch", Switch()).connect("select.value", "switch.select")
-    graph.connect("a.value", "switch.off").connect("b.value", "switch.on")
+    graph = graph.add("select", blocks.Constant(value=1.0))
+    graph = graph.add("a", blocks.Constant(value=[1.0, 2.0], signal="Twist"))
+    graph = graph.add("b", blocks.Constant(value=[3.0, 4.0], signal="Twist"))
+    graph = graph.add("switch", Switch()).connect("select.value", "switch.select")
+    graph = graph.connect("a.value", "switch.off").connect("b.value", "switch.on")
     result: Any = graph.probe("switch.out").run()
     assert np.array_equal(result["switch.out"], np.tile([3.0, 4.0], (10, 1)))

@@ -20,7 +20,9 @@ def learner_graph(learner: Block, seconds: float = 1.0, **inputs: float) -> runt
     """One learner with constant inputs: ``input``, ``error`` and perhaps ``learn``."""
     graph = runtime.Graph(dt=DT, until=seconds).add("learner", learner)
     for name, value in {"input": 0.0, "error": 1.0, **inputs}.items():
-        graph.add(name, blocks.Constant(value=value)).connect(f"{name}.value", f"learner.{name}")
+        graph = graph.add(name, blocks.Constant(value=value)).connect(
+            f"{name}.value", f"learner.{name}"
+        )
     return graph.probe("learner.output")
 
 

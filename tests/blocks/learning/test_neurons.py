@@ -41,13 +41,13 @@ def draw(n: int, d: int, seed: int) -> dict[str, np.ndarray]:
 
 def ours(n: int, d: int, k: int, seconds: float, fixed: dict[str, np.ndarray]) -> runtime.Result:
     graph = runtime.Graph("nengo", dt=DT, until=seconds)
-    graph.add("x", Wave(size=d)).add("e", Wave(size=k, speed=1.3))
-    graph.add(
+    graph = graph.add("x", Wave(size=d)).add("e", Wave(size=k, speed=1.3))
+    graph = graph.add(
         "snn",
         blocks.AdaptiveEnsemble(neurons=n, learning_rate=1e-3, tau_syn=0.02, radius=1.2, **fixed),
     )
-    graph.connect("x.out", "snn.input").connect("e.out", "snn.error")
-    graph.probe("snn.spikes").probe("snn.weights")
+    graph = graph.connect("x.out", "snn.input").connect("e.out", "snn.error")
+    graph = graph.probe("snn.spikes").probe("snn.weights")
     return graph.run()
 
 
@@ -102,11 +102,11 @@ def test_spikes_and_weights_equal_nengo(n: int, d: int, k: int, seconds: float) 
 @pytest.mark.parametrize("current", [1.05, 1.5, 3.0, 10.0])
 def test_rate_is_the_closed_form(current: float) -> None:
     graph = runtime.Graph(dt=DT, until=5.0)
-    graph.add("x", blocks.Constant(value=1.0)).add("e", blocks.Constant(value=0.0))
+    graph = graph.add("x", blocks.Constant(value=1.0)).add("e", blocks.Constant(value=0.0))
     snn = blocks.AdaptiveEnsemble(
         neurons=1, gain=[0.0], bias=[current], encoders=[1.0], voltage=[0.0]
     )
-    graph.add("snn", snn).connect("x.value", "snn.input").connect("e.value", "snn.error")
+    graph = graph.add("snn", snn).connect("x.value", "snn.input").connect("e.value", "snn.error")
     spikes = graph.probe("snn.spikes").run()["snn.spikes"]
     expected = float(lif_rate(np.array(current), 0.02, 0.002))
     assert expected == pytest.approx(1.0 / (0.002 + 0.02 * math.log1p(1.0 / (current - 1.0))))
@@ -123,9 +123,9 @@ def test_gain_and_bias_give_rate_and_intercept() -> None:
 
 def ensemble_graph(seed: int = 0, **parameters: object) -> runtime.Graph:
     graph = runtime.Graph(dt=DT, until=0.5, seed=seed)
-    graph.add("x", blocks.Constant(value=0.5)).add("e", blocks.Constant(value=1.0))
-    graph.add("snn", blocks.AdaptiveEnsemble(neurons=20, **parameters))
-    graph.connect("x.value", "snn.input").connect("e.value", "snn.error")
+    graph = graph.add("x", blocks.Constant(value=0.5)).add("e", blocks.Constant(value=1.0))
+    graph = graph.add("snn", blocks.AdaptiveEnsemble(neurons=20, **parameters))
+    graph = graph.connect("x.value", "snn.input").connect("e.value", "snn.error")
     return graph.probe("snn.weights").probe("snn.activity").probe("snn.voltage").probe("snn.spikes")
 
 
@@ -224,11 +224,11 @@ def test_rates_and_weights_equal_nengo() -> None:
     voltage = fixed.pop("voltage")
     assert voltage.any()
     graph = runtime.Graph("nengo", dt=DT, until=2.0)
-    graph.add("x", Wave(size=3)).add("e", Wave(size=2, speed=1.3))
+    graph = graph.add("x", Wave(size=3)).add("e", Wave(size=2, speed=1.3))
     ensemble = blocks.RateEnsemble(
         neurons=40, learning_rate=1e-3, tau_syn=0.02, radius=1.2, **fixed
     )
-    graph.add("snn", ensemble).connect("x.out", "snn.input").connect("e.out", "snn.error")
+    graph = graph.add("snn", ensemble).connect("x.out", "snn.input").connect("e.out", "snn.error")
     result = graph.probe("snn.rates").probe("snn.weights").run()
     rates, weights = rates_of_nengo(fixed, 2.0)
     assert rates.max() > 100.0
@@ -247,7 +247,7 @@ def test_rates_and_weights_equal_nengo() -> None:
 def test_a_rate_ensemble_in_the_place_of_a_spiking_one_is_the_same_network() -> None:
     spiking = ensemble_graph(learning_rate=1e-2)
     for name in ("current", "offset"):
-        spiking.probe(f"snn.{name}")
+        spiking = spiking.probe(f"snn.{name}")
     tree = spiking.to_dict()
     tree["blocks"]["snn"]["type"] = "RateEnsemble"
     tree["probes"] = {
@@ -266,9 +266,9 @@ def test_a_rate_ensemble_in_the_place_of_a_spiking_one_is_the_same_network() -> 
 
 def test_rates_may_take_steps_longer_than_the_refractory_time() -> None:
     graph = runtime.Graph(dt=0.01, until=0.5)
-    graph.add("x", blocks.Constant(value=0.5)).add("e", blocks.Constant(value=1.0))
-    graph.add("snn", blocks.RateEnsemble(neurons=5))
-    graph.connect("x.value", "snn.input").connect("e.value", "snn.error")
+    graph = graph.add("x", blocks.Constant(value=0.5)).add("e", blocks.Constant(value=1.0))
+    graph = graph.add("snn", blocks.RateEnsemble(neurons=5))
+    graph = graph.connect("x.value", "snn.input").connect("e.value", "snn.error")
     result = graph.probe("snn.rates").probe("snn.activity").probe("snn.current").run()
     # A constant rate through a lowpass: s(t) = r (1 - exp(-t / tau_syn)).
     rates = lif_rate(result["snn.current"][-1], 0.02, 0.002)

@@ -105,10 +105,10 @@ def test_by_default_the_fault_is_on_for_good_and_does_nothing() -> None:
 def test_half_the_turn_rate_is_half_the_angle() -> None:
     """Case A: "reducing the robot's controlled rotational angle by 50 %", for 0.4 s of 1 s."""
     graph = runtime.Graph(dt=0.01, until=1.01)
-    graph.add("u", blocks.Constant(value=[0.0, 0.8], signal="Twist"))
-    graph.add("fault", blocks.ActuatorFault(gain=[1.0, 0.5], start=0.3, stop=0.7))
-    graph.add("plant", blocks.DifferentialDrive())
-    graph.connect("u.value", "fault.command").connect("fault.actual", "plant.command")
+    graph = graph.add("u", blocks.Constant(value=[0.0, 0.8], signal="Twist"))
+    graph = graph.add("fault", blocks.ActuatorFault(gain=[1.0, 0.5], start=0.3, stop=0.7))
+    graph = graph.add("plant", blocks.DifferentialDrive())
+    graph = graph.connect("u.value", "fault.command").connect("fault.actual", "plant.command")
     angles = graph.probe("plant.pose").run()["plant.pose"][:, 2]
     np.testing.assert_allclose(angles[100], 0.8 * (0.6 + 0.5 * 0.4), rtol=1e-12)
 

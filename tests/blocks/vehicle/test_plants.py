@@ -151,8 +151,10 @@ def test_distance_to_the_centre_of_turning_is_conserved(v: float) -> None:
 def test_pose_is_that_of_the_tick_and_breaks_loops() -> None:
     """The first row is x0, and the robot's own pose may be fed back without a delay."""
     graph = runtime.Graph(dt=0.1, until=1.0)
-    graph.add("plant", blocks.DifferentialDrive(x0=[1.0, 2.0, 0.5])).add("turn", blocks.Mux())
-    graph.connect("plant.pose.theta", "turn.v").connect("turn.out", "plant.command")
+    graph = graph.add("plant", blocks.DifferentialDrive(x0=[1.0, 2.0, 0.5])).add(
+        "turn", blocks.Mux()
+    )
+    graph = graph.connect("plant.pose.theta", "turn.v").connect("turn.out", "plant.command")
     poses = graph.probe("plant.pose").run()["plant.pose"]
     assert poses[0].tolist() == [1.0, 2.0, 0.5]
     # v = theta = 0.5 for good, so a straight line.

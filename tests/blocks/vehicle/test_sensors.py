@@ -21,9 +21,9 @@ TINY = 1e-4
 def record(name: str = "noise", seed: int = 0, n: int = N, **parameters: float) -> FloatArray:
     """The noise alone: measured minus true, for a robot that stands."""
     graph = runtime.Graph(dt=0.01, until=n * 0.01, seed=seed)
-    graph.add("true", blocks.Constant(value=[1.0, -2.0, 0.5], signal="Pose"))
-    graph.add(name, blocks.PoseNoise(**parameters))
-    graph.connect("true.value", f"{name}.pose")
+    graph = graph.add("true", blocks.Constant(value=[1.0, -2.0, 0.5], signal="Pose"))
+    graph = graph.add(name, blocks.PoseNoise(**parameters))
+    graph = graph.connect("true.value", f"{name}.pose")
     measured = graph.probe(f"{name}.measured").run()[f"{name}.measured"]
     return np.asarray(measured - [1.0, -2.0, 0.5])
 
@@ -75,9 +75,9 @@ def test_other_blocks_do_not_change_it() -> None:
 
     def first(second: bool) -> FloatArray:
         graph = runtime.Graph(dt=0.01, until=0.5, seed=9)
-        graph.add("true", blocks.Constant(value=[0.0, 0.0, 0.0], signal="Pose"))
+        graph = graph.add("true", blocks.Constant(value=[0.0, 0.0, 0.0], signal="Pose"))
         for name in ("a", "b") if second else ("b",):
-            graph.add(name, blocks.PoseNoise()).connect("true.value", f"{name}.pose")
+            graph = graph.add(name, blocks.PoseNoise()).connect("true.value", f"{name}.pose")
         return np.asarray(graph.probe("b.measured").run()["b.measured"])
 
     np.testing.assert_array_equal(first(True), first(False))

@@ -107,7 +107,7 @@ CASES = ("full", "without", "bypass", "nested", "nested_out")
 def all_wires(net: Network) -> Counter[tuple[str, str, bool]]:
     """What must be drawn, straight from the network: source, target, whether it is a ghost."""
     live = ((str(w.source), w.target, False) for w in net.wires)
-    return Counter((*live, *((str(w.source), w.target, True) for w in net.ghost_wires)))
+    return Counter((*live, *((str(w.source), w.target, True) for w in net.removed_wires)))
 
 
 def svg_groups(text: str) -> list[ET.Element]:
@@ -125,8 +125,8 @@ def test_svg_shows_every_block_and_every_wire(case: str) -> None:
     net = network(case)
     groups = svg_groups(str(diagram(net, "svg")))
     drawn = {g.get("data-name"): g for g in groups if "block" in str(g.get("data-kind"))}
-    assert drawn.keys() == net.entries.keys() | net.ghosts.keys()
-    for name, entry in {**net.entries, **net.ghosts}.items():
+    assert drawn.keys() == net.entries.keys() | net.removed_entries.keys()
+    for name, entry in {**net.entries, **net.removed_entries}.items():
         texts = [t.text for t in drawn[name].iter(f"{SVG}text")]
         assert texts[:2] == [entry.short, entry.cls.__name__]
         assert (drawn[name].get("data-kind") == "removed block") == (name in net.removed)
@@ -154,7 +154,7 @@ def test_dot_shows_every_block_and_every_wire(case: str) -> None:
             found[source, target, "style=dashed" in edge[5]] += 1
     assert found == all_wires(net)
     nodes = dict(re.findall(r'^\s*"([^"]+)" \[label=<(.*)>\]$', text, flags=re.MULTILINE))
-    assert nodes.keys() == net.entries.keys() | net.ghosts.keys()
+    assert nodes.keys() == net.entries.keys() | net.removed_entries.keys()
     for name, table in nodes.items():
         ET.fromstring(table)
         assert ("DASHED" in table) == (name in net.removed)
@@ -171,7 +171,7 @@ def test_mermaid_shows_every_block_and_every_wire(case: str) -> None:
         found[(*ends, arrow == "-.->")] += 1
     assert found == all_wires(net)
     names = re.findall(r'^\s*b_(\w+)\["<b>', text, flags=re.MULTILINE)
-    assert {n.replace("__", ".") for n in names} == net.entries.keys() | net.ghosts.keys()
+    assert {n.replace("__", ".") for n in names} == net.entries.keys() | net.removed_entries.keys()
     gone = re.findall(r"^\s*class (\S+) removed$", text, flags=re.MULTILINE)
     listed = {n[2:].replace("__", ".") for line in gone for n in line.split(",")}
     assert listed == net.removed.keys()
@@ -585,4 +585,4 @@ def test_graphviz_reads_the_dot(case: str) -> None:
     )
     assert done.stderr == ""
     nodes = [line for line in done.stdout.splitlines() if line.startswith("node ")]
-    assert len(nodes) == len(net.entries) + len(net.ghosts)
+    assert len(nodes) == len(net.entries) + len(net.removed_entries)

@@ -67,33 +67,33 @@ def test_dates_are_texts() -> None:
 
 
 REFUSED = {
-    "": "f: there is nothing in it",
-    "# only a comment\n": "f: there is nothing in it",
+    "": "f: the file is empty",
+    "# only a comment\n": "f: the file is empty",
     "a: 1\n---\nb: 2\n": "f:2:1: a second document; expected one per file",
     "a: 1\nb: {a: 1, a: 2}\na: 3\n": (
-        "f:2:11: b.a: this key stands twice, first in line 2; keep one\n"
-        "f:3:1: a: this key stands twice, first in line 1; keep one"
+        "f:2:11: b.a: duplicate key, first in line 2; keep one\n"
+        "f:3:1: a: duplicate key, first in line 1; keep one"
     ),
     "a: !!float 1\nb: !x [1]\n": (
-        "f:1:4: a: tag '!!float': a graph holds plain data only; leave it out\n"
-        "f:2:4: b: tag '!x': a graph holds plain data only; leave it out"
+        "f:1:4: a: tag '!!float': a graph contains plain data only; remove it\n"
+        "f:2:4: b: tag '!x': a graph contains plain data only; remove it"
     ),
-    "!!str a: 1": "f:1:1: tag '!!str': a graph holds plain data only; leave it out",
+    "!!str a: 1": "f:1:1: tag '!!str': a graph contains plain data only; remove it",
     "a: {<<: {b: 1}}": (
-        "f:1:5: a: merge keys are no part of YAML 1.2; write the entries out, or use extends"
+        "f:1:5: a: YAML 1.2 has no merge keys; write the entries out, or use extends"
     ),
     "? [a]\n: 1\n": "f:1:3: a key must be a text",
     "? \n: 1\n": "f:1:2: a key must be a text",
-    "a: [1, 1e400]": "f:1:8: a[1]: 1e400 is too large for a number; infinity is written .inf",
-    "a: 1e-400": "f:1:4: a: 1e-400 is too small for a number; write 0 if you mean it",
+    "a: [1, 1e400]": "f:1:8: a[1]: 1e400 is too large for a float; infinity is written .inf",
+    "a: 1e-400": "f:1:4: a: 1e-400 is too small for a float; write 0 if that is intended",
     "a: " + "9" * 5000: (
-        f"f:1:4: a: {'9' * 40} is too large for a number; infinity is written .inf"
+        f"f:1:4: a: {'9' * 40} is too large for a float; infinity is written .inf"
     ),
     "a: 1" + "0" * 309: (
-        f"f:1:4: a: 1{'0' * 39} is too large for a number; infinity is written .inf"
+        f"f:1:4: a: 1{'0' * 39} is too large for a float; infinity is written .inf"
     ),
     "a: {type:Sum}": "f:1:5: a: a space is missing after the colon: type: Sum",
-    "a: *b": "f:1:4: a: alias '*b' is defined nowhere above",
+    "a: *b": "f:1:4: a: alias '*b' is not defined above",
     "a: &b [1, *b]": "f:1:11: a[1]: alias '*b' refers to itself",
     "\ta: 1": "f:1:1: not valid YAML: a tab; indent with spaces",
     "a:\n  b: 1\n\tc: 2\n": "f:3:1: not valid YAML: a tab; indent with spaces",
@@ -103,7 +103,7 @@ REFUSED = {
     "a: [1, 2\nc: 2\n": "f:1:4: not valid YAML: this '[' is not closed",
     "a: {b: 1 c: 2}": "f:1:11: not valid YAML: expected ',' or '}'",
     "a: b: c": (
-        "f:1:5: not valid YAML: a ':' too many; quote a text that holds ': ', or check the "
+        "f:1:5: not valid YAML: an unexpected ':'; quote a text that contains ': ', or check the "
         "indentation"
     ),
     "a:\n  b: 1\n c: 2\n": (
@@ -114,9 +114,9 @@ REFUSED = {
         "f:2:1: not valid YAML: this line has no ': '; write 'key: value', or '- ' before an item "
         "of a list"
     ),
-    "a: x\x07y": "f:1:5: character U+0007 is not allowed; take it out",
-    "é: 1\nb: \0": "f:2:4: character U+0000 is not allowed; take it out",
-    "a: \udcff": "f:1:4: character U+DCFF is not allowed; take it out",
+    "a: x\x07y": "f:1:5: character U+0007 is not allowed; remove it",
+    "é: 1\nb: \0": "f:2:4: character U+0000 is not allowed; remove it",
+    "a: \udcff": "f:1:4: character U+DCFF is not allowed; remove it",
 }
 
 
@@ -171,7 +171,7 @@ def test_aliases_that_explode_are_refused() -> None:
     text = "a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n" + "".join(
         f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]\n" for i in range(1, 9)
     )
-    with pytest.raises(GraphError, match="aliases unfold to more than 1000000 values"):
+    with pytest.raises(GraphError, match="aliases expand to more than 1000000 values"):
         parse_yaml(text, "f")
 
 
@@ -219,8 +219,8 @@ def test_any_text_is_read_or_refused(text: str) -> None:
 PYTHON = {
     "object": (object(), "a.b: expected a number, text, list or mapping, got object"),
     "key": ({1: 2}, "a.b: expected a text as key, got 1"),
-    "too large": (10**400, "a.b: too large for a number; infinity is written .inf"),
-    "surrogate": ("\ud800", "a.b: a text with half a character (a lone surrogate)"),
+    "too large": (10**400, "a.b: too large for a float; infinity is written .inf"),
+    "surrogate": ("\ud800", "a.b: a text with a lone surrogate, which is no character"),
 }
 
 

@@ -101,16 +101,16 @@ def test_set_takes_out(graph: runtime.Graph) -> None:
 REFUSED_SETS = {
     "dubble.gain": "there is no 'dubble' in the graph, did you mean 'double'?",
     "bloks.double.gain": "there is no 'bloks' in the graph, did you mean 'blocks'?",
-    "double..gain": "'double..gain' is no path; expected one such as blocks.lqr.q",
-    "": "'' is no path; expected one such as blocks.lqr.q",
+    "double..gain": "'double..gain' is not a path; expected one such as blocks.lqr.q",
+    "": "'' is not a path; expected one such as blocks.lqr.q",
     "blocks": "name an entry, as in blocks.NAME.KEY",
     "blocks.fresh.gain": (
         "there is no 'fresh'; there are one, ten, hundred, double, triple, sum, part"
     ),
-    "sum.signs.3": "'3' is no item of a list of 3; items count from 0",
-    "sum.signs.7": "'7' is no item of a list of 3; items count from 0",
-    "sum.signs.x": "'x' is no item of a list of 3; items count from 0",
-    "sum.signs.-1": "'-1' is no item of a list of 3; items count from 0",
+    "sum.signs.3": "'3' is not an item of a list of 3; items count from 0",
+    "sum.signs.7": "'7' is not an item of a list of 3; items count from 0",
+    "sum.signs.x": "'x' is not an item of a list of 3; items count from 0",
+    "sum.signs.-1": "'-1' is not an item of a list of 3; items count from 0",
     "double.gain.x": "'x' cannot be set inside 2",
     "one.initial.0": "'initial' is not written in the graph; set the whole list",
 }
@@ -189,12 +189,12 @@ def test_without_leaves_no_required_input_open(graph: runtime.Graph) -> None:
         graph.without("double").check()
     assert str(caught.value) == (
         "wires.triple.input: input 'triple.input' (Scalar) is not connected without 'double'; "
-        "'bypass: [double]' would wire it straight; outputs of that type: one.value, ten.value, "
+        "'bypass: [double]' would connect through it; outputs of that type: one.value, ten.value, "
         "hundred.value, sum.out, part.y"
     )
 
 
-def test_bypass_wires_straight(graph: runtime.Graph) -> None:
+def test_bypass_connects_through_a_block(graph: runtime.Graph) -> None:
     assert last(graph.bypass("double")) == 1 - 10 + 300
     assert last(graph.bypass("triple")) == 1 - 10 + 200
     assert last(graph.bypass("double", "triple")) == 1 - 10 + 100
@@ -233,11 +233,11 @@ REFUSED_LISTS: dict[str, tuple[dict[str, Any], str]] = {
     "mapping": ({"without": {"a": 1}}, "without: expected a block's name, got a mapping"),
     "no pair": (
         {"bypass": ["one"]},
-        "bypass[0]: 'one' (Constant) has no through-pair; 'without: [one]' takes it out",
+        "bypass[0]: 'one' (Constant) has no pass-through; 'without: [one]' removes it",
     ),
     "part": (
         {"bypass": ["part"]},
-        "bypass[0]: 'part' is a part; only a block with a through-pair can be bypassed",
+        "bypass[0]: 'part' is a part; only a block with a pass-through can be bypassed",
     ),
 }
 
@@ -250,7 +250,7 @@ def test_lists_that_name_nothing(case: tuple[dict[str, Any], str]) -> None:
 
 
 def test_a_block_cannot_be_left_out_and_bypassed(graph: runtime.Graph) -> None:
-    with pytest.raises(GraphError, match="'double' stands in 'without' as well; keep one"):
+    with pytest.raises(GraphError, match="'double' is in 'without' as well; keep one"):
         graph.without("double").bypass("double").check()
 
 
@@ -265,7 +265,7 @@ def test_bypasses_that_bite_their_tail() -> None:
         "wires": {"a": {"input": "b.out"}, "b": {"input": "a.out"}, "c": {"input": "a.out"}},
         "bypass": ["a", "b"],
     }
-    with pytest.raises(GraphError, match=r"bypass\[0\]: the straight wire through 'a' leads back"):
+    with pytest.raises(GraphError, match=r"bypass\[0\]: bypassing 'a' would close a circle"):
         runtime.load(plain).check()
 
 

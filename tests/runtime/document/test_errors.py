@@ -1,4 +1,4 @@
-"""Messages: the right place, the user's words, a way out, all at once, and no follow-ups."""
+"""Messages: location, cause and suggested fix, all at once, without errors that only follow."""
 
 from __future__ import annotations
 
@@ -80,11 +80,11 @@ CASES = {
     ],
     "seed": [
         ("until: 0.1", "until: 0.1, seed: -1"),
-        "g.yaml:2:35: run.seed: expected an integer from 0, got -1",
+        "g.yaml:2:35: run.seed: expected a non-negative integer, got -1",
     ],
     "seed of a list": [
         ("until: 0.1", "until: 0.1, seed: [1]"),
-        "g.yaml:2:35: run.seed: expected an integer from 0, got [1]",
+        "g.yaml:2:35: run.seed: expected a non-negative integer, got [1]",
     ],
     "key of run": [
         ("until:", "utnil:"),
@@ -105,12 +105,12 @@ CASES = {
     ],
     "param unused": [
         "params: {v: 1}\n",
-        "g.yaml:18:10: params.v: nothing reads $v; take it out, or write it as a value",
+        "g.yaml:18:10: params.v: $v is not used; remove it, or write it as a value",
     ],
     "param of params": [
         ("{type: LinePath}", "{type: LinePath, y: $a}"),
         "params: {a: $b, b: 1}\n",
-        "g.yaml:18:13: params.a: '$b': params hold plain values, not other params",
+        "g.yaml:18:13: params.a: '$b': the values of params cannot be other params",
     ],
     "value of a param": [
         ("{type: LinePath}", "{type: LinePath, samples: $n}"),
@@ -129,8 +129,8 @@ CASES = {
     ],
     "block type of its own": [
         ("type: LinePath", "type: Mine"),
-        "g.yaml:4:17: blocks.track.type: no block type 'Mine'; see 'runtime blocks'; a block of "
-        "your own needs 'module: file.py'",
+        "g.yaml:4:17: blocks.track.type: no block type 'Mine'; see 'runtime blocks'; your own "
+        "block needs 'module: file.py'",
     ],
     "no type": [
         ("{type: LinePath}", "{y: 3}"),
@@ -147,12 +147,12 @@ CASES = {
     "block name": [
         ("  track: {", "  1track: {"),
         ("track.path", "1track.path"),
-        "g.yaml:4:3: blocks.1track: '1track' is no name for a block; use letters, digits and _",
+        "g.yaml:4:3: blocks.1track: '1track' is not a name for a block; use letters, digits and _",
     ],
     "block named inputs": [
         ("  track: {", "  inputs: {"),
         ("track.path", "inputs.path"),
-        "g.yaml:4:3: blocks.inputs: 'inputs' stands for the ports of a part; give the block "
+        "g.yaml:4:3: blocks.inputs: 'inputs' is reserved for the ports of a part; give the block "
         "another name",
     ],
     "colon missing": [
@@ -192,7 +192,7 @@ CASES = {
     ],
     "no whole multiple": [
         ("{type: LinePath}", "{type: LinePath, dt: 0.015}"),
-        "g.yaml:4:31: blocks.track.dt: 0.015 s is no whole multiple of run.dt = 0.01 s; the "
+        "g.yaml:4:31: blocks.track.dt: 0.015 s is not a multiple of run.dt = 0.01 s; the "
         "nearest is 0.02",
     ],
     "module missing": [
@@ -225,7 +225,7 @@ CASES = {
     ],
     "no address": [
         ("pose: plant.pose, path", "pose: plant.pose., path"),
-        "g.yaml:11:17: wires.match.pose: 'plant.pose.' is no address; expected block.output",
+        "g.yaml:11:17: wires.match.pose: 'plant.pose.' is not an address; expected block.output",
     ],
     "too many parts": [
         ("pose: plant.pose, path", "pose: plant.pose.x.y, path"),
@@ -284,15 +284,15 @@ CASES = {
     "nothing to connect": [
         ("  track: {type: LinePath}\n", ""),
         (", path: track.path", ""),
-        "g.yaml:10:3: input 'match.path' (Path(n)) is not connected; no output is a Path: add a "
+        "g.yaml:10:3: input 'match.path' (Path(n)) is not connected; no output is a Path; add a "
         "block that has one",
     ],
     "deleted block": [
         ("  lqr: {type: LQR, q: [1, 1, 1], r: [1, 1]}\n", ""),
-        "g.yaml:12:3: wires.lqr: there is no block 'lqr'; delete these wires, or put it back and "
+        "g.yaml:12:3: wires.lqr: there is no block 'lqr'; delete these wires, or restore it and "
         "write 'without: [lqr]'",
-        "g.yaml:13:19: wires.total.terms[0]: there is no block 'lqr'; if it was taken out of "
-        "blocks, put it back and write 'without: [lqr]'",
+        "g.yaml:13:19: wires.total.terms[0]: there is no block 'lqr'; if it was deleted, "
+        "restore it and write 'without: [lqr]'",
     ],
     # -- types
     "type clash": [
@@ -335,7 +335,7 @@ CASES = {
     ],
     "bypass without a pair": [
         "bypass: lqr\n",
-        "g.yaml:18:9: bypass: 'lqr' (LQR) has no through-pair; 'without: [lqr]' takes it out",
+        "g.yaml:18:9: bypass: 'lqr' (LQR) has no pass-through; 'without: [lqr]' removes it",
     ],
     "without of a number": [
         "without: [3]\n",
@@ -352,8 +352,8 @@ CASES = {
     ],
     "probe with a dot": [
         "  plant.pose: lqr.command\n",
-        "g.yaml:18:3: probes.plant.pose: 'plant.pose' is no name; use up to 100 letters, digits, _ "
-        "and -",
+        "g.yaml:18:3: probes.plant.pose: 'plant.pose' is not a valid name; use up to 100 "
+        "letters, digits, _ and -",
     ],
     "probe every": [
         "  way: {of: plant.pose, every: 0.1}\n",
@@ -411,7 +411,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("case", CASES.values(), ids=CASES.keys())
-def test_a_mistake_is_told_in_its_place(
+def test_an_error_is_reported_with_its_location(
     case: list[tuple[str, str] | str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -506,14 +506,14 @@ PARTS = {
     "inner input unknown": [
         with_part(),
         changed(PART, ("inputs.a", "inputs.aa")),
-        "p.yaml:6:51: blocks.p.wires.g.input: 'inputs.aa' is no input of this part, did you mean "
-        "'a'?",
+        "p.yaml:6:51: blocks.p.wires.g.input: 'inputs.aa' is not an input of this part, did you "
+        "mean 'a'?",
     ],
     "outside seen from inside": [
         with_part(),
         changed(PART, ("inputs.a", "lqr.command")),
-        "p.yaml:6:51: blocks.p.wires.g.input: there is no block 'lqr' in part 'p'; what comes from "
-        "outside: inputs.a, inputs.b",
+        "p.yaml:6:51: blocks.p.wires.g.input: there is no block 'lqr' in part 'p'; inputs of the "
+        "part: inputs.a, inputs.b",
     ],
     "inputs no mapping": [
         with_part(),
@@ -545,15 +545,15 @@ PARTS = {
     "inner input far off": [
         with_part(),
         changed(PART, ("inputs.a", "inputs.speed")),
-        "p.yaml:6:51: blocks.p.wires.g.input: 'inputs.speed' is no input of this part; its "
+        "p.yaml:6:51: blocks.p.wires.g.input: 'inputs.speed' is not an input of this part; its "
         "inputs: a, b",
     ],
     "output names nothing": [
         with_part(),
         changed(PART, ("out: s.out", "out: s.ot, more: t.out")),
         "p.yaml:4:16: blocks.p.outputs.out: 'p.s' has no output 'ot', did you mean 'out'?",
-        "p.yaml:4:28: blocks.p.outputs.more: there is no block 't' in part 'p'; what comes from "
-        "outside: inputs.a, inputs.b",
+        "p.yaml:4:28: blocks.p.outputs.more: there is no block 't' in part 'p'; inputs of the "
+        "part: inputs.a, inputs.b",
     ],
     "outputs no mapping": [
         with_part(),
@@ -582,13 +582,13 @@ PARTS = {
     "bypass a part": [
         with_part("bypass: [p]\n"),
         PART,
-        "g.yaml:20:10: bypass[0]: 'p' is a part; only a block with a through-pair can be bypassed",
+        "g.yaml:20:10: bypass[0]: 'p' is a part; only a block with a pass-through can be bypassed",
     ],
 }
 
 
 @pytest.mark.parametrize("case", PARTS.values(), ids=PARTS.keys())
-def test_a_mistake_in_a_part_is_told_in_its_place(case: list[str], tmp_path: Path) -> None:
+def test_an_error_in_a_part_is_reported_with_its_location(case: list[str], tmp_path: Path) -> None:
     graph, part, *messages = case
     assert problems(tmp_path, {"g.yaml": graph, "p.yaml": part}) == messages
 
@@ -622,7 +622,7 @@ def test_all_at_once_in_the_order_of_the_text(tmp_path: Path) -> None:
     ]
 
 
-def test_every_loop_is_told(tmp_path: Path) -> None:
+def test_every_loop_is_reported(tmp_path: Path) -> None:
     text = changed(
         SOUND,
         (
@@ -637,7 +637,7 @@ def test_every_loop_is_told(tmp_path: Path) -> None:
         ),
     )
     first, second = problems(tmp_path, {"g.yaml": text})
-    # A loop has no first wire: it may be told from either of its blocks.
+    # A loop has no first wire: it may be reported from either of its blocks.
     assert first.split(": ")[2].split("; ")[0] in (
         "a.out ▸ b.terms[0] ▸ b.out ▸ a.terms[0]",
         "b.out ▸ a.terms[0] ▸ a.out ▸ b.terms[0]",
@@ -677,7 +677,7 @@ MODULES = {
 
 
 @pytest.mark.parametrize("case", MODULES.values(), ids=MODULES.keys())
-def test_a_block_of_ones_own_that_fails_is_told(
+def test_a_failing_block_of_the_user_is_reported(
     case: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -711,7 +711,7 @@ def test_a_problem_is_one_line() -> None:
     assert str(Problem(NOWHERE, "", "it")) == "it"
 
 
-def test_what_stands_at_a_silenced_place_is_not_told_again() -> None:
+def test_a_silenced_location_has_no_further_problems() -> None:
     found = Problems()
     found.add(Where("f", 1, 2), "a.b[1]", "unknown")
     found.silence(Where("f", 1, 2), "a.b[1]")
@@ -727,7 +727,7 @@ TITLES = ['"""', 'a"""; raise SystemExit; """', "\\", 'a\\"""', "{0} %s", "é�
 @pytest.mark.parametrize("title", TITLES)
 def test_any_title_runs(title: str) -> None:
     graph = runtime.Graph(title, dt=0.01, until=0.02)
-    graph.add("one", Constant(value=1.0)).probe("one.value")
+    graph = graph.add("one", Constant(value=1.0)).probe("one.value")
     assert graph.run().title == title
 
 

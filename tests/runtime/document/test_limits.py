@@ -79,7 +79,7 @@ def test_parts_that_double_are_counted_before_they_are_unfolded(tmp_path: Path) 
         text = f"outputs: {{o: a.o}}\nblocks: {{a: {inner}, b: {inner}}}\n"
         write(tmp_path, {f"p{i}.yaml": text})
     message = refused(tmp_path / "p22.yaml")
-    assert f"unfolds to more than {MAX_NODES} values" in message
+    assert f"expands to more than {MAX_NODES} values" in message
     assert message.startswith(f"{tmp_path}/p") and ":2:" in message
 
 
@@ -112,7 +112,7 @@ def test_params_that_double_are_counted(tmp_path: Path, monkeypatch: pytest.Monk
     write(tmp_path, {"top.yaml": top})
     message = refused(tmp_path / "top.yaml")
     assert message.startswith(f"{tmp_path}/r")
-    assert "unfolds to more than 20000 values" in message
+    assert "expands to more than 20000 values" in message
 
 
 def test_sizes_and_depths_are_those_of_the_tree_written_out() -> None:

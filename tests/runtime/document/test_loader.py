@@ -271,7 +271,7 @@ REFUSED: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
         {"g.yaml": "extends: b\n", "b.yaml": "- 1\n"},
         ["b.yaml:1:1: expected a mapping with blocks and wires, got [1]"],
     ),
-    "empty": ({"g.yaml": "extends: b\n", "b.yaml": ""}, ["b.yaml: there is nothing in it"]),
+    "empty": ({"g.yaml": "extends: b\n", "b.yaml": ""}, ["b.yaml: the file is empty"]),
     "not UTF-8": (
         {"g.yaml": "graph: a\n# Größe\n".encode("latin-1")},
         ["g.yaml:2:5: byte 0xF6 is not UTF-8; save the file as UTF-8"],

@@ -39,8 +39,8 @@ def forget() -> None:
 def run() -> np.ndarray:
     forget()
     graph = runtime.Graph("small", dt=0.01, until=0.2).probe("out", "lag.actual")
-    graph.add("motion", blocks.Constant(value=[0.5, 0.25], signal="Twist"))
-    graph.add("lag", blocks.ActuatorLag(tau=0.1)).connect("motion.value", "lag.command")
+    graph = graph.add("motion", blocks.Constant(value=[0.5, 0.25], signal="Twist"))
+    graph = graph.add("lag", blocks.ActuatorLag(tau=0.1)).connect("motion.value", "lag.command")
     found: np.ndarray = graph.run(engine="compiled")["out"]
     return found
 

@@ -106,15 +106,15 @@ def test_shipped_graphs_do_the_same_under_both_engines(name: str) -> None:
 def chain(*made: blocks.Block, dt: float | None = None) -> runtime.Graph:
     """A clock, and blocks in a row behind it; the second at a rate of its own."""
     graph = runtime.Graph("chain", dt=0.01, until=2.0)
-    graph.add("source", blocks.Gain(gain=1.0)).add("delay", blocks.UnitDelay(initial=1.0))
-    graph.connect("delay.out", "source.input")
+    graph = graph.add("source", blocks.Gain(gain=1.0)).add("delay", blocks.UnitDelay(initial=1.0))
+    graph = graph.connect("delay.out", "source.input")
     last = "source.out"
     for i, block in enumerate(made):
-        graph.add(f"b{i}", block, dt=dt if i == 1 else None)
-        graph.connect(last, f"b{i}.x")
+        graph = graph.add(f"b{i}", block, dt=dt if i == 1 else None)
+        graph = graph.connect(last, f"b{i}.x")
         last = f"b{i}.out"
-    graph.add("back", blocks.Gain(gain=0.01)).connect(last, "back.input")
-    graph.connect("back.out", "delay.input")
+    graph = graph.add("back", blocks.Gain(gain=0.01)).connect(last, "back.input")
+    graph = graph.connect("back.out", "delay.input")
     return graph.probe("last", last).probe("delayed", "delay.out")
 
 
@@ -132,7 +132,9 @@ def test_blocks_that_do_not_compile_are_called_between_those_that_do(dt: float |
 @pytest.mark.parametrize("kind", ["zero", "nan"])
 def test_failures_are_told_alike(kind: str) -> None:
     graph = runtime.Graph("failing", dt=0.125, until=2.0).add("bad", Failing(kind=kind))
-    graph.add("more", blocks.Gain(gain=1.0)).connect("bad.out", "more.input").probe("more.out")
+    graph = (
+        graph.add("more", blocks.Gain(gain=1.0)).connect("bad.out", "more.input").probe("more.out")
+    )
     message, kept = [], []
     for engine in ("python", "compiled"):
         with pytest.raises(runtime.SimulationError) as caught:
@@ -150,8 +152,8 @@ def test_failures_are_told_alike(kind: str) -> None:
 def test_a_number_that_is_not_finite_is_told_with_its_own_output(engine: str) -> None:
     # The plant's pose is one output as well, and finite: only the wheels are too fast.
     graph = runtime.Graph("fast", dt=0.1, until=1.0)
-    graph.add("go", blocks.Constant(value=[1e308, 1e308], signal="Twist"))
-    graph.add("plant", blocks.DifferentialDrive(wheel_base=10.0)).connect(
+    graph = graph.add("go", blocks.Constant(value=[1e308, 1e308], signal="Twist"))
+    graph = graph.add("plant", blocks.DifferentialDrive(wheel_base=10.0)).connect(
         "go.value", "plant.command"
     )
     with pytest.raises(runtime.SimulationError, match="output 'wheels' is not finite"):

@@ -20,8 +20,8 @@ def engine(request: pytest.FixtureRequest) -> str:
 
 def saturated(omega: float, dt: float | None = None) -> runtime.Graph:
     graph = runtime.Graph(dt=0.01, until=1.0)
-    graph.add("go", blocks.Constant(value=[1, omega], signal="Twist"))
-    graph.add("limit", blocks.Saturator(omega_max=2.0), dt=dt)
+    graph = graph.add("go", blocks.Constant(value=[1, omega], signal="Twist"))
+    graph = graph.add("limit", blocks.Saturator(omega_max=2.0), dt=dt)
     return graph.connect("go.value", "limit.command").probe("limit.limited_ticks")
 
 
@@ -44,11 +44,11 @@ def test_ticks_are_those_of_the_block(engine: str) -> None:
 def learning(rate: float, sign: float, **parameters: float) -> runtime.Graph:
     """An integrator that learns the value 1, or with the sign of the error turned, runs from it."""
     graph = runtime.Graph(dt=0.001, until=1.0)
-    graph.add("x", blocks.Constant(value=[0.0], signal="Vector"))
-    graph.add("goal", blocks.Constant(value=[1.0], signal="Vector"))
-    graph.add("miss", blocks.Sum(signs=[sign, -sign]))
-    graph.add("learner", blocks.AdaptiveBias(learning_rate=rate, power=1.0, **parameters))
-    graph.connect("x.value", "learner.input").connect("miss.out", "learner.error")
+    graph = graph.add("x", blocks.Constant(value=[0.0], signal="Vector"))
+    graph = graph.add("goal", blocks.Constant(value=[1.0], signal="Vector"))
+    graph = graph.add("miss", blocks.Sum(signs=[sign, -sign]))
+    graph = graph.add("learner", blocks.AdaptiveBias(learning_rate=rate, power=1.0, **parameters))
+    graph = graph.connect("x.value", "learner.input").connect("miss.out", "learner.error")
     return graph.connect("learner.output", "miss.terms").connect("goal.value", "miss.terms")
 
 

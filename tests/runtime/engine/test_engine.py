@@ -54,8 +54,8 @@ def test_time_is_computed_not_accumulated() -> None:
 @pytest.mark.parametrize("every", [1, 3, 10])
 def test_each_method_is_called_once_per_tick_of_the_block(every: int) -> None:
     graph = runtime.Graph(dt=0.01, until=0.61)
-    graph.add("clock", Clock()).add("count", Counter(), dt=0.01 * every)
-    graph.connect("clock.out", "count.x").probe("count.calls", every=1)
+    graph = graph.add("clock", Clock()).add("count", Counter(), dt=0.01 * every)
+    graph = graph.connect("clock.out", "count.x").probe("count.calls", every=1)
     last = graph.run()["count.calls"][-1]
     # The last row stands before the update of the last tick, number 60.
     ticks = 60 // every + 1
@@ -64,9 +64,9 @@ def test_each_method_is_called_once_per_tick_of_the_block(every: int) -> None:
 
 def test_outputs_hold_between_the_ticks_of_a_slow_block() -> None:
     graph = runtime.Graph(dt=0.01, until=0.5)
-    graph.add("clock", Clock()).add("slow", blocks.Gain(gain=2.0), dt=0.05)
-    graph.add("fast", blocks.Gain(gain=1.0))
-    graph.connect("clock.out", "slow.input").connect("slow.out", "fast.input")
+    graph = graph.add("clock", Clock()).add("slow", blocks.Gain(gain=2.0), dt=0.05)
+    graph = graph.add("fast", blocks.Gain(gain=1.0))
+    graph = graph.connect("clock.out", "slow.input").connect("slow.out", "fast.input")
     result = graph.probe("fast.out").probe("slow.out").run()
     held = np.repeat(2.0 * np.arange(0, 50, 5) * 0.01, 5)
     np.testing.assert_allclose(result["fast.out"], held)
@@ -100,13 +100,13 @@ def test_any_acyclic_wiring_computes_what_numpy_does(
     edges = {(min(e), max(e)) for e in edges if e[0] != e[1]}
     graph = runtime.Graph(dt=1.0, until=1.0).add("one", blocks.Constant(value=1.0))
     for j in order:
-        graph.add(f"s{j}", blocks.Sum())
+        graph = graph.add(f"s{j}", blocks.Sum())
     for j in order:
-        graph.connect("one.value", f"s{j}.terms")
+        graph = graph.connect("one.value", f"s{j}.terms")
         for i, k in sorted(edges):
             if k == j:
-                graph.connect(f"s{i}.out", f"s{j}.terms")
-        graph.probe(f"p{j}", f"s{j}.out")
+                graph = graph.connect(f"s{i}.out", f"s{j}.terms")
+        graph = graph.probe(f"p{j}", f"s{j}.out")
     adjacency = np.zeros((6, 6))
     for i, j in edges:
         adjacency[j, i] = 1.0
@@ -117,11 +117,13 @@ def test_any_acyclic_wiring_computes_what_numpy_does(
 
 def test_loops_through_state_run_and_loops_without_are_refused() -> None:
     graph = runtime.Graph(dt=1.0, until=5.0)
-    graph.add("one", blocks.Constant(value=1.0)).add("sum", blocks.Sum()).add(
-        "delay", blocks.UnitDelay()
+    graph = (
+        graph.add("one", blocks.Constant(value=1.0))
+        .add("sum", blocks.Sum())
+        .add("delay", blocks.UnitDelay())
     )
-    graph.connect("one.value", "sum.terms").connect("delay.out", "sum.terms")
-    graph.connect("sum.out", "delay.input")
+    graph = graph.connect("one.value", "sum.terms").connect("delay.out", "sum.terms")
+    graph = graph.connect("sum.out", "delay.input")
     assert graph.probe("sum.out").run()["sum.out"].tolist() == [1, 2, 3, 4, 5]
     with pytest.raises(runtime.GraphError, match=r"algebraic loop: .*sum\.out ▸ .*UnitDelay"):
         graph.bypass("delay").check()
@@ -255,8 +257,8 @@ class Spoiler(blocks.Block):
 @settings(max_examples=8, deadline=None)
 def test_a_nan_is_told_at_the_very_tick_in_any_signal(signal: str, value: object, at: int) -> None:
     graph = runtime.Graph(dt=0.1, until=40.0)
-    graph.add("c", blocks.Constant(value=value, signal=signal)).add("bad", Spoiler(at=at))
-    graph.connect("c.value", "bad.x").probe("bad.out")
+    graph = graph.add("c", blocks.Constant(value=value, signal=signal)).add("bad", Spoiler(at=at))
+    graph = graph.connect("c.value", "bad.x").probe("bad.out")
     with pytest.raises(runtime.SimulationError, match="block 'bad'.*'out' is not finite") as caught:
         graph.run()
     assert caught.value.tick == at
@@ -281,8 +283,8 @@ def test_names_that_are_python_words_run() -> None:
     names = ["run", "k", "t", "array", "held", "isfinite", "probe_0", "first", "last", "a_out", "a"]
     graph = runtime.Graph(dt=0.1, until=0.3).add("clock", Clock())
     for name in names:
-        graph.add(name, blocks.Gain(gain=2.0)).connect("clock.out", f"{name}.input")
-        graph.probe(f"p_{name}", f"{name}.out")
+        graph = graph.add(name, blocks.Gain(gain=2.0)).connect("clock.out", f"{name}.input")
+        graph = graph.probe(f"p_{name}", f"{name}.out")
     result = graph.run()
     for name in names:
         np.testing.assert_allclose(result[f"p_{name}"], [0.0, 0.2, 0.4])

@@ -125,13 +125,15 @@ class OwnStart(blocks.ActuatorLag):
 
 def test_own_methods_run_under_the_compiled_engine_and_compile() -> None:
     graph = runtime.Graph("own", dt=0.01, until=1.0, seed=3)
-    graph.add("command", blocks.Constant(value=[0.4, 0.3], signal="Twist"))
-    graph.add("lag", OwnStart(tau=0.1)).connect("command.value", "lag.command")
-    graph.add("plant", blocks.DifferentialDrive()).connect("lag.actual", "plant.command")
-    graph.add("noise", OwnDraw()).connect("plant.pose", "noise.pose")
-    graph.add("rule", OwnRule())
-    graph.connect("noise.measured.y", "rule.input").connect("noise.measured.y", "rule.error")
-    graph.probe("rule.output").probe("noise.measured").probe("lag.actual")
+    graph = graph.add("command", blocks.Constant(value=[0.4, 0.3], signal="Twist"))
+    graph = graph.add("lag", OwnStart(tau=0.1)).connect("command.value", "lag.command")
+    graph = graph.add("plant", blocks.DifferentialDrive()).connect("lag.actual", "plant.command")
+    graph = graph.add("noise", OwnDraw()).connect("plant.pose", "noise.pose")
+    graph = graph.add("rule", OwnRule())
+    graph = graph.connect("noise.measured.y", "rule.input").connect(
+        "noise.measured.y", "rule.error"
+    )
+    graph = graph.probe("rule.output").probe("noise.measured").probe("lag.actual")
     found = graph.run(engine="compiled")
     expected = graph.run(engine="python")
     for name, recorded in expected.probes.items():
@@ -263,8 +265,8 @@ def test_failures_of_subclasses_are_located_alike(
     block: Block, port: str, kind: str, value: list[float], tick: int
 ) -> None:
     graph = runtime.Graph("fails", dt=0.01, until=0.2)
-    graph.add("source", blocks.Constant(value=value, signal=kind)).add("bad", block)
-    graph.connect("source.value", f"bad.{port}").probe(
+    graph = graph.add("source", blocks.Constant(value=value, signal=kind)).add("bad", block)
+    graph = graph.connect("source.value", f"bad.{port}").probe(
         "out", f"bad.{next(iter(block.spec.outputs))}"
     )
     kept = []

@@ -22,12 +22,12 @@ from runtime.engine.recorder import Stream, buffer_rows
 def ramp(every: tuple[int, ...], until: float) -> runtime.Graph:
     """x(k+1) = x(k) / 2 from 3, probed at several rates."""
     graph = runtime.Graph("ramp", dt=0.01, until=until)
-    graph.add("x", UnitDelay(initial=3.0)).add("half", Gain(gain=0.5))
-    graph.add("total", Sum()).add("zero", Constant(value=0.0))
-    graph.connect("x.out", "half.input").connect("total.out", "x.input")
-    graph.connect("half.out", "total.terms").connect("zero.value", "total.terms")
+    graph = graph.add("x", UnitDelay(initial=3.0)).add("half", Gain(gain=0.5))
+    graph = graph.add("total", Sum()).add("zero", Constant(value=0.0))
+    graph = graph.connect("x.out", "half.input").connect("total.out", "x.input")
+    graph = graph.connect("half.out", "total.terms").connect("zero.value", "total.terms")
     for i, n in enumerate(every):
-        graph.probe(f"p{i}", "x.out", every=n)
+        graph = graph.probe(f"p{i}", "x.out", every=n)
     return graph
 
 
@@ -124,4 +124,4 @@ def test_memory_that_is_no_size_is_told(cli, tmp_path: Path, memory: str) -> Non
     (tmp_path / "g.yaml").write_text(ramp((1,), 1.0).to_yaml())
     done = cli("validate", "g.yaml", "--set", f"run.memory={memory}")
     assert done.returncode == 2
-    assert "run.memory: expected bytes that recordings may take, such as 512M" in done.stderr
+    assert "run.memory: expected a size in bytes for recordings, such as 512M" in done.stderr

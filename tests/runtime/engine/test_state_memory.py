@@ -99,7 +99,7 @@ class Striped(Counts):
 def behind(block: blocks.Block, name: str = "count") -> runtime.Graph:
     """The block, and behind it a delay whose name puts its update after the block's own."""
     graph = runtime.Graph("memory", dt=0.01, until=0.01 * TICKS).add(name, block)
-    graph.add("zdelay", blocks.UnitDelay()).connect(f"{name}.out", "zdelay.input")
+    graph = graph.add("zdelay", blocks.UnitDelay()).connect(f"{name}.out", "zdelay.input")
     return graph.probe("out", f"{name}.out").probe("delayed", "zdelay.out")
 
 
@@ -204,7 +204,9 @@ class Lettered(Counts):
 @pytest.mark.parametrize("name", ["own", "seen", "report", "at", "sealed", "overlap", "dt"])
 def test_a_block_may_have_any_name(name: str) -> None:
     graph: Any = behind(Lettered(), name).probe("b", f"{name}.b")
-    graph.add("table", InPython()).connect(f"{name}.b", "table.x").probe("seen", "table.out")
+    graph = (
+        graph.add("table", InPython()).connect(f"{name}.b", "table.x").probe("seen", "table.out")
+    )
     result = graph.run(engine="compiled")
     np.testing.assert_array_equal(result["b"][:, 0], 2.0 * np.arange(TICKS))
     np.testing.assert_array_equal(result["seen"], result["b"])

@@ -284,7 +284,7 @@ def test_values_that_do_not_go_together_are_rows(here: Run, draw: Path, tmp_path
         ("[twice]", "[twice, half]"),
         ("[twice]", "[twice, half]"),
     ]
-    assert "'twice' stands in 'without' as well" in invalid[0]["reason"]
+    assert "'twice' is in 'without' as well" in invalid[0]["reason"]
 
 
 @pytest.mark.parametrize(
@@ -294,7 +294,7 @@ def test_values_that_do_not_go_together_are_rows(here: Run, draw: Path, tmp_path
         (["--seeds", "0..3", "--random", "4"], "there is nothing to sample for --random"),
         (["--vary", "draw.levl=[1]"], "unknown parameter, did you mean 'level'?"),
         (["--vary", "drw.level=[1]"], "there is no 'drw' in the graph, did you mean 'draw'?"),
-        (["--vary", "params.nosuch=[1]"], "params.nosuch: nothing reads $nosuch"),
+        (["--vary", "params.nosuch=[1]"], "params.nosuch: $nosuch is not used"),
         (["--vary", "draw.level=[1, x]"], "--vary draw.level=[1, x]: blocks.draw.level: expected"),
         (["--vary", "draw.level=0..200:3"], "expected a number at most 100, got 200.0"),
         (["--vary", "draw.count=0..1:3"], "expected an integer, got 0.0"),

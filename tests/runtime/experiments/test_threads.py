@@ -56,9 +56,9 @@ def tasks(folder: Path, engine: str) -> list[Task]:
     module.write_text(OWN)
     learning = runtime.load("line_actuator_failure").set("run.until", 0.05)
     own = runtime.Graph("own", dt=0.01, until=0.3)
-    own.add("motion", blocks.Constant(value=[0.3, 0.2], signal="Twist"))
-    own.add("robot", blocks.DifferentialDrive()).connect("motion.value", "robot.command")
-    own.add("noise", blocks.PoseNoise()).connect("robot.pose", "noise.pose")
+    own = own.add("motion", blocks.Constant(value=[0.3, 0.2], signal="Twist"))
+    own = own.add("robot", blocks.DifferentialDrive()).connect("motion.value", "robot.command")
+    own = own.add("noise", blocks.PoseNoise()).connect("robot.pose", "noise.pose")
     own = own.overlay({"blocks": {"mixed": {"type": "Mixed", "module": str(module)}}})
     own = own.wire("mixed.x", "noise.measured.x").metric("spread", "rms", "mixed.out.0")
     graphs = [(own, "blocks.mixed.share", (0.1, 0.2, 0.3))]

@@ -9,16 +9,17 @@ import pytest
 
 import runtime
 from blocks import Constant, DifferentialDrive, Gain, Saturator, Sum
+from runtime.document import Override
 from runtime.document.loader import SHIPPED, shipped_graphs
 
 
 def small() -> runtime.Graph:
     graph = runtime.Graph("small", dt=0.01, until=0.5, seed=2)
-    graph.add("go", Constant(value=[1.0, 0.5], signal="Twist"))
-    graph.add("limit", Saturator(omega_max=0.25), dt=0.02)
-    graph.add("plant", DifferentialDrive(x0=[0.0, 1.0, 0.1], integrator="rk4"))
-    graph.connect("go.value", "limit.command").connect("limit.limited", "plant.command")
-    graph.probe("pose", "plant.pose", every=5).plot("way", "trajectory", "pose")
+    graph = graph.add("go", Constant(value=[1.0, 0.5], signal="Twist"))
+    graph = graph.add("limit", Saturator(omega_max=0.25), dt=0.02)
+    graph = graph.add("plant", DifferentialDrive(x0=[0.0, 1.0, 0.1], integrator="rk4"))
+    graph = graph.connect("go.value", "limit.command").connect("limit.limited", "plant.command")
+    graph = graph.probe("pose", "plant.pose", every=5).plot("way", "trajectory", "pose")
     return graph.metric("turned", "final", "plant.pose.theta", below=1.0)
 
 
@@ -52,7 +53,44 @@ def test_changes_are_copies() -> None:
     changed = graph.set("limit.omega_max", 0.1).without("limit").bypass("limit")
     assert graph.to_yaml() == before
     assert changed != graph
-    assert changed.overrides == ("set limit.omega_max=0.1", "without limit", "bypass limit")
+    assert changed.overrides == (
+        Override("set", "limit.omega_max", "0.1"),
+        Override("without", "limit"),
+        Override("bypass", "limit"),
+    )
+    printed = ["set limit.omega_max=0.1", "without limit", "bypass limit"]
+    assert [str(override) for override in changed.overrides] == printed
+    assert [Override.parse(text) for text in printed] == list(changed.overrides)
+
+
+def test_building_returns_copies_and_leaves_the_graph_alone() -> None:
+    graph = small()
+    before = graph.to_yaml()
+    more = graph.add("twice", Gain(gain=2.0)).connect("limit.limited", "twice.input")
+    more = more.probe("twice.out").plot("line", "timeseries", "pose").metric("m", "final", "pose.x")
+    assert graph.to_yaml() == before
+    assert more.names == [*graph.names, "twice"]
+    assert more.overrides == graph.overrides == ()
+    with pytest.raises(AttributeError, match="a graph never changes, so 'source' cannot be set"):
+        graph.source = None  # type: ignore[misc]
+
+
+def test_a_result_of_add_that_is_dropped_is_reported() -> None:
+    graph = runtime.Graph("dropped")
+    graph.add("go", Constant(value=1.0))
+    message = "there is no block 'go' .*keep what add() returns, as in graph = graph.add"
+    with pytest.raises(runtime.UsageError, match=message.replace("()", r"\(\)")):
+        graph.connect("source.out", "go.input")
+
+
+def test_copies_with_other_seeds_share_what_is_checked_and_planned() -> None:
+    graph = small()
+    first, second = graph.with_seed(3), graph.with_seed(3).with_seed(4)
+    assert (first.network.seed, second.network.seed, graph.network.seed) == (3, 4, 2)
+    assert first.program() is second.program() is graph.program()
+    assert first.network.entries is graph.network.entries
+    wrong = graph.set("run.seed", -1)
+    assert wrong.with_seed(5).network.seed == 5
 
 
 def test_bypass_and_without() -> None:
@@ -67,17 +105,17 @@ def test_bypass_and_without() -> None:
 def test_a_removed_term_takes_its_sign_along() -> None:
     graph = runtime.Graph(dt=1.0, until=1.0)
     for i, value in enumerate((1.0, 10.0, 100.0)):
-        graph.add(f"c{i}", Constant(value=value))
-    graph.add("sum", Sum(signs=[1, -1, -1]))
+        graph = graph.add(f"c{i}", Constant(value=value))
+    graph = graph.add("sum", Sum(signs=[1, -1, -1]))
     for i in range(3):
-        graph.connect(f"c{i}.value", "sum.terms")
-    graph.probe("sum.out")
+        graph = graph.connect(f"c{i}.value", "sum.terms")
+    graph = graph.probe("sum.out")
     assert graph.run()["sum.out"][0] == -109.0
     assert graph.without("c1").run()["sum.out"][0] == -99.0
     assert graph.without("c0", "c1").run()["sum.out"][0] == -100.0
 
 
-def test_mistakes_in_building_are_told() -> None:
+def test_errors_in_building_are_reported() -> None:
     graph = small()
     with pytest.raises(runtime.UsageError, match="there is a block 'go' already"):
         graph.add("go", Gain(gain=1.0))

@@ -230,7 +230,7 @@ CLASHES = {
         {"c": constant("Twist"), "m": {"type": "Mux"}},
         {"m": {"v": "c.value"}},
         [
-            "wires.m.v: expected Scalar, got Twist from 'c.value'; one component would fit: "
+            "wires.m.v: expected Scalar, got Twist from 'c.value'; one of its components fits: "
             "c.value.v, c.value.omega"
         ],
     ),

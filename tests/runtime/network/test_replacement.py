@@ -1,4 +1,4 @@
-"""Another type in a block's place: what stays, what falls away, and what is refused."""
+"""Another type in a block's place: what stays, what is dropped, and what is refused."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def test_wires_of_ports_that_are_gone_fall_away() -> None:
     graph = plain(probes={}, plots={}, metrics={}).replace("slow", "Constant")
     assert graph.set("slow.value", 7).probe("s", "sum.out").run()["s"].tolist() == [1.0] * 5
     assert any("no input 'input'" in note for note in graph.notes)
-    assert any("'slow.out' falls away" in note for note in graph.notes)
+    assert any("'slow.out' is dropped" in note for note in graph.notes)
 
 
 def test_a_required_input_is_never_left_open_in_silence() -> None:
@@ -94,7 +94,7 @@ def test_probes_plots_and_metrics_of_what_is_gone_fall_away() -> None:
     assert result.metrics == {"sum": 2.0}
     assert result.notes == [
         "'slow' is now a UnitDelay, which has no tau: dropped",
-        "'slow' is now a UnitDelay, which has no 'nothing': 'slow.nothing' falls away",
+        "'slow' is now a UnitDelay, which has no 'nothing': 'slow.nothing' is dropped",
     ]
 
 
@@ -105,7 +105,7 @@ def test_inside_a_part_and_the_part_itself() -> None:
     assert inner.to_dict()["blocks"]["part"]["params"] == {}
     whole = graph.replace("part", "Constant").set("part.value", 4)
     assert whole.check().to_dict()["blocks"]["part"] == {"type": "Constant", "value": 4}
-    assert any("'part.y' falls away" in note for note in whole.notes)
+    assert any("'part.y' is dropped" in note for note in whole.notes)
 
 
 def test_a_type_of_ones_own(tmp_path: Path, cli: Run) -> None:
@@ -151,5 +151,5 @@ def test_another_seed_shares_the_network_and_changes_the_numbers() -> None:
         assert again.network.entries is network.entries
         assert np.array_equal(again.run()["errors"], expected)
         assert again.run().manifest["seed"] == seed
-    with pytest.raises(GraphError, match="expected an integer from 0"):
+    with pytest.raises(GraphError, match="expected a non-negative integer"):
         graph.with_seed(-1).check()

@@ -53,8 +53,8 @@ def test_an_open_input_has_the_form_of_its_type(engine: str) -> None:
     if engine == "compiled":
         pytest.importorskip("numba")
     graph = runtime.Graph(dt=0.01, until=0.05)
-    graph.add("c", blocks.Constant(value=[1, 2, 3], signal="Vector"))
-    graph.add("offset", Offset()).connect("c.value", "offset.x").probe("offset.out")
+    graph = graph.add("c", blocks.Constant(value=[1, 2, 3], signal="Vector"))
+    graph = graph.add("offset", Offset()).connect("c.value", "offset.x").probe("offset.out")
     result = graph.run(engine=engine)
     np.testing.assert_array_equal(result["offset_out"], np.tile([4.5, 5.5, 6.5], (5, 1)))
 
@@ -160,7 +160,7 @@ def test_a_type_of_ones_own_in_python() -> None:
     constant = blocks.Constant(signal=wrench, value=[3, 4])
     assert type(constant)(**constant.parameters()) == constant
     graph = runtime.Graph(dt=0.1, until=0.3).add("load", constant)
-    graph.add("memory", blocks.UnitDelay()).connect("load.value", "memory.input")
+    graph = graph.add("memory", blocks.UnitDelay()).connect("load.value", "memory.input")
     np.testing.assert_array_equal(
         graph.probe("memory.out").run()["memory_out"], [[0, 0], [3, 4], [3, 4]]
     )

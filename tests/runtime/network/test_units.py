@@ -65,13 +65,13 @@ def refused(made: runtime.Graph) -> str:
 def test_terms_of_different_units_are_refused() -> None:
     assert refused(graph().connect("meter.angle", "sum.terms")) == (
         "set wires.sum.terms: wires.sum.terms[1]: expected m as 'meter.length' has, got rad from "
-        "'meter.angle'; where that is meant, a Gain on this wire gives it another unit"
+        "'meter.angle'; if that is intended, a Gain on this wire gives it another unit"
     )
 
 
 def test_components_of_records_have_units() -> None:
     made = graph().add("plant", blocks.DifferentialDrive()).add("mux", blocks.Mux())
-    made.connect("mux.out", "plant.command")
+    made = made.connect("mux.out", "plant.command")
     assert made.connect("plant.pose.x", "sum.terms").check()
     assert "got rad from 'plant.pose.theta'" in refused(
         made.connect("plant.pose.theta", "sum.terms")
@@ -83,7 +83,7 @@ def test_generic_blocks_hand_a_unit_on_and_a_gain_frees_it() -> None:
     made = graph()
     source = "meter.angle"
     for i in range(1500):
-        made.add(f"d{i}", blocks.UnitDelay()).connect(source, f"d{i}.input")
+        made = made.add(f"d{i}", blocks.UnitDelay()).connect(source, f"d{i}.input")
         source = f"d{i}.out"
     assert "expected m as 'meter.length' has, got rad from 'd1499.out'" in refused(
         made.connect(source, "sum.terms")
@@ -105,7 +105,7 @@ def test_an_input_that_declares_a_unit_says_so_in_a_note() -> None:
     made = graph().add("mux", blocks.Mux()).connect("meter.rate", "mux.omega")
     assert made.run().notes == []
     assert made.connect("meter.angle", "mux.v").run().notes == [
-        "wires.mux.v: expected m/s, got rad from 'meter.angle'; where that is meant, a Gain on "
+        "wires.mux.v: expected m/s, got rad from 'meter.angle'; if that is intended, a Gain on "
         "this wire gives it another unit"
     ]
 
@@ -149,7 +149,7 @@ def test_rates_and_options_of_plots_take_degrees() -> None:
 
 
 def test_an_angle_of_more_than_a_turn_is_noted() -> None:
-    message = "blocks.plant.x0: 90 rad is 5156.6 degrees; if degrees are meant, write 90deg"
+    message = "blocks.plant.x0: 90 rad is 5156.6 degrees; if degrees are intended, write 90deg"
     graph = turned(0, 90, 90)
     assert graph.run().notes == [message]
     assert graph.run().manifest["notes"] == [message]

@@ -209,7 +209,7 @@ class TestAllKinds:
             "import sys, tempfile, pathlib, runtime, runtime.plots.figures\n"
             "graph = runtime.Graph('g', dt=0.01, until=0.1)\n"
             "from blocks import Constant\n"
-            "graph.add('c', Constant(value=1.0)).plot('p', 'timeseries', 'c.value')\n"
+            "graph = graph.add('c', Constant(value=1.0)).plot('p', 'timeseries', 'c.value')\n"
             "runtime.plots.figures.save_plots(graph.run(), pathlib.Path(tempfile.mkdtemp()))\n"
             "sys.exit('matplotlib.pyplot' in sys.modules)\n"
         )
