@@ -1,7 +1,7 @@
-"""The command line's verbs: one module each, with ``add`` for its options and ``run`` for its work.
+"""The verbs of the command line, one module each: ``add`` declares options, ``run`` does the work.
 
-A module imports at its top only what every start may pay for (argparse, errors); what a verb works
-with is imported when it runs.
+At its top, a module imports only what is cheap (argparse, errors), since every start imports all
+of them; the rest is imported when the verb runs.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ NAMES = (
 
 
 class Command(Protocol):
-    """What a verb's module offers."""
+    """The interface of a verb's module."""
 
     HELP: str
 
@@ -29,5 +29,5 @@ class Command(Protocol):
 
 
 def command(name: str) -> Command:
-    """A verb's module by its name."""
+    """The module of a verb."""
     return cast(Command, import_module(f"{__name__}.{name}"))

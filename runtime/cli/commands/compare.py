@@ -1,4 +1,4 @@
-"""``runtime compare``: runs side by side, and where they part."""
+"""``runtime compare``: overlay runs, and list their differences."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from runtime.terminal import show, show_json
 if TYPE_CHECKING:
     from runtime.compare import Comparison
 
-HELP = "overlay runs; what differs in graphs, metrics and probes"
+HELP = "overlay runs; list differences in graphs, metrics and probes"
 
 
 def add(parser: ArgumentParser) -> None:
@@ -24,7 +24,7 @@ def add(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--exact",
         action="store_true",
-        help="at which tick, and in which probe, bits first differ; exit code 1 if they do",
+        help="first tick and probe at which runs differ in any bit; exit code 1 if they do",
     )
     for flag, value, text in (
         ("--rtol", 1e-9, "tolerated difference relative to the first run's value (1e-9)"),
@@ -32,23 +32,23 @@ def add(parser: ArgumentParser) -> None:
     ):
         parser.add_argument(flag, type=_tolerance, default=value, metavar="X", help=text)
     parser.add_argument(
-        "--probes", default="", metavar="NAME[,NAME]", help="these probes only (all)"
+        "--probes", default="", metavar="NAME[,NAME]", help="compare only these probes (all)"
     )
     parser.add_argument(
-        "--labels", default="", metavar="A,B[,...]", help="what to call the runs, in their order"
+        "--labels", default="", metavar="A,B[,...]", help="names of the runs, in their order"
     )
     parser.add_argument(
-        "--out", default="comparisons", metavar="DIR", help="where pictures go (comparisons)"
+        "--out", default="comparisons", metavar="DIR", help="folder for pictures (comparisons)"
     )
     parser.add_argument("--no-plots", action="store_true", help="draw nothing")
     parser.add_argument(
         "--json", action="store_true", help="print one JSON object and nothing else"
     )
-    parser.add_argument("-q", "--quiet", action="store_true", help="print no list of pictures")
+    parser.add_argument("-q", "--quiet", action="store_true", help="do not list pictures")
 
 
 def run(options: Namespace) -> int:
-    """Compare, draw, print; 1 if ``--exact`` was asked for and bits differ."""
+    """Compare, draw and print; returns 1 if ``--exact`` is given and any bit differs."""
     from runtime.compare import as_data, compare, exact_summary, open_runs, summary
 
     runs = open_runs(options.runs, _names(options.labels))
@@ -66,8 +66,8 @@ def run(options: Namespace) -> int:
             for path in pictures:
                 show(f"  {path.name}")
     sys.stdout.flush()
-    is_apart = options.exact and not all(other.is_same for other in comparison.others)
-    return 1 if is_apart else 0
+    differs = options.exact and not all(other.is_same for other in comparison.others)
+    return 1 if differs else 0
 
 
 def _names(text: str) -> list[str]:
@@ -80,12 +80,12 @@ def _tolerance(text: str) -> float:
     except ValueError:
         value = math.nan
     if not 0.0 <= value < math.inf:
-        raise ArgumentTypeError(f"expected a number from 0, got '{text}'")
+        raise ArgumentTypeError(f"expected a non-negative number, got '{text}'")
     return value
 
 
 def _pictures(comparison: Comparison, options: Namespace) -> tuple[Path, list[Path]]:
-    """Draw the runs over each other in a folder of their own."""
+    """Draw the overlaid runs into a new folder."""
     from runtime.compare.overlay import save_overlays
     from runtime.errors import UsageError
     from runtime.runs import link_latest, new_folder

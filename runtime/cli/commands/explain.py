@@ -1,4 +1,4 @@
-"""``runtime explain``: order, rates, types and the function that runs."""
+"""``runtime explain``: show order, rates, types and the generated function."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from argparse import ArgumentParser, Namespace
 from runtime.cli.commands.changes import add_graph, changed
 from runtime.terminal import show, show_json
 
-HELP = "order, rates, types and the function that runs"
+HELP = "show order, rates, types and the generated function"
 
 
 def add(parser: ArgumentParser) -> None:
@@ -17,7 +17,7 @@ def add(parser: ArgumentParser) -> None:
 
 
 def run(options: Namespace) -> int:
-    """Print order, rates and types, and the function that is executed."""
+    """Print order, rates, types and the generated function."""
     from runtime.cli.explain import explain_json, explain_text
     from runtime.graph import load
 

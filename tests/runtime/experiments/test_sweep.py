@@ -26,7 +26,7 @@ TWO = ("sweep", "draw.yaml", "-j", "2")
 
 
 def rows(folder: Path) -> list[dict[str, str]]:
-    """The rows of an index in the order of their points, but for the time that each took."""
+    """The rows of an index in the order of their trials, without their wall time."""
     with (folder / "index.csv").open(newline="") as lines:
         found = list(csv.DictReader(lines))
     for row in found:
@@ -68,7 +68,7 @@ def test_seeds_alone_are_a_sweep(here: Run, draw: Path, tmp_path: Path) -> None:
 
 
 def test_all_points_have_one_engine() -> None:
-    # Two points repay no compilation; as many as would take minutes do.
+    # Compilation does not pay off for two trials; it does for as many as would take minutes.
     for seeds, engine in (("0..1", "python"), ("0..9999999", "compiled")):
         plan = sweep_plan(read_experiment("line_actuator_failure"), seeds_of(seeds))
         assert parse_yaml(plan.bundle.text, "g").plain()["run"]["engine"] == engine
@@ -302,7 +302,7 @@ def test_values_that_do_not_go_together_are_rows(here: Run, draw: Path, tmp_path
         (["--vary", "draw.level"], "--vary draw.level: expected PATH=VALUES"),
         (["--vary", "draw.level=0..1"], "draw.level=0..1: how many values? Write 0..1:5"),
         (["--vary", "draw.level=[1]", "--vary", "blocks.draw.level=[2]"], "is varied twice"),
-        (["--vary", "run.seed=[1]"], "the seed is no knob; seeds are varied by 'seeds'"),
+        (["--vary", "run.seed=[1]"], "the seed is not a factor; seeds are varied by 'seeds'"),
         (
             ["--vary", "draw.level=[1]", "--seeds", "x"],
             "expected seeds such as 0..9, 3 or 0,4,7..9",
@@ -313,7 +313,7 @@ def test_values_that_do_not_go_together_are_rows(here: Run, draw: Path, tmp_path
         (["--vary", "draw.level=[1]", "--keep", "best:0"], "expected all, failed, best:N or none"),
         (["--vary", "draw.level=[1]", "-j", "0"], "expected a number of workers from 1"),
         (["--vary", "draw.level=[1]", "--timeout", "-1"], "expected a number of seconds above 0"),
-        (["--vary", "draw.level=0..1", "--sobol", "0"], "--sobol 0: expected 1 or more"),
+        (["--vary", "draw.level=0..1", "--sobol", "0"], "--sobol 0: expected at least 1"),
         (["--vary", "draw.level=[1]", "--name", "a/b"], "--name a/b: expected letters, digits"),
         (
             ["--vary", "draw.level=[1]", "--set", "metrics.seed={kind: final, of: draw.out}"],
@@ -321,7 +321,7 @@ def test_values_that_do_not_go_together_are_rows(here: Run, draw: Path, tmp_path
         ),
     ],
 )
-def test_mistakes_are_told_before_anything_runs(
+def test_errors_are_reported_before_anything_runs(
     here: Run, draw: Path, arguments: list[str], message: str
 ) -> None:
     done = here("sweep", "draw.yaml", *arguments)
@@ -355,7 +355,7 @@ def test_an_experiment_file_tells_all_its_mistakes_with_their_places(here: Run, 
         "bad.yaml:5:8: seeds: expected seeds such as",
         "bad.yaml:7:15: vary.draw.level: '3..1:2': the range is empty",
         "bad.yaml:8:3: blocks.draw.cont: unknown parameter, did you mean 'count'?",
-        "bad.yaml:9:9: random: expected a whole number from 1",
+        "bad.yaml:9:9: random: expected an integer from 1",
         "bad.yaml:10:11: minimize: the graph has no metric 'drwn', did you mean 'drawn'?",
     ):
         assert message in done.stderr
@@ -369,7 +369,7 @@ def test_a_folder_is_never_mixed_up(here: Run, draw: Path, tmp_path: Path) -> No
     assert here(*sweep).returncode == 0
     before = (tmp_path / "sweeps/draw/index.csv").read_bytes()
     for arguments, message in (
-        (sweep, "'sweeps/draw' exists already; --resume goes on with it"),
+        (sweep, "'sweeps/draw' exists already; --resume continues it"),
         ((*sweep, "--seeds", "0..3", "--resume"), "differs in seeds: 0 there, 0..3 here"),
         ((*sweep, "--until", "0.1", "--resume"), "differs in the graph"),
         ((*TWO, "--vary", "draw.level=[1]", "--resume"), "{'draw.level': [1]} here"),
@@ -391,7 +391,7 @@ def test_the_index_of_another_plan_is_refused(here: Run, draw: Path, tmp_path: P
     (tmp_path / "sweeps/b/index.csv").write_bytes(other)
     done = here(*TWO, "--vary", "draw.level=[2, 1]", "--name", "b", "--resume")
     assert done.returncode == 2
-    assert "'sweeps/b/index.csv' is of another plan: its point" in done.stderr
+    assert "'sweeps/b/index.csv' belongs to a different plan: its trial" in done.stderr
     assert (tmp_path / "sweeps/b/index.csv").read_bytes() == other
 
 
