@@ -28,6 +28,11 @@ class Command(Protocol):
         """Do the work; returns the exit code."""
 
 
+def add_json(parser: ArgumentParser) -> None:
+    """Declare ``--json``."""
+    parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
+
+
 def command(name: str) -> Command:
     """The module of a verb."""
     return cast(Command, import_module(f"{__name__}.{name}"))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
 
+from runtime.cli.commands import add_json
 from runtime.errors import UsageError
 from runtime.terminal import show, show_json
 
@@ -14,7 +15,7 @@ def add(parser: ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("type", nargs="?", help="a block type")
     parser.add_argument("--module", metavar="FILE", help="a Python file that defines more blocks")
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    add_json(parser)
 
 
 def run(options: Namespace) -> int:

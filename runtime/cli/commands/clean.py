@@ -7,6 +7,7 @@ from argparse import ArgumentParser, Namespace
 from datetime import datetime
 from pathlib import Path
 
+from runtime.cli.commands import add_json
 from runtime.errors import UsageError
 
 HELP = "list, recover or remove what killed runs left behind"
@@ -21,9 +22,7 @@ def add(parser: ArgumentParser) -> None:
         help="make a run folder from each recording of a killed run",
     )
     parser.add_argument("--yes", action="store_true", help="remove what is listed")
-    parser.add_argument(
-        "--json", action="store_true", help="print one JSON object and nothing else"
-    )
+    add_json(parser)
 
 
 def run(options: Namespace) -> int:

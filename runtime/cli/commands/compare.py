@@ -8,6 +8,7 @@ from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from runtime.cli.commands import add_json
 from runtime.terminal import show, show_json
 
 if TYPE_CHECKING:
@@ -41,9 +42,7 @@ def add(parser: ArgumentParser) -> None:
         "--out", default="comparisons", metavar="DIR", help="folder for pictures (comparisons)"
     )
     parser.add_argument("--no-plots", action="store_true", help="draw nothing")
-    parser.add_argument(
-        "--json", action="store_true", help="print one JSON object and nothing else"
-    )
+    add_json(parser)
     parser.add_argument("-q", "--quiet", action="store_true", help="do not list pictures")
 
 

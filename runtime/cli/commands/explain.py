@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
 
+from runtime.cli.commands import add_json
 from runtime.cli.commands.changes import add_graph, changed
 from runtime.terminal import show, show_json
 
@@ -13,7 +14,7 @@ HELP = "show order, rates, types and the generated function"
 def add(parser: ArgumentParser) -> None:
     """Declare the options."""
     add_graph(parser)
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    add_json(parser)
 
 
 def run(options: Namespace) -> int:

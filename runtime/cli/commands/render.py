@@ -7,6 +7,7 @@ from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable
 from pathlib import Path
 
+from runtime.cli.commands import add_json
 from runtime.rendering import VIEWS, RenderRequest
 from runtime.terminal import show, show_json
 
@@ -40,7 +41,7 @@ def add(parser: ArgumentParser) -> None:
     ):
         text += "" if value is None else f" ({value:g})"
         parser.add_argument(flag, type=kind, default=value, metavar="N", help=text)
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    add_json(parser)
 
 
 def run(options: Namespace) -> int:

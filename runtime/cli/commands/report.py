@@ -6,6 +6,7 @@ import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
+from runtime.cli.commands import add_json
 from runtime.terminal import show, show_json
 
 HELP = "write one self-contained HTML file about a run, a sweep or an ablation"
@@ -21,9 +22,7 @@ def add(parser: ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--out", metavar="FILE", help="file to write (report.html in FOLDER); - is stdout"
     )
-    parser.add_argument(
-        "--json", action="store_true", help="print one JSON object and nothing else"
-    )
+    add_json(parser)
 
 
 def run(options: Namespace) -> int:

@@ -7,6 +7,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from runtime.cli.commands import add_json
 from runtime.cli.commands.changes import add_graph, changed
 from runtime.errors import SimulationError, UsageError, one_line
 from runtime.terminal import show, show_json, tell
@@ -28,9 +29,7 @@ def add(parser: ArgumentParser) -> None:
     parser.add_argument("--no-plots", action="store_true", help="draw nothing")
     parser.add_argument("--profile", action="store_true", help="show the time per block")
     parser.add_argument("--animate", action="store_true", help="also write plots/animation.gif")
-    parser.add_argument(
-        "--json", action="store_true", help="print one JSON object and nothing else"
-    )
+    add_json(parser)
     parser.add_argument("-q", "--quiet", action="store_true", help="no progress, no notes")
 
 

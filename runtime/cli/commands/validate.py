@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
 
+from runtime.cli.commands import add_json
 from runtime.cli.commands.changes import add_changes, changed
 from runtime.errors import GraphError, MissingExtraError
 from runtime.terminal import show, show_json, tell
@@ -17,7 +18,7 @@ def add(parser: ArgumentParser) -> None:
         "graphs", nargs="+", metavar="graph", help="YAML files, or names of shipped graphs"
     )
     add_changes(parser)
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    add_json(parser)
     parser.add_argument("-q", "--quiet", action="store_true", help="print problems only")
 
 

@@ -8,6 +8,7 @@ from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from runtime.cli.commands import add_json
 from runtime.errors import Problems
 from runtime.terminal import tell
 
@@ -33,9 +34,7 @@ def add_workers(parser: ArgumentParser, seeds: str) -> None:
         help="run the trials on a Dask cluster: tcp://host:8786",
     )
     parser.add_argument("--no-plots", action="store_true", help="draw nothing")
-    parser.add_argument(
-        "--json", action="store_true", help="print one JSON object and nothing else"
-    )
+    add_json(parser)
     parser.add_argument("-q", "--quiet", action="store_true", help="no progress, no notes")
 
 

@@ -114,7 +114,7 @@ class ProcessExecutor(Executor):
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Let the workers finish what they are at, and go."""
+        """Let the workers finish their calls, and end them."""
         self._close("kill" if cancel_futures else "finish", wait)
 
     def kill(self) -> None:

@@ -239,7 +239,7 @@ def test_an_interrupted_ablation_goes_on(here: Run, draw: Path, tmp_path: Path) 
     [
         (["--without", "drw"], "there is no block 'drw', did you mean 'draw'?"),
         (["--without", "draw"], "variant 'without draw' cannot run:"),
-        (["--without", "half", "--without", "half"], "there are two variants 'without half'"),
+        (["--without", "half", "--without", "half"], "duplicate variant 'without half'"),
         (["--variant", "baseline"], "there are two variants 'baseline'"),
         (["--variant", ""], "'' is no name for a variant"),
         (["--bypass", "sum"], "variant 'bypass sum' cannot run:"),
