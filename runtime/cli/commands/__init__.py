@@ -6,7 +6,9 @@ of them; the rest is imported when the verb runs.
 
 from __future__ import annotations
 
-from argparse import ArgumentParser, Namespace
+import math
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from collections.abc import Callable
 from importlib import import_module
 from typing import Protocol, cast
 
@@ -31,6 +33,21 @@ class Command(Protocol):
 def add_json(parser: ArgumentParser) -> None:
     """Declare ``--json``."""
     parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
+
+
+def at_least(low: float) -> Callable[[str], float]:
+    """The type of an option that is a finite number of at least ``low``."""
+
+    def read(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not low <= value < math.inf:
+            raise ArgumentTypeError(f"expected a number of at least {low:g}, got '{text}'")
+        return value
+
+    return read
 
 
 def command(name: str) -> Command:

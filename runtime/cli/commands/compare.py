@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 import sys
-from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runtime.cli.commands import add_json
+from runtime.cli.commands import add_json, at_least
 from runtime.terminal import show, show_json
 
 if TYPE_CHECKING:
@@ -31,7 +30,7 @@ def add(parser: ArgumentParser) -> None:
         ("--rtol", 1e-9, "tolerated difference relative to the first run's value (1e-9)"),
         ("--atol", 1e-12, "tolerated difference, in the probe's unit (1e-12)"),
     ):
-        parser.add_argument(flag, type=_tolerance, default=value, metavar="X", help=text)
+        parser.add_argument(flag, type=at_least(0.0), default=value, metavar="X", help=text)
     parser.add_argument(
         "--probes", default="", metavar="NAME[,NAME]", help="compare only these probes (all)"
     )
@@ -71,16 +70,6 @@ def run(options: Namespace) -> int:
 
 def _names(text: str) -> list[str]:
     return [name.strip() for name in text.split(",")] if text else []
-
-
-def _tolerance(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0.0 <= value < math.inf:
-        raise ArgumentTypeError(f"expected a non-negative number, got '{text}'")
-    return value
 
 
 def _pictures(comparison: Comparison, options: Namespace) -> tuple[Path, list[Path]]:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable
 from pathlib import Path
 
-from runtime.cli.commands import add_json
+from runtime.cli.commands import add_json, at_least
 from runtime.rendering import VIEWS, RenderRequest
 from runtime.terminal import show, show_json
 
@@ -23,13 +22,13 @@ def add(parser: ArgumentParser) -> None:
     )
     parser.add_argument("--view", choices=VIEWS, help="camera view (both, side by side)")
     parser.add_argument(
-        "--at", type=_number(0.0), metavar="S", help="time of the picture (the end of the run)"
+        "--at", type=at_least(0.0), metavar="S", help="time of the picture (the end of the run)"
     )
     parser.add_argument("--no-film", action="store_true", help="render only the picture")
     for flag, kind, value, text in (
-        ("--from", _number(0.0), RenderRequest.begin, "start of the film, s"),
-        ("--until", _number(0.0), RenderRequest.end, "end of the film, s (the end of the run)"),
-        ("--speed", _number(1e-3), RenderRequest.speed, "playback speed relative to real time"),
+        ("--from", at_least(0.0), RenderRequest.begin, "start of the film, s"),
+        ("--until", at_least(0.0), RenderRequest.end, "end of the film, s (the end of the run)"),
+        ("--speed", at_least(1e-3), RenderRequest.speed, "playback speed relative to real time"),
         ("--fps", _integer(1, 240), RenderRequest.fps, "frames per second"),
         ("--height", _integer(64, 2160), RenderRequest.height, "height of the picture, pixels"),
         (
@@ -75,19 +74,6 @@ def run(options: Namespace) -> int:
     else:
         show("\n".join(map(str, files)))
     return 0
-
-
-def _number(low: float) -> Callable[[str], float]:
-    def read(text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not low <= value < math.inf:
-            raise ArgumentTypeError(f"expected a number of at least {low:g}, got '{text}'")
-        return value
-
-    return read
 
 
 def _integer(low: int, high: int) -> Callable[[str], int]:

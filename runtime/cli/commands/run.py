@@ -115,7 +115,7 @@ def _saved(result: Result, draft: Draft) -> Path:
             else:
                 draft.close()
             raise UsageError(text) from None
-        tell(f"{error}; the run is saved in '{folder}'")
+        tell(f"{error}; the run is kept in '{folder}'")
     draft.close()
     return folder
 
