@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from runtime.cli.commands.changes import add_changes, changed, with_changes
-from runtime.cli.commands.workers import add_workers, chosen_seeds, noted, pool_of, start_early
+from runtime.cli.commands.workers import add_workers, chosen_seeds, pool_of, start_early
 from runtime.errors import UsageError
 from runtime.terminal import show, show_json, tell
 
@@ -51,6 +51,7 @@ def add(parser: ArgumentParser) -> None:
 def run(options: Namespace) -> int:
     """Run the trials that have no row yet; print the table and draw the figure."""
     start_early(options)
+    from runtime.engine import silent
     from runtime.experiments import ablate
     from runtime.experiments.design import Seeds
     from runtime.experiments.execution import ablation_plan
@@ -60,7 +61,7 @@ def run(options: Namespace) -> int:
     experiment, variants, essential = _requested(options)
     seeds = chosen_seeds(options) or experiment.seeds or Seeds(((0, DEFAULT_SEEDS - 1),))
     quiet = options.quiet or options.json
-    plan = ablation_plan(experiment, variants, seeds, noted(quiet))
+    plan = ablation_plan(experiment, variants, seeds, silent if quiet else tell)
     if not plan.metrics:
         raise UsageError("the graph has no metrics to compare variants by; add 'metrics:'")
     folder = new_folder(Path(options.out), plan.name)
@@ -76,7 +77,11 @@ def run(options: Namespace) -> int:
     if done.is_interrupted:
         tell(f"interrupted; --resume {folder} continues it")
         return 130
-    pictures = [] if options.no_plots else _pictures(done)
+    pictures: list[Path] = []
+    if not options.no_plots:
+        from runtime.experiments.analysis.ablation_plots import save_ablation_figure
+
+        pictures = [save_ablation_figure(done.folder)]
     if options.json:
         show_json({**done.to_dict(), "plots": [str(path) for path in pictures]})
     else:
@@ -112,12 +117,6 @@ def _requested(options: Namespace) -> tuple[Experiment, list[Variant], dict[str,
     if not variants:
         raise UsageError("no block of this graph can be removed alone; give variants")
     return experiment, variants, essential
-
-
-def _pictures(done: AblationResult) -> list[Path]:
-    from runtime.experiments.analysis.ablation_plots import save_ablation_figure
-
-    return [save_ablation_figure(done.folder)]
 
 
 def _print(done: AblationResult, pictures: list[Path], quiet: bool) -> None:

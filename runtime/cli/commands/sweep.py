@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from runtime.cli.commands.changes import add_changes, changed
-from runtime.cli.commands.workers import add_workers, chosen_seeds, noted, pool_of, start_early
+from runtime.cli.commands.workers import add_workers, chosen_seeds, pool_of, start_early
 from runtime.errors import NOWHERE, Problems, UsageError, Where
 from runtime.terminal import show, show_json, tell
 
@@ -55,6 +55,7 @@ def add(parser: ArgumentParser) -> None:
 def run(options: Namespace) -> int:
     """Run the trials that have no row yet; print and draw the results."""
     start_early(options)
+    from runtime.engine import silent
     from runtime.experiments import SweepOptions, sweep
     from runtime.experiments.design import Seeds, read_experiment
     from runtime.experiments.execution import sweep_plan
@@ -67,11 +68,15 @@ def run(options: Namespace) -> int:
     seeds = chosen_seeds(options) or experiment.seeds or Seeds(((own, own),))
     experiment = _completed(experiment, options, seeds)
     quiet = options.quiet or options.json
-    plan = sweep_plan(experiment, seeds, noted(quiet))
+    plan = sweep_plan(experiment, seeds, silent if quiet else tell)
     folder = Path(options.out) / plan.name
     how = SweepOptions(folder, options.resume, pool_of(options), options.keep, options.timeout)
     result = sweep(plan, how, Progress(plan.name, wanted=not quiet))
-    pictures = [] if options.no_plots or result.is_interrupted else _pictures(result)
+    pictures: list[Path] = []
+    if not (options.no_plots or result.is_interrupted):
+        from runtime.experiments.analysis.sweep_plots import save_sweep_figures
+
+        pictures = save_sweep_figures(result.folder)
     if options.json:
         show_json({**result.summary(), "plots": [str(path) for path in pictures]})
     else:
@@ -134,12 +139,6 @@ def _positive(number: int, flag: str, least: int = 1) -> int:
     if number < least:
         raise UsageError(f"{flag} {number}: expected at least {least}")
     return number
-
-
-def _pictures(result: SweepResult) -> list[Path]:
-    from runtime.experiments.analysis.sweep_plots import save_sweep_figures
-
-    return save_sweep_figures(result.folder)
 
 
 def _print(result: SweepResult, pictures: list[Path]) -> None:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 
 from runtime.cli.commands import add_json
 from runtime.errors import Problems
-from runtime.terminal import tell
 
 if TYPE_CHECKING:
     from runtime.experiments.design import Seeds
@@ -71,11 +70,6 @@ def chosen_seeds(options: Namespace) -> Seeds | None:
     seeds = parse_seeds(parse_yaml(options.seeds, origin), "", problems)
     problems.raise_any()
     return seeds
-
-
-def noted(quiet: bool) -> Callable[[str], None]:
-    """The function that notes are passed to."""
-    return (lambda text: None) if quiet else tell
 
 
 def start_early(options: Namespace) -> None:

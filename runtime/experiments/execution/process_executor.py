@@ -64,7 +64,7 @@ class _Worker:
     pid: int = 0
     call: _Call | None = None
     deadline: float = math.inf
-    is_closeddue: bool = False
+    is_overdue: bool = False
 
 
 class ProcessExecutor(Executor):
@@ -162,7 +162,7 @@ class ProcessExecutor(Executor):
                 self._disconnect(worker)
         now = time.monotonic()
         for worker in [worker for worker in self._workers if worker.deadline <= now]:
-            worker.is_closeddue, worker.deadline = True, math.inf
+            worker.is_overdue, worker.deadline = True, math.inf
             worker.fork_server.kill(worker.pid)
 
     def _in(self, *states: str) -> list[_Worker]:
@@ -275,7 +275,7 @@ class ProcessExecutor(Executor):
     def _count_failed_start(self) -> None:
         self._failed_starts += 1
         if self._failed_starts > self.jobs + MOST_STARTS and not self._in("idle", "busy"):
-            self._break(self._start_failure or "each one ends while it starts")
+            self._break(self._start_failure or "each one ends as it starts")
 
     def _remove(self, worker: _Worker, how: str) -> None:
         """Remove a worker whose process has ended; its call, if any, fails."""
@@ -283,7 +283,7 @@ class ProcessExecutor(Executor):
         if worker.call is None:
             return
         error: Exception = WorkerDied(how)
-        if worker.is_closeddue:
+        if worker.is_overdue:
             error = TimeoutError(f"killed after {self.limit:g} s, stuck inside a block")
         worker.call.future.set_exception(error)
 

@@ -1,4 +1,4 @@
-"""``runtime ablate``: variants that see the same noise, and a table that says what is real."""
+"""``runtime ablate``: variants with the same noise, and a table with significant differences."""
 
 from __future__ import annotations
 
@@ -240,8 +240,8 @@ def test_an_interrupted_ablation_goes_on(here: Run, draw: Path, tmp_path: Path) 
         (["--without", "drw"], "there is no block 'drw', did you mean 'draw'?"),
         (["--without", "draw"], "variant 'without draw' cannot run:"),
         (["--without", "half", "--without", "half"], "duplicate variant 'without half'"),
-        (["--variant", "baseline"], "there are two variants 'baseline'"),
-        (["--variant", ""], "'' is no name for a variant"),
+        (["--variant", "baseline"], "duplicate variant 'baseline'"),
+        (["--variant", ""], "'' is not a valid name for a variant"),
         (["--bypass", "sum"], "variant 'bypass sum' cannot run:"),
         (["--replace", "half=Gian"], "no block type 'Gian', did you mean 'Gain'?"),
         (["--seeds", "two"], "expected seeds such as 0..9, 3 or 0,4,7..9, got the text 'two'"),

@@ -49,7 +49,7 @@ def test_samples_hang_on_their_seed_alone(method: Method) -> None:
     assert len(set(first)) == 100
 
 
-def test_points_come_one_by_one_however_many_there_are() -> None:
+def test_trials_are_generated_one_by_one() -> None:
     design = Design(factors("0..1:1000000", "0..1:1000000"))
     seeds = Seeds(((0, 10**12),))
     trials = trials_of(swept_configurations(GraphBundle("g"), ("a", "b"), design), seeds)
@@ -58,7 +58,7 @@ def test_points_come_one_by_one_however_many_there_are() -> None:
     assert len(design) * len(seeds) == 10**12 * (10**12 + 1)
 
 
-def test_points_are_numbered_setting_by_setting() -> None:
+def test_trials_are_numbered_configuration_by_configuration() -> None:
     design = Design(factors("[x, y]"))
     trials = list(
         trials_of(swept_configurations(GraphBundle("g"), ("a",), design), Seeds(((4, 5),)))

@@ -119,7 +119,7 @@ def test_parallel_coordinates_beyond(here: Run, draw: Path, folder: Path) -> Non
     assert lines.get_segments()[0][-1][1] == 1.0
 
 
-def test_names_are_places_of_their_own(here: Run, draw: Path, folder: Path) -> None:
+def test_names_have_positions_on_the_axis(here: Run, draw: Path, folder: Path) -> None:
     assert here(*SWEEP, "--vary", "without=[[], [half], [sum]]").returncode == 0
     [(_, figure)] = sweep_figures(folder)
     labels = [text.get_text() for text in figure.axes[1].get_xticklabels()]

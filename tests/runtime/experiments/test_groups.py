@@ -1,4 +1,4 @@
-"""What is known of a sweep while it runs, in memory that does not grow with it."""
+"""Statistics of a running sweep, in memory that does not grow with the number of trials."""
 
 from __future__ import annotations
 

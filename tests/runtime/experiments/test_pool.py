@@ -355,7 +355,7 @@ def pool_of(executor: Executor, width: int = 3) -> WorkerPool:
     return WorkerPool(executor, lambda: width, lambda finished: None, (BrokenExecutor,))
 
 
-def test_points_are_taken_as_workers_become_free() -> None:
+def test_trials_are_taken_as_workers_become_free() -> None:
     taken = 0
 
     def trials() -> Iterator[Trial]:
@@ -370,7 +370,7 @@ def test_points_are_taken_as_workers_become_free() -> None:
         assert taken - count <= 3
 
 
-def test_a_point_is_tried_three_times_and_no_more() -> None:
+def test_a_trial_is_run_three_times_at_most() -> None:
     def answer(task: Task, tries: int) -> Any:
         number = task.trial.number
         if number == 2 or (number == 1 and tries < 3):
@@ -387,13 +387,13 @@ def test_a_point_is_tried_three_times_and_no_more() -> None:
     assert ended[2].reason == "its worker died 3 times, the last time: gone"
 
 
-def test_workers_that_cannot_run_points_end_the_sweep() -> None:
+def test_workers_that_cannot_run_trials_end_the_sweep() -> None:
     fake = Fake(lambda task, tries: ModuleNotFoundError("No module named 'runtime'"))
     with pytest.raises(UsageError, match="the workers cannot run trials: ModuleNotFoundError"):
         list(run_trials(map(trial, range(4)), pool_of(fake), Task))
 
 
-def test_a_call_that_fails_is_that_points_failure() -> None:
+def test_a_call_that_fails_makes_its_trial_fail() -> None:
     fake = Fake(lambda task, tries: MemoryError() if task.trial.number else TrialResult("ok"))
     ended = {p.number: done for p, done in run_trials(map(trial, range(2)), pool_of(fake), Task)}
     assert (ended[0].status, ended[1].status) == ("ok", "failed")

@@ -61,7 +61,7 @@ def test_killed_and_resumed_is_never_killed(
     assert rows(folder) == rows(tmp_path / "sweeps" / "whole")
     assert kept(folder) == kept(tmp_path / "sweeps" / "whole")
     assert not list(folder.rglob(".*"))
-    # Only what was on its way at a kill has run again.
+    # Only trials that were running when the sweep was killed ran again.
     started = len(log.read_text().splitlines())
     assert 2 * POINTS <= started <= 2 * POINTS + 2 * kills
 
@@ -114,7 +114,7 @@ if __name__ == "__main__":
 def test_a_full_disk_is_reported_and_what_was_written_stays(
     here: Run, draw: Path, tmp_path: Path
 ) -> None:
-    # A limit on the size of files stands for the full disk.
+    # A limit on file sizes simulates the full disk.
     (tmp_path / "full.py").write_text(FULL)
     plan = ("sweep", "draw.yaml", *SWEEP, "--seeds", "0..5", *LATER)
     folder, other = tmp_path / "sweeps" / "draw", tmp_path / "sweeps" / "whole"

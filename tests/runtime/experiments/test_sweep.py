@@ -34,7 +34,7 @@ def rows(folder: Path) -> list[dict[str, str]]:
     return sorted(found, key=lambda row: int(row["point"]))
 
 
-def test_a_grid_with_seeds_has_a_row_a_point(cli: Run, draw: Path, tmp_path: Path) -> None:
+def test_a_grid_with_seeds_has_a_row_per_trial(cli: Run, draw: Path, tmp_path: Path) -> None:
     vary = ("--vary", "draw.level=[0.5, 1.5]", "--vary", "params.gain=1..3:3")
     done = cli(*TWO, *vary, "--seeds", "3..4")
     assert done.returncode == 0, done.stderr
@@ -67,7 +67,7 @@ def test_seeds_alone_are_a_sweep(here: Run, draw: Path, tmp_path: Path) -> None:
     assert [row["seed"] for row in rows(tmp_path / "sweeps" / "draw")] == list("01234567")
 
 
-def test_all_points_have_one_engine() -> None:
+def test_all_trials_have_one_engine() -> None:
     # Compilation does not pay off for two trials; it does for as many as would take minutes.
     for seeds, engine in (("0..1", "python"), ("0..9999999", "compiled")):
         plan = sweep_plan(read_experiment("line_actuator_failure"), seeds_of(seeds))
@@ -133,7 +133,7 @@ def test_an_experiment_file_from_any_folder(cli: Run, draw: Path, tmp_path: Path
     assert all(row["total"] == row["drawn"] for row in rows(folder))
 
 
-def test_what_goes_wrong_with_a_point_is_its_row(here: Run, draw: Path, tmp_path: Path) -> None:
+def test_an_error_of_a_trial_is_in_its_row(here: Run, draw: Path, tmp_path: Path) -> None:
     mark = tmp_path / "mark"
     done = here(
         *(*TWO, "--json", "--no-plots", "--set", f"draw.mark={mark}"),
@@ -144,14 +144,14 @@ def test_what_goes_wrong_with_a_point_is_its_row(here: Run, draw: Path, tmp_path
     summary = json.loads(done.stdout)
     assert summary["counts"] == {"ok": 2, "failed": 2, "lost": 1, "timeout": 1}
     found = {row["draw.how"]: row for row in rows(tmp_path / "sweeps" / "draw")}
-    # The place of the user's own code, without the worker's folder.
+    # The location in the user's code, without the worker's folder.
     message = r".*tick 0 \(t = 0 s\): RuntimeError: it broke, on purpose \([a-z_]+\.py:[0-9]+\)"
     assert re.fullmatch(message, found["raise"]["reason"])
     assert "output 'out' is not finite: nan" in found["nan"]["reason"]
     assert found["die"]["status"] == "lost"
     assert found["die"]["reason"] == (
         "its worker died 3 times, the last time: its process was killed by SIGKILL; "
-        "if memory ran out, take fewer workers with --jobs"
+        "if memory ran out, use fewer workers with --jobs"
     )
     assert (found['"die once"']["status"], mark.exists()) == ("ok", True)
     assert found["slow"]["status"] == "timeout"
@@ -162,7 +162,7 @@ def test_what_goes_wrong_with_a_point_is_its_row(here: Run, draw: Path, tmp_path
 
 
 @pytest.mark.parametrize("at", ["start", "first", "later"])
-def test_whatever_a_block_raises_is_its_points_failure(
+def test_any_exception_of_a_block_makes_its_trial_fail(
     here: Run, draw: Path, tmp_path: Path, at: str
 ) -> None:
     kinds = ["KeyboardInterrupt", "SystemExit", "GeneratorExit", "BaseException"]
@@ -243,7 +243,7 @@ def test_links_lead_nowhere(here: Run, draw: Path, tmp_path: Path) -> None:
             shutil.rmtree(outside)
 
 
-def test_folders_that_are_no_points_are_left_alone(here: Run, draw: Path, tmp_path: Path) -> None:
+def test_folders_of_other_names_are_kept(here: Run, draw: Path, tmp_path: Path) -> None:
     sweep = (*TWO, "--no-plots", "--vary", "draw.level=[1, 2]", "--keep", "best:1", "--resume")
     assert here(*sweep).returncode == 0
     stray = tmp_path / "sweeps" / "draw" / "points" / "0abc"
@@ -418,7 +418,7 @@ def test_keep(here: Run, draw: Path, tmp_path: Path, keep: str, numbers: list[st
     assert result.status == ("failed" if keep == "failed" else "complete")
     if keep != "failed":
         assert result.metrics["drawn"] == -9.0 + normal(0)
-        # The folder runs again by itself, own block and all.
+        # The folder can be run again by itself, with its user block.
         again = here("run", f"sweeps/draw/points/{numbers[-1]}/graph.resolved.yaml", "--json")
         assert json.loads(again.stdout)["metrics"] == result.metrics
 

@@ -92,7 +92,7 @@ def bits(done: TrialResult) -> object:
 
 
 @pytest.mark.parametrize("engine", ["python", "compiled"])
-def test_points_on_many_threads_have_the_bits_of_points_one_by_one(
+def test_trials_on_many_threads_equal_trials_one_by_one_bit_for_bit(
     restless: None, tmp_path: Path, engine: str
 ) -> None:
     trials = tasks(tmp_path, engine)
