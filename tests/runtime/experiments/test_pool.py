@@ -319,7 +319,7 @@ def test_a_pool_that_is_killed_ends_what_runs(meeting: Meeting) -> None:
     for call in (future, waiting):
         with pytest.raises(WorkerDied):
             call.result()
-    with pytest.raises(RuntimeError, match="the pool is closed"):
+    with pytest.raises(RuntimeError, match="the executor is closed"):
         made.submit(os.getpid)
 
 
