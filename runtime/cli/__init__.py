@@ -1,9 +1,7 @@
-"""The command line: ``runtime run graph.yaml`` and its sisters.
-
-Exit codes: 0 fine; 1 it ran and an expectation failed; 2 usage or an invalid graph; 3 the
-simulation failed (what was recorded is kept); 4 an optional extra is missing; 130 interrupted
-(``runtime run`` keeps what was recorded on SIGTERM and SIGHUP, too, and ends with 143 and 129).
-Results go to stdout, everything else to stderr.
+"""The command line: ``runtime run graph.yaml`` and the other verbs. Exit codes:
+0 success; 1 an expectation failed; 2 usage or an invalid graph; 3 the simulation failed (what was
+recorded is kept); 4 an optional extra is missing; 130, 143, 129 interrupted by Ctrl-C, SIGTERM,
+SIGHUP. Results go to stdout, everything else to stderr.
 """
 
 from __future__ import annotations
@@ -22,14 +20,14 @@ from runtime.terminal import printable, show, tell
 
 EPILOG = """examples:
   runtime run line_actuator_failure                  a shipped graph, by name
-  runtime run my.yaml --without adaptive --seed 3    an ablation
-  runtime run my.yaml --set lqr.q='[1, 1, 1]'        another value
-  runtime run my.yaml --wire lqr.error=error.state   another wire
+  runtime run my.yaml --without adaptive --seed 3    remove a block
+  runtime run my.yaml --set lqr.q='[1, 1, 1]'        change a value
+  runtime run my.yaml --wire lqr.error=error.state   change a wire
 """
 
 
 class _Parser(argparse.ArgumentParser):
-    """Ends with exit code 2 and one line that says how to go on."""
+    """Reports a usage error in one line, with exit code 2."""
 
     def error(self, message: str) -> NoReturn:
         message = f"{self.prog}: {message}; '{self.prog} --help' shows the usage\n"
@@ -40,7 +38,7 @@ def make_parser() -> argparse.ArgumentParser:
     """The whole command line."""
     parser = _Parser(
         prog="runtime",
-        description="Simulate control diagrams that are written as YAML.",
+        description="Simulate control diagrams written in YAML.",
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -54,13 +52,13 @@ def make_parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
-    """Run the command line and leave with its exit code."""
+    """Run the command line, and exit with its exit code."""
     _open_streams()
     sys.exit(_flushed(run(arguments)))
 
 
 class _Messages(io.TextIOWrapper):
-    """stderr, where a message that cannot be written ends nothing: a full disk, a terminal gone."""
+    """stderr that ignores write errors, such as a full disk or a closed terminal."""
 
     def write(self, text: str) -> int:
         with suppress(OSError):
@@ -73,17 +71,17 @@ class _Messages(io.TextIOWrapper):
 
 
 def _open_streams() -> None:
-    """Make stdout and stderr take any text, and be there at all.
+    """Make stdout and stderr accept any text, and open them if they are closed.
 
-    A closed stream gives its number to the next file that is opened, which then gets the messages:
-    so it is opened to nowhere. What a terminal's encoding does not have is written as an escape.
+    The next file that is opened would get the number of a closed stream, and with it the messages:
+    so that stream is opened on /dev/null. Characters that an encoding lacks become escapes.
     """
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         if getattr(sys, name) is None:
-            nowhere = os.open(os.devnull, os.O_RDONLY if number == 0 else os.O_WRONLY)
-            if nowhere != number:
-                os.dup2(nowhere, number)
-                os.close(nowhere)
+            devnull = os.open(os.devnull, os.O_RDONLY if number == 0 else os.O_WRONLY)
+            if devnull != number:
+                os.dup2(devnull, number)
+                os.close(devnull)
             setattr(sys, name, os.fdopen(number, "r" if number == 0 else "w", encoding="utf-8"))
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
@@ -94,27 +92,27 @@ def _open_streams() -> None:
 
 
 def _flushed(code: int) -> int:
-    """The exit code, once all is written; 2 where results could not be, for want of room."""
+    """The exit code after flushing stdout; 2 if results could not be written."""
     try:
         sys.stdout.flush()
     except BrokenPipeError:
-        # The reader of our output is gone (as in '| head'): nothing is left to say to it.
-        _to_nowhere(sys.stdout)
+        # The reader of our output has closed it (as in '| head'): no more is written.
+        _discard(sys.stdout)
     except OSError as error:
-        _to_nowhere(sys.stdout)
-        code = code or _told(f"cannot write to stdout: {error.strerror}", UsageError.exit_code)
+        _discard(sys.stdout)
+        code = code or _report(f"cannot write to stdout: {error.strerror}", UsageError.exit_code)
     return code
 
 
-def _to_nowhere(stream: TextIO) -> None:
-    """Let what is left in a stream's buffer go nowhere, instead of failing again at the end."""
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, stream.fileno())
-    os.close(nowhere)
+def _discard(stream: TextIO) -> None:
+    """Discard the rest of a stream's buffer, which would fail again at exit."""
+    devnull = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(devnull, stream.fileno())
+    os.close(devnull)
 
 
-def _told(text: str, code: int) -> int:
-    """Say what ends a command; returns its exit code."""
+def _report(text: str, code: int) -> int:
+    """Print the error that ends a command; returns its exit code."""
     tell(text)
     return code
 
@@ -135,21 +133,21 @@ def run(arguments: Sequence[str] | None = None) -> int:
         code = command(options.command).run(options)
         sys.stdout.flush()
     except SpikeblocksError as error:
-        return _told(str(error), error.exit_code)
+        return _report(str(error), error.exit_code)
     except KeyboardInterrupt:
-        return _told("interrupted", 130)
+        return _report("interrupted", 130)
     except BrokenPipeError:
-        # The reader of our output is gone (as in '| head'): nothing is left to say to it.
-        _to_nowhere(sys.stdout)
+        # The reader of our output has closed it (as in '| head'): no more is written.
+        _discard(sys.stdout)
         return 0
     except (OSError, RecursionError) as error:
-        return _told(_reason(error), UsageError.exit_code)
+        return _report(_reason(error), UsageError.exit_code)
     return code
 
 
 def _reason(error: OSError | RecursionError) -> str:
-    """What the system refused, where a verb has no better words for it."""
+    """The message for an error that the verb did not handle itself."""
     if isinstance(error, RecursionError):
-        return "something in the input is nested too deep"
+        return "the input is nested too deeply"
     named = f"'{error.filename}': " if error.filename else "cannot write to stdout: "
     return f"{named}{error.strerror or error}"

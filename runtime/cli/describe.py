@@ -1,4 +1,4 @@
-"""The library in words, from its own declarations; makes docs/blocks.md and docs/observing.md."""
+"""Descriptions of blocks, plots and metrics; generates docs/blocks.md and docs/observing.md."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ def library(module: str | None = None) -> dict[str, type[Block]]:
     if module is not None:
         try:
             own = blocks_of_module(Path(module))
-        except Exception as error:  # noqa: BLE001 -- a user's file may raise anything
+        except Exception as error:  # noqa: BLE001 -- a user's file may raise any exception
             raise UsageError(f"cannot load '{module}': {type(error).__name__}: {error}") from None
     return {**BUILTIN, **installed(), **own}
 
 
 def describe_text(cls: type[Block]) -> str:
-    """One block for a terminal."""
+    """The description of a block for a terminal."""
     lines = [cls.__name__, "", inspect.getdoc(cls) or "", ""]
     for title, rows in _tables(cls):
         lines.append(title)
@@ -56,7 +56,7 @@ def describe_text(cls: type[Block]) -> str:
 
 
 def describe_markdown(cls: type[Block]) -> str:
-    """One block for docs/blocks.md."""
+    """The description of a block for docs/blocks.md."""
     first, _, rest = (inspect.getdoc(cls) or "").partition("\n")
     lines = [f"## {cls.__name__}", "", first, ""]
     if rest.strip():
@@ -74,7 +74,7 @@ def describe_markdown(cls: type[Block]) -> str:
 
 
 def describe_json(cls: type[Block]) -> dict[str, Any]:
-    """One block as plain data."""
+    """The description of a block as plain data."""
     spec = cls.spec
     return {
         "doc": inspect.getdoc(cls),
@@ -99,12 +99,12 @@ def describe_json(cls: type[Block]) -> dict[str, Any]:
     }
 
 
-Row = tuple[str, str, str, str]
+TableRow = tuple[str, str, str, str]
 
 
-def _tables(cls: type[Block]) -> list[tuple[str, list[Row]]]:
+def _tables(cls: type[Block]) -> list[tuple[str, list[TableRow]]]:
     spec = cls.spec
-    tables: list[tuple[str, list[Row]]] = [
+    tables: list[tuple[str, list[TableRow]]] = [
         ("inputs", [_input(name, port) for name, port in spec.inputs.items()]),
         ("outputs", [_output(name, port) for name, port in spec.outputs.items()]),
         ("parameters", [_param(name, declared) for name, declared in spec.params.items()]),
@@ -113,7 +113,7 @@ def _tables(cls: type[Block]) -> list[tuple[str, list[Row]]]:
     return [(title, rows) for title, rows in tables if rows]
 
 
-def _input(name: str, port: Input) -> Row:
+def _input(name: str, port: Input) -> TableRow:
     doc = port.doc
     if port.absent is not None:
         doc += f"; absent: {port.absent:g}"
@@ -121,11 +121,11 @@ def _input(name: str, port: Input) -> Row:
     return name, kind, port.unit, doc
 
 
-def _output(name: str, port: Output) -> Row:
+def _output(name: str, port: Output) -> TableRow:
     return name, str(port.type), port.unit, port.doc
 
 
-def _param(name: str, declared: Param) -> Row:
+def _param(name: str, declared: Param) -> TableRow:
     default = "required" if declared.required else _shown(declared.default)
     return name, declared.describe(), default, declared.doc
 
@@ -145,13 +145,13 @@ def _shown(value: Any) -> str:
 
 
 def blocks_page() -> str:
-    """docs/blocks.md."""
+    """The text of docs/blocks.md."""
     pages = [describe_markdown(cls) for cls in BUILTIN.values()]
     return HEADER + "\n" + "\n".join(pages).rstrip() + "\n"
 
 
 def observing_page() -> str:
-    """docs/observing.md."""
+    """The text of docs/observing.md."""
     lines = [OBSERVING, "## Plots", "", *_kinds_table(PLOT_KINDS, "plot")]
     common = list(Common.declared.items())
     lines += ["", "## Metrics", "", "Every metric takes, besides its own options:", ""]

@@ -1,4 +1,4 @@
-"""A graph explained: in which order its blocks run, how often, what flows, and the function."""
+"""Explains a graph: order of evaluation, rates, types, wires, and the generated function."""
 
 from __future__ import annotations
 
@@ -48,12 +48,12 @@ def explain_json(graph: Graph) -> dict[str, Any]:
 
 
 def _compiled(engine: Engine) -> dict[str, Any]:
-    """Which blocks compile, why the others do not, and the text that numba takes."""
+    """Which blocks are compiled, why the others are not, and the source that numba compiles."""
     from runtime.engine.compiled import CompiledRunner
 
     runner = engine.prepare()
     if not isinstance(runner, CompiledRunner):
-        raise TypeError("the engine is not the compiled one")
+        raise TypeError("not the compiled engine")
     return {
         "taken": "compiled",
         "compiled": sorted(runner.kernels.compiled),
@@ -64,7 +64,7 @@ def _compiled(engine: Engine) -> dict[str, Any]:
 
 
 def explain_text(graph: Graph) -> str:
-    """The same for a terminal."""
+    """The explanation for a terminal."""
     facts = explain_json(graph)
     lines = [
         f"{facts['graph']}: {len(graph.network.entries)} blocks, "
@@ -85,7 +85,7 @@ def explain_text(graph: Graph) -> str:
 
 
 def _engine_lines(engine: dict[str, Any]) -> list[str]:
-    """Which engine, and what it makes of the blocks."""
+    """Which engine runs the graph, and which blocks it compiles."""
     asked = f" ({engine['asked']})" if engine["asked"] == "auto" else ""
     if engine["taken"] == "python":
         cost = f"about {engine['python_s']:.2g} s a run"
@@ -94,5 +94,5 @@ def _engine_lines(engine: dict[str, Any]) -> list[str]:
     for name, reason in engine["from_python"].items():
         lines.append(f"  from Python  {name}: {reason}")
     if engine["parts"] > 1:
-        lines.append(f"  A tick with one of the latter is cut into {engine['parts']} parts.")
+        lines.append(f"  These split a tick into {engine['parts']} parts.")
     return [*lines, "", "The function that runs"]

@@ -1,6 +1,6 @@
-"""Experiments over graphs: sweeps of knobs and ablations of blocks, in parallel and resumable."""
+"""Experiments over graphs: parameter sweeps and ablations, in parallel and resumable."""
 
 from runtime.experiments.ablation import AblationResult, ablate
-from runtime.experiments.sweep import SweepResult, Way, sweep
+from runtime.experiments.sweep import SweepOptions, SweepResult, sweep
 
-__all__ = ["AblationResult", "SweepResult", "Way", "ablate", "sweep"]
+__all__ = ["AblationResult", "SweepOptions", "SweepResult", "ablate", "sweep"]

@@ -1,8 +1,7 @@
-"""An ablation from its plan to its table."""
+"""Run an ablation: from its plan to its table."""
 
 from __future__ import annotations
 
-import shutil
 from collections import Counter
 from collections.abc import Callable
 from contextlib import closing
@@ -12,7 +11,14 @@ from typing import Any
 
 from runtime.diagrams import diagram, stored_picture
 from runtime.errors import UsageError
-from runtime.experiments.analysis import CONFIDENCE, CORRECTION, TESTS, Line, Test, compare
+from runtime.experiments.analysis import (
+    CONFIDENCE,
+    CORRECTION,
+    TESTS,
+    ComparisonLine,
+    Test,
+    compare,
+)
 from runtime.experiments.design import BASELINE, Variant
 from runtime.experiments.execution import (
     DIAGRAMS,
@@ -20,21 +26,21 @@ from runtime.experiments.execution import (
     RUNS,
     SCHEMA_VERSION,
     TABLE,
-    Case,
+    ExperimentPlan,
     Index,
-    Plan,
     Row,
     Task,
     Trial,
+    TrialResult,
+    VariantBundle,
     WorkerPool,
     check_same,
     create,
     remaining,
-    run_points,
+    run_all,
+    save_trial,
 )
-from runtime.files import own_file, own_folder, write_json
-from runtime.graph import Graph
-from runtime.runs import save
+from runtime.files import own_folder, write_json, write_whole
 from runtime.terminal import Progress
 
 KEPT = ("ok", "failed", "timeout")
@@ -42,9 +48,9 @@ KEPT = ("ok", "failed", "timeout")
 
 @dataclass
 class AblationResult:
-    """An ablation that has ended: its rows by variant, and what they say."""
+    """An ablation that has ended: its rows by variant, and the table made from them."""
 
-    plan: Plan
+    plan: ExperimentPlan
     folder: Path
     variants: dict[str, Variant]
     essential: dict[str, str]
@@ -52,8 +58,8 @@ class AblationResult:
     rows: dict[str, list[Row]] = field(default_factory=dict)
     is_interrupted: bool = False
 
-    def lines(self) -> list[Line]:
-        """The lines of the table; a run that is not ok has no values."""
+    def lines(self) -> list[ComparisonLine]:
+        """The lines of the table; a trial that is not ok has no values."""
         values = {
             name: {
                 metric: [row.metrics[i] for row in rows]
@@ -61,15 +67,15 @@ class AblationResult:
             }
             for name, rows in self.rows.items()
         }
-        return compare(values, BASELINE, self.test, self._gone())
+        return compare(values, BASELINE, self.test, self._removed_metrics())
 
-    def _gone(self) -> set[tuple[str, str]]:
-        """Metrics of each variant that have lost what they measure."""
-        gone = set()
+    def _removed_metrics(self) -> set[tuple[str, str]]:
+        """(variant, metric) where the variant removes what the metric measures."""
+        found = set()
         for name, variant in self.variants.items():
             inputs = {m.name: m.inputs.values() for m in variant.graph.observation.metrics}
-            gone |= {(name, m) for m in self.plan.metrics if None in inputs.get(m, (None,))}
-        return gone
+            found |= {(name, m) for m in self.plan.metrics if None in inputs.get(m, (None,))}
+        return found
 
     def to_dict(self) -> dict[str, Any]:
         """What ablation.json holds."""
@@ -85,19 +91,19 @@ class AblationResult:
             "confidence": CONFIDENCE,
             "test": TESTS[self.test],
             "correction": CORRECTION,
-            "variants": [self._variant(case) for case in plan.cases],
+            "variants": [self._variant(variant) for variant in plan.variants],
             "essential": self.essential,
             "table": [line.to_dict() for line in self.lines()],
         }
 
-    def _variant(self, case: Case) -> dict[str, Any]:
-        graph = self.variants[case.name].graph
-        rows = self.rows[case.name]
+    def _variant(self, variant: VariantBundle) -> dict[str, Any]:
+        graph = self.variants[variant.name].graph
+        rows = self.rows[variant.name]
         reasons = Counter(row.reason for row in rows if row.status != "ok")
         return {
-            "name": case.name,
-            "slug": case.slug,
-            "changes": list(case.changes),
+            "name": variant.name,
+            "slug": variant.slug,
+            "changes": list(variant.changes),
             "removed": dict(graph.network.removed),
             "notes": list(graph.notes),
             "runs": len(rows),
@@ -107,7 +113,7 @@ class AblationResult:
 
 
 def ablate(
-    plan: Plan,
+    plan: ExperimentPlan,
     variants: list[Variant],
     essential: dict[str, str],
     folder: Path,
@@ -116,17 +122,17 @@ def ablate(
     timeout: float | None = None,
     progress: Progress | None = None,
 ) -> AblationResult:
-    """Run the baseline and all variants with all seeds, or what of them has no row yet.
+    """Run the trials of the baseline and of all variants that have no row in the index yet.
 
-    The way that the robot goes with the first seed is kept for each, under ``runs``.
+    The trajectory with the first seed is kept for each variant, under ``runs``.
 
     Parameters
     ----------
-    folder : a new one, or that of an ablation by the same plan which was interrupted.
+    folder : a new one, or that of an interrupted ablation with the same plan.
 
     Raises
     ------
-    UsageError : the folder cannot be written, or is of another plan.
+    UsageError : the folder cannot be written, or belongs to a different plan.
     """
     everything = {BASELINE: Variant(BASELINE, plan.graph)} | {v.name: v for v in variants}
     if folder.exists():
@@ -135,8 +141,8 @@ def ablate(
         create(plan, folder)
     with closing(Index(folder / INDEX, plan.columns)) as index:
         finished = _run(plan, folder, index, pool, timeout, progress or Progress("", wanted=False))
-        rows: dict[str, list[Row]] = {case.name: [] for case in plan.cases}
-        for row in sorted(index.rows(), key=lambda row: row.point):
+        rows: dict[str, list[Row]] = {variant.name: [] for variant in plan.variants}
+        for row in sorted(index.rows(), key=lambda row: row.trial):
             rows[row.cells[0]].append(row)
     done = AblationResult(plan, folder, everything, essential, test, rows, not finished)
     if finished:
@@ -146,63 +152,47 @@ def ablate(
 
 
 def _run(
-    plan: Plan,
+    plan: ExperimentPlan,
     folder: Path,
     index: Index,
-    make_crew: Callable[[], WorkerPool],
+    make_pool: Callable[[], WorkerPool],
     timeout: float | None,
     progress: Progress,
 ) -> bool:
-    """Run all points; False if Ctrl-C ended it."""
+    """Run the trials that have no row yet; False if Ctrl-C interrupted them."""
     first = next(iter(plan.seeds))
-    slugs = {case.name: case.slug for case in plan.cases}
-
-    def task(point: Trial) -> Task:
-        if point.seed == first:
-            return Task(point, "ways", KEPT, timeout=timeout)
-        return Task(point, timeout=timeout)
-
-    points = remaining(index, plan.points())
-    done = sum(1 for _ in index.rows())
-    if done == plan.total:
+    slugs = {variant.name: variant.slug for variant in plan.variants}
+    trials = remaining(index, plan.trials())
+    finished = sum(1 for _ in index.rows())
+    if finished == plan.total:
         return True
-    progress.resume(done)
-    finished = False
-    pool = make_crew()
-    try:
-        for point, ended in run_points(points, pool, task):
-            name = point.configuration.cells[0]
-            if ended.result is not None:
-                ended.result.files = point.configuration.bundle.files
-                kept = folder / RUNS / slugs[name]
-                shutil.rmtree(kept, ignore_errors=True)
-                save(ended.result, kept)
-            index.append(Row.of(point, ended, plan.metrics))
-            done += 1
-            progress(done, plan.total, name)
-        finished = True
-    except KeyboardInterrupt:
-        return False
-    finally:
-        pool.leave(finished)
-        progress.close()
-    return True
+    progress.resume(finished)
+
+    def task(trial: Trial) -> Task:
+        if trial.seed == first:
+            return Task(trial, "trajectory", KEPT, timeout=timeout)
+        return Task(trial, timeout=timeout)
+
+    def record(trial: Trial, result: TrialResult) -> None:
+        nonlocal finished
+        name = trial.configuration.cells[0]
+        save_trial(trial, result, folder / RUNS / slugs[name])
+        index.append(Row.of(trial, result, plan.metrics))
+        finished += 1
+        progress(finished, plan.total, name)
+
+    return run_all(trials, make_pool, task, record, progress)
 
 
-def _draw_diagrams(plan: Plan, variants: dict[str, Variant], folder: Path) -> None:
+def _draw_diagrams(plan: ExperimentPlan, variants: dict[str, Variant], folder: Path) -> None:
     target = folder / DIAGRAMS
     try:
         own_folder(target)
-        for case in plan.cases:
-            network = _graph(variants, case).network
-            texts = {"svg": str(diagram(network, "svg")), "json": stored_picture(network)}
-            for suffix, text in texts.items():
-                if text is not None:
-                    path = own_file(target / f"{case.slug}.{suffix}")
-                    path.write_text(text, encoding="utf-8")
+        for variant in plan.variants:
+            network = variants[variant.name].graph.network
+            write_whole(target / f"{variant.slug}.svg", str(diagram(network, "svg")))
+            picture = stored_picture(network)
+            if picture is not None:
+                write_whole(target / f"{variant.slug}.json", picture)
     except OSError as error:
         raise UsageError(f"cannot write '{target}': {error.strerror}") from None
-
-
-def _graph(variants: dict[str, Variant], case: Case) -> Graph:
-    return variants[case.name].graph

@@ -1,4 +1,4 @@
-"""A sweep from its plan to its summary."""
+"""Run a sweep: from its plan to its summary."""
 
 from __future__ import annotations
 
@@ -10,41 +10,43 @@ from pathlib import Path
 from typing import Any
 
 from runtime.errors import UsageError
-from runtime.experiments.analysis import Tally
+from runtime.experiments.analysis import Tally, number_or_none
 from runtime.experiments.execution import (
     INDEX,
     SCHEMA_VERSION,
     SUMMARY,
+    ExperimentPlan,
     Index,
-    Plan,
     RetentionPolicy,
     Row,
+    Trial,
+    TrialResult,
     WorkerPool,
     check_same,
     create,
     remaining,
-    run_points,
+    run_all,
 )
 from runtime.files import write_json
 from runtime.terminal import Progress
 
 
 @dataclass(frozen=True)
-class Way:
-    """How a sweep is run, which changes none of its numbers.
+class SweepOptions:
+    """How a sweep is run; none of this affects its numbers.
 
     Parameters
     ----------
     folder : where it is written.
-    resume : go on with what is there.
-    crew : makes the workers, once all else is known to be sound.
-    keep : which points leave a run folder.
-    timeout : seconds that a point may take.
+    resume : continue a sweep that is there.
+    make_pool : makes the worker pool, once everything else has been checked.
+    keep : which trials leave a run folder.
+    timeout : time limit of a trial in seconds.
     """
 
     folder: Path
     resume: bool
-    pool: Callable[[], WorkerPool]
+    make_pool: Callable[[], WorkerPool]
     keep: str = "none"
     timeout: float | None = None
 
@@ -53,7 +55,7 @@ class Way:
 class SweepResult:
     """A sweep that has ended, or was interrupted."""
 
-    plan: Plan
+    plan: ExperimentPlan
     folder: Path
     tally: Tally
     wall_s: float
@@ -82,88 +84,65 @@ class SweepResult:
                     "values": dict(zip(factors, ranked.cells, strict=True)),
                     "n": ranked.objective.n,
                     "mean": ranked.objective.mean,
-                    "low": number(ranked.objective.low),
-                    "high": number(ranked.objective.high),
+                    "low": number_or_none(ranked.objective.low),
+                    "high": number_or_none(ranked.objective.high),
                 }
                 for ranked in tally.best
             ],
-            "reasons": tally.told(),
+            "reasons": tally.top_reasons(),
             "wall_s": round(self.wall_s, 3),
         }
 
 
-def number(value: float) -> float | None:
-    """A number as JSON holds it: null for NaN."""
-    return None if value != value else value
-
-
-def sweep(plan: Plan, way: Way, progress: Progress) -> SweepResult:
-    """Run what is left of a plan.
+def sweep(plan: ExperimentPlan, options: SweepOptions, progress: Progress) -> SweepResult:
+    """Run the trials of a plan that have no row in the index yet.
 
     Raises
     ------
-    UsageError : the folder is of another plan, or there and not to be resumed, or full.
+    UsageError : the folder belongs to a different plan, exists although ``resume`` is off, or
+        cannot be written.
     """
     began = time.perf_counter()
     column = None if plan.objective is None else plan.metrics.index(plan.objective.metric)
     tally = Tally(len(plan.seeds), column, plan.objective)
-    keeper = RetentionPolicy(way.folder, way.keep, plan.objective, column, way.timeout)
-    _open_folder(plan, way)
-    with closing(Index(way.folder / INDEX, plan.columns)) as index:
-        points = remaining(index, plan.points())
-        keeper.resume(index.rows())
+    retention = RetentionPolicy(
+        options.folder, options.keep, plan.objective, column, options.timeout
+    )
+    _open_folder(plan, options)
+
+    def draw() -> None:
+        progress(tally.done, plan.total, tally.line(plan.columns.factors))
+
+    def record(trial: Trial, done: TrialResult) -> None:
+        retention.save(trial, done)
+        row = Row.of(trial, done, plan.metrics)
+        index.append(row)
+        retention.discard(row)
+        tally.add(row)
+
+    with closing(Index(options.folder / INDEX, plan.columns)) as index:
+        trials = remaining(index, plan.trials())
+        retention.resume(index.rows())
         for row in index.rows():
             tally.add(row)
         progress.resume(tally.done)
-        swept = SweepResult(plan, way.folder, tally, 0.0)
+        result = SweepResult(plan, options.folder, tally, 0.0)
         if tally.done < plan.total:
-            swept.is_interrupted = not _run(plan, way, index, points, keeper, tally, progress)
-    swept.wall_s = time.perf_counter() - began
-    write_json(way.folder / SUMMARY, swept.summary())
-    return swept
+            result.is_interrupted = not run_all(
+                trials, options.make_pool, retention.task, record, progress, draw
+            )
+    result.wall_s = time.perf_counter() - began
+    write_json(options.folder / SUMMARY, result.summary())
+    return result
 
 
-def _run(
-    plan: Plan,
-    way: Way,
-    index: Index,
-    points: Any,
-    keeper: RetentionPolicy,
-    tally: Tally,
-    progress: Progress,
-) -> bool:
-    """Run the remaining points; False if Ctrl-C ended it."""
-    factors = plan.columns.factors
-
-    def draw() -> None:
-        progress(tally.done, plan.total, tally.line(factors))
-
-    finished = False
-    pool = way.pool()
-    try:
-        draw()
-        for point, done in run_points(points, pool, keeper.task, draw):
-            keeper.save(point, done)
-            row = Row.of(point, done, plan.metrics)
-            index.append(row)
-            keeper.settle(row)
-            tally.add(row)
-        finished = True
-    except KeyboardInterrupt:
-        return False
-    finally:
-        pool.leave(finished)
-        progress.close()
-    return True
-
-
-def _open_folder(plan: Plan, way: Way) -> None:
-    if not way.folder.exists():
-        # Also with resume: what is killed may be killed before it has begun.
-        create(plan, way.folder)
+def _open_folder(plan: ExperimentPlan, options: SweepOptions) -> None:
+    if not options.folder.exists():
+        # With resume too: a sweep may have been killed before it made its folder.
+        create(plan, options.folder)
         return
-    check_same(plan, way.folder)
-    if not way.resume:
+    check_same(plan, options.folder)
+    if not options.resume:
         raise UsageError(
-            f"'{way.folder}' exists already; --resume goes on with it, --name begins another"
+            f"'{options.folder}' exists already; --resume continues it, --name begins another"
         )

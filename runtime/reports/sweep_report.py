@@ -195,7 +195,7 @@ def _failures(swept: _Sweep) -> Html:
         return Html("")
     rows = [[status, str(count)] for status, count in sorted(counts.items())]
     parts = [table(["status", "points"], rows, [1], label="points by status")]
-    reasons = [[str(told["reason"]), str(told["count"])] for told in swept.tally.told()]
+    reasons = [[str(told["reason"]), str(told["count"])] for told in swept.tally.top_reasons()]
     if reasons:
         parts.append(element("h3", "Reasons, the most frequent first"))
         parts.append(table(["reason", "points"], reasons, [1], label="reasons", wraps=[0]))

@@ -228,7 +228,7 @@ def test_measured_is_what_the_graph_gives(tmp_path: Path, monkeypatch: pytest.Mo
     def refused() -> None:
         raise AssertionError("it was run again")
 
-    monkeypatch.setattr(runs, "_crew", refused)
+    monkeypatch.setattr(runs, "_pool", refused)
     assert runs.measure(LINE, PRINTED, tmp_path, engine="python") == found
     with pytest.raises(runtime.UsageError, match="another plan"):
         runs.measure(LINE, PRINTED, tmp_path, Seeds(((1, 2),)), "python")

@@ -1,4 +1,4 @@
-"""``runtime ablate``: baseline and variants on the same seeds, in one table and one figure."""
+"""``runtime ablate``: compare a baseline and variants on the same seeds."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from runtime.cli.commands.changes import add_changes, changed, with_changes
-from runtime.cli.commands.workers import add_workers, chosen_seeds, noted, pool_of, start_early
+from runtime.cli.commands.workers import add_workers, chosen_seeds, pool_of, start_early
 from runtime.errors import UsageError
 from runtime.terminal import show, show_json, tell
 
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from runtime.experiments import AblationResult
     from runtime.experiments.design import Experiment, Variant
 
-HELP = "baseline and variants on the same seeds, in one table and one figure"
+HELP = "compare a baseline and variants on the same seeds, in a table and a figure"
 DEFAULT_SEEDS = 10
 ABOUT = """
-Variants: --without, --bypass and --replace each begin one, and other changes belong to the variant
-that they follow; before the first, they change the baseline and with it all variants. --variant
-NAME begins one of that name, and all changes up to the next --variant are part of it. Without any
-variant, every block is tried alone: bypassed if it has a through-pair, left out if the graph can
-live without it, listed as essential otherwise.
+--without, --bypass and --replace each begin a variant; other changes belong to the variant that
+they follow. Changes before the first variant apply to the baseline and to all variants. --variant
+NAME begins a variant with all changes up to the next --variant. If no variant is given, each block
+is removed in turn: bypassed if it has a pass-through, removed if the graph runs without it, and
+listed as essential otherwise.
 
   runtime ablate G --without adaptive --replace lqr=PID --set lqr.kp=2
   runtime ablate G --variant soft --set lqr.q='[0.01, 0.01, 0.01]' --seeds 0..19
@@ -35,36 +35,35 @@ def add(parser: ArgumentParser) -> None:
     parser.formatter_class = RawDescriptionHelpFormatter
     parser.add_argument("graph", help="a graph, or an experiment.yaml with variants")
     parser.add_argument(
-        "--out", default="ablations", metavar="DIR", help="where folders go (ablations)"
+        "--out", default="ablations", metavar="DIR", help="folder for ablations (ablations)"
     )
     parser.add_argument(
         "--test",
         choices=("t", "bootstrap"),
         default="t",
-        help="intervals and differences by Student's t (default), or by resampling",
+        help="intervals and tests by Student's t (default), or by resampling",
     )
-    parser.add_argument(
-        "--resume", metavar="FOLDER", help="go on with an ablation that was interrupted"
-    )
+    parser.add_argument("--resume", metavar="FOLDER", help="continue an interrupted ablation")
     add_workers(parser, f"0..{DEFAULT_SEEDS - 1}")
     add_changes(parser, seed=False, variants=True)
 
 
 def run(options: Namespace) -> int:
-    """Run the variants; print the table and draw the figure."""
+    """Run the trials that have no row yet; print the table and draw the figure."""
     start_early(options)
+    from runtime.engine import silent
     from runtime.experiments import ablate
     from runtime.experiments.design import Seeds
     from runtime.experiments.execution import ablation_plan
     from runtime.runs import link_latest, new_folder
     from runtime.terminal import Progress
 
-    experiment, variants, essential = _asked(options)
+    experiment, variants, essential = _requested(options)
     seeds = chosen_seeds(options) or experiment.seeds or Seeds(((0, DEFAULT_SEEDS - 1),))
     quiet = options.quiet or options.json
-    plan = ablation_plan(experiment, variants, seeds, noted(quiet))
+    plan = ablation_plan(experiment, variants, seeds, silent if quiet else tell)
     if not plan.metrics:
-        raise UsageError("the graph measures nothing that variants could differ in; add 'metrics:'")
+        raise UsageError("the graph has no metrics to compare variants by; add 'metrics:'")
     folder = new_folder(Path(options.out), plan.name)
     if options.resume is not None:
         folder = Path(options.resume).resolve()
@@ -76,9 +75,13 @@ def run(options: Namespace) -> int:
     )
     link_latest(folder)
     if done.is_interrupted:
-        tell(f"interrupted; --resume {folder} goes on")
+        tell(f"interrupted; --resume {folder} continues it")
         return 130
-    pictures = [] if options.no_plots else _pictures(done)
+    pictures: list[Path] = []
+    if not options.no_plots:
+        from runtime.experiments.analysis.ablation_plots import save_ablation_figure
+
+        pictures = [save_ablation_figure(done.folder)]
     if options.json:
         show_json({**done.to_dict(), "plots": [str(path) for path in pictures]})
     else:
@@ -86,14 +89,14 @@ def run(options: Namespace) -> int:
     return 3 if all(row.status != "ok" for rows in done.rows.values() for row in rows) else 0
 
 
-def _asked(options: Namespace) -> tuple[Experiment, list[Variant], dict[str, str]]:
-    """The experiment with its variants, those of the file first; or every block tried alone."""
+def _requested(options: Namespace) -> tuple[Experiment, list[Variant], dict[str, str]]:
+    """The experiment and its variants, those of its file first; or each block removed in turn."""
     from runtime.experiments.design import (
         Variant,
         check_variants,
-        each_alone,
         grouped,
         read_experiment,
+        removals,
     )
 
     common, named = grouped(options.changes or ())
@@ -110,16 +113,10 @@ def _asked(options: Namespace) -> tuple[Experiment, list[Variant], dict[str, str
     if variants:
         check_variants(variants)
     else:
-        variants, essential = each_alone(graph)
+        variants, essential = removals(graph)
     if not variants:
-        raise UsageError("no block of this graph can be taken out alone; name variants yourself")
+        raise UsageError("no block of this graph can be removed alone; give variants")
     return experiment, variants, essential
-
-
-def _pictures(done: AblationResult) -> list[Path]:
-    from runtime.experiments.analysis.ablation_plots import save_ablation_figure
-
-    return [save_ablation_figure(done.folder)]
 
 
 def _print(done: AblationResult, pictures: list[Path], quiet: bool) -> None:
@@ -130,15 +127,15 @@ def _print(done: AblationResult, pictures: list[Path], quiet: bool) -> None:
         for variant in done.variants.values():
             for note in variant.graph.notes:
                 tell(f"note: {variant.name}: {note}")
-    show(f"{plan.name}: {len(plan.cases)} variants, seeds {plan.seeds}")
+    show(f"{plan.name}: {len(plan.variants)} variants, seeds {plan.seeds}")
     lines = done.lines()
     show(f"{table(lines)}\n\n{legend(lines, done.test)}")
     for name, rows in done.rows.items():
         bad = [row for row in rows if row.status != "ok"]
         if bad:
-            show(f"{name}: {len(bad)} of {len(rows)} runs not ok, first: {bad[0].reason}")
+            show(f"{name}: {len(bad)} of {len(rows)} trials failed, first: {bad[0].reason}")
     if done.essential:
-        show("\nessential, cannot be taken out alone:")
+        show("\nessential, cannot be removed alone:")
         for name, reason in done.essential.items():
             show(f"  {name}: {reason}")
     show(f"\nablation folder: {done.folder}")

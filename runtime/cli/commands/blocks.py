@@ -1,24 +1,25 @@
-"""``runtime blocks``: the library, or one block of it."""
+"""``runtime blocks``: list the block types, or show one."""
 
 from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
 
+from runtime.cli.commands import add_json
 from runtime.errors import UsageError
 from runtime.terminal import show, show_json
 
-HELP = "the library, or one block's ports and parameters"
+HELP = "list the block types, or show one block's ports and parameters"
 
 
 def add(parser: ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("type", nargs="?", help="a block type")
-    parser.add_argument("--module", metavar="FILE", help="a Python file with blocks of your own")
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.add_argument("--module", metavar="FILE", help="a Python file that defines more blocks")
+    add_json(parser)
 
 
 def run(options: Namespace) -> int:
-    """Print the library, or one block."""
+    """Print all block types, or one."""
     from runtime.cli.describe import describe_json, describe_text, library
 
     known = library(options.module)

@@ -1,4 +1,4 @@
-"""Changes to a graph as options: declared once, applied in the order they were written."""
+"""Options that change a graph, applied in the order written."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class _Change(Action):
-    """Collects the changes in the order in which they were written."""
+    """Collects changes in the order written."""
 
     def __call__(self, parser, namespace, values, option_string=None):  # type: ignore[no-untyped-def]
         changes = [*(namespace.changes or []), (self.option_strings[0].lstrip("-"), values)]
@@ -27,35 +27,39 @@ def add_graph(parser: ArgumentParser) -> None:
 
 
 def add_changes(parser: ArgumentParser, seed: bool = True, variants: bool = False) -> None:
-    """Declare the changes alone; with ``variants``, also what begins one with a name."""
+    """Declare the changes alone; with ``variants``, also ``--variant``."""
     change = parser.add_argument_group("changes to the graph, applied in the order written")
     for flag, form, text in (
-        ("--with", "GRAPH", "lay a graph, or part of one, on top, as 'extends' does"),
+        ("--with", "GRAPH", "overlay a graph, or part of one, as 'extends' does"),
         ("--set", "PATH=YAML", "set an entry: blocks.lqr.q='[1, 1, 1]', params.v_r=2"),
         ("--wire", "INPUT=OUTPUT", "wire an input: lqr.error=error.state"),
-        ("--without", "NAME[,NAME]", "leave out blocks with their wires"),
-        ("--bypass", "NAME[,NAME]", "wire the through-pair of blocks straight"),
-        ("--replace", "NAME=TYPE[,...]", "put a block of another type in a block's place"),
+        ("--without", "NAME[,NAME]", "remove blocks with their wires"),
+        (
+            "--bypass",
+            "NAME[,NAME]",
+            "replace blocks by a direct wire from their input to their output",
+        ),
+        ("--replace", "NAME=TYPE[,...]", "replace a block by one of another type"),
     ):
         change.add_argument(flag, action=_Change, metavar=form, help=text, dest="changes")
     if variants:
-        message = "begin a variant, which the changes that follow are part of"
+        message = "begin a variant with all changes up to the next --variant"
         change.add_argument(
             "--variant", action=_Change, metavar="NAME", help=message, dest="changes"
         )
     if seed:
-        change.add_argument("--seed", type=int, help="the run's seed")
+        change.add_argument("--seed", type=int, help="seed of the run")
     change.add_argument("--until", type=float, metavar="S", help="length of the run in seconds")
     change.add_argument(
         "--no-modules",
         action="store_true",
-        help="import no Python file that the graph names; a block that needs one is an error",
+        help="do not import Python files named by the graph; a block that needs one is an error",
     )
-    change.add_argument("--engine", help="python, compiled, or auto: compiled where that repays")
+    change.add_argument("--engine", help="python, compiled, or auto: compiled when it pays off")
 
 
 def changed(graph: Graph, options: Namespace) -> Graph:
-    """The graph with the changes of the command line, in the order they were written."""
+    """The graph with the changes of the command line, applied in the order written."""
     graph = with_changes(graph, options.changes or ())
     if getattr(options, "seed", None) is not None:
         graph = graph.set("run.seed", options.seed, origin="--seed")
@@ -67,7 +71,7 @@ def changed(graph: Graph, options: Namespace) -> Graph:
 
 
 def with_changes(graph: Graph, changes: Iterable[tuple[str, str]]) -> Graph:
-    """The graph with changes as they are written, (kind, text) each."""
+    """The graph with changes, each given as (kind, text)."""
     for kind, text in changes:
         graph = apply(graph, kind, text)
     return graph

@@ -1,4 +1,4 @@
-"""``runtime clean``: what killed runs left behind."""
+"""``runtime clean``: list, recover or remove what killed runs left behind."""
 
 from __future__ import annotations
 
@@ -7,27 +7,26 @@ from argparse import ArgumentParser, Namespace
 from datetime import datetime
 from pathlib import Path
 
+from runtime.cli.commands import add_json
 from runtime.errors import UsageError
 
-HELP = "list what killed runs left; recover or remove it"
+HELP = "list, recover or remove what killed runs left behind"
 
 
 def add(parser: ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("folder", nargs="?", default="runs", help="where run folders go (runs)")
+    parser.add_argument("folder", nargs="?", default="runs", help="folder of run folders (runs)")
     parser.add_argument(
         "--recover",
         action="store_true",
-        help="make a run folder of each recording that a killed run left on disk",
+        help="make a run folder from each recording of a killed run",
     )
     parser.add_argument("--yes", action="store_true", help="remove what is listed")
-    parser.add_argument(
-        "--json", action="store_true", help="print one JSON object and nothing else"
-    )
+    add_json(parser)
 
 
 def run(options: Namespace) -> int:
-    """List leftovers; with ``--recover`` make runs of them, with ``--yes`` remove them."""
+    """List leftovers; recover them with ``--recover``, remove them with ``--yes``."""
     from runtime.files import json_text
     from runtime.observation import readable_bytes
     from runtime.runs import leftovers, recover, remove
@@ -48,18 +47,18 @@ def run(options: Namespace) -> int:
         rows.append(row)
         if not options.json:
             when = datetime.fromtimestamp(leftover.changed).isoformat(" ", "minutes")
-            print(f"{leftover.path}  {readable_bytes(leftover.size)}, {when}{_fate(row)}")
+            print(f"{leftover.path}  {readable_bytes(leftover.size)}, {when}{_outcome(row)}")
     if options.json:
         print(json_text({"schema_version": 1, "leftovers": rows}))
     elif not found:
         print(f"nothing left behind in {options.folder}")
     elif not options.yes:
         recordings = any(leftover.has_recording for leftover in found)
-        offer = "; '--recover' makes runs of recordings" if recordings else ""
+        offer = "; '--recover' makes runs from recordings" if recordings else ""
         print(f"'runtime clean {options.folder} --yes' removes these{offer}", file=sys.stderr)
     return code
 
 
-def _fate(row: dict[str, object]) -> str:
+def _outcome(row: dict[str, object]) -> str:
     recovered = f"; recovered as {row['run']}" if row["run"] else ""
     return recovered + ("; removed" if row["removed"] else "")

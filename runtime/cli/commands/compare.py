@@ -1,19 +1,19 @@
-"""``runtime compare``: runs side by side, and where they part."""
+"""``runtime compare``: overlay runs, and list their differences."""
 
 from __future__ import annotations
 
-import math
 import sys
-from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from runtime.cli.commands import add_json, at_least
 from runtime.terminal import show, show_json
 
 if TYPE_CHECKING:
     from runtime.compare import Comparison
 
-HELP = "overlay runs; what differs in graphs, metrics and probes"
+HELP = "overlay runs; list differences in graphs, metrics and probes"
 
 
 def add(parser: ArgumentParser) -> None:
@@ -24,31 +24,29 @@ def add(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--exact",
         action="store_true",
-        help="at which tick, and in which probe, bits first differ; exit code 1 if they do",
+        help="first tick and probe at which runs differ in any bit; exit code 1 if they do",
     )
     for flag, value, text in (
         ("--rtol", 1e-9, "tolerated difference relative to the first run's value (1e-9)"),
         ("--atol", 1e-12, "tolerated difference, in the probe's unit (1e-12)"),
     ):
-        parser.add_argument(flag, type=_tolerance, default=value, metavar="X", help=text)
+        parser.add_argument(flag, type=at_least(0.0), default=value, metavar="X", help=text)
     parser.add_argument(
-        "--probes", default="", metavar="NAME[,NAME]", help="these probes only (all)"
+        "--probes", default="", metavar="NAME[,NAME]", help="compare only these probes (all)"
     )
     parser.add_argument(
-        "--labels", default="", metavar="A,B[,...]", help="what to call the runs, in their order"
+        "--labels", default="", metavar="A,B[,...]", help="names of the runs, in their order"
     )
     parser.add_argument(
-        "--out", default="comparisons", metavar="DIR", help="where pictures go (comparisons)"
+        "--out", default="comparisons", metavar="DIR", help="folder for pictures (comparisons)"
     )
     parser.add_argument("--no-plots", action="store_true", help="draw nothing")
-    parser.add_argument(
-        "--json", action="store_true", help="print one JSON object and nothing else"
-    )
-    parser.add_argument("-q", "--quiet", action="store_true", help="print no list of pictures")
+    add_json(parser)
+    parser.add_argument("-q", "--quiet", action="store_true", help="do not list pictures")
 
 
 def run(options: Namespace) -> int:
-    """Compare, draw, print; 1 if ``--exact`` was asked for and bits differ."""
+    """Compare, draw and print; returns 1 if ``--exact`` is given and any bit differs."""
     from runtime.compare import as_data, compare, exact_summary, open_runs, summary
 
     runs = open_runs(options.runs, _names(options.labels))
@@ -66,26 +64,16 @@ def run(options: Namespace) -> int:
             for path in pictures:
                 show(f"  {path.name}")
     sys.stdout.flush()
-    is_apart = options.exact and not all(other.is_same for other in comparison.others)
-    return 1 if is_apart else 0
+    differs = options.exact and not all(other.is_same for other in comparison.others)
+    return 1 if differs else 0
 
 
 def _names(text: str) -> list[str]:
     return [name.strip() for name in text.split(",")] if text else []
 
 
-def _tolerance(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0.0 <= value < math.inf:
-        raise ArgumentTypeError(f"expected a number from 0, got '{text}'")
-    return value
-
-
 def _pictures(comparison: Comparison, options: Namespace) -> tuple[Path, list[Path]]:
-    """Draw the runs over each other in a folder of their own."""
+    """Draw the overlaid runs into a new folder."""
     from runtime.compare.overlay import save_overlays
     from runtime.errors import UsageError
     from runtime.runs import link_latest, new_folder

@@ -1,4 +1,4 @@
-"""``runtime draw``: the block diagram."""
+"""``runtime draw``: draw the block diagram."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from runtime.cli.commands.changes import add_graph, changed
 from runtime.errors import UsageError
 from runtime.terminal import show
 
-HELP = "the block diagram: svg, png, dot, mermaid"
+HELP = "draw the block diagram: svg, png, dot, mermaid"
 
 
 def add(parser: ArgumentParser) -> None:
@@ -20,7 +20,7 @@ def add(parser: ArgumentParser) -> None:
         "-o", "--out", metavar="FILE", help="file to write (<graph>.svg); - is stdout"
     )
     parser.add_argument(
-        "--format", choices=("svg", "png", "dot", "mermaid"), help="default: the file's"
+        "--format", choices=("svg", "png", "dot", "mermaid"), help="default: by the file's suffix"
     )
 
 

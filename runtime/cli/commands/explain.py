@@ -1,23 +1,24 @@
-"""``runtime explain``: order, rates, types and the function that runs."""
+"""``runtime explain``: show order, rates, types and the generated function."""
 
 from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
 
+from runtime.cli.commands import add_json
 from runtime.cli.commands.changes import add_graph, changed
 from runtime.terminal import show, show_json
 
-HELP = "order, rates, types and the function that runs"
+HELP = "show order, rates, types and the generated function"
 
 
 def add(parser: ArgumentParser) -> None:
     """Declare the options."""
     add_graph(parser)
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    add_json(parser)
 
 
 def run(options: Namespace) -> int:
-    """Print order, rates and types, and the function that is executed."""
+    """Print order, rates, types and the generated function."""
     from runtime.cli.explain import explain_json, explain_text
     from runtime.graph import load
 

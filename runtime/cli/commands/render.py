@@ -1,43 +1,50 @@
-"""``runtime render``: a picture and a film of a robot with physics."""
+"""``runtime render``: render a picture and a film of a run with physics."""
 
 from __future__ import annotations
 
-import math
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable
 from pathlib import Path
 
+from runtime.cli.commands import add_json, at_least
 from runtime.rendering import VIEWS, RenderRequest
 from runtime.terminal import show, show_json
 
-HELP = "a picture and a film of a run of a robot with physics"
+HELP = "render a picture and a film of a run with physics"
 
 
 def add(parser: ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("run", help="run folder, as in runs/<graph>/latest")
-    parser.add_argument("--out", metavar="DIR", help="where files go (the run's plots/)")
-    parser.add_argument("--block", default="", metavar="NAME", help="which robot, of several")
-    parser.add_argument("--view", choices=VIEWS, help="seen from there only (both, side by side)")
+    parser.add_argument("--out", metavar="DIR", help="folder for the files (the run's plots/)")
     parser.add_argument(
-        "--at", type=_number(0.0), metavar="S", help="time of the picture (the end of the run)"
+        "--block", default="", metavar="NAME", help="the robot, if there are several"
     )
-    parser.add_argument("--no-film", action="store_true", help="the picture only")
+    parser.add_argument("--view", choices=VIEWS, help="camera view (both, side by side)")
+    parser.add_argument(
+        "--at", type=at_least(0.0), metavar="S", help="time of the picture (the end of the run)"
+    )
+    parser.add_argument("--no-film", action="store_true", help="render only the picture")
     for flag, kind, value, text in (
-        ("--from", _number(0.0), RenderRequest.begin, "where the film begins, s"),
-        ("--until", _number(0.0), RenderRequest.end, "where it ends, s (the end of the run)"),
-        ("--speed", _number(1e-3), RenderRequest.speed, "how much faster than the robot it runs"),
-        ("--fps", _whole(1, 240), RenderRequest.fps, "pictures a second"),
-        ("--height", _whole(64, 2160), RenderRequest.height, "of the picture, in pixels"),
-        ("--film-height", _whole(64, 2160), RenderRequest.film_height, "of the film, in pixels"),
+        ("--from", at_least(0.0), RenderRequest.begin, "start of the film, s"),
+        ("--until", at_least(0.0), RenderRequest.end, "end of the film, s (the end of the run)"),
+        ("--speed", at_least(1e-3), RenderRequest.speed, "playback speed relative to real time"),
+        ("--fps", _integer(1, 240), RenderRequest.fps, "frames per second"),
+        ("--height", _integer(64, 2160), RenderRequest.height, "height of the picture, pixels"),
+        (
+            "--film-height",
+            _integer(64, 2160),
+            RenderRequest.film_height,
+            "height of the film, pixels",
+        ),
     ):
         text += "" if value is None else f" ({value:g})"
         parser.add_argument(flag, type=kind, default=value, metavar="N", help=text)
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    add_json(parser)
 
 
 def run(options: Namespace) -> int:
-    """Draw, and print the files."""
+    """Render, and print the files."""
     from runtime.files import check_inside, refuse_link
     from runtime.rendering import render
     from runtime.runs import run_folder
@@ -69,24 +76,11 @@ def run(options: Namespace) -> int:
     return 0
 
 
-def _number(low: float) -> Callable[[str], float]:
-    def read(text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not low <= value < math.inf:
-            raise ArgumentTypeError(f"expected a number from {low:g}, got '{text}'")
-        return value
-
-    return read
-
-
-def _whole(low: int, high: int) -> Callable[[str], int]:
+def _integer(low: int, high: int) -> Callable[[str], int]:
     def read(text: str) -> int:
         value = int(text) if text.isdecimal() else -1
         if not low <= value <= high or (low > 1 and value % 2):
-            even = "an even number" if low > 1 else "a whole number"
+            even = "an even number" if low > 1 else "an integer"
             raise ArgumentTypeError(f"expected {even} from {low} to {high}, got '{text}'")
         return value
 

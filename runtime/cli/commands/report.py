@@ -1,4 +1,4 @@
-"""``runtime report``: one HTML file on a run, a sweep or an ablation."""
+"""``runtime report``: write one HTML file about a run, a sweep or an ablation."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
+from runtime.cli.commands import add_json
 from runtime.terminal import show, show_json
 
-HELP = "one self-contained HTML file on a run, a sweep or an ablation"
+HELP = "write one self-contained HTML file about a run, a sweep or an ablation"
 
 
 def add(parser: ArgumentParser) -> None:
@@ -16,18 +17,16 @@ def add(parser: ArgumentParser) -> None:
     parser.add_argument(
         "path",
         metavar="FOLDER",
-        help="of a run, a sweep or an ablation, as in runs/<graph>/latest",
+        help="folder of a run, a sweep or an ablation, as in runs/<graph>/latest",
     )
     parser.add_argument(
         "-o", "--out", metavar="FILE", help="file to write (report.html in FOLDER); - is stdout"
     )
-    parser.add_argument(
-        "--json", action="store_true", help="print one JSON object and nothing else"
-    )
+    add_json(parser)
 
 
 def run(options: Namespace) -> int:
-    """Write the report and print where it is."""
+    """Write the report, and print its path."""
     from runtime.errors import UsageError
     from runtime.files import check_inside, write_whole
     from runtime.reports import report
@@ -56,7 +55,7 @@ def run(options: Namespace) -> int:
 
 
 def _write(path: Path, text: str) -> None:
-    """Write a file that is there whole or not at all; what is no file, as a pipe, is written to."""
+    """Write a file atomically; a pipe or device is written to directly."""
     from runtime.files import write_whole
 
     if path.exists() and not path.is_file():

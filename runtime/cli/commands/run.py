@@ -7,6 +7,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from runtime.cli.commands import add_json
 from runtime.cli.commands.changes import add_graph, changed
 from runtime.errors import SimulationError, UsageError, one_line
 from runtime.terminal import show, show_json, tell
@@ -22,13 +23,13 @@ HELP = "simulate, record, draw the probes, print the metrics"
 def add(parser: ArgumentParser) -> None:
     """Declare the options."""
     add_graph(parser)
-    parser.add_argument("--out", default="runs", metavar="DIR", help="where run folders go (runs)")
-    parser.add_argument("--no-plots", action="store_true", help="draw nothing")
-    parser.add_argument("--profile", action="store_true", help="show what each block takes")
-    parser.add_argument("--animate", action="store_true", help="write plots/animation.gif, too")
     parser.add_argument(
-        "--json", action="store_true", help="print one JSON object and nothing else"
+        "--out", default="runs", metavar="DIR", help="folder for run folders (runs)"
     )
+    parser.add_argument("--no-plots", action="store_true", help="draw nothing")
+    parser.add_argument("--profile", action="store_true", help="show the time per block")
+    parser.add_argument("--animate", action="store_true", help="also write plots/animation.gif")
+    add_json(parser)
     parser.add_argument("-q", "--quiet", action="store_true", help="no progress, no notes")
 
 
@@ -42,12 +43,12 @@ def run(options: Namespace) -> int:
     if options.animate:
         _check_animation(graph)
     if options.profile and graph.network.engine == "compiled":
-        raise UsageError("--profile times blocks one by one, which takes --engine python")
+        raise UsageError("--profile measures each block, which needs --engine python")
     quiet = options.quiet or options.json
     profile = Profile() if options.profile else None
     draft = Draft(new_folder(Path(options.out), graph.title))
     if not quiet:
-        _tell_leftovers(draft.folder.parent)
+        _report_leftovers(draft.folder.parent)
     with Interrupts() as interrupts:
         result, failure = _simulated(graph, quiet, profile, draft)
         folder = _saved(result, draft)
@@ -67,20 +68,20 @@ def run(options: Namespace) -> int:
         _print_result(result, folder, pictures, options.quiet)
     if rows and not options.json:
         show(profile_text(rows))
-    _tell_end(result, failure, folder)
+    _report_failures(result, failure, folder)
     return code
 
 
 def _simulated(
     graph: Graph, quiet: bool, profile: Profile | None, draft: Draft
 ) -> tuple[Result, SimulationError | None]:
-    """What was recorded, and what ended it early if something failed."""
+    """The result, and the error that ended the run early, if any."""
     from runtime.engine import silent
     from runtime.runs import Result, simulate
     from runtime.terminal import Progress
 
     progress = Progress(graph.title, wanted=not quiet)
-    note = silent if quiet else _note
+    note = silent if quiet else tell
     try:
         folder = draft.recordings
         prepared = graph.prepared(profiled=profile is not None)
@@ -98,7 +99,7 @@ def _simulated(
 
 
 def _saved(result: Result, draft: Draft) -> Path:
-    """Write the run; if its folder cannot be written, wherever there is room for it."""
+    """Write the run folder; if that fails, write it to another place with enough room."""
     from runtime.runs import save_elsewhere
 
     try:
@@ -109,8 +110,8 @@ def _saved(result: Result, draft: Draft) -> Path:
         except UsageError as other:
             text = f"{error}; {other}"
             if draft.recordings.is_dir():
-                text += f"; what was recorded is left in '{draft.partial}': make room, then "
-                text += "'runtime clean --recover' makes a run of it"
+                text += f"; the recording is left in '{draft.partial}': free some space, then "
+                text += "'runtime clean --recover' makes a run from it"
             else:
                 draft.close()
             raise UsageError(text) from None
@@ -122,7 +123,7 @@ def _saved(result: Result, draft: Draft) -> Path:
 def _exit_code(
     result: Result, failure: SimulationError | None, interrupts: Interrupts, in_place: bool
 ) -> int:
-    """The exit code: of a failure, else of the signal that came, else of where the run lies."""
+    """The exit code: of a failure, else of a signal, else of a folder that was not writable."""
     if failure is not None:
         return failure.exit_code
     if interrupts.caught is not None or result.status == "interrupted":
@@ -132,8 +133,8 @@ def _exit_code(
     return 1 if result.failures else 0
 
 
-def _tell_end(result: Result, failure: SimulationError | None, folder: Path) -> None:
-    """Say what went wrong."""
+def _report_failures(result: Result, failure: SimulationError | None, folder: Path) -> None:
+    """Report failures, and where the recording is."""
     for text in ([str(failure)] if failure else []) + result.failures:
         tell(text)
     if failure is not None:
@@ -142,31 +143,27 @@ def _tell_end(result: Result, failure: SimulationError | None, folder: Path) -> 
         tell(f"interrupted; what was recorded before is kept in {folder}")
 
 
-def _note(text: str) -> None:
-    tell(text)
-
-
-def _tell_leftovers(folder: Path) -> None:
-    """Name what killed runs of the same graph left behind."""
+def _report_leftovers(folder: Path) -> None:
+    """Report what killed runs of the same graph left behind."""
     from runtime.runs import leftovers
 
     found = leftovers(folder)
     if found:
         text = f"killed runs left {len(found)} hidden folder{'s' * (len(found) > 1)} in '{folder}'"
-        _note(f"{text}, as '{found[0].path.name}'; 'runtime clean {folder}' lists them")
+        tell(f"{text}, as '{found[0].path.name}'; 'runtime clean {folder}' lists them")
 
 
 def _check_animation(graph: Graph) -> None:
-    """Refuse an animation of what has none before the run, not after it."""
+    """Raise an error before the run if the graph cannot be animated."""
     from runtime.plots import animated
 
     animated(graph.observation.plots, graph.network.world)
 
 
 def _pictures(result: Result, folder: Path, plots: bool, animation: bool) -> list[Path]:
-    """Draw what was asked for into a run's folder; returns the files.
+    """Draw the requested pictures into a run's folder; returns the files.
 
-    What cannot be drawn is a note of the result: the run, and the other pictures, stay.
+    A picture that cannot be drawn becomes a note of the result.
     """
     files = []
     if plots:
@@ -178,7 +175,7 @@ def _pictures(result: Result, folder: Path, plots: bool, animation: bool) -> lis
 
         try:
             files.append(animate(result, folder / "plots" / "animation.gif"))
-        except Exception as error:  # noqa: BLE001 -- matplotlib raises anything over odd numbers
+        except Exception as error:  # noqa: BLE001 -- matplotlib may raise any exception for unusual numbers
             result.notes.append(f"no animation: {one_line(str(error) or type(error).__name__)}")
     return files
 
@@ -221,5 +218,5 @@ def _print_result(result: Result, folder: Path, pictures: list[Path], quiet: boo
 
 
 def number(value: float | None) -> str:
-    """A metric for people: four digits, or a dash where it has no value."""
+    """A metric for a terminal: four digits, or a dash if it has no value."""
     return "-" if value is None or math.isnan(value) else f"{value:.4g}"

@@ -1,4 +1,4 @@
-"""``runtime sweep``: turn knobs, in parallel; resumable."""
+"""``runtime sweep``: vary parameters and seeds, in parallel; resumable."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from runtime.cli.commands.changes import add_changes, changed
-from runtime.cli.commands.workers import add_workers, chosen_seeds, noted, pool_of, start_early
+from runtime.cli.commands.workers import add_workers, chosen_seeds, pool_of, start_early
 from runtime.errors import NOWHERE, Problems, UsageError, Where
 from runtime.terminal import show, show_json, tell
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from runtime.experiments import SweepResult
     from runtime.experiments.design import Experiment, Seeds
 
-HELP = "turn knobs: grids, samples, seeds; parallel and resumable"
+HELP = "vary parameters (grids or samples) and seeds; parallel and resumable"
 
 
 def add(parser: ArgumentParser) -> None:
@@ -27,33 +27,36 @@ def add(parser: ArgumentParser) -> None:
         action="append",
         metavar="PATH=VALUES",
         default=[],
-        help="a knob: lqr.q='[[1, 1, 1], [2, 2, 2]]', a=0.1..0.9:5, b='log(1e-5..1e-2):7', "
+        help="a factor: lqr.q='[[1, 1, 1], [2, 2, 2]]', a=0.1..0.9:5, b='log(1e-5..1e-2):7', "
         "n='int(50..200):4'; repeatable",
     )
     sampled = parser.add_mutually_exclusive_group()
-    sampled.add_argument("--random", type=int, metavar="N", help="N random points of the ranges")
-    sampled.add_argument("--sobol", type=int, metavar="N", help="N points of a Sobol sequence")
-    parser.add_argument("--sampling-seed", type=int, metavar="K", help="of those points (0)")
+    sampled.add_argument("--random", type=int, metavar="N", help="N random samples of the ranges")
+    sampled.add_argument("--sobol", type=int, metavar="N", help="N samples of a Sobol sequence")
+    parser.add_argument("--sampling-seed", type=int, metavar="K", help="seed of the samples (0)")
     goal = parser.add_mutually_exclusive_group()
-    goal.add_argument("--minimize", metavar="METRIC", help="what 'best' means (the first metric)")
-    goal.add_argument("--maximize", metavar="METRIC", help="or this, where more is better")
+    goal.add_argument("--minimize", metavar="METRIC", help="the objective (the first metric)")
+    goal.add_argument("--maximize", metavar="METRIC", help="likewise, if larger is better")
     parser.add_argument(
         "--keep",
         default="none",
         metavar="WHICH",
-        help="run folders of points: all, failed, best:N or none (none)",
+        help="trials that keep a run folder: all, failed, best:N or none (none)",
     )
-    parser.add_argument("--name", help="of the sweep's folder (the graph's, or the experiment's)")
-    parser.add_argument("--out", default="sweeps", metavar="DIR", help="where it goes (sweeps)")
-    parser.add_argument("--resume", action="store_true", help="go on where it was interrupted")
+    parser.add_argument(
+        "--name", help="name of the sweep's folder (the graph's, or the experiment's)"
+    )
+    parser.add_argument("--out", default="sweeps", metavar="DIR", help="folder for sweeps (sweeps)")
+    parser.add_argument("--resume", action="store_true", help="continue an interrupted sweep")
     add_workers(parser, "the graph's own seed")
     add_changes(parser, seed=False)
 
 
 def run(options: Namespace) -> int:
-    """Run the points that have no row yet; print and draw what came out."""
+    """Run the trials that have no row yet; print and draw the results."""
     start_early(options)
-    from runtime.experiments import Way, sweep
+    from runtime.engine import silent
+    from runtime.experiments import SweepOptions, sweep
     from runtime.experiments.design import Seeds, read_experiment
     from runtime.experiments.execution import sweep_plan
     from runtime.terminal import Progress
@@ -65,35 +68,37 @@ def run(options: Namespace) -> int:
     seeds = chosen_seeds(options) or experiment.seeds or Seeds(((own, own),))
     experiment = _completed(experiment, options, seeds)
     quiet = options.quiet or options.json
-    plan = sweep_plan(experiment, seeds, noted(quiet))
-    way = Way(
-        *(Path(options.out) / plan.name, options.resume, pool_of(options)),
-        *(options.keep, options.timeout),
-    )
-    swept = sweep(plan, way, Progress(plan.name, wanted=not quiet))
-    pictures = [] if options.no_plots or swept.is_interrupted else _pictures(swept)
+    plan = sweep_plan(experiment, seeds, silent if quiet else tell)
+    folder = Path(options.out) / plan.name
+    how = SweepOptions(folder, options.resume, pool_of(options), options.keep, options.timeout)
+    result = sweep(plan, how, Progress(plan.name, wanted=not quiet))
+    pictures: list[Path] = []
+    if not (options.no_plots or result.is_interrupted):
+        from runtime.experiments.analysis.sweep_plots import save_sweep_figures
+
+        pictures = save_sweep_figures(result.folder)
     if options.json:
-        show_json({**swept.summary(), "plots": [str(path) for path in pictures]})
+        show_json({**result.summary(), "plots": [str(path) for path in pictures]})
     else:
-        _print(swept, pictures)
-    if swept.is_interrupted:
-        message = f"interrupted after {swept.tally.done} of {plan.total} points"
-        tell(f"{message}; --resume goes on with {swept.folder}")
+        _print(result, pictures)
+    if result.is_interrupted:
+        message = f"interrupted after {result.tally.done} of {plan.total} trials"
+        tell(f"{message}; --resume continues {result.folder}")
         return 130
-    return 3 if swept.tally.counts["ok"] == 0 else 0
+    return 3 if result.tally.counts["ok"] == 0 else 0
 
 
 def _completed(experiment: Experiment, options: Namespace, seeds: Seeds) -> Experiment:
-    """An experiment with what the command line adds, checked."""
+    """An experiment with the additions of the command line, checked."""
     from runtime.document import parse_yaml
     from runtime.experiments.design import (
         Objective,
         check_design,
-        check_knob,
+        check_factor,
         check_objective,
-        parse_knob,
-        slug,
+        parse_factor,
     )
+    from runtime.files import slug
 
     problems = Problems()
     graph = experiment.graph
@@ -103,9 +108,9 @@ def _completed(experiment: Experiment, options: Namespace, seeds: Seeds) -> Expe
         origin = f"--vary {text}"
         if not equals:
             raise UsageError(f"{origin}: expected PATH=VALUES")
-        factor = parse_knob(path.strip(), parse_yaml(values, origin), path.strip(), problems)
+        factor = parse_factor(path.strip(), parse_yaml(values, origin), path.strip(), problems)
         if factor is not None:
-            check_knob(graph, factor, Where(origin), problems)
+            check_factor(graph, factor, Where(origin), problems)
             factors.append(factor)
     own = {factor.path for factor in factors}
     kept = (factor for factor in experiment.design.factors if factor.path not in own)
@@ -132,37 +137,33 @@ def _completed(experiment: Experiment, options: Namespace, seeds: Seeds) -> Expe
 
 def _positive(number: int, flag: str, least: int = 1) -> int:
     if number < least:
-        raise UsageError(f"{flag} {number}: expected {least} or more")
+        raise UsageError(f"{flag} {number}: expected at least {least}")
     return number
 
 
-def _pictures(swept: SweepResult) -> list[Path]:
-    from runtime.experiments.analysis.sweep_plots import save_sweep_figures
+def _print(result: SweepResult, pictures: list[Path]) -> None:
+    from runtime.experiments.analysis import interval
 
-    return save_sweep_figures(swept.folder)
-
-
-def _print(swept: SweepResult, pictures: list[Path]) -> None:
-    plan, tally = swept.plan, swept.tally
+    plan, tally = result.plan, result.tally
     counts = ", ".join(f"{count} {status}" for status, count in sorted(tally.counts.items()))
     configurations = plan.total // len(plan.seeds)
     show(
-        f"{plan.name}: {tally.done} of {plan.total} points ({configurations} settings, seeds "
-        f"{plan.seeds}): {counts}; {swept.wall_s:.1f} s"
+        f"{plan.name}: {tally.done} of {plan.total} trials ({configurations} configurations, "
+        f"seeds {plan.seeds}): {counts}; {result.wall_s:.1f} s"
     )
     if plan.objective is not None and not tally.best:
-        show(f"no setting has a value of {plan.objective.metric} for every seed")
+        show(f"no configuration has a value of {plan.objective.metric} for every seed")
     elif plan.objective is not None:
         goal = "smallest" if plan.objective.goal == "minimize" else "largest"
         show(f"{goal} {plan.objective.metric}, mean and 95 % interval over seeds:")
         for ranked in tally.best:
             found = ranked.objective
-            ends = f"  [{found.low:.4g}, {found.high:.4g}]" if found.n > 1 else ""
+            ends = f"  {interval(found)}" if found.n > 1 else ""
             values = zip(plan.columns.factors, ranked.cells, strict=True)
             configuration = ", ".join(f"{factor}={value}" for factor, value in values)
             show(f"  {found.mean:<10.4g}{ends}  {configuration}".rstrip())
-    for told in tally.told():
-        tell(f"  {told['count']} x {told['reason']}")
-    show(f"sweep folder: {swept.folder}")
+    for reason in tally.top_reasons():
+        tell(f"  {reason['count']} x {reason['reason']}")
+    show(f"sweep folder: {result.folder}")
     for path in pictures:
-        show(f"  {path.relative_to(swept.folder)}")
+        show(f"  {path.relative_to(result.folder)}")

@@ -1,26 +1,29 @@
-"""``runtime validate``: check graphs, run nothing."""
+"""``runtime validate``: check graphs without running them."""
 
 from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
 
+from runtime.cli.commands import add_json
 from runtime.cli.commands.changes import add_changes, changed
 from runtime.errors import GraphError, MissingExtraError
 from runtime.terminal import show, show_json, tell
 
-HELP = "check graphs, run nothing"
+HELP = "check graphs without running them"
 
 
 def add(parser: ArgumentParser) -> None:
     """Declare the options."""
-    parser.add_argument("graphs", nargs="+", metavar="graph", help="YAML files or shipped names")
+    parser.add_argument(
+        "graphs", nargs="+", metavar="graph", help="YAML files, or names of shipped graphs"
+    )
     add_changes(parser)
-    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    add_json(parser)
     parser.add_argument("-q", "--quiet", action="store_true", help="print problems only")
 
 
 def run(options: Namespace) -> int:
-    """Check graphs, all problems of all of them at once."""
+    """Check graphs, and report all problems of all of them."""
     from runtime.graph import load
 
     problems: dict[str, list[str]] = {}

@@ -1,4 +1,4 @@
-"""Options of the verbs that run many points: seeds, workers, and what they leave."""
+"""Options of the verbs that run many trials: seeds, workers and output."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from runtime.cli.commands import add_json
 from runtime.errors import Problems
-from runtime.terminal import tell
 
 if TYPE_CHECKING:
     from runtime.experiments.design import Seeds
@@ -19,23 +19,21 @@ MAX_JOBS = 4096
 
 
 def add_workers(parser: ArgumentParser, seeds: str) -> None:
-    """Declare the options; ``seeds`` says which are the default."""
+    """Declare the options; ``seeds`` describes the default seeds."""
     parser.add_argument("--seeds", metavar="SEEDS", help=f"0..9, 3, or 0,4,7..9 ({seeds})")
     parser.add_argument(
-        "-j", "--jobs", type=_jobs, metavar="N", help="worker processes (one for each processor)"
+        "-j", "--jobs", type=_jobs, metavar="N", help="worker processes (one per processor)"
     )
     parser.add_argument(
-        "--timeout", type=_seconds, metavar="S", help="seconds that one point may take"
+        "--timeout", type=_seconds, metavar="S", help="time limit of a trial, seconds"
     )
     parser.add_argument(
         "--scheduler",
         metavar="ADDRESS",
-        help="a Dask cluster that runs the points instead: tcp://host:8786",
+        help="run the trials on a Dask cluster: tcp://host:8786",
     )
     parser.add_argument("--no-plots", action="store_true", help="draw nothing")
-    parser.add_argument(
-        "--json", action="store_true", help="print one JSON object and nothing else"
-    )
+    add_json(parser)
     parser.add_argument("-q", "--quiet", action="store_true", help="no progress, no notes")
 
 
@@ -56,11 +54,11 @@ def _seconds(text: str) -> float:
 
 
 def chosen_seeds(options: Namespace) -> Seeds | None:
-    """The seeds of the command line; None if it names none.
+    """The seeds given on the command line, or None.
 
     Raises
     ------
-    GraphError : a seed is no number.
+    GraphError : a seed is not a number.
     """
     from runtime.document import parse_yaml
     from runtime.experiments.design import parse_seeds
@@ -74,21 +72,16 @@ def chosen_seeds(options: Namespace) -> Seeds | None:
     return seeds
 
 
-def noted(quiet: bool) -> Callable[[str], None]:
-    """What takes lines for people."""
-    return (lambda text: None) if quiet else tell
-
-
 def start_early(options: Namespace) -> None:
-    """Let the workers' imports begin while the graph is read and checked."""
+    """Start the fork server, so that it imports while the graph is read and checked."""
     if options.scheduler is None:
-        from runtime.experiments.execution import forkserver as fork_server
+        from runtime.experiments.execution import forkserver
 
-        fork_server.start_early()
+        forkserver.start_early()
 
 
 def pool_of(options: Namespace) -> Callable[[], WorkerPool]:
-    """What makes the workers that the command line asks for."""
+    """A function that makes the worker pool chosen on the command line."""
     from runtime.experiments.execution import cluster_pool, local_pool
 
     if options.scheduler is not None:

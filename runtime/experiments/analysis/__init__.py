@@ -1,14 +1,19 @@
-"""runtime.experiments.analysis."""
+"""Statistics of experiments: estimates, significance, tables, and data for figures."""
 
-from runtime.experiments.analysis.comparison import LEVEL, Line, compare, legend, table
+from runtime.experiments.analysis.comparison import ComparisonLine, compare, legend, table
 from runtime.experiments.analysis.groups import Group, Tally, gather
 from runtime.experiments.analysis.statistics import (
     CONFIDENCE,
     CORRECTION,
+    LEVEL,
     TESTS,
     Estimate,
     Test,
     estimate,
+    interval,
+    is_significant,
+    number,
+    number_or_none,
 )
 from runtime.experiments.analysis.sweep_data import SweepData, read_sweep
 
@@ -17,16 +22,20 @@ __all__ = [
     "CORRECTION",
     "LEVEL",
     "TESTS",
+    "ComparisonLine",
     "Estimate",
     "Group",
-    "Line",
     "SweepData",
     "Tally",
     "Test",
     "compare",
     "estimate",
     "gather",
+    "interval",
+    "is_significant",
     "legend",
+    "number",
+    "number_or_none",
     "read_sweep",
     "table",
 ]

@@ -1,4 +1,4 @@
-"""The figure of an ablation: metrics by variant with intervals, and the ways gone."""
+"""The figure of an ablation: metrics by variant with intervals, and trajectories."""
 
 from __future__ import annotations
 
@@ -16,7 +16,16 @@ from matplotlib.lines import Line2D
 
 from blocks.core import FloatArray
 from runtime.errors import UsageError
-from runtime.experiments.execution import INDEX, RUNS, TABLE, WAYS, Columns, Row, read_rows
+from runtime.experiments.analysis.statistics import is_significant
+from runtime.experiments.execution import (
+    INDEX,
+    RUNS,
+    TABLE,
+    TRAJECTORY_PLOTS,
+    Columns,
+    Row,
+    read_rows,
+)
 from runtime.files import own_file, own_folder
 from runtime.observation import Recording, RunData
 from runtime.plots import GREY, style, walls
@@ -46,7 +55,7 @@ def save_ablation_figure(folder: Path) -> Path:
 
 
 def ablation_figure(folder: Path) -> Figure:
-    """Metrics by variant above, trajectories of the first seed below, as far as there are any.
+    """Metrics by variant above, and trajectories with the first seed, if there are any, below.
 
     Parameters
     ----------
@@ -57,26 +66,27 @@ def ablation_figure(folder: Path) -> Figure:
     UsageError : its files cannot be read.
     """
     facts = read_facts(folder)
-    ways = list(_ways(folder, facts["variants"]))
+    trajectories = list(_trajectories(folder, facts["variants"]))
     rows = math.ceil(len(facts["metrics"]) / COLUMNS)
     above = rows * (0.75 + 0.23 * len(facts["variants"]))
-    below = 4.2 if ways else 0.0
+    below = 4.2 if trajectories else 0.0
     with matplotlib.rc_context(style.STYLE):
         figure = Figure(figsize=(WIDTH, above + below + 0.4), layout="constrained")
         seeds = f"{len(facts['seeds'])} seeds: means, 95 % intervals, a dot for each seed"
-        message = f"{facts['experiment']}  ·  {seeds}; hollow: not told from the baseline"
+        hollow = "hollow: no significant difference to the baseline"
+        message = f"{facts['experiment']}  ·  {seeds}; {hollow}"
         figure.suptitle(message, fontsize=10.0)
-        if ways:
+        if trajectories:
             top, bottom = figure.subfigures(2, 1, height_ratios=[above, below], squeeze=False)[:, 0]
             _metrics(top, folder, facts, rows)
-            _plane(bottom, ways, f"ways gone with seed {facts['seeds'][0]}")
+            _plane(bottom, trajectories, f"trajectories with seed {facts['seeds'][0]}")
         else:
             _metrics(figure, folder, facts, rows)
     return figure
 
 
 def read_facts(folder: Path) -> dict[str, Any]:
-    """ablation.json.
+    """The contents of ablation.json.
 
     Raises
     ------
@@ -91,7 +101,7 @@ def read_facts(folder: Path) -> dict[str, Any]:
 
 
 def _metrics(figure: Figure | SubFigure, folder: Path, facts: dict[str, Any], rows: int) -> None:
-    """One axes a metric, all with the variants at the same heights."""
+    """One axes per metric, all with the variants at the same heights."""
     names = [variant["name"] for variant in facts["variants"]]
     metrics = facts["metrics"]
     values: dict[str, list[Row]] = {name: [] for name in names}
@@ -123,7 +133,7 @@ def _metric(
         axes.plot(found, [y] * len(found), ".", color="0.65", markersize=3.0, zorder=2.0)
         if not found:
             where: Any = ("axes fraction", "data")
-            message = "no value" if line["recorded"] else "gone"
+            message = "no value" if line["recorded"] else "removed"
             axes.annotate(message, (0.02, y), xycoords=where, fontsize=7.0, va="center", color=GREY)
             continue
         _estimate(axes, y, line)
@@ -135,14 +145,18 @@ def _metric(
 
 def _estimate(axes: Axes, y: int, line: dict[str, Any]) -> None:
     mean, low, high = line["mean"], line["low"], line["high"]
-    apart = line["difference"]
-    is_told = apart is None or apart["distinguishable"] or (apart["p_presence"] or 1.0) < 0.05
+    difference = line["difference"]
+    is_filled = (
+        difference is None
+        or difference["distinguishable"]
+        or is_significant(difference["p_presence"])
+    )
     axes.errorbar(
         *(mean, y),
         xerr=None if low is None else [[mean - low], [high - mean]],
         fmt="o",
         color=_colour(y),
-        markerfacecolor=_colour(y) if is_told else "white",
+        markerfacecolor=_colour(y) if is_filled else "white",
         markersize=4.5,
         capsize=2.5,
         linewidth=1.4,
@@ -151,20 +165,20 @@ def _estimate(axes: Axes, y: int, line: dict[str, Any]) -> None:
 
 
 def _colour(i: int) -> str:
-    """Black for the baseline, and a colour for each variant while there are colours."""
+    """Black for the baseline, and a colour for each variant; colours repeat when used up."""
     return "black" if i == 0 else style.COLOURS[(i - 1) % (len(style.COLOURS) - 1)]
 
 
 def _dashes(i: int) -> str:
-    """A line for the baseline; where colours run out, they begin again with other dashes."""
+    """A line style; when the colours are used up, they repeat with other dashes."""
     turn = max(0, i - 1) // (len(style.COLOURS) - 1)
     return style.LINESTYLES[turn % len(style.LINESTYLES)]
 
 
-def _ways(
+def _trajectories(
     folder: Path, variants: Sequence[dict[str, Any]]
 ) -> Iterator[tuple[int, str, RunData, FloatArray]]:
-    """The runs that were kept, with x and y of the first pose that their plots show."""
+    """The runs that were kept, with x and y of the first pose in their plots."""
     for i, variant in enumerate(variants):
         kept = folder / RUNS / str(variant["slug"])
         result = read_run(kept) if kept.is_dir() else None
@@ -174,30 +188,32 @@ def _ways(
 
 
 def _shown(result: RunData, kind: str) -> Iterator[Recording]:
-    """What a run's trajectories and maps show of a kind."""
+    """The recordings of a kind in a run's trajectory plots."""
     for plot in result.plots:
-        for name in plot.of if plot.kind in WAYS else ():
+        for name in plot.of if plot.kind in TRAJECTORY_PLOTS else ():
             recorded = result.probes.get(name)
             if recorded is not None and recorded.kinds == (kind,) and len(recorded.t):
                 yield recorded
 
 
 def _plane(
-    figure: Figure | SubFigure, ways: Sequence[tuple[int, str, RunData, FloatArray]], title: str
+    figure: Figure | SubFigure,
+    trajectories: Sequence[tuple[int, str, RunData, FloatArray]],
+    title: str,
 ) -> None:
-    """All ways in one plane, over the path and the world of the first."""
+    """All trajectories in one plane, over the path and the world of the first run."""
     axes = figure.subplots()
     handles: list[Line2D] = []
-    result = ways[0][2]
-    everything = np.concatenate([xy for *_, xy in ways])
+    result = trajectories[0][2]
+    everything = np.concatenate([xy for *_, xy in trajectories])
     low, high = everything.min(axis=0), everything.max(axis=0)
     margin = 0.06 * max(float((high - low).max()), 0.5)
     if result.world is not None:
         low, high = walls.view(result.world, everything)
         margin = 0.0
         walls.draw_world(axes, result.world)
-    for i, name, _, xy in ways:
-        # The baseline lies below and is wider: what it coincides with shows all the same.
+    for i, name, _, xy in trajectories:
+        # The baseline is below and wider, so that variants that coincide with it are visible.
         look: dict[str, Any] = {"color": _colour(i), "linewidth": 1.2 if i else 2.8}
         look["linestyle"] = _dashes(i)
         handles += axes.plot(*xy.T, label=name, **look)

@@ -1,4 +1,4 @@
-"""Variants against their baseline: the table of an ablation, as numbers and as text."""
+"""The comparison of variants with their baseline: an ablation's table, as data and as text."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from runtime.experiments.analysis.statistics import (
-    CONFIDENCE,
     CORRECTION,
+    LEVEL,
     TESTS,
     Difference,
     Estimate,
@@ -17,65 +17,68 @@ from runtime.experiments.analysis.statistics import (
     adjusted,
     difference,
     estimate,
+    interval,
+    is_significant,
+    number,
+    number_or_none,
     presence,
 )
 
 Values = Sequence[float | None]
-LEVEL = 1.0 - CONFIDENCE
 
 
 @dataclass(frozen=True)
-class Line:
-    """A metric of a variant.
+class ComparisonLine:
+    """One metric of one variant.
 
     Parameters
     ----------
-    runs : how many seeds there are; ``own.n`` of them gave a value.
-    apart : the paired difference to the baseline; None for the baseline itself.
-    p_adjusted : ``apart.p`` corrected for the number of comparisons in the table.
-    p_presence : likewise, whether it has a value as often as the baseline has.
-    is_gone : the variant does not record what the metric measures.
+    runs : number of seeds; ``own.n`` of them have a value.
+    difference : the paired difference to the baseline; None for the baseline itself.
+    p_adjusted : ``difference.p`` corrected for the number of comparisons in the table.
+    p_presence : likewise, for having a value as often as the baseline.
+    is_removed : the variant does not record what the metric measures.
     """
 
     variant: str
     metric: str
     runs: int
     own: Estimate
-    apart: Difference | None = None
+    difference: Difference | None = None
     p_adjusted: float = math.nan
     p_presence: float = math.nan
-    is_gone: bool = False
+    is_removed: bool = False
 
     @property
-    def is_distinguishable(self) -> bool | None:
-        """Whether the difference is told from zero; None where that cannot be asked."""
-        if self.apart is None or math.isnan(self.p_adjusted):
+    def has_significant_difference(self) -> bool | None:
+        """Whether the difference is significantly different from zero; None if it has no p."""
+        if self.difference is None or math.isnan(self.p_adjusted):
             return None
-        return self.p_adjusted < LEVEL
+        return is_significant(self.p_adjusted)
 
     @property
-    def is_missing_differently(self) -> bool:
-        """Whether the baseline has a value on another share of the seeds."""
-        return self.p_presence < LEVEL
+    def has_significant_presence(self) -> bool:
+        """Whether the share of seeds with a value differs significantly from the baseline's."""
+        return is_significant(self.p_presence)
 
     def to_dict(self) -> dict[str, Any]:
-        """The line as JSON holds it."""
-        apart = self.apart
+        """The line as plain data."""
+        difference = self.difference
         line: dict[str, Any] = {
             "variant": self.variant,
             "metric": self.metric,
             "runs": self.runs,
-            "recorded": not self.is_gone,
+            "recorded": not self.is_removed,
             **_plain(self.own),
             "difference": None,
         }
-        if apart is not None:
+        if difference is not None:
             line["difference"] = {
-                **_plain(apart),
-                "p": _number(apart.p),
-                "p_adjusted": _number(self.p_adjusted),
-                "distinguishable": self.is_distinguishable,
-                "p_presence": _number(self.p_presence),
+                **_plain(difference),
+                "p": number_or_none(difference.p),
+                "p_adjusted": number_or_none(self.p_adjusted),
+                "distinguishable": self.has_significant_difference,
+                "p_presence": number_or_none(self.p_presence),
             }
         return line
 
@@ -84,49 +87,47 @@ def compare(
     values: Mapping[str, Mapping[str, Values]],
     baseline: str,
     test: Test = "t",
-    gone: Container[tuple[str, str]] = (),
-) -> list[Line]:
+    removed: Container[tuple[str, str]] = (),
+) -> list[ComparisonLine]:
     """The lines of the table, metric by metric, the baseline first.
 
     Parameters
     ----------
-    values : for each variant and metric, one value a seed; all with the same seeds in one order.
-    gone : (variant, metric) where what the metric measures was taken out.
+    values : for each variant and metric, one value per seed; all in the same order of seeds.
+    removed : (variant, metric) where the variant removes what the metric measures.
 
-    Both kinds of p value, of differences and of missing values, are corrected together: a table
-    of many comparisons would else find some by chance.
+    Both kinds of p value, of differences and of missing values, are corrected together: without
+    it, a table of many comparisons would show some that are significant by chance.
     """
     lines = []
     for metric, base in values[baseline].items():
         for variant, columns in values.items():
             mine = columns[metric]
             own = estimate([value for value in mine if value is not None], test)
-            line = Line(variant, metric, len(mine), own, is_gone=(variant, metric) in gone)
-            if variant != baseline and not line.is_gone:
+            line = ComparisonLine(
+                variant, metric, len(mine), own, is_removed=(variant, metric) in removed
+            )
+            if variant != baseline and not line.is_removed:
                 differs = [a is None for a in mine] != [b is None for b in base]
                 line = replace(
                     line,
-                    apart=difference(mine, base, test),
+                    difference=difference(mine, base, test),
                     p_presence=presence(mine, base) if differs else math.nan,
                 )
             lines.append(line)
-    compared = [line.apart.p if line.apart is not None else math.nan for line in lines]
+    compared = [line.difference.p if line.difference is not None else math.nan for line in lines]
     corrected = adjusted([*compared, *(line.p_presence for line in lines)])
     found = zip(lines, corrected[: len(lines)], corrected[len(lines) :], strict=True)
     return [replace(line, p_adjusted=p, p_presence=q) for line, p, q in found]
 
 
 def _plain(estimate: Estimate) -> dict[str, Any]:
-    ends = {name: _number(getattr(estimate, name)) for name in ("mean", "low", "high")}
+    ends = {name: number_or_none(getattr(estimate, name)) for name in ("mean", "low", "high")}
     return {"n": estimate.n, **ends}
 
 
-def _number(value: float) -> float | None:
-    return None if math.isnan(value) else value
-
-
-def table(lines: Sequence[Line]) -> str:
-    """The table for people, metric by metric."""
+def table(lines: Sequence[ComparisonLine]) -> str:
+    """The table for a terminal, metric by metric."""
     header = (
         "",
         "seeds",
@@ -146,61 +147,56 @@ def table(lines: Sequence[Line]) -> str:
     full = [row for row in rows if len(row) > 1]
     widths = [max(len(row[i]) for row in [header, *full]) for i in range(len(header))]
     widths[0] = max(widths[0], *(len(row[0]) for row in rows))
-    message = []
+    aligned = []
     for row in (header, *rows):
         cells = [
             row[0].ljust(widths[0]),
             *(c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=False)),
         ]
-        message.append("  ".join(cells).rstrip())
-    return "\n".join(message)
+        aligned.append("  ".join(cells).rstrip())
+    return "\n".join(aligned)
 
 
-def legend(lines: Sequence[Line], test: Test) -> str:
-    """What the table's columns mean, as far as they need it."""
-    message = [
+def legend(lines: Sequence[ComparisonLine], test: Test) -> str:
+    """Explanations of the table's columns, as far as they are needed."""
+    notes = [
         f"Intervals: 95 %, {TESTS[test]}. Differences are to the baseline on the same seed.",
         f"distinguishable: p < {LEVEL:.2g}, corrected by {CORRECTION} for all comparisons here.",
     ]
     if any(line.own.n < line.runs for line in lines):
-        message.append(
+        notes.append(
             "n/N: n of N seeds have a value, or for a difference one in both; means are over those."
         )
-    if any(line.is_missing_differently for line in lines):
-        message.append("in seeds: another share of the seeds has a value at all (McNemar's test).")
-    if any(line.is_gone for line in lines):
-        message.append("gone: what the metric measures was taken out.")
-    return "\n".join(message)
+    if any(line.has_significant_presence for line in lines):
+        notes.append("in seeds: the share of seeds that have a value differs (McNemar's test).")
+    if any(line.is_removed for line in lines):
+        notes.append("removed: what the metric measures was removed.")
+    return "\n".join(notes)
 
 
-def _cells(line: Line) -> tuple[str, ...]:
+def _cells(line: ComparisonLine) -> tuple[str, ...]:
     seeds = f"{line.own.n}/{line.runs}" if line.own.n < line.runs else str(line.runs)
-    cells = [f"  {line.variant}", seeds, _value(line.own.mean), _ends(line.own)]
-    if line.is_gone:
-        cells += ["", "", "gone"]
-    elif line.apart is not None:
-        mean = _value(line.apart.mean, "+")
-        if 0 < line.apart.n < line.runs:
-            mean += f" ({line.apart.n}/{line.runs})"
-        cells += [mean, _ends(line.apart, "+"), _verdict(line)]
+    cells = [f"  {line.variant}", seeds, number(line.own.mean), interval(line.own)]
+    if line.is_removed:
+        cells += ["", "", "removed"]
+    elif line.difference is not None:
+        mean = number(line.difference.mean, "+")
+        if 0 < line.difference.n < line.runs:
+            mean += f" ({line.difference.n}/{line.runs})"
+        cells += [mean, interval(line.difference, "+"), _verdict(line)]
     else:
         cells += ["", "", ""]
     return tuple(cells)
 
 
-def _verdict(line: Line) -> str:
-    if line.is_missing_differently:
+def _verdict(line: ComparisonLine) -> str:
+    if line.has_significant_presence:
         return "yes, in seeds"
-    if line.apart is not None and line.apart.n and line.apart.mean == 0.0 and line.apart.p == 1.0:
+    if (
+        line.difference is not None
+        and line.difference.n
+        and line.difference.mean == 0.0
+        and line.difference.p == 1.0
+    ):
         return "equal"
-    return {True: "yes", False: "no", None: "-"}[line.is_distinguishable]
-
-
-def _value(value: float, sign: str = "") -> str:
-    return "-" if math.isnan(value) else f"{value:{sign}.4g}"
-
-
-def _ends(found: Estimate, sign: str = "") -> str:
-    if math.isnan(found.low):
-        return "-"
-    return f"[{found.low:{sign}.4g}, {found.high:{sign}.4g}]"
+    return {True: "yes", False: "no", None: "-"}[line.has_significant_difference]

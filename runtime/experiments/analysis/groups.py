@@ -1,4 +1,4 @@
-"""Rows that come in any order, gathered by setting; a setting is let go once it is complete."""
+"""Rows grouped by configuration, in any order of arrival; complete groups are not kept."""
 
 from __future__ import annotations
 
@@ -19,24 +19,24 @@ REASONS, REASONS_SHOWN = 200, 5
 
 @dataclass(frozen=True)
 class Group:
-    """The rows of one setting, in the order of its seeds."""
+    """The rows of one configuration, in the order of its seeds."""
 
     number: int
     cells: tuple[str, ...]
     rows: tuple[Row, ...]
 
     def values(self, column: int) -> list[float]:
-        """The values that one of the metrics has."""
+        """The values of a metric, without missing ones."""
         found = (row.metrics[column] for row in self.rows)
         return [value for value in found if value is not None]
 
 
-class Gathering:
-    """Puts rows together. Only settings whose seeds are still running are held.
+class Grouping:
+    """Groups rows. Only configurations whose trials are still running are held.
 
     Parameters
     ----------
-    seeds : how many rows make a setting complete.
+    seeds : number of rows of a complete configuration.
     """
 
     def __init__(self, seeds: int) -> None:
@@ -44,35 +44,35 @@ class Gathering:
         self._open: dict[int, list[Row]] = {}
 
     def add(self, row: Row) -> Group | None:
-        """Take a row in; gives the setting that it completes."""
-        number = row.point // self.seeds
+        """Add a row; returns the group if it is complete."""
+        number = row.trial // self.seeds
         rows = self._open.setdefault(number, [])
         rows.append(row)
         return self._closed(number) if len(rows) == self.seeds else None
 
     def rest(self) -> Iterator[Group]:
-        """The settings that are not complete."""
+        """The groups that are not complete."""
         for number in sorted(self._open):
             yield self._closed(number)
 
     def _closed(self, number: int) -> Group:
-        rows = sorted(self._open.pop(number), key=lambda row: row.point)
+        rows = sorted(self._open.pop(number), key=lambda row: row.trial)
         return Group(number, rows[0].cells, tuple(rows))
 
 
 def gather(rows: Iterable[Row], seeds: int) -> Iterator[Group]:
-    """The settings of an index, the incomplete ones last."""
-    gathering = Gathering(seeds)
+    """The groups of an index, the incomplete ones last."""
+    grouping = Grouping(seeds)
     for row in rows:
-        group = gathering.add(row)
+        group = grouping.add(row)
         if group is not None:
             yield group
-    yield from gathering.rest()
+    yield from grouping.rest()
 
 
 @dataclass(frozen=True)
 class Ranked:
-    """A setting with the mean of the objective over its seeds."""
+    """A configuration with the mean of the objective over its seeds."""
 
     cells: tuple[str, ...]
     objective: Estimate
@@ -80,10 +80,10 @@ class Ranked:
 
 @dataclass
 class Tally:
-    """What is known of a sweep while it runs: rows by status, reasons, and the best settings.
+    """Statistics of a sweep while it runs: rows by status, reasons, and the best configurations.
 
-    Of more reasons than a page holds, the first ones are counted; the best settings are those
-    with the best means, of those whose runs all have a value.
+    Only the first ``REASONS`` different reasons are counted. The best configurations have the best
+    means, among those with a value for every seed.
     """
 
     seeds: int
@@ -94,17 +94,17 @@ class Tally:
     reasons: Counter[str] = field(default_factory=Counter)
 
     def __post_init__(self) -> None:
-        self._gathering = Gathering(self.seeds)
+        self._grouping = Grouping(self.seeds)
         self._heap: list[tuple[float, int, Group]] = []
         self._order = itertools.count()
 
     def add(self, row: Row) -> None:
-        """Take a row in."""
+        """Add a row."""
         self.done += 1
         self.counts[row.status] += 1
         if row.reason and (row.reason in self.reasons or len(self.reasons) < REASONS):
             self.reasons[row.reason] += 1
-        group = self._gathering.add(row)
+        group = self._grouping.add(row)
         if group is not None:
             self._rank(group)
 
@@ -115,7 +115,7 @@ class Tally:
         if len(values) < self.seeds:
             return
         mean = sum(values) / len(values)
-        # A heap's first is its smallest: here the worst of the best.
+        # The first entry of a heap is the smallest: here the worst of the best.
         if len(self._heap) == BEST and -self.objective.of(mean) <= self._heap[0][0]:
             return
         push = heapq.heappush if len(self._heap) < BEST else heapq.heappushpop
@@ -123,13 +123,13 @@ class Tally:
 
     @property
     def best(self) -> list[Ranked]:
-        """The best settings, the best first."""
+        """The best configurations, the best first."""
         groups = [group for _, _, group in sorted(self._heap, reverse=True)]
         column = self.column or 0
         return [Ranked(group.cells, estimate(group.values(column))) for group in groups]
 
     def line(self, factors: Sequence[str]) -> str:
-        """The best so far, in one line."""
+        """The best configuration so far, in one line."""
         failed = self.done - self.counts["ok"]
         bad = f"  ({failed} not ok)" if failed else ""
         if not self._heap or self.objective is None:
@@ -139,7 +139,7 @@ class Tally:
         place = f" at {values}" if values else ""
         return f"best {self.objective.metric} {self.objective.of(-cost):.4g}{place}{bad}"
 
-    def told(self) -> list[dict[str, Any]]:
+    def top_reasons(self) -> list[dict[str, Any]]:
         """The most frequent reasons with their counts."""
         most = self.reasons.most_common(REASONS_SHOWN)
         return [{"reason": reason, "count": count} for reason, count in most]

@@ -1,4 +1,4 @@
-"""Means, paired differences and whether they are real; what scipy computes, named and counted."""
+"""Means, paired differences and their significance, computed with scipy."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 from blocks.core import FloatArray
 
 CONFIDENCE = 0.95
+LEVEL = 1.0 - CONFIDENCE  # of significance
 RESAMPLES = 9999
 Test = Literal["t", "bootstrap"]
 TESTS: dict[Test, str] = {
@@ -33,7 +34,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Difference(Estimate):
-    """A mean paired difference; ``p`` is the probability of one as large if there were none."""
+    """A mean paired difference; ``p`` is the probability of one as large by chance alone."""
 
     p: float
 
@@ -41,7 +42,7 @@ class Difference(Estimate):
 def estimate(values: Sequence[float], test: Test = "t") -> Estimate:
     """The mean of independent values, by Student's t or by a bootstrap.
 
-    One value has no interval; values that are all equal have one of no width.
+    A single value has no interval; for values that are all equal it has zero width.
     """
     data = np.asarray(values, dtype=float)
     if not len(data):
@@ -57,7 +58,7 @@ def difference(
 
     Parameters
     ----------
-    values, baseline : one value a seed, in the same order of seeds; None where there is none.
+    values, baseline : one value per seed, in the same order of seeds; None for a missing value.
     test : ``t`` for a paired t test; ``bootstrap`` for a BCa interval, with the p value of a
         permutation test that flips signs.
     """
@@ -68,7 +69,7 @@ def difference(
 
 
 def adjusted(p: Sequence[float]) -> list[float]:
-    """p values corrected for their number by Benjamini and Hochberg; NaN stays NaN."""
+    """p values corrected for multiple comparisons (Benjamini-Hochberg); NaN stays NaN."""
     from scipy.stats import false_discovery_control
 
     values = np.asarray(p, dtype=float)
@@ -79,7 +80,7 @@ def adjusted(p: Sequence[float]) -> list[float]:
 
 
 def presence(values: Sequence[float | None], baseline: Sequence[float | None]) -> float:
-    """p value of McNemar's exact test: do the two have a value on equally many seeds?"""
+    """p value of McNemar's exact test: do both have a value equally often?"""
     from scipy.stats import binomtest
 
     pairs = list(zip(values, baseline, strict=True))
@@ -90,8 +91,30 @@ def presence(values: Sequence[float | None], baseline: Sequence[float | None]) -
     return float(binomtest(gained, gained + missed).pvalue)
 
 
+def is_significant(p: float | None) -> bool:
+    """Whether a p value is below the level; False if there is none."""
+    return p is not None and p < LEVEL
+
+
+def number_or_none(value: float) -> float | None:
+    """A number as JSON holds it: None for NaN."""
+    return None if math.isnan(value) else value
+
+
+def number(value: float, sign: str = "") -> str:
+    """A number for users: four digits, or a dash for NaN."""
+    return "-" if math.isnan(value) else f"{value:{sign}.4g}"
+
+
+def interval(found: Estimate, sign: str = "") -> str:
+    """The confidence interval of an estimate for users, or a dash."""
+    if math.isnan(found.low):
+        return "-"
+    return f"[{number(found.low, sign)}, {number(found.high, sign)}]"
+
+
 def _is_constant(data: FloatArray) -> bool:
-    # Equal numbers may differ by rounding after a subtraction.
+    # After a subtraction, equal numbers may differ by rounding.
     return bool(np.ptp(data) <= 1e-12 * np.abs(data).max())
 
 
@@ -137,5 +160,5 @@ def _p(apart: FloatArray, test: Test) -> float:
 
 
 def _generator() -> np.random.Generator:
-    """Resamples are drawn alike on every call, so that a table comes out the same twice."""
+    """A generator with a fixed seed, so that a table is reproducible."""
     return np.random.default_rng(0)

@@ -1,4 +1,4 @@
-"""A sweep read back for drawing: as many settings as a page can show, however many there are."""
+"""A sweep read for drawing, with at most as many configurations as a page can show."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from runtime.document import flow_yaml, from_python, parse_yaml
 from runtime.errors import Problems, UsageError
 from runtime.experiments.analysis.groups import Group, gather
 from runtime.experiments.analysis.statistics import Estimate, estimate
-from runtime.experiments.design import Factor, Objective, Range, parse_knob, parse_seeds
+from runtime.experiments.design import Factor, Objective, Range, parse_factor, parse_seeds
 from runtime.experiments.execution import INDEX, Columns, read_plan, read_rows
 
 MOST = 4000
@@ -23,25 +23,25 @@ MOST = 4000
 
 @dataclass(frozen=True)
 class Axis:
-    """A knob as an axis: a number for each setting, and names where the values are no numbers."""
+    """A factor as an axis: a number per configuration, and names if values are not numbers."""
 
     path: str
-    places: FloatArray
+    positions: FloatArray
     names: tuple[str, ...]
     is_log: bool
 
     @property
     def distinct(self) -> FloatArray:
-        """The places that occur, in order."""
-        return np.unique(self.places)
+        """The distinct positions, in order."""
+        return np.unique(self.positions)
 
 
 @dataclass(frozen=True)
 class SweepData:
-    """A sweep's settings: where each lies on each axis, and each metric's mean over the seeds.
+    """A sweep's configurations: positions on each axis, and each metric's mean over the seeds.
 
-    ``metrics`` maps a metric to one estimate a setting. ``skipped`` settings were left out, evenly
-    over the whole, where there are more than a page can show.
+    ``metrics`` maps a metric to one estimate per configuration. ``skipped`` is the number of
+    configurations that were left out, evenly, because a page cannot show more.
     """
 
     name: str
@@ -53,11 +53,11 @@ class SweepData:
     skipped: int
 
     def means(self, metric: str) -> FloatArray:
-        """One mean a setting; NaN where no run has a value."""
+        """One mean per configuration; NaN where no trial has a value."""
         return np.array([found.mean for found in self.metrics[metric]])
 
     def is_partial(self, metric: str) -> NDArray[np.bool_]:
-        """Whether each setting's mean is over some of the seeds only."""
+        """Whether each configuration's mean is over only some of the seeds."""
         return np.array([0 < found.n < self.seeds for found in self.metrics[metric]])
 
 
@@ -71,14 +71,14 @@ def read_sweep(folder: Path) -> SweepData:
     plan = read_plan(folder)
     problems = Problems()
     vary = from_python(plan.get("vary", {}))
-    factors = [parse_knob(path, node, path, problems) for path, node in vary.items()]
+    factors = [parse_factor(path, node, path, problems) for path, node in vary.items()]
     seeds = parse_seeds(from_python(plan.get("seeds")), "seeds", problems)
     if plan.get("kind") != "sweep" or problems.found or seeds is None:
-        raise UsageError(f"'{folder}' holds no sweep that can be read")
+        raise UsageError(f"cannot read the sweep in '{folder}'")
     known = [factor for factor in factors if factor is not None]
     metrics = tuple(map(str, plan.get("metrics", ())))
     columns = Columns(tuple(factor.path for factor in known), metrics)
-    groups, skipped = _some(gather(read_rows(folder / INDEX, columns), len(seeds)))
+    groups, skipped = _thinned(gather(read_rows(folder / INDEX, columns), len(seeds)))
     goals = ((plan.get(goal), goal) for goal in ("minimize", "maximize"))
     chosen = next(((str(metric), goal) for metric, goal in goals if metric), None)
     return SweepData(
@@ -96,8 +96,8 @@ def read_sweep(folder: Path) -> SweepData:
     )
 
 
-def _some(groups: Iterable[Group]) -> tuple[list[Group], int]:
-    """Every n-th setting, with an n that lets at most ``MOST`` through."""
+def _thinned(groups: Iterable[Group]) -> tuple[list[Group], int]:
+    """Every n-th configuration, with n such that at most ``MOST`` are left."""
     kept: list[Group] = []
     every, count = 1, 0
     for group in groups:
@@ -115,17 +115,17 @@ def _axis(factor: Factor, cells: list[str]) -> Axis:
     values = [parse_yaml(cell, factor.path).plain() for cell in cells]
     if all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in values):
         is_log = isinstance(factor, Range) and factor.scale == "log"
-        places = np.array(values, dtype=float)
-        if np.isfinite(places).all():
-            return Axis(factor.path, places, (), is_log)
-    # In the order in which they were given; a sampled sweep meets them in another.
+        positions = np.array(values, dtype=float)
+        if np.isfinite(positions).all():
+            return Axis(factor.path, positions, (), is_log)
+    # In the order given; a sampled sweep may have them in another order.
     given = [flow_yaml(value) for value in factor.values] or sorted(set(cells))
     order = {name: i for i, name in enumerate(dict.fromkeys([*given, *cells]))}
     return Axis(factor.path, np.array([order[cell] for cell in cells], float), tuple(order), False)
 
 
 def spread(found: Estimate) -> tuple[float, float]:
-    """The ends of an interval; the mean itself where there is none."""
+    """The ends of an interval; the mean itself if there is none."""
     if math.isnan(found.low):
         return found.mean, found.mean
     return found.low, found.high

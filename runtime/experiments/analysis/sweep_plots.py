@@ -1,4 +1,4 @@
-"""Figures of a sweep: curves for one knob, heat maps for two, parallel coordinates beyond."""
+"""Figures of a sweep: curves for one factor, heat maps for two, parallel coordinates for more."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ DPI = 150
 WIDTH = 9.0  # inches
 COLUMNS = 2
 MAP = "viridis"
-FEW_CELLS = 60  # up to so many, a heat map writes its numbers
+FEW_CELLS = 60  # up to this many, a heat map shows its numbers
 MANY_TICKS = 12
-CROWD = 25  # points of a curve that still have a mark each
-# How a mean is marked that is over fewer seeds than its neighbours, and what the title says of it.
+CROWD = 25  # up to this many, each point of a curve has a marker
+# The colour of means over fewer seeds than the others, and its explanation in the title.
 MARK = "tab:red"
 PARTIAL = "n/N or red: only n of the N seeds have a value"
 
@@ -40,7 +40,7 @@ def save_sweep_figures(folder: Path) -> list[Path]:
 
     Raises
     ------
-    UsageError : the sweep cannot be read, or the figures not be written.
+    UsageError : the sweep cannot be read, or the figures cannot be written.
     """
     target = folder / "plots"
     files = []
@@ -55,7 +55,7 @@ def save_sweep_figures(folder: Path) -> list[Path]:
 
 
 def sweep_figures(folder: Path) -> Iterator[tuple[str, Figure]]:
-    """The figures of a sweep, each with a name: one of all metrics, or one a metric.
+    """The figures of a sweep with their names: one for all metrics, or one per metric.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def sweep_figures(folder: Path) -> Iterator[tuple[str, Figure]]:
     """
     data = read_sweep(folder)
     shown = [name for name in data.metrics if np.isfinite(data.means(name)).any()]
-    if not shown or not data.axes or not len(data.axes[0].places):
+    if not shown or not data.axes or not len(data.axes[0].positions):
         return
     with matplotlib.rc_context(style.STYLE):
         if len(data.axes) == 1:
@@ -77,11 +77,11 @@ def sweep_figures(folder: Path) -> Iterator[tuple[str, Figure]]:
 
 
 def _panels(data: SweepData, metrics: list[str], painter: Any) -> Figure:
-    """One axes a metric."""
+    """One axes per metric."""
     columns = min(COLUMNS, len(metrics))
     rows = math.ceil(len(metrics) / columns)
     figure = Figure(figsize=(WIDTH / COLUMNS * columns, 0.5 + 3.0 * rows), layout="constrained")
-    figure.suptitle(_said(data, metrics), fontsize=10.0)
+    figure.suptitle(_title(data, metrics), fontsize=10.0)
     for i, axes in enumerate(figure.subplots(rows, columns, squeeze=False).flat):
         if i < len(metrics):
             axes.set_title(metrics[i])
@@ -91,20 +91,20 @@ def _panels(data: SweepData, metrics: list[str], painter: Any) -> Figure:
     return figure
 
 
-def _said(data: SweepData, metrics: list[str]) -> str:
+def _title(data: SweepData, metrics: list[str]) -> str:
     over = f"means over {data.seeds} seeds" if data.seeds > 1 else "one seed"
     if any(data.is_partial(metric).any() for metric in metrics):
         over += f" ({PARTIAL})"
-    left = f", {data.skipped} settings not drawn" if data.skipped else ""
-    return f"{data.name}  ·  {len(data.axes[0].places)} settings, {over}{left}"
+    left = f", {data.skipped} configurations not drawn" if data.skipped else ""
+    return f"{data.name}  ·  {len(data.axes[0].positions)} configurations, {over}{left}"
 
 
 def _curve(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
-    """The means along a knob, with their intervals."""
+    """The means along a factor, with their intervals."""
     axis = data.axes[0]
-    order = np.argsort(axis.places, kind="stable")
+    order = np.argsort(axis.positions, kind="stable")
     found = [data.metrics[metric][i] for i in order]
-    x = axis.places[order]
+    x = axis.positions[order]
     mean = np.array([estimate.mean for estimate in found])
     ends = np.array([spread(estimate) for estimate in found])
     colour = style.COLOURS[0]
@@ -118,7 +118,7 @@ def _curve(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
         axes.plot(x, mean, color=colour)
         some = data.is_partial(metric)[order]
         axes.plot(x[some], mean[some], ".", color=MARK, markersize=3.0)
-    # The axis holds all settings, those without a value too.
+    # The axis covers all configurations, also those without a value.
     level = mean[np.isfinite(mean)][0]
     axes.update_datalim(np.column_stack([x, np.full(len(x), level)]))
     axes.autoscale_view()
@@ -131,7 +131,7 @@ def _curve(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
 
 
 def _label(axes: Axes, axis: Axis, side: str) -> None:
-    """Name a knob's axis, and its places where they are names."""
+    """Label a factor's axis, and its ticks if they are names."""
     (axes.set_xlabel if side == "x" else axes.set_ylabel)(axis.path)
     if axis.is_log:
         (axes.set_xscale if side == "x" else axes.set_yscale)("log")
@@ -146,18 +146,18 @@ def _label(axes: Axes, axis: Axis, side: str) -> None:
 
 
 def _heat(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
-    """The means over two knobs, each cell a setting."""
+    """The means over two factors; each cell is a configuration."""
     first, second = data.axes
     columns, rows = first.distinct, second.distinct
     grid = np.full((len(rows), len(columns)), np.nan)
-    at = np.searchsorted(rows, second.places), np.searchsorted(columns, first.places)
+    at = np.searchsorted(rows, second.positions), np.searchsorted(columns, first.positions)
     grid[at] = data.means(metric)
     axes.grid(False)
     colours = matplotlib.colormaps[MAP].with_extremes(bad="0.85")
     image = axes.imshow(grid, origin="lower", aspect="auto", cmap=colours)
     figure.colorbar(image, ax=axes, pad=0.01, aspect=18)
-    for axis, places, side in ((first, columns, "x"), (second, rows, "y")):
-        names = [axis.names[int(p)] if axis.names else f"{p:.4g}" for p in places]
+    for axis, positions, side in ((first, columns, "x"), (second, rows, "y")):
+        names = [axis.names[int(p)] if axis.names else f"{p:.4g}" for p in positions]
         every = -(-len(names) // MANY_TICKS)
         ticks = range(0, len(names), every)
         shown = [names[i] for i in ticks]
@@ -179,7 +179,7 @@ def _heat(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
 
 
 def _numbers(axes: Axes, grid: FloatArray, seeds: NDArray[np.int_], most: int) -> None:
-    """Write each cell's mean, and of how many seeds it is where that is not all."""
+    """Write each cell's mean, and the number of seeds if it is not all of them."""
     middle = 0.5 * (np.nanmin(grid) + np.nanmax(grid))
     look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 7.0}
     for (row, column), value in np.ndenumerate(grid):
@@ -191,34 +191,34 @@ def _numbers(axes: Axes, grid: FloatArray, seeds: NDArray[np.int_], most: int) -
 
 
 def _scatter(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
-    """Samples of two knobs, coloured by the mean; hollow where no run has a value."""
+    """Samples of two factors, coloured by the mean; hollow where no trial has a value."""
     first, second = data.axes
     means = data.means(metric)
     known = np.isfinite(means)
     look: dict[str, Any] = {"s": 22.0, "zorder": 2.0}
     hollow: dict[str, Any] = {"facecolors": "none", "edgecolors": "0.5", "linewidths": 0.8}
-    axes.scatter(first.places[~known], second.places[~known], **look, **hollow)
+    axes.scatter(first.positions[~known], second.positions[~known], **look, **hollow)
     look |= {"c": means[known], "cmap": MAP}
     edges = [MARK if some else "none" for some in data.is_partial(metric)[known]]
-    drawn = axes.scatter(first.places[known], second.places[known], edgecolors=edges, **look)
+    drawn = axes.scatter(first.positions[known], second.positions[known], edgecolors=edges, **look)
     figure.colorbar(drawn, ax=axes, pad=0.01, aspect=18)
     _label(axes, first, "x")
     _label(axes, second, "y")
 
 
 def _parallel(data: SweepData, metric: str) -> Figure:
-    """One upright axis a knob and one for the metric; each line is a setting."""
+    """One vertical axis per factor and one for the metric; each line is a configuration."""
     figure = Figure(figsize=(WIDTH, 4.2), layout="constrained")
     axes = figure.subplots()
     means = data.means(metric)
     known = np.isfinite(means)
     value = Axis(metric, np.where(known, means, np.nan), (), False)
-    uprights = [*data.axes, value]
-    heights = np.column_stack([_height(axis) for axis in uprights])
-    x = np.arange(len(uprights), dtype=float)
+    verticals = [*data.axes, value]
+    heights = np.column_stack([_height(axis) for axis in verticals])
+    x = np.arange(len(verticals), dtype=float)
     lost = [np.column_stack([x[:-1], row[:-1]]) for row in heights[~known]]
     axes.add_collection(LineCollection(lost, colors="0.8", linewidths=0.6, zorder=1.0))
-    order = _worst_first(means, known, data.objective if _is_goal(data, metric) else None)
+    order = _best_last(means, known, data.objective if _is_goal(data, metric) else None)
     lines = [np.column_stack([x, heights[i]]) for i in order]
     scale = Normalize(float(means[known].min()), float(means[known].max()))
     colours = matplotlib.colormaps[MAP](scale(means[order]))
@@ -226,9 +226,9 @@ def _parallel(data: SweepData, metric: str) -> Figure:
     axes.add_collection(drawn)
     some = data.is_partial(metric)
     axes.plot(np.full(some.sum(), x[-1]), heights[some, -1], ".", color=MARK, markersize=4.0)
-    _uprights(axes, uprights)
+    _vertical_axes(axes, verticals)
     figure.colorbar(ScalarMappable(scale, MAP), ax=axes, label=metric, pad=0.02, aspect=22)
-    axes.set_title(_said(data, [metric]), fontsize=10.0)
+    axes.set_title(_title(data, [metric]), fontsize=10.0)
     return figure
 
 
@@ -236,8 +236,8 @@ def _is_goal(data: SweepData, metric: str) -> bool:
     return data.objective is not None and data.objective.metric == metric
 
 
-def _worst_first(means: FloatArray, known: Any, objective: Objective | None) -> Any:
-    """The order of drawing: the best lie on top."""
+def _best_last(means: FloatArray, known: Any, objective: Objective | None) -> Any:
+    """The order of drawing: the best on top."""
     index = np.flatnonzero(known)
     ordered = index[np.argsort(-means[index], kind="stable")]
     is_reversed = objective is not None and objective.goal == "maximize"
@@ -245,30 +245,32 @@ def _worst_first(means: FloatArray, known: Any, objective: Objective | None) -> 
 
 
 def _height(axis: Axis) -> FloatArray:
-    """Where settings lie on an upright, from 0 to 1."""
-    places = np.log10(axis.places) if axis.is_log else axis.places
-    low, high = np.nanmin(places), np.nanmax(places)
-    heights: FloatArray = (places - low) / (high - low) if high > low else np.full(len(places), 0.5)
+    """Positions of configurations on a vertical axis, from 0 to 1."""
+    positions = np.log10(axis.positions) if axis.is_log else axis.positions
+    low, high = np.nanmin(positions), np.nanmax(positions)
+    heights: FloatArray = (
+        (positions - low) / (high - low) if high > low else np.full(len(positions), 0.5)
+    )
     return heights
 
 
-def _uprights(axes: Axes, uprights: list[Axis]) -> None:
-    """Draw the upright axes with what stands at their ends."""
+def _vertical_axes(axes: Axes, verticals: list[Axis]) -> None:
+    """Draw the vertical axes, labelled at their ends."""
     axes.grid(False)
-    axes.set_xlim(-0.35, len(uprights) - 0.65)
+    axes.set_xlim(-0.35, len(verticals) - 0.65)
     axes.set_ylim(-0.08, 1.08)
     axes.set_yticks([])
     axes.spines[:].set_visible(False)
-    axes.set_xticks(range(len(uprights)), [axis.path for axis in uprights])
+    axes.set_xticks(range(len(verticals)), [axis.path for axis in verticals])
     axes.tick_params(axis="x", length=0.0)
     small: dict[str, Any] = {"fontsize": 7.0, "va": "center", "zorder": 4.0}
     small["bbox"] = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
     small |= {"xytext": (4, 0), "textcoords": "offset points"}
-    for x, axis in enumerate(uprights):
+    for x, axis in enumerate(verticals):
         axes.axvline(x, color="0.3", linewidth=0.8, zorder=3.0)
         heights = _height(axis)
-        ends = [np.nanmin(axis.places), np.nanmax(axis.places)]
+        ends = [np.nanmin(axis.positions), np.nanmax(axis.positions)]
         for place in axis.distinct if axis.names else ends:
-            height = float(heights[np.nanargmin(np.abs(axis.places - place))])
+            height = float(heights[np.nanargmin(np.abs(axis.positions - place))])
             message = axis.names[int(place)] if axis.names else f"{place:.4g}"
             axes.annotate(message, (x, height), **small)

@@ -1,8 +1,8 @@
-"""runtime.experiments.design."""
+"""What an experiment varies: factors, seeds, variants, the objective, and experiment files."""
 
-from runtime.experiments.design.checks import check_design, check_knob, check_objective
-from runtime.experiments.design.experiment import Experiment, read_experiment, slug
-from runtime.experiments.design.factors import Factor, Range, parse_knob
+from runtime.experiments.design.checks import check_design, check_factor, check_objective
+from runtime.experiments.design.experiment import Experiment, read_experiment
+from runtime.experiments.design.factors import Factor, Range, parse_factor
 from runtime.experiments.design.objective import Objective
 from runtime.experiments.design.sampling import Design
 from runtime.experiments.design.seeds import Seeds, parse_seeds
@@ -10,8 +10,8 @@ from runtime.experiments.design.variants import (
     BASELINE,
     Variant,
     check_variants,
-    each_alone,
     grouped,
+    removals,
     slugs,
 )
 
@@ -25,14 +25,13 @@ __all__ = [
     "Seeds",
     "Variant",
     "check_design",
-    "check_knob",
+    "check_factor",
     "check_objective",
     "check_variants",
-    "each_alone",
     "grouped",
-    "parse_knob",
+    "parse_factor",
     "parse_seeds",
     "read_experiment",
-    "slug",
+    "removals",
     "slugs",
 ]

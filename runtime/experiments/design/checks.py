@@ -1,4 +1,4 @@
-"""What is wrong with an experiment, told before anything runs."""
+"""Checks of an experiment before anything runs."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from runtime.experiments.design.seeds import Seeds
 from runtime.graph import Graph
 
 
-def check_knob(graph: Graph, factor: Factor, where: Where, problems: Problems) -> None:
-    """Try a knob's values on a graph, which has been checked itself."""
+def check_factor(graph: Graph, factor: Factor, where: Where, problems: Problems) -> None:
+    """Test a factor's values on a graph that has been checked itself."""
     if full_path(graph.document, factor.path) == "run.seed":
-        problems.add(where, factor.path, "the seed is no knob; seeds are varied by 'seeds'")
+        problems.add(where, factor.path, "the seed is not a factor; seeds are varied by 'seeds'")
         return
-    for value in factor.trials():
+    for value in factor.test_values():
         try:
             graph.set(factor.path, value, origin=str(where)).check()
         except GraphError as error:
-            # A place that is only a text would not sort among the file's other places.
+            # A location that is only a text would not sort among the file's other locations.
             problems.found += [
                 replace(problem, where=where) if problem.where.file == str(where) else problem
                 for problem in error.problems
@@ -36,7 +36,7 @@ def check_design(graph: Graph, design: Design, seeds: Seeds) -> None:
 
     Raises
     ------
-    UsageError : there is nothing to vary, an axis stands twice, or a range has no steps.
+    UsageError : there is nothing to vary, a factor is duplicated, or a range has no steps.
     """
     if not design.factors and len(seeds) < 2:
         raise UsageError("there is nothing to vary; add --vary PATH=VALUES, or more --seeds")
@@ -55,7 +55,7 @@ def check_design(graph: Graph, design: Design, seeds: Seeds) -> None:
 
 
 def check_objective(graph: Graph, objective: Objective, where: Where, problems: Problems) -> None:
-    """Check that a graph has the metric that is to be made small or large."""
+    """Check that a graph has the metric that an objective names."""
     known = [metric.name for metric in graph.observation.metrics]
     if objective.metric not in known:
         suggestion = hint(objective.metric, known) or f"; it has {', '.join(known) or 'none'}"

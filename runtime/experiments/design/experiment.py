@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from runtime.document import Node, check_keys, decoded, find_file, parse_yaml, read_file, texts
 from runtime.errors import NOWHERE, GraphError, Problems, UsageError
-from runtime.experiments.design.checks import check_knob, check_objective
-from runtime.experiments.design.factors import parse_knob
+from runtime.experiments.design.checks import check_factor, check_objective
+from runtime.experiments.design.factors import parse_factor
 from runtime.experiments.design.objective import Objective
 from runtime.experiments.design.sampling import Design, Method
 from runtime.experiments.design.seeds import Seeds, parse_seeds
 from runtime.experiments.design.variants import Variant
+from runtime.files import slug
 from runtime.graph import Graph, load
 
 CHANGES = ("with", "set", "wire", "without", "bypass", "replace")
 SWEEP_KEYS = ("vary", "random", "sobol", "sampling_seed", "minimize", "maximize")
-# What plan.yaml holds beside what was asked for; it is an experiment as well.
+# Further keys of plan.yaml, which is an experiment file as well.
 PLAN_KEYS = ("schema_version", "kind", "metrics", "points", "digest", "made")
 KEYS = ("experiment", "graph", "until", *CHANGES, "seeds", *SWEEP_KEYS, "variants", *PLAN_KEYS)
 VARIANT_KEYS = ("graph", "until", *CHANGES, "changes")
@@ -29,7 +29,7 @@ Change = Callable[[Graph], Graph]
 
 @dataclass(frozen=True)
 class Experiment:
-    """What to run. ``design`` is of a sweep, ``variants`` of an ablation; either may be empty."""
+    """What to run: ``design`` for a sweep, ``variants`` for an ablation; either may be empty."""
 
     name: str
     graph: Graph
@@ -42,13 +42,13 @@ class Experiment:
 def read_experiment(
     source: str, change: Change = lambda graph: graph, *, modules: bool = True
 ) -> Experiment:
-    """Read an experiment; a graph is one as well, that leaves everything open.
+    """Read an experiment file, or a graph as an experiment without factors and variants.
 
     Parameters
     ----------
     source : a file, or the name of a shipped graph.
-    change : what else to change in the baseline, before variants are made from it.
-    modules : whether Python files that the graphs name may be imported.
+    change : applied to the baseline, before variants are made from it.
+    modules : whether Python files named by the graphs may be imported.
 
     Raises
     ------
@@ -62,14 +62,9 @@ def read_experiment(
     return _Reader(document, path.parent, change, modules).read(path.stem)
 
 
-def slug(title: str) -> str:
-    """A title as a folder's name."""
-    return re.sub(r"[^A-Za-z0-9_.-]+", "_", title).strip("._") or "graph"
-
-
 @dataclass
 class _Reader:
-    """Reads one file; goes on after a problem as long as what follows makes sense."""
+    """Reads one file; continues after a problem as long as the rest can be checked."""
 
     document: Node
     folder: Path
@@ -89,7 +84,7 @@ class _Reader:
         graph = self.graph(document, "", required=True)
         if graph is None:
             problems.raise_any()
-            raise UsageError("there is no graph")
+            raise UsageError("no graph is given")
         try:
             graph = self.change(graph).check()
         except GraphError as error:
@@ -174,9 +169,9 @@ class _Reader:
             message = f"expected {{path: values}}, got {vary.describe()}"
             problems.add(vary.where, "vary", message)
         for path, node in () if vary is None else vary.items():
-            factor = parse_knob(path, node, f"vary.{path}", problems)
+            factor = parse_factor(path, node, f"vary.{path}", problems)
             if factor is not None:
-                check_knob(graph, factor, node.key, problems)
+                check_factor(graph, factor, node.key, problems)
                 factors.append(factor)
         method: Method = "grid"
         samples = self.whole("sobol", 1)
@@ -195,7 +190,7 @@ class _Reader:
         value = node.value
         if type(value) is int and least <= value <= MAX_SAMPLES:
             return value
-        message = f"expected a whole number from {least} to {MAX_SAMPLES}, got {node.describe()}"
+        message = f"expected an integer from {least} to {MAX_SAMPLES}, got {node.describe()}"
         self.problems.add(node.where, key, message)
         return least
 

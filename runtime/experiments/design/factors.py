@@ -1,4 +1,4 @@
-"""Factors: a path into the graph and the values that it takes."""
+"""Factors: a path into the graph and the values that a sweep gives it."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ DIGITS = 12
 
 @dataclass(frozen=True)
 class Factor:
-    """A path into the graph, and the values that it takes one by one."""
+    """A path into the graph, and a list of values for it."""
 
     path: str
     values: tuple[Any, ...]
 
     @property
     def written(self) -> Any:
-        """The values as an experiment file holds them."""
+        """The values as written in an experiment file."""
         return list(self.values)
 
     @property
     def count(self) -> int:
-        """How many values a grid has; 0 for a range that only samples can fill."""
+        """The number of values in a grid; 0 for a range without steps, which must be sampled."""
         return len(self.values)
 
     def value(self, i: int) -> Any:
@@ -43,14 +43,14 @@ class Factor:
         """The value at a quantile, 0 <= u < 1."""
         return self.values[min(int(u * len(self.values)), len(self.values) - 1)]
 
-    def trials(self) -> list[Any]:
-        """Values that show whether the graph takes this knob at all."""
+    def test_values(self) -> list[Any]:
+        """Values that show whether the graph accepts this factor."""
         return list(self.values)
 
 
 @dataclass(frozen=True)
 class Range(Factor):
-    """A knob that takes numbers from ``low`` to ``high``: all of them, or ``steps`` of them."""
+    """A factor with numbers from ``low`` to ``high``: all of them, or ``steps`` of them."""
 
     low: float
     high: float
@@ -77,13 +77,13 @@ class Range(Factor):
             return int(min(self.low + math.floor(u * (self.high - self.low + 1)), self.high))
         return self._between(u)
 
-    def trials(self) -> list[Any]:
+    def test_values(self) -> list[Any]:
         if not self.steps:
             return [self.at(u) for u in (0.0, 0.5, 1.0)]
         return [self.value(i) for i in {0, self.steps // 2, self.steps - 1}]
 
     def _between(self, u: float) -> Any:
-        """The number that lies the fraction ``u`` of the way; the ends are met exactly."""
+        """The number at the fraction ``u`` of the range; 0 and 1 give the ends exactly."""
         if self.scale == "log":
             low, high = math.log(self.low), math.log(self.high)
             number = math.exp(low + u * (high - low))
@@ -102,8 +102,8 @@ def _end(number: float) -> str:
     return flow_yaml(number)
 
 
-def parse_knob(path: str, node: Node, address: str, problems: Problems) -> Factor | None:
-    """The knob that an entry of ``vary`` describes; None, and a problem, if it is none."""
+def parse_factor(path: str, node: Node, address: str, problems: Problems) -> Factor | None:
+    """The factor that an entry of ``vary`` describes; None and a problem if it is invalid."""
     message: str | Factor = f"{EXPECTED}, got {node.describe()}"
     if node.is_list:
         message = _choice(path, node)
@@ -122,7 +122,7 @@ def _choice(path: str, node: Node) -> Factor | str:
         return f"an empty list; {EXPECTED}"
     for i, text in enumerate(texts):
         if text in texts[:i]:
-            return f"{show(values[i])} stands twice in the list"
+            return f"duplicate value {show(values[i])}"
     return Factor(path, tuple(values))
 
 
@@ -146,7 +146,7 @@ def _wrong_ends(low: Any, high: Any, scale: str) -> str:
         if isinstance(end, bool) or not isinstance(end, (int, float)) or not math.isfinite(end):
             return f"expected numbers as the ends of a range, got {show(end)}"
         if scale == "int" and not isinstance(end, int):
-            return f"expected whole numbers in int(...), got {show(end)}"
+            return f"expected integers in int(...), got {show(end)}"
         if scale == "log" and end <= 0:
             return f"expected ends above 0 in log(...), got {show(end)}"
     return f"the range is empty: {show(low)} is not below {show(high)}" if low >= high else ""
@@ -154,7 +154,7 @@ def _wrong_ends(low: Any, high: Any, scale: str) -> str:
 
 def _wrong_steps(low: Any, high: Any, scale: str, steps: int, written: str | None) -> str:
     if written is not None and steps < 2:
-        return f"expected two values or more, got :{written}"
+        return f"expected at least two values, got :{written}"
     if scale == "int" and steps > high - low + 1:
-        return f"there are only {high - low + 1} whole numbers from {low} to {high}"
+        return f"there are only {high - low + 1} integers from {low} to {high}"
     return ""

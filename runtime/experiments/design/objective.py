@@ -1,4 +1,4 @@
-"""What 'best' means: one metric, to be small or large."""
+"""The objective of a sweep: a metric to minimize or maximize."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from typing import Literal
 
 @dataclass(frozen=True)
 class Objective:
-    """A metric and where it should go."""
+    """A metric, and whether smaller or larger is better."""
 
     metric: str
     goal: Literal["minimize", "maximize"] = "minimize"
 
     def cost(self, metrics: Mapping[str, float | None]) -> float | None:
-        """A number that is smaller the better; None where the metric has no value."""
+        """The cost to minimize; None where the metric has no value."""
         value = metrics.get(self.metric)
         return None if value is None else self.of(value)
 
     def of(self, value: float) -> float:
-        """The cost of a value; its own inverse."""
+        """The cost of a value; applied twice it gives the value again."""
         return value if self.goal == "minimize" else -value

@@ -1,4 +1,4 @@
-"""Which settings of the knobs a sweep tries, one after the other, never all at once in memory."""
+"""The values of the factors in a sweep, generated one by one, never all in memory."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from typing import Any, Literal
 from runtime.experiments.design.factors import Factor
 
 Method = Literal["grid", "random", "sobol"]
-BLOCK = 64  # samples drawn at a time; a power of two keeps Sobol's points balanced
+BLOCK = 64  # samples drawn at a time; a power of two keeps a Sobol sequence balanced
 
 
 @dataclass(frozen=True)
 class Design:
-    """A way through the space of the knobs.
+    """A choice of values for the factors.
 
     Parameters
     ----------
-    knobs : the axes.
+    factors : what is varied.
     method : all combinations, independent uniform samples, or a scrambled Sobol sequence.
-    samples : how many, unless all combinations.
-    seed : of the samples; the same one gives the same settings.
+    samples : number of samples; not used by a grid.
+    seed : of the samples; equal seeds give equal samples.
     """
 
     factors: tuple[Factor, ...]
@@ -37,7 +37,7 @@ class Design:
         return math.prod(factor.count for factor in self.factors)
 
     def __iter__(self) -> Iterator[tuple[Any, ...]]:
-        """One value for each knob; the last knob of a grid turns fastest."""
+        """One value for each factor; the last factor of a grid varies fastest."""
         if self.method == "grid":
             yield from map(self._combination, range(len(self)))
             return

@@ -1,4 +1,4 @@
-"""Seeds as people write them: ``0..9``, ``3``, ``0,4,7..9``."""
+"""Lists of seeds as users write them: ``0..9``, ``3``, ``0,4,7..9``."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Seeds:
 
 
 def parse_seeds(node: Node, address: str, problems: Problems) -> Seeds | None:
-    """The seeds that a value names; None, and a problem, if it names none.
+    """The seeds that a value describes; None and a problem if it is invalid.
 
     Parameters
     ----------
@@ -66,12 +66,12 @@ def _ranges(value: object) -> list[tuple[int, int]] | None:
 
 def _wrong(ranges: list[tuple[int, int]]) -> str:
     if not ranges:
-        return "there are none"
+        return "the list is empty"
     for first, last in ranges:
         if last < first:
             return f"{first}..{last} is empty"
     ordered = sorted(ranges)
     for (_, last), (first, _) in pairwise(ordered):
         if first <= last:
-            return f"{first} stands twice"
+            return f"duplicate seed {first}"
     return ""

@@ -1,23 +1,23 @@
-"""Variants of a graph: with changes of one's own, or each block taken out alone."""
+"""Variants of a graph: with given changes, or with one block removed."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from runtime.errors import GraphError, UsageError
+from runtime.files import slug
 from runtime.graph import Graph
 
 BASELINE = "baseline"
-# A change of these kinds begins a variant of its own, unless it follows a named one.
+# A change of these kinds begins a new variant, unless it follows a named one.
 STARTS = ("without", "bypass", "replace")
 Change = tuple[str, str]
 
 
 @dataclass(frozen=True)
 class Variant:
-    """A graph with a name; ``changes`` says in words how it differs from the baseline."""
+    """A graph with a name; ``changes`` describes how it differs from the baseline."""
 
     name: str
     graph: Graph
@@ -30,11 +30,11 @@ class Variant:
 
 
 def grouped(changes: Iterable[Change]) -> tuple[list[Change], list[tuple[str, list[Change]]]]:
-    """Changes in the order written, as those of the baseline and those of each variant.
+    """Split changes, in the order written, into those of the baseline and of each variant.
 
-    ``variant NAME`` begins a variant that all changes up to the next one are part of. Without it,
-    each ``without``, ``bypass`` and ``replace`` begins one, named after what it does; what else
-    follows belongs to it.
+    ``variant NAME`` begins a variant, which has all changes up to the next ``variant``. Without it,
+    each ``without``, ``bypass`` and ``replace`` begins a variant named after the change; other
+    changes belong to the variant that they follow.
     """
     common: list[Change] = []
     variants: list[tuple[str, list[Change]]] = []
@@ -51,19 +51,19 @@ def grouped(changes: Iterable[Change]) -> tuple[list[Change], list[tuple[str, li
 
 
 def check_variants(variants: Sequence[Variant]) -> None:
-    """Check that the names differ and that all graphs can run.
+    """Check that the names are unique and that all graphs can run.
 
     Raises
     ------
-    UsageError, GraphError : naming the variant.
+    UsageError : a name is invalid or a graph cannot run; the message names the variant.
     """
     seen: set[str] = {BASELINE}
     for variant in variants:
         name = variant.name
         if not name.strip() or not name.isprintable():
-            raise UsageError(f"'{name}' is no name for a variant")
+            raise UsageError(f"'{name}' is not a valid name for a variant")
         if name in seen:
-            raise UsageError(f"there are two variants '{name}'; give one another name")
+            raise UsageError(f"duplicate variant '{name}'; rename one of them")
         seen.add(name)
         try:
             variant.graph.check()
@@ -71,21 +71,21 @@ def check_variants(variants: Sequence[Variant]) -> None:
             raise UsageError(f"variant '{name}' cannot run:\n{error}") from None
 
 
-def each_alone(graph: Graph) -> tuple[list[Variant], dict[str, str]]:
-    """Every block and part of a graph taken out alone.
+def removals(graph: Graph) -> tuple[list[Variant], dict[str, str]]:
+    """Variants that each remove one block or part of a graph.
 
-    A block with a through-pair is bypassed; others are left out where all that reads them can
-    live without.
+    A block with a pass-through is bypassed. Another block is removed if every input wired to it is
+    optional.
 
     Returns
     -------
-    The variants, and for each block that the graph needs the input that would stay open.
+    The variants, and for each essential block the error that its removal causes.
     """
     removed = graph.network.removed
     variants: list[Variant] = []
     essential: dict[str, str] = {}
     for name in graph.network.scope.all_names():
-        if any(gone == name or gone.startswith(f"{name}.") for gone in removed):
+        if any(other == name or other.startswith(f"{name}.") for other in removed):
             continue
         reason = ""
         for kind in ("bypass", "without"):
@@ -103,13 +103,13 @@ def each_alone(graph: Graph) -> tuple[list[Variant], dict[str, str]]:
 
 
 def slugs(names: Sequence[str]) -> dict[str, str]:
-    """A file name for each variant, no two of them equal."""
+    """A unique file name for each variant."""
     found: dict[str, str] = {}
     for name in names:
-        base = re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_")[:60] or "variant"
-        slug, n = base, 2
-        # Some file systems take upper and lower case for the same.
-        while slug.lower() in {other.lower() for other in found.values()}:
-            slug, n = f"{base}_{n}", n + 1
-        found[name] = slug
+        base = slug(name.replace(".", " "), "variant")[:60]
+        unique, n = base, 2
+        # Some file systems do not distinguish upper and lower case.
+        while unique.lower() in {other.lower() for other in found.values()}:
+            unique, n = f"{base}_{n}", n + 1
+        found[name] = unique
     return found

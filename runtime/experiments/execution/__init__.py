@@ -1,7 +1,6 @@
-"""runtime.experiments.execution."""
+"""Running trials: the plan, its folder and index, worker pools, and which runs are kept."""
 
 from runtime.experiments.execution import forkserver
-from runtime.experiments.execution.backends import WorkerPool, cluster_pool, local_pool
 from runtime.experiments.execution.index import Columns, Index, Row, read_rows, remaining
 from runtime.experiments.execution.plan import (
     DIAGRAMS,
@@ -12,18 +11,19 @@ from runtime.experiments.execution.plan import (
     SCHEMA_VERSION,
     SUMMARY,
     TABLE,
-    Case,
-    Plan,
+    ExperimentPlan,
+    VariantBundle,
     ablation_plan,
     check_same,
     create,
     read_plan,
     sweep_plan,
 )
-from runtime.experiments.execution.retention import RetentionPolicy
-from runtime.experiments.execution.runner import run_points
+from runtime.experiments.execution.retention import RetentionPolicy, save_trial
+from runtime.experiments.execution.runner import run_all
 from runtime.experiments.execution.trials import Trial
-from runtime.experiments.execution.worker import WAYS, Task
+from runtime.experiments.execution.worker import TRAJECTORY_PLOTS, Task, TrialResult
+from runtime.experiments.execution.worker_pool import WorkerPool, cluster_pool, local_pool
 
 __all__ = [
     "DIAGRAMS",
@@ -34,15 +34,16 @@ __all__ = [
     "SCHEMA_VERSION",
     "SUMMARY",
     "TABLE",
-    "WAYS",
-    "Case",
+    "TRAJECTORY_PLOTS",
     "Columns",
+    "ExperimentPlan",
     "Index",
-    "Plan",
     "RetentionPolicy",
     "Row",
     "Task",
     "Trial",
+    "TrialResult",
+    "VariantBundle",
     "WorkerPool",
     "ablation_plan",
     "check_same",
@@ -53,6 +54,7 @@ __all__ = [
     "read_plan",
     "read_rows",
     "remaining",
-    "run_points",
+    "run_all",
+    "save_trial",
     "sweep_plan",
 ]

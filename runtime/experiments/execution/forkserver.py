@@ -1,8 +1,8 @@
-"""The process from which workers are forked: started early, it imports while we check the graph.
+"""The process that workers are forked from: started early, it imports while the graph is checked.
 
-It is a process of our own rather than ``multiprocessing``'s fork server: that one needs a socket
+We do not use the fork server of ``multiprocessing``: that one needs a socket
 in the temporary directory (whose path may be too long), semaphores in shared memory (which may be
-read-only), and does not say how a worker ended once anything goes wrong.
+read-only), and does not report how a worker ended if anything goes wrong.
 """
 
 from __future__ import annotations
@@ -25,31 +25,31 @@ from pathlib import Path
 from typing import NoReturn
 
 from runtime.errors import UsageError
-from runtime.experiments.execution.messages import attend
+from runtime.experiments.execution.messages import serve_calls
 
 THREADS = tuple(
     f"{library}_NUM_THREADS"
     for library in ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM", "NUMEXPR", "NUMBA")
 )
-# The second is first needed by the first run.
+# networkx is only needed by the first trial.
 PRELOADED = ("runtime.experiments.execution.worker", "networkx")
-# Only what this process could import itself is imported there, nothing of the current folder.
+# It imports only what this process could import, and nothing from the current folder.
 PROGRAM = (
     "import sys; del sys.path[0]; import json; sys.path[:] = json.loads(sys.argv[2]); "
     "from runtime.experiments.execution.forkserver import serve; "
     "serve(int(sys.argv[1]), sys.argv[3])"
 )
-_REQUEST = struct.Struct("<cq")  # what to do, and with which process
+_REQUEST = struct.Struct("<cq")  # a command, and the process that it concerns
 _FORK, _KILL = b"f", b"k"
-_REPORT = struct.Struct("<qq")  # a process and its wait status; or 0 and why none could be forked
-LINGER = 5.0  # s; how long it may take to end
+_REPORT = struct.Struct("<qq")  # a process and its wait status; or 0 and the errno of a failed fork
+LINGER = 5.0  # s; time limit for it to end
 
 
 class ForkServer:
     """A process that forks workers, and reports how each ended.
 
-    It ends when this process does, however that ends, and takes along its workers and the folder
-    in which they have their temporary files. A worker outlives it only if it is killed itself.
+    It ends when this process ends, in whatever way, and then kills its workers and removes their
+    folder of temporary files. A worker outlives the fork server only if that is killed itself.
 
     Raises
     ------
@@ -63,8 +63,7 @@ class ForkServer:
         except OSError as error:
             raise UsageError(f"cannot start worker processes: {error}") from None
         command = [sys.executable, "-c", PROGRAM, str(far.fileno()), json.dumps(sys.path)]
-        # Workers run side by side; with several threads each they would only be in the way of
-        # each other.
+        # Workers run in parallel; with several threads each they would only compete.
         single = dict.fromkeys(THREADS, "1")
         with far:
             try:
@@ -73,26 +72,26 @@ class ForkServer:
                     stdin=subprocess.DEVNULL,
                     pass_fds=[far.fileno()],
                     env={**os.environ, **single, "TMPDIR": str(self.folder)},
-                    start_new_session=True,  # Ctrl-C is for this process to answer
+                    start_new_session=True,  # only this process handles Ctrl-C
                 )
             except OSError as error:
                 shutil.rmtree(self.folder, ignore_errors=True)
                 raise UsageError(f"cannot start worker processes: {error}") from None
         self.is_alive = True
-        self._heard = b""
+        self._received = b""
         atexit.register(self.close)
 
     @property
     def pid(self) -> int:
-        """Its process."""
+        """Its process id."""
         return self._process.pid
 
     def fork(self) -> socket.socket:
-        """Ask for a worker; returns a socket to it, which ends at once where it cannot be had.
+        """Request a worker; returns a socket to it, which closes at once if the fork failed.
 
         Raises
         ------
-        OSError : there is no room for another socket.
+        OSError : no more sockets can be opened.
         """
         near, far = socket.socketpair()
         with far, contextlib.suppress(OSError):
@@ -102,8 +101,8 @@ class ForkServer:
     def kill(self, pid: int) -> None:
         """Kill a worker.
 
-        The nursery does it, because it knows whether the process is still its child; without it,
-        the caller knows that the worker lives, since its socket is open.
+        The fork server does it, because it knows whether the process is still its child. If the
+        fork server has died, the caller knows that the worker lives, since its socket is open.
         """
         if self.is_alive:
             with contextlib.suppress(OSError):
@@ -113,21 +112,21 @@ class ForkServer:
                 os.kill(pid, signal.SIGKILL)
 
     def reports(self) -> list[tuple[int, int]]:
-        """What has come in since the last call: (process, wait status) of those that ended."""
+        """(process, wait status) of the workers that ended since the last call."""
         try:
             while data := self.control.recv(1 << 16, socket.MSG_DONTWAIT):
-                self._heard += data
+                self._received += data
             self.is_alive = False
         except BlockingIOError:
             pass
         except OSError:
             self.is_alive = False
-        whole = len(self._heard) - len(self._heard) % _REPORT.size
-        found, self._heard = self._heard[:whole], self._heard[whole:]
+        whole = len(self._received) - len(self._received) % _REPORT.size
+        found, self._received = self._received[:whole], self._received[whole:]
         return [(pid, status) for pid, status in _REPORT.iter_unpack(found)]
 
     def close(self) -> None:
-        """End it, with its workers and their files."""
+        """End it with its workers, and remove their files."""
         atexit.unregister(self.close)
         self.is_alive = False
         self.control.close()
@@ -143,13 +142,13 @@ _spare: list[ForkServer] = []
 
 
 def start_early() -> None:
-    """Start a nursery for the pool to come, which imports meanwhile."""
+    """Start a fork server before it is needed, so that it imports meanwhile."""
     if not _spare:
         _spare.append(ForkServer())
 
 
 def take() -> ForkServer:
-    """A nursery of one's own: the one started early if it still lives."""
+    """A fork server for one executor: the spare one if it is still alive, else a new one."""
     while _spare:
         found = _spare.pop()
         found.reports()
@@ -160,34 +159,34 @@ def take() -> ForkServer:
 
 
 def give_back(fork_server: ForkServer) -> None:
-    """Leave a nursery to the next pool."""
+    """Keep a fork server for the next executor."""
     _spare.append(fork_server)
 
 
 def serve(control_file: int, folder: str) -> NoReturn:
-    """Be the nursery: fork a worker for each socket that comes in, until there come no more."""
+    """Run the fork server: fork a worker for each socket received, until the other end closes."""
     control = socket.socket(fileno=control_file)
     control.set_inheritable(False)
-    woken, wake = os.pipe()
-    os.set_blocking(woken, False)
-    os.set_blocking(wake, False)
+    wake_reader, wake_writer = os.pipe()
+    os.set_blocking(wake_reader, False)
+    os.set_blocking(wake_writer, False)
     signal.signal(signal.SIGCHLD, lambda *_: None)
-    signal.set_wakeup_fd(wake, warn_on_full_buffer=False)
+    signal.set_wakeup_fd(wake_writer, warn_on_full_buffer=False)
     workers: set[int] = set()
     try:
         for name in PRELOADED:
             importlib.import_module(name)
         while True:
-            ready, _, _ = select.select([control.fileno(), woken], [], [])
-            if woken in ready:
-                os.read(woken, 4096)
+            ready, _, _ = select.select([control.fileno(), wake_reader], [], [])
+            if wake_reader in ready:
+                os.read(wake_reader, 4096)
                 for pid, status in _ended():
                     workers.discard(pid)
                     control.sendall(_REPORT.pack(pid, status))
-            if control.fileno() in ready and not _answered(control, workers):
+            if control.fileno() in ready and not _handle_request(control, workers):
                 break
     except OSError:
-        pass  # the other end is gone
+        pass  # the other end has closed
     finally:
         for pid in workers:
             os.kill(pid, signal.SIGKILL)
@@ -209,13 +208,13 @@ def _ended() -> Iterator[tuple[int, int]]:
         yield pid, status
 
 
-def _answered(control: socket.socket, workers: set[int]) -> bool:
-    """Do what is asked; False where nobody asks any more."""
+def _handle_request(control: socket.socket, workers: set[int]) -> bool:
+    """Carry out one request; False if the other end has closed."""
     request, files, _, _ = socket.recv_fds(control, _REQUEST.size, 1)
     if len(request) < _REQUEST.size:
         return False
-    what, pid = _REQUEST.unpack(request)
-    if what == _KILL:
+    command, pid = _REQUEST.unpack(request)
+    if command == _KILL:
         if pid in workers:
             os.kill(pid, signal.SIGKILL)
     elif files:
@@ -231,12 +230,12 @@ def _answered(control: socket.socket, workers: set[int]) -> bool:
     return True
 
 
-def _become_worker(line: int, control: socket.socket) -> NoReturn:
+def _become_worker(channel: int, control: socket.socket) -> NoReturn:
     try:
         signal.set_wakeup_fd(-1)
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         control.close()
-        attend(socket.socket(fileno=line))
+        serve_calls(socket.socket(fileno=channel))
     finally:
         os._exit(1)

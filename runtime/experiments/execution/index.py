@@ -1,12 +1,14 @@
-"""``index.csv``: one line a point, appended as it ends, whole or not at all."""
+"""``index.csv``: one line per trial, appended atomically as the trial ends."""
 
 from __future__ import annotations
 
 import csv
 import io
+import itertools
 import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,15 +20,15 @@ FIRST, MIDDLE, LAST = ("point",), ("seed", "status", "reason"), ("wall_s",)
 RESERVED = (*FIRST, *MIDDLE, *LAST)
 LONGEST_REASON = 2000  # characters that are written
 LONGEST_FIELD = 1 << 27  # characters that are read; the csv module stops at 128 KiB by default
-# A spreadsheet takes such a text for a formula, and runs it.
+# A spreadsheet would interpret such a text as a formula, and run it.
 _FORMULA = re.compile(r"'*[=+\-@\t\r]")
 
 
 @dataclass(frozen=True)
 class Row:
-    """One point that has ended. ``metrics`` holds None where a metric has no value."""
+    """One trial that has ended. ``metrics`` holds None where a metric has no value."""
 
-    point: int
+    trial: int
     cells: tuple[str, ...]
     seed: int
     status: str
@@ -35,16 +37,16 @@ class Row:
     wall_s: float
 
     @classmethod
-    def of(cls, point: Trial, done: TrialResult, metrics: Sequence[str]) -> Row:
+    def of(cls, trial: Trial, done: TrialResult, metrics: Sequence[str]) -> Row:
         values = tuple(done.metrics.get(name) for name in metrics)
-        cells, wall_s = point.configuration.cells, round(done.wall_s, 4)
+        cells, wall_s = trial.configuration.cells, round(done.wall_s, 4)
         reason = _shortened(done.reason)
-        return cls(point.number, cells, point.seed, done.status, reason, values, wall_s)
+        return cls(trial.number, cells, trial.seed, done.status, reason, values, wall_s)
 
 
 @dataclass(frozen=True)
 class Columns:
-    """The columns of an index that differ from one experiment to the next."""
+    """The columns of an index that depend on the experiment."""
 
     factors: tuple[str, ...]
     metrics: tuple[str, ...]
@@ -55,23 +57,23 @@ class Columns:
 
     def line(self, row: Row) -> str:
         values = ["" if value is None else repr(value) for value in row.metrics]
-        middle = [str(row.seed), row.status, _guarded(row.reason)]
-        cells = map(_guarded, row.cells)
-        return csv_line([str(row.point), *cells, *middle, *values, repr(row.wall_s)])
+        middle = [str(row.seed), row.status, _escaped(row.reason)]
+        cells = map(_escaped, row.cells)
+        return csv_line([str(row.trial), *cells, *middle, *values, repr(row.wall_s)])
 
     def row(self, fields: Sequence[str]) -> Row:
         """Read a line's fields.
 
         Raises
         ------
-        ValueError : it is no line of such an index.
+        ValueError : the line does not fit these columns.
         """
         if len(fields) != len(self.header):
             raise ValueError(f"expected {len(self.header)} fields, got {len(fields)}")
         factors, rest = fields[1 : 1 + len(self.factors)], fields[1 + len(self.factors) :]
         values = tuple(float(text) if text else None for text in rest[3:-1])
         seed, status = int(rest[0]), rest[1]
-        cells, reason = tuple(map(_unguarded, factors)), _unguarded(rest[2])
+        cells, reason = tuple(map(_unescaped, factors)), _unescaped(rest[2])
         return Row(int(fields[0]), cells, seed, status, reason, values, float(rest[-1]))
 
 
@@ -81,8 +83,8 @@ def _shortened(reason: str) -> str:
     return f"{reason[:LONGEST_REASON]}... ({len(reason)} characters)"
 
 
-def _guarded(text: str) -> str:
-    """A text that no spreadsheet takes for a formula; numbers stay numbers."""
+def _escaped(text: str) -> str:
+    """A text that no spreadsheet interprets as a formula; numbers stay numbers."""
     if not _FORMULA.match(text):
         return text
     try:
@@ -92,7 +94,7 @@ def _guarded(text: str) -> str:
     return text
 
 
-def _unguarded(text: str) -> str:
+def _unescaped(text: str) -> str:
     return text[1:] if text.startswith("'") and _FORMULA.match(text) else text
 
 
@@ -107,7 +109,7 @@ def read_rows(path: Path, columns: Columns) -> Iterator[Row]:
 
     Raises
     ------
-    UsageError : it is no index of this experiment.
+    UsageError : it cannot be read, or is not an index of this experiment.
     """
     csv.field_size_limit(max(csv.field_size_limit(), LONGEST_FIELD))
     try:
@@ -117,37 +119,37 @@ def read_rows(path: Path, columns: Columns) -> Iterator[Row]:
             if header != columns.header:
                 want, got = ", ".join(columns.header), ", ".join(header) or "nothing"
                 raise UsageError(
-                    f"'{path}' is of another plan: expected the columns {want}; got {got}"
+                    f"'{path}' belongs to a different plan: expected the columns {want}; got {got}"
                 )
             for number, fields in enumerate(reader, start=2):
                 try:
                     yield columns.row(fields)
                 except ValueError as error:
-                    raise UsageError(f"{path}:{number}: no row of this plan: {error}") from None
+                    raise UsageError(f"{path}:{number}: not a row of this plan: {error}") from None
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise UsageError(f"cannot read '{path}': {error}") from None
 
 
 class Index:
-    """An index that is being written, by one process at a time.
+    """An index open for writing, by one process at a time.
 
-    A row is appended in one call and flushed out of this process at once: what SIGKILL leaves are
-    whole lines and at most one torn one at the end, which is cut off when the index is opened
-    again. Where a row does not fit on the disk, what was there before stays readable.
+    A row is appended in one call that leaves no buffer in this process: after SIGKILL the file
+    holds complete lines and at most one incomplete last line, which is cut off when the index is
+    opened again. If a row does not fit on the disk, the rows before it stay readable.
 
     Raises
     ------
-    UsageError : the file cannot be written, or another process is at it.
+    UsageError : the file cannot be written, or another process is writing it.
     """
 
     def __init__(self, path: Path, columns: Columns) -> None:
         self.path = path
         self.columns = columns
-        with self._told():
+        with _write_errors(self.path):
             self._file = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CLOEXEC | os.O_NOFOLLOW)
         try:
             self._lock()
-            self._mend()
+            self._cut_incomplete_line()
         except BaseException:
             os.close(self._file)
             raise
@@ -160,15 +162,15 @@ class Index:
     def _lock(self) -> None:
         try:
             import fcntl
-        except ImportError:  # where there is none, two sweeps in one folder are not noticed
+        except ImportError:  # without it, two processes that write one folder are not detected
             return
         try:
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise UsageError(f"'{self.path}' is being written by another process") from None
 
-    def _mend(self) -> None:
-        """Cut off a line that was torn when its writer was killed."""
+    def _cut_incomplete_line(self) -> None:
+        """Remove a last line that is incomplete because its writer was killed."""
         size = os.fstat(self._file).st_size
         end = size
         while end and os.pread(self._file, 1, end - 1) != b"\n":
@@ -181,10 +183,10 @@ class Index:
 
         Raises
         ------
-        UsageError : it could not be written; nothing of it is left in the file.
+        UsageError : it could not be written; no part of it is left in the file.
         """
         data = self.columns.line(row).encode()
-        with self._told():
+        with _write_errors(self.path):
             before = os.fstat(self._file).st_size
             try:
                 written = 0
@@ -195,71 +197,57 @@ class Index:
                 raise
 
     def rows(self) -> Iterator[Row]:
-        """The rows so far, in the order in which they were written."""
+        """The rows so far, in the order of writing."""
         return read_rows(self.path, self.columns)
 
     def close(self) -> None:
-        """Let others write; what is in the file reaches the disk."""
+        """Flush the file to the disk, and let other processes write it."""
         if self._file >= 0:
             file, self._file = self._file, -1
-            with self._told():
+            with _write_errors(self.path):
                 try:
                     os.fsync(file)
                 finally:
                     os.close(file)
 
-    def _told(self) -> _Told:
-        return _Told(self.path)
+
+@contextmanager
+def _write_errors(path: Path) -> Iterator[None]:
+    """Report an error of the operating system as a ``UsageError``."""
+    try:
+        yield
+    except OSError as error:
+        message = f"cannot write '{path}': {error.strerror}"
+        raise UsageError(f"{message}; what was written before is intact") from None
 
 
-@dataclass(frozen=True)
-class _Told:
-    """Turns an error of the operating system into one that says what to do."""
+def remaining(index: Index, trials: Iterator[Trial]) -> Iterator[Trial]:
+    """The trials that have no row yet; the rows of the others are checked against the plan.
 
-    path: Path
-
-    def __enter__(self) -> None:
-        return None
-
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        if isinstance(error, OSError):
-            message = f"cannot write '{self.path}': {error.strerror}"
-            raise UsageError(f"{message}; what was written before is intact") from None
-
-
-def remaining(index: Index, points: Iterator[Trial]) -> Iterator[Trial]:
-    """The points that have no row yet; the others' rows are held against the plan.
-
-    Only those are held in memory that were passed by while looking for rows: as many as ran side
-    by side.
+    Only the trials skipped while looking for rows are held in memory: as many as ran in parallel.
 
     Raises
     ------
-    UsageError : a row is not of this plan, or stands twice.
+    UsageError : a row does not belong to this plan, or is a duplicate.
     """
     ahead: dict[int, Trial] = {}
     for row in index.rows():
         passed = -1
-        while row.point not in ahead and passed < row.point:
-            point = next(points, None)
-            if point is None:
+        while row.trial not in ahead and passed < row.trial:
+            trial = next(trials, None)
+            if trial is None:
                 break
-            ahead[point.number] = point
-            passed = point.number
-        found = ahead.pop(row.point, None)
+            ahead[trial.number] = trial
+            passed = trial.number
+        found = ahead.pop(row.trial, None)
         if found is None:
             raise UsageError(
-                f"'{index.path}': point {row.point} stands twice, or is not in the plan"
+                f"'{index.path}': trial {row.trial} is a duplicate, or is not in the plan"
             )
         if (found.configuration.cells, found.seed) != (row.cells, row.seed):
             raise UsageError(
-                f"'{index.path}' is of another plan: its point {row.point} is "
+                f"'{index.path}' belongs to a different plan: its trial {row.trial} is "
                 f"{', '.join(row.cells)} with seed {row.seed}, "
                 f"ours {', '.join(found.configuration.cells)} with seed {found.seed}"
             )
-    return _chained(ahead, points)
-
-
-def _chained(ahead: dict[int, Trial], points: Iterator[Trial]) -> Iterator[Trial]:
-    yield from ahead.values()
-    yield from points
+    return itertools.chain(ahead.values(), trials)

@@ -1,4 +1,4 @@
-"""Messages between a pool and its workers, and what a worker does with them."""
+"""Messages between an executor and its workers, and the loop in which a worker answers them."""
 
 from __future__ import annotations
 
@@ -12,64 +12,64 @@ from typing import Any, NoReturn
 
 _LENGTH = struct.Struct("<Q")
 _CHUNK = 1 << 20
-_CHUNKS = 64  # at once, each no longer than the system's buffer; then it is another line's turn
+_CHUNKS = 64  # read at once, each at most a system buffer; then other channels are served
 
 
-class Line:
-    """Whole messages over a socket, without ever waiting for the other end.
+class Channel:
+    """Complete messages over a socket, without ever blocking.
 
-    A message that was cut off by the death of its sender is none: :meth:`receive` gives those
-    that are complete, and says when there will be no more.
+    A message that its sender did not complete because it died is dropped: :meth:`receive` returns
+    the complete ones, and whether there will be no more.
     """
 
     def __init__(self, link: socket.socket) -> None:
         link.setblocking(False)
         self.link = link
-        self._come = bytearray()
-        self._to_go = bytearray()
+        self._incoming = bytearray()
+        self._outgoing = bytearray()
 
     @property
-    def is_clear(self) -> bool:
-        """Whether all that was sent has gone out."""
-        return not self._to_go
+    def is_flushed(self) -> bool:
+        """Whether everything passed to :meth:`send` has been sent."""
+        return not self._outgoing
 
     def send(self, message: bytes) -> None:
-        """Send what fits, and keep the rest for :meth:`flush`."""
-        self._to_go += _LENGTH.pack(len(message))
-        self._to_go += message
+        """Send what fits into the buffer, and keep the rest for :meth:`flush`."""
+        self._outgoing += _LENGTH.pack(len(message))
+        self._outgoing += message
         self.flush()
 
     def flush(self) -> None:
-        """Send more of what is left; that the other end is gone is for :meth:`receive` to say."""
+        """Send more of the rest; a closed connection is reported by :meth:`receive`."""
         try:
-            while self._to_go:
-                del self._to_go[: self.link.send(self._to_go[:_CHUNK])]
+            while self._outgoing:
+                del self._outgoing[: self.link.send(self._outgoing[:_CHUNK])]
         except BlockingIOError:
             return
         except OSError:
-            self._to_go.clear()
+            self._outgoing.clear()
 
     def receive(self) -> tuple[list[bytes], bool]:
-        """The messages that are complete by now, and whether the other end is gone."""
-        is_over = self._read()
+        """The messages that are complete by now, and whether the other end has closed."""
+        is_closed = self._read()
         messages = []
-        while len(self._come) >= _LENGTH.size:
-            (length,) = _LENGTH.unpack_from(self._come)
+        while len(self._incoming) >= _LENGTH.size:
+            (length,) = _LENGTH.unpack_from(self._incoming)
             end = _LENGTH.size + length
-            if len(self._come) < end:
+            if len(self._incoming) < end:
                 break
-            messages.append(bytes(self._come[_LENGTH.size : end]))
-            del self._come[:end]
-        return messages, is_over
+            messages.append(bytes(self._incoming[_LENGTH.size : end]))
+            del self._incoming[:end]
+        return messages, is_closed
 
     def _read(self) -> bool:
-        """Take in what has come: of a dead sender all of it, which a few chunks hold."""
+        """Read what has arrived: all of it from a dead sender, since a few chunks hold it."""
         try:
             for _ in range(_CHUNKS):
                 data = self.link.recv(_CHUNK)
                 if not data:
                     return True
-                self._come += data
+                self._incoming += data
         except BlockingIOError:
             return False
         except OSError:
@@ -77,14 +77,14 @@ class Line:
         return False
 
     def close(self) -> None:
-        """Let the other end know that this one is gone."""
+        """Close this end, which the other end notices."""
         self.link.close()
 
 
-def attend(link: socket.socket) -> NoReturn:
-    """Be a worker: answer calls, one after the other, until the other end is gone.
+def serve_calls(link: socket.socket) -> NoReturn:
+    """The main loop of a worker: answer calls one by one, until the other end closes.
 
-    A thread listens, so that the worker also ends where the pool's process is killed while a call
+    A thread listens, so that the worker also ends if the executor's process is killed while a call
     runs.
     """
     calls: queue.SimpleQueue[bytes] = queue.SimpleQueue()
@@ -98,13 +98,13 @@ def attend(link: socket.socket) -> NoReturn:
 def _listen(link: socket.socket, calls: queue.SimpleQueue[bytes]) -> None:
     try:
         while True:
-            (length,) = _LENGTH.unpack(_exactly(link, _LENGTH.size))
-            calls.put(_exactly(link, length))
+            (length,) = _LENGTH.unpack(_receive_exactly(link, _LENGTH.size))
+            calls.put(_receive_exactly(link, length))
     finally:
         os._exit(0)
 
 
-def _exactly(link: socket.socket, length: int) -> bytes:
+def _receive_exactly(link: socket.socket, length: int) -> bytes:
     found = bytearray()
     while len(found) < length:
         data = link.recv(min(_CHUNK, length - len(found)))
@@ -124,17 +124,17 @@ def _answer(message: bytes) -> bytes:
     try:
         call, arguments, named = pickle.loads(message)
         return pickle.dumps((call(*arguments, **named), None), pickle.HIGHEST_PROTOCOL)
-    except BaseException as error:  # noqa: BLE001 -- it is for the caller to know
-        return _raised(error)
+    except BaseException as error:  # noqa: BLE001 -- the caller handles it
+        return _error_answer(error)
 
 
-def _raised(error: BaseException) -> bytes:
+def _error_answer(error: BaseException) -> bytes:
     plain: Any = RuntimeError(f"{type(error).__name__}: {error}")
-    if isinstance(error, Exception):  # anything else would end the process that asks
+    if isinstance(error, Exception):  # anything else would end the calling process
         try:
             data = pickle.dumps((None, error))
             pickle.loads(data)
             return data
-        except Exception:  # noqa: BLE001 -- a class of the caller's own may do anything
+        except Exception:  # noqa: BLE001 -- an exception class defined by the user may do anything
             pass
     return pickle.dumps((None, plain))

@@ -1,4 +1,4 @@
-"""The plan of a sweep or an ablation: what fixes its numbers, and its folder."""
+"""The plan of a sweep or an ablation: everything its numbers depend on, and its folder."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ from runtime.experiments.execution.trials import (
     Configuration,
     GraphBundle,
     Trial,
-    points_of,
-    varied,
+    swept_configurations,
+    trials_of,
 )
 from runtime.graph import Graph
 from runtime.runs import DIAGRAM
@@ -43,16 +43,16 @@ TABLE, DIAGRAMS, RUNS = "ablation.json", "diagrams", "runs"
 SUMMARY = "summary.json"
 Kind = Literal["sweep", "ablation"]
 Note = Callable[[str], None]
-_WAYS_ON: dict[Kind, str] = {
-    "sweep": "--name NAME begins another sweep beside it; to go on with that one, repeat its own "
+_ALTERNATIVES: dict[Kind, str] = {
+    "sweep": "--name NAME begins another sweep beside it; to continue that one, repeat its own "
     "command with --resume",
-    "ablation": "without --resume, another folder is begun",
+    "ablation": "without --resume, the ablation gets a new folder",
 }
 
 
 @dataclass(frozen=True)
-class Case:
-    """A variant as it travels. ``slug`` is its name as a file's."""
+class VariantBundle:
+    """A variant that can be sent to another process. ``slug`` is its name in file names."""
 
     name: str
     slug: str
@@ -61,8 +61,8 @@ class Case:
 
 
 @dataclass(frozen=True)
-class Plan:
-    """All that fixes the numbers of a sweep (``design``) or an ablation (``cases``)."""
+class ExperimentPlan:
+    """All that the numbers of a sweep (``design``) or an ablation (``variants``) depend on."""
 
     kind: Kind
     name: str
@@ -71,7 +71,7 @@ class Plan:
     seeds: Seeds
     metrics: tuple[str, ...]
     design: Design
-    cases: tuple[Case, ...] = ()
+    variants: tuple[VariantBundle, ...] = ()
     objective: Objective | None = None
 
     @property
@@ -81,48 +81,47 @@ class Plan:
 
     @property
     def total(self) -> int:
-        """How many points there are."""
-        configurations = len(self.design) if self.kind == "sweep" else len(self.cases)
+        """The number of trials."""
+        configurations = len(self.design) if self.kind == "sweep" else len(self.variants)
         return configurations * len(self.seeds)
 
     def configurations(self) -> Iterator[Configuration]:
-        """What is compared, one after the other."""
+        """The configurations that are compared, one by one."""
         if self.kind == "sweep":
-            return varied(
-                self.bundle, tuple(k.path for k in self.design.factors), iter(self.design)
-            )
-        return (Configuration(i, (case.name,), case.bundle) for i, case in enumerate(self.cases))
+            paths = tuple(factor.path for factor in self.design.factors)
+            return swept_configurations(self.bundle, paths, self.design)
+        return (Configuration(i, (v.name,), v.bundle) for i, v in enumerate(self.variants))
 
-    def points(self) -> Iterator[Trial]:
-        """All points, in the order in which they are sent out."""
-        return points_of(self.configurations(), self.seeds)
+    def trials(self) -> Iterator[Trial]:
+        """All trials, in the order in which they are sent to workers."""
+        return trials_of(self.configurations(), self.seeds)
 
     @property
-    def asked(self) -> dict[str, Any]:
-        """The plan in the words of an experiment file, but for its graph."""
-        asked: dict[str, Any] = {"seeds": str(self.seeds)}
+    def specification(self) -> dict[str, Any]:
+        """The plan as entries of an experiment file, without its graph."""
+        found: dict[str, Any] = {"seeds": str(self.seeds)}
         if self.kind == "sweep":
-            asked["vary"] = {factor.path: factor.written for factor in self.design.factors}
+            found["vary"] = {factor.path: factor.written for factor in self.design.factors}
             if self.design.method != "grid":
-                asked[self.design.method] = self.design.samples
-                asked["sampling_seed"] = self.design.seed
+                found[self.design.method] = self.design.samples
+                found["sampling_seed"] = self.design.seed
         else:
-            asked["variants"] = {
-                case.name: {"graph": f"{VARIANTS}/{case.slug}/{GRAPH}", "changes": [*case.changes]}
-                for case in self.cases
-                if case.name != BASELINE
+            found["variants"] = {
+                v.name: {"graph": f"{VARIANTS}/{v.slug}/{GRAPH}", "changes": [*v.changes]}
+                for v in self.variants
+                if v.name != BASELINE
             }
-        return asked
+        return found
 
     @property
     def digest(self) -> str:
-        """A hash of all that fixes the numbers."""
-        recipes = [self.bundle.digest, *(case.bundle.digest for case in self.cases)]
-        content = json.dumps([self.kind, recipes, self.asked, self.metrics])
+        """A hash of everything that the numbers depend on."""
+        digests = [self.bundle.digest, *(variant.bundle.digest for variant in self.variants)]
+        content = json.dumps([self.kind, digests, self.specification, self.metrics])
         return hashlib.sha256(content.encode()).hexdigest()
 
     def to_dict(self) -> dict[str, Any]:
-        """plan.yaml."""
+        """The contents of plan.yaml."""
         from runtime.runs import git_commit, versions
 
         goal: dict[str, Any] = {}
@@ -134,7 +133,7 @@ class Plan:
             "kind": self.kind,
             "experiment": self.name,
             "graph": GRAPH,
-            **self.asked,
+            **self.specification,
             **goal,
             "metrics": list(self.metrics),
             "points": self.total,
@@ -150,16 +149,16 @@ class Plan:
         }
 
 
-def sweep_plan(experiment: Experiment, seeds: Seeds, note: Note = silent) -> Plan:
-    """The plan of a sweep; ``note`` is told what would make it faster."""
+def sweep_plan(experiment: Experiment, seeds: Seeds, note: Note = silent) -> ExperimentPlan:
+    """The plan of a sweep; ``note`` receives hints that would make it faster."""
     graph, design = experiment.graph, experiment.design
     metrics = metrics_of(graph)
     objective = experiment.objective
     if objective is None and metrics:
         objective = Objective(metrics[0])
     engine = _engine(graph, len(design) * len(seeds), note)
-    plan = Plan(
-        *("sweep", experiment.name, graph, _recipe(graph, engine), seeds, metrics, design),
+    plan = ExperimentPlan(
+        *("sweep", experiment.name, graph, _bundle(graph, engine), seeds, metrics, design),
         objective=objective,
     )
     return _checked(plan)
@@ -167,38 +166,39 @@ def sweep_plan(experiment: Experiment, seeds: Seeds, note: Note = silent) -> Pla
 
 def ablation_plan(
     experiment: Experiment, variants: list[Variant], seeds: Seeds, note: Note = silent
-) -> Plan:
-    """The plan of an ablation; the baseline is its first case."""
+) -> ExperimentPlan:
+    """The plan of an ablation; the baseline is its first variant."""
     graph = experiment.graph
     engine = _engine(graph, (1 + len(variants)) * len(seeds), note)
-    bundle, metrics = _recipe(graph, engine), metrics_of(graph)
+    bundle, metrics = _bundle(graph, engine), metrics_of(graph)
     names = slugs([BASELINE, *(variant.name for variant in variants)])
-    cases = [Case(BASELINE, names[BASELINE], bundle)]
+    bundles = [VariantBundle(BASELINE, names[BASELINE], bundle)]
     for variant in variants:
-        travelling = _recipe(variant.graph, engine)
-        cases.append(Case(variant.name, names[variant.name], travelling, variant.changes))
-    design = Design(())
-    return _checked(
-        Plan("ablation", experiment.name, graph, bundle, seeds, metrics, design, tuple(cases))
+        own = _bundle(variant.graph, engine)
+        bundles.append(VariantBundle(variant.name, names[variant.name], own, variant.changes))
+    plan = ExperimentPlan(
+        *("ablation", experiment.name, graph, bundle, seeds, metrics, Design(())),
+        variants=tuple(bundles),
     )
+    return _checked(plan)
 
 
 def _engine(graph: Graph, runs: int, note: Note) -> str:
-    """The engine of all points, decided once: rows of two engines are not to be compared."""
+    """The engine of all trials, chosen once: results of different engines are not comparable."""
     return "compiled" if take_compiled(graph.network, runs, note) else "python"
 
 
-def _recipe(graph: Graph, engine: str) -> GraphBundle:
+def _bundle(graph: Graph, engine: str) -> GraphBundle:
     is_open = graph.network.engine == "auto"
     return GraphBundle.of(graph.set("run.engine", engine) if is_open else graph)
 
 
 def metrics_of(graph: Graph) -> tuple[str, ...]:
-    """Names of a graph's metrics."""
+    """The names of a graph's metrics."""
     return tuple(metric.name for metric in graph.observation.metrics)
 
 
-def _checked(plan: Plan) -> Plan:
+def _checked(plan: ExperimentPlan) -> ExperimentPlan:
     header = plan.columns.header
     for name in plan.metrics:
         if header.count(name) > 1:
@@ -207,8 +207,8 @@ def _checked(plan: Plan) -> Plan:
     return plan
 
 
-def create(plan: Plan, folder: Path) -> None:
-    """Make a plan's folder, which appears only when it is complete.
+def create(plan: ExperimentPlan, folder: Path) -> None:
+    """Make a plan's folder, which gets its name only when it is complete.
 
     Raises
     ------
@@ -219,13 +219,13 @@ def create(plan: Plan, folder: Path) -> None:
         folder.parent.mkdir(parents=True, exist_ok=True)
         shutil.rmtree(partial, ignore_errors=True)
         partial.mkdir()
-        _write_recipe(plan.bundle, partial)
+        _write_bundle(plan.bundle, partial)
         drawn = stored_picture(plan.graph.network)
         if drawn is not None:
             (partial / DIAGRAM).write_text(drawn, encoding="utf-8")
-        for case in plan.cases:
-            if case.name != BASELINE:
-                _write_recipe(case.bundle, partial / VARIANTS / case.slug)
+        for variant in plan.variants:
+            if variant.name != BASELINE:
+                _write_bundle(variant.bundle, partial / VARIANTS / variant.slug)
         (partial / PLAN).write_text(dump_yaml(plan.to_dict()), encoding="utf-8")
         Index.create(partial / INDEX, plan.columns)
         partial.rename(folder)
@@ -234,7 +234,7 @@ def create(plan: Plan, folder: Path) -> None:
         raise UsageError(f"cannot write '{folder}': {error.strerror or error}") from None
 
 
-def _write_recipe(bundle: GraphBundle, folder: Path) -> None:
+def _write_bundle(bundle: GraphBundle, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / GRAPH).write_text(bundle.text, encoding="utf-8")
     for name, text in bundle.modules:
@@ -246,24 +246,24 @@ def read_plan(folder: Path) -> dict[str, Any]:
 
     Raises
     ------
-    UsageError : there is none that can be read.
+    UsageError : there is no plan, or it cannot be read.
     """
     path = folder / PLAN
     try:
         stored = parse_yaml(path.read_text(encoding="utf-8"), str(path)).plain()
     except (OSError, UnicodeDecodeError, GraphError) as error:
-        raise UsageError(f"'{folder}' holds no plan that can be read: {error}") from None
+        raise UsageError(f"cannot read the plan of '{folder}': {error}") from None
     if not isinstance(stored, dict) or stored.get("schema_version") != SCHEMA_VERSION:
-        raise UsageError(f"'{path}' is no plan of this version of the program")
+        raise UsageError(f"'{path}' is not a plan of this version of the program")
     return stored
 
 
-def check_same(plan: Plan, folder: Path) -> None:
-    """Check that a folder is of the same plan, and holds nothing that leads out of it.
+def check_same(plan: ExperimentPlan, folder: Path) -> None:
+    """Check that a folder belongs to the same plan, and contains no links.
 
     Raises
     ------
-    UsageError : it is not; the message says in what they differ.
+    UsageError : it does not; the message lists the differences.
     """
     _refuse_links(folder)
     stored = read_plan(folder)
@@ -273,7 +273,7 @@ def check_same(plan: Plan, folder: Path) -> None:
         raise UsageError(f"cannot read '{folder / GRAPH}': {error}") from None
     if stored.get("digest") == plan.digest:
         return
-    mine = {"kind": plan.kind, **plan.asked, "metrics": list(plan.metrics)}
+    mine = {"kind": plan.kind, **plan.specification, "metrics": list(plan.metrics)}
     keys = dict.fromkeys([*mine, *("vary", "random", "sobol", "sampling_seed", "variants")])
     differing = [
         f"{key}: {_short(stored.get(key))} there, {_short(mine.get(key))} here"
@@ -283,19 +283,19 @@ def check_same(plan: Plan, folder: Path) -> None:
     if text != plan.bundle.text or not differing:
         differing.append("the graph")
     raise UsageError(
-        f"'{folder}' is of another plan, which differs in {'; '.join(differing)}; "
-        f"{_WAYS_ON[plan.kind]}"
+        f"'{folder}' belongs to a different plan, which differs in {'; '.join(differing)}; "
+        f"{_ALTERNATIVES[plan.kind]}"
     )
 
 
 def _refuse_links(folder: Path) -> None:
-    """Refuse to write into a folder with links: what they lead to would be written or deleted."""
+    """Refuse to write into a folder with links: their targets could be written or deleted."""
     try:
         for path in [*folder.iterdir(), *folder.glob("*/*")]:
             if path.is_symlink():
                 raise UsageError(
-                    f"'{path}' is a link, which is not followed when a folder is gone on with; "
-                    "put what it leads to in its place"
+                    f"'{path}' is a link, which is not followed when a folder is continued; "
+                    "replace it by what it points to"
                 )
     except OSError as error:
         raise UsageError(f"cannot read '{folder}': {error.strerror or error}") from None

@@ -1,4 +1,4 @@
-"""Which points leave a run folder."""
+"""Which trials leave a run folder."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from runtime.runs import save
 
 POINTS = "points"
 NOT_OK = ("failed", "timeout")
-_OWN = re.compile(r"[0-9]{6,18}")  # what a point's folder is called
+_OWN = re.compile(r"[0-9]{6,18}")  # the name of a trial's folder
 _BEST = re.compile(r"best:([1-9][0-9]{0,5})")
 
 
 @dataclass
 class RetentionPolicy:
-    """Says what each point records, and writes the folders of those that are kept.
+    """Decides what each trial records, and writes the run folders of the trials that are kept.
 
     Parameters
     ----------
     folder : of the sweep.
     policy : ``none``, ``all``, ``failed`` or ``best:N``.
-    objective : what best means, with the metric's column in the index.
-    timeout : seconds that a point may take.
+    objective : what 'best' means, with the metric's column in the index.
+    timeout : time limit of a trial in seconds.
     """
 
     folder: Path
@@ -50,7 +50,7 @@ class RetentionPolicy:
             raise UsageError(f"--keep {self.policy}: the graph has no metric that could be best")
 
     def resume(self, rows: Iterable[Row]) -> None:
-        """Take up what was kept before; folders that no longer count are removed."""
+        """Continue with what an interrupted sweep kept; other trial folders are removed."""
         if self.most:
             for row in rows:
                 self._rank(row)
@@ -59,42 +59,45 @@ class RetentionPolicy:
                 if _OWN.fullmatch(path.name) and int(path.name) not in kept:
                     shutil.rmtree(path, ignore_errors=True)
 
-    def task(self, point: Trial) -> Task:
-        """How a point is to be run."""
+    def task(self, trial: Trial) -> Task:
+        """How to run a trial."""
         if self.policy == "none":
-            return Task(point, timeout=self.timeout)
+            return Task(trial, timeout=self.timeout)
         keep = {"all": ("ok", *NOT_OK), "failed": NOT_OK}.get(self.policy, ("ok",))
         beat = None
         if self.objective is not None and self.most and len(self._heap) == self.most:
             beat = (self.objective, -self._heap[0][0])
-        return Task(point, "all", keep, beat, self.timeout)
+        return Task(trial, "all", keep, beat, self.timeout)
 
-    def save(self, point: Trial, done: TrialResult) -> None:
-        """Write a point's folder, before its row; one that was left half counted is replaced."""
-        if done.result is None:
-            return
-        path = self.path(point.number)
-        shutil.rmtree(path, ignore_errors=True)
-        done.result.files = point.configuration.bundle.files
-        save(done.result, path)
+    def save(self, trial: Trial, done: TrialResult) -> None:
+        """Write a trial's folder, before its row; a folder left by an interruption is replaced."""
+        save_trial(trial, done, self.path(trial.number))
 
-    def settle(self, row: Row) -> None:
-        """After a row: let go of the folder that is no longer among the best."""
+    def discard(self, row: Row) -> None:
+        """After a row was written: remove the folder that is no longer among the best."""
         if self.most:
             dropped = self._rank(row)
             if dropped is not None:
                 shutil.rmtree(self.path(dropped), ignore_errors=True)
 
     def path(self, number: int) -> Path:
-        """A point's folder."""
+        """A trial's folder."""
         return self.folder / POINTS / f"{number:06d}"
 
     def _rank(self, row: Row) -> int | None:
         value = None if self.column is None else row.metrics[self.column]
         if value is None or self.objective is None:
             return None
-        entry = (-self.objective.of(value), row.point)
+        entry = (-self.objective.of(value), row.trial)
         if len(self._heap) < self.most:
             heapq.heappush(self._heap, entry)
             return None
         return heapq.heappushpop(self._heap, entry)[1]
+
+
+def save_trial(trial: Trial, done: TrialResult, path: Path) -> None:
+    """Write the run folder of a trial that sent its result back; an older folder is replaced."""
+    if done.result is not None:
+        shutil.rmtree(path, ignore_errors=True)
+        done.result.files = trial.configuration.bundle.files
+        save(done.result, path)

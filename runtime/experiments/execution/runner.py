@@ -1,4 +1,4 @@
-"""Sends points to workers and hands back what became of them, a bounded number at a time."""
+"""Sends trials to workers and yields their results, a bounded number at a time."""
 
 from __future__ import annotations
 
@@ -7,80 +7,103 @@ from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass
 
 from runtime.errors import UsageError, one_line
-from runtime.experiments.execution.backends import WorkerPool
 from runtime.experiments.execution.trials import Trial
 from runtime.experiments.execution.worker import Task, TrialResult, run_task
+from runtime.experiments.execution.worker_pool import WorkerPool
+from runtime.terminal import Progress
 
 ATTEMPTS = 3
-POLL = 1.0  # s; how often the time left is drawn anew
+POLL = 1.0  # s; how often the remaining time is redrawn
 
 
 @dataclass(frozen=True)
 class _Sent:
-    point: Trial
+    trial: Trial
     attempt: int
 
 
-def run_points(
-    points: Iterator[Trial],
+def run_trials(
+    trials: Iterator[Trial],
     pool: WorkerPool,
     task: Callable[[Trial], Task],
     idle: Callable[[], None] = lambda: None,
 ) -> Iterator[tuple[Trial, TrialResult]]:
-    """Run points side by side; yields each as it ends.
+    """Run trials in parallel; yields each as it ends.
 
-    A point whose worker died is tried again, up to ``ATTEMPTS`` times in all. Whatever else goes
-    wrong with a call is that point's failure, unless no worker could run any.
+    A trial whose worker died is repeated, up to ``ATTEMPTS`` times in total. Any other error of a
+    call makes that trial fail, unless no worker could run any trial.
 
     Parameters
     ----------
-    points : taken one by one, as workers become free.
-    task : how a point is to be run; asked when it is sent.
+    trials : taken one by one, as workers become free.
+    task : how to run a trial; called when the trial is sent.
     idle : called about every second.
     """
     running: dict[Future[TrialResult], _Sent] = {}
 
-    def send(point: Trial, attempt: int) -> None:
-        running[pool.executor.submit(run_task, task(point))] = _Sent(point, attempt)
+    def send(trial: Trial, attempt: int) -> None:
+        running[pool.executor.submit(run_task, task(trial))] = _Sent(trial, attempt)
 
     exhausted = False
     while running or not exhausted:
         while not exhausted and len(running) < pool.width():
-            point = next(points, None)
-            if point is None:
+            trial = next(trials, None)
+            if trial is None:
                 exhausted = True
             else:
-                send(point, 1)
+                send(trial, 1)
         ended, _ = wait(running, timeout=POLL, return_when=FIRST_COMPLETED)
         for future in ended:
             sent = running.pop(future)
             try:
-                yield sent.point, future.result()
+                yield sent.trial, future.result()
             except TimeoutError as error:
-                yield sent.point, TrialResult("timeout", str(error))
+                yield sent.trial, TrialResult("timeout", str(error))
             except pool.deaths as error:
                 pool.check()
                 if sent.attempt < ATTEMPTS:
-                    send(sent.point, sent.attempt + 1)
+                    send(sent.trial, sent.attempt + 1)
                 else:
-                    yield sent.point, TrialResult("lost", _lost(error))
+                    yield sent.trial, TrialResult("lost", _lost(error))
             except UsageError:
                 raise
             except ImportError as error:
                 message = f"{type(error).__name__}: {error}"
-                raise UsageError(f"the workers cannot run points: {message}") from error
-            except Exception as error:  # noqa: BLE001 -- such as a result too large to be sent
-                yield (
-                    sent.point,
-                    TrialResult("failed", one_line(f"{type(error).__name__}: {error}")),
-                )
+                raise UsageError(f"the workers cannot run trials: {message}") from error
+            except Exception as error:  # noqa: BLE001 -- such as a result too large to send
+                reason = one_line(f"{type(error).__name__}: {error}")
+                yield sent.trial, TrialResult("failed", reason)
         pool.check()
         idle()
 
 
+def run_all(
+    trials: Iterator[Trial],
+    make_pool: Callable[[], WorkerPool],
+    task: Callable[[Trial], Task],
+    record: Callable[[Trial, TrialResult], None],
+    progress: Progress,
+    idle: Callable[[], None] = lambda: None,
+) -> bool:
+    """Run trials and record each as it ends; False if Ctrl-C interrupted them."""
+    finished = False
+    pool = make_pool()
+    try:
+        idle()
+        for trial, result in run_trials(trials, pool, task, idle):
+            record(trial, result)
+        finished = True
+    except KeyboardInterrupt:
+        pass
+    finally:
+        pool.leave(finished)
+        progress.close()
+    return finished
+
+
 def _lost(error: BaseException) -> str:
-    """Why a point was given up: how its last worker ended."""
+    """Why a trial was abandoned: how its last worker ended."""
     message = f"its worker died {ATTEMPTS} times, the last time: {error or type(error).__name__}"
     if "SIGKILL" in message:
-        message += "; if memory ran out, take fewer workers with --jobs"
+        message += "; if memory ran out, use fewer workers with --jobs"
     return one_line(message)

@@ -1,4 +1,4 @@
-"""What is run: settings of a graph, each with every seed, as data that can travel."""
+"""Trials: each configuration of a graph with every seed, as data that can be sent to workers."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class GraphBundle:
-    """A graph as it travels: its resolved text, and the modules of blocks of one's own.
+    """A graph that can be sent to another process: its resolved text and its user modules.
 
-    Whoever has the package can run it.
+    Any process that can import this package can run it.
     """
 
     text: str
@@ -47,7 +47,7 @@ class GraphBundle:
 
     @property
     def files(self) -> dict[str, bytes]:
-        """What the modules' files hold, by name."""
+        """The contents of the modules' files, by name."""
         return {name: text.encode("utf-8") for name, text in self.modules}
 
     @property
@@ -58,13 +58,13 @@ class GraphBundle:
 
 @dataclass(frozen=True)
 class Configuration:
-    """One of the things to compare: a graph with the values of some knobs.
+    """A graph with a value for each factor, or a variant of an ablation.
 
     Parameters
     ----------
     number : counted from 0.
-    cells : what the index says of it, one text a column.
-    recipe : the graph.
+    cells : its texts in the index, one per column.
+    bundle : the graph.
     edits : (path, value as YAML) to set in it.
     """
 
@@ -76,24 +76,24 @@ class Configuration:
 
 @dataclass(frozen=True)
 class Trial:
-    """One run: a setting with a seed. ``number`` counts the points of the whole plan."""
+    """One run: a configuration with a seed. ``number`` counts the trials of the whole plan."""
 
     number: int
     configuration: Configuration
     seed: int
 
 
-def points_of(configurations: Iterable[Configuration], seeds: Seeds) -> Iterator[Trial]:
-    """Every setting with every seed, one setting after the other."""
+def trials_of(configurations: Iterable[Configuration], seeds: Seeds) -> Iterator[Trial]:
+    """Every configuration with every seed, one configuration after the other."""
     for configuration in configurations:
         for i, seed in enumerate(seeds):
             yield Trial(configuration.number * len(seeds) + i, configuration, seed)
 
 
-def varied(
+def swept_configurations(
     bundle: GraphBundle, paths: tuple[str, ...], design: Iterable[tuple[Any, ...]]
 ) -> Iterator[Configuration]:
-    """The settings of a sweep."""
+    """The configurations of a sweep."""
     for number, values in enumerate(design):
         cells = tuple(map(flow_yaml, values))
         yield Configuration(number, cells, bundle, tuple(zip(paths, cells, strict=True)))

@@ -1,12 +1,10 @@
-"""One point, run by whatever process it was sent to: a local worker or one of a cluster."""
+"""Runs one trial, in the process that it was sent to: a local worker or one of a cluster."""
 
 from __future__ import annotations
 
 import atexit
-import os
 import shutil
 import tempfile
-import threading
 import time
 from collections.abc import Collection
 from dataclasses import dataclass, field
@@ -18,29 +16,30 @@ from runtime.document import parse_yaml
 from runtime.errors import GraphError, SimulationError, one_line
 from runtime.experiments.design import Objective
 from runtime.experiments.execution.trials import GraphBundle, Trial
+from runtime.files import write_whole
 from runtime.graph import Graph, load
 from runtime.runs import Result, simulate
 
 Status = Literal["ok", "failed", "invalid", "timeout", "lost"]
-# What a point records beside its metrics: nothing, its way, or all that the graph asks for.
-Record = Literal["metrics", "ways", "all"]
-WAYS = ("trajectory", "map")
+# What a trial records besides its metrics: nothing, its trajectory, or all plots of the graph.
+Record = Literal["metrics", "trajectory", "all"]
+TRAJECTORY_PLOTS = ("trajectory", "map")
 GRAPHS_KEPT = 4
 
 
 @dataclass(frozen=True)
 class Task:
-    """A point with how it is to be run.
+    """A trial and how to run it.
 
     Parameters
     ----------
-    record : what to record; the numbers are the same.
-    keep : statuses for which the result itself is sent back.
-    beat : of those that are ok, only where the objective is better than this.
-    timeout : seconds; None for as long as it takes.
+    record : what to record; the metrics do not depend on it.
+    keep : statuses for which the whole result is sent back.
+    beat : of trials that are ok, send only those whose objective is better than this.
+    timeout : time limit in seconds; None for no limit.
     """
 
-    point: Trial
+    trial: Trial
     record: Record = "metrics"
     keep: Collection[str] = ()
     beat: tuple[Objective, float] | None = None
@@ -49,7 +48,7 @@ class Task:
 
 @dataclass(frozen=True)
 class TrialResult:
-    """What became of a point. ``metrics`` are empty unless it is ok; ``wall_s`` in seconds."""
+    """The outcome of a trial. ``metrics`` are empty unless it is ok; ``wall_s`` is in seconds."""
 
     status: Status
     reason: str = ""
@@ -59,12 +58,12 @@ class TrialResult:
 
 
 class Deadline:
-    """Ends a run, as Ctrl-C would, once it has taken too long; called with its progress."""
+    """A progress callback that ends a run at its time limit, as Ctrl-C would."""
 
     def __init__(self, seconds: float | None) -> None:
         self.began = time.perf_counter()
         self.seconds = seconds
-        self.passed = False
+        self.is_exceeded = False
 
     @property
     def spent(self) -> float:
@@ -72,19 +71,19 @@ class Deadline:
 
     def __call__(self, done: int, total: int) -> None:
         if self.seconds is not None and self.spent > self.seconds:
-            self.passed = True
+            self.is_exceeded = True
             raise KeyboardInterrupt
 
 
 def run_task(task: Task) -> TrialResult:
-    """Run a point; whatever goes wrong with it is part of the answer."""
+    """Run a trial; any error is part of the result."""
     deadline = Deadline(task.timeout)
     status: Status = "ok"
     reason, result = "", None
     try:
         result = _simulated(task, deadline)
         if result.status != "complete":
-            # Ctrl-C does not reach workers: nothing but the deadline and blocks can interrupt.
+            # Ctrl-C does not reach workers: only the deadline and blocks can interrupt a run.
             status, reason = "failed", f"a block raised KeyboardInterrupt at tick {result.ticks}"
     except GraphError as error:
         status, reason = "invalid", str(error)
@@ -93,12 +92,12 @@ def run_task(task: Task) -> TrialResult:
         result = error.result if isinstance(error.result, Result) else None
     except BaseException as error:  # noqa: BLE001 -- a user's block may raise anything, anywhere
         status, reason = "failed", f"{type(error).__name__}: {error}"
-    if deadline.passed:
+    if deadline.is_exceeded:
         reached = "" if result is None else f", {result.ticks} ticks done"
         status, reason = "timeout", f"stopped after {task.timeout:g} s{reached}"
     metrics = result.metrics if result is not None and status == "ok" else {}
-    # Modules lie in a folder of the worker's own, which says nothing and is gone afterwards.
-    reason = reason.replace(f"{_module_folder(task.point.configuration.bundle)}/", "")
+    # The worker's temporary folder of modules means nothing to users.
+    reason = reason.replace(f"{_module_folder(task.trial.configuration.bundle)}/", "")
     return TrialResult(
         status=status,
         reason=one_line(reason.strip().replace("\n", "; ")),
@@ -117,9 +116,9 @@ def _is_wanted(task: Task, metrics: dict[str, float | None]) -> bool:
 
 
 def _simulated(task: Task, deadline: Deadline) -> Result:
-    configuration = task.point.configuration
-    graph = _built(configuration.bundle, configuration.edits).with_seed(task.point.seed)
-    plots = {"metrics": (), "ways": WAYS, "all": None}[task.record]
+    configuration = task.trial.configuration
+    graph = _built(configuration.bundle, configuration.edits).with_seed(task.trial.seed)
+    plots = {"metrics": (), "trajectory": TRAJECTORY_PLOTS, "all": None}[task.record]
     return simulate(graph.prepared(plots), deadline)
 
 
@@ -134,7 +133,7 @@ def _loaded(bundle: GraphBundle) -> Graph:
 
 @lru_cache(GRAPHS_KEPT)
 def _built(bundle: GraphBundle, edits: tuple[tuple[str, str], ...]) -> Graph:
-    """A graph with its network, which all seeds of a setting share."""
+    """A graph with its network, which all seeds of a configuration share."""
     graph = _loaded(bundle)
     for path, cell in edits:
         graph = graph.set(path, parse_yaml(cell, path).plain(), origin=path)
@@ -143,7 +142,7 @@ def _built(bundle: GraphBundle, edits: tuple[tuple[str, str], ...]) -> Graph:
 
 @lru_cache(1)
 def _scratch() -> Path:
-    """This process's folder for modules, which goes when the process does."""
+    """The folder for modules of this process, removed when the process ends."""
     folder = Path(tempfile.mkdtemp(prefix="spikeblocks-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return folder
@@ -159,14 +158,12 @@ def _written_modules(bundle: GraphBundle) -> Path:
     for name, text in bundle.modules:
         target = folder / name
         if not target.exists():
-            partial = folder / f".{name}-{os.getpid()}-{threading.get_ident()}"
-            partial.write_text(text, encoding="utf-8")
-            partial.replace(target)
+            write_whole(target, text)
     return folder
 
 
 def _place_modules(blocks: dict[str, Any], folder: Path) -> None:
-    """Let the entries of a document name their modules where they lie now."""
+    """Make the entries of a document name the new paths of their modules."""
     for entry in blocks.values():
         if isinstance(entry.get("module"), str):
             entry["module"] = str(folder / entry["module"])

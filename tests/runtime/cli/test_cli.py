@@ -75,7 +75,7 @@ def test_json_prints_one_object_and_nothing_else(cli: Run, small: Path, tmp_path
     assert summary["seed"] == 5
     assert summary["metrics"]["turned"] == pytest.approx(0.49 * 0.25)
     assert summary["wall_s"] > 0.0
-    # The first tick, and what comes before it, is told apart from the others.
+    # The first tick, and the time before it, are measured separately from the others.
     running = summary["wall_s"] - summary["ready_s"]
     assert summary["us_per_tick"] == pytest.approx(1e6 * running / 49)
     assert (tmp_path / summary["run"] / "probes.npz").is_file()
@@ -116,7 +116,7 @@ def test_wire_moves_an_input(cli: Run, small: Path) -> None:
         (["blocks", "Saturater"], "did you mean 'Saturator'?"),
     ],
 )
-def test_mistakes_end_with_2_and_no_traceback(
+def test_errors_end_with_2_and_no_traceback(
     cli: Run, small: Path, tmp_path: Path, arguments: list[str], message: str
 ) -> None:
     done = cli(*arguments)

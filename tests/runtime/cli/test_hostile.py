@@ -1,4 +1,4 @@
-"""Files that somebody else wrote: bounded work, nothing imported, nothing overwritten."""
+"""Files from untrusted sources: bounded work, nothing imported, nothing overwritten."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def verb(
 
 @pytest.fixture
 def own(tmp_path: Path) -> Path:
-    """A run of a block of one's own, whose module tells by a file that it was imported."""
+    """A run of a user block, whose module writes a file when it is imported."""
     write(tmp_path, {"own.py": MODULE, "own.yaml": OWN})
     folder: Path = runtime.load(tmp_path / "own.yaml").run().save(tmp_path / "run")
     (tmp_path / "ran").unlink()
@@ -214,7 +214,7 @@ def test_an_archive_that_unfolds_is_refused(own: Path) -> None:
             archive.writestr(name, b"x")
     data = bytearray((own / "probes.npz").read_bytes())
     at = data.index(b"PK\x01\x02")
-    data[at + 24 : at + 28] = (2**31).to_bytes(4, "little")  # the size said, uncompressed
+    data[at + 24 : at + 28] = (2**31).to_bytes(4, "little")  # the declared uncompressed size
     (own / "probes.npz").write_bytes(bytes(data))
     with pytest.raises(UsageError, match="said to be larger than the file"):
         open_run(own)

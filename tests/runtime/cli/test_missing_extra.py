@@ -1,4 +1,4 @@
-"""A graph that needs a package of an extra says so before it runs: exit code 4 and the pip line."""
+"""A graph that needs an extra that is missing: exit code 4 and the pip line before it runs."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def without_mujoco(tmp_path: Path) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("verb", ["run", "validate", "explain"])
-def test_the_pip_line_is_all_that_is_said(
+def test_only_the_pip_line_is_printed(
     cli: Run, without_mujoco: dict[str, str], verb: str, tmp_path: Path
 ) -> None:
     done = cli(verb, "wall_following_mujoco", env=without_mujoco)

@@ -174,7 +174,7 @@ run: {until: 0.01}
         (["a", "text"], "text/graph.resolved.yaml:1:10: not valid YAML"),
         (["a", "other"], "nothing to compare: 'a' (graph nudged) and 'other' (graph other)"),
         (["a", "b", "--probes", "pse"], "no run has a probe 'pse', did you mean 'pose'?"),
-        (["a", "b", "--rtol", "-1"], "expected a number from 0, got '-1'"),
+        (["a", "b", "--rtol", "-1"], "expected a number of at least 0, got '-1'"),
         (["a", "b", "--out", "nudge.py"], "cannot write 'nudge.py/"),
     ],
 )

@@ -1,4 +1,4 @@
-"""``runtime ablate``: variants that see the same noise, and a table that says what is real."""
+"""``runtime ablate``: variants with the same noise, and a table with significant differences."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from scipy import stats
 
 import runtime
 from runtime.document.node import parse_yaml
-from runtime.experiments.design.variants import each_alone, grouped, slugs
+from runtime.experiments.design.variants import grouped, removals, slugs
 from tests.conftest import Run
 from tests.runtime.experiments.graphs import normal
 
@@ -43,7 +43,7 @@ def test_every_block_alone(cli: Run, draw: Path, tmp_path: Path) -> None:
     assert names == ["baseline", "bypass twice", "bypass half", "without sum"]
     assert facts["essential"] == {"draw": "input 'twice.input' is not connected without 'draw'"}
     assert facts["essential"]["draw"] in done.stdout
-    # total is draw + half * twice * draw: 2 draw, and 1.5 or 3 draw with one of the gains gone.
+    # total is draw + half * twice * draw: 2 draw, and 1.5 or 3 draw with one of the gains removed.
     found = values(folder)
     for seed in range(6):
         out = 1.0 + normal(seed)
@@ -93,7 +93,7 @@ def test_what_a_folder_holds(here: Run, draw: Path, tmp_path: Path) -> None:
         result = runtime.open(folder / "runs" / slug)
         assert result.metrics["drawn"] == 1.0 + normal(0)
         assert (folder / "diagrams" / f"{slug}.svg").read_text().startswith("<")
-    # What is gone is greyed, not left out: both diagrams show all four blocks.
+    # Removed blocks are drawn in grey: both diagrams show all four blocks.
     drawn = (folder / "diagrams" / "bypass_twice.svg").read_text()
     whole = (folder / "diagrams" / "baseline.svg").read_text()
     assert "bypassed" in drawn and "bypassed" not in whole
@@ -173,7 +173,7 @@ def test_names_of_files_never_clash() -> None:
 
 
 def test_each_block_of_case_a() -> None:
-    variants, essential = each_alone(runtime.load("line_actuator_failure"))
+    variants, essential = removals(runtime.load("line_actuator_failure"))
     assert {variant.name for variant in variants} >= {
         *("bypass limit", "bypass fault", "without adaptive", "without adaptive.snn_v"),
         "without lqr",
@@ -181,7 +181,7 @@ def test_each_block_of_case_a() -> None:
     assert set(essential) == {"track", "match", "error", "total", "plant"}
     assert essential["plant"] == "input 'match.pose' (Pose) is not connected without 'plant'"
     # What a graph leaves out already is not tried again.
-    less, _ = each_alone(runtime.load("line_actuator_failure").without("adaptive"))
+    less, _ = removals(runtime.load("line_actuator_failure").without("adaptive"))
     assert not [variant for variant in less if "adaptive" in variant.name]
 
 
@@ -229,7 +229,7 @@ def test_an_interrupted_ablation_goes_on(here: Run, draw: Path, tmp_path: Path) 
     }
     other = here(*variants, "--bypass", "twice", "--resume", str(folder))
     assert other.returncode == 2
-    assert "is of another plan, which differs in variants" in other.stderr
+    assert "belongs to a different plan, which differs in variants" in other.stderr
     missing = here(*variants, "--resume", "nosuch")
     assert "--resume nosuch: there is no such folder" in missing.stderr
 
@@ -239,18 +239,18 @@ def test_an_interrupted_ablation_goes_on(here: Run, draw: Path, tmp_path: Path) 
     [
         (["--without", "drw"], "there is no block 'drw', did you mean 'draw'?"),
         (["--without", "draw"], "variant 'without draw' cannot run:"),
-        (["--without", "half", "--without", "half"], "there are two variants 'without half'"),
-        (["--variant", "baseline"], "there are two variants 'baseline'"),
-        (["--variant", ""], "'' is no name for a variant"),
+        (["--without", "half", "--without", "half"], "duplicate variant 'without half'"),
+        (["--variant", "baseline"], "duplicate variant 'baseline'"),
+        (["--variant", ""], "'' is not a valid name for a variant"),
         (["--bypass", "sum"], "variant 'bypass sum' cannot run:"),
         (["--replace", "half=Gian"], "no block type 'Gian', did you mean 'Gain'?"),
         (["--seeds", "two"], "expected seeds such as 0..9, 3 or 0,4,7..9, got the text 'two'"),
-        (["--set", "metrics={}"], "the graph measures nothing that variants could differ in"),
+        (["--set", "metrics={}"], "the graph has no metrics to compare variants by"),
         (["--set", "metrics.variant={kind: final, of: draw.out}"], "metric 'variant': the name is"),
         (["--test", "z"], "invalid choice: 'z'"),
     ],
 )
-def test_mistakes_are_told_before_anything_runs(
+def test_errors_are_reported_before_anything_runs(
     here: Run, draw: Path, tmp_path: Path, arguments: list[str], message: str
 ) -> None:
     done = here("ablate", "draw.yaml", *arguments)
@@ -260,11 +260,11 @@ def test_mistakes_are_told_before_anything_runs(
     assert not (tmp_path / "ablations").exists()
 
 
-def test_a_variant_that_fails_is_told(here: Run, draw: Path) -> None:
+def test_a_variant_that_fails_is_reported(here: Run, draw: Path) -> None:
     failing = ("--variant", "broken", "--set", "draw.how=raise")
     done = here("ablate", "draw.yaml", *SEEDS, "--no-plots", *failing)
     assert done.returncode == 0, done.stderr
-    assert "broken: 6 of 6 runs not ok, first: block 'draw' at tick 0" in done.stdout
+    assert "broken: 6 of 6 trials failed, first: block 'draw' at tick 0" in done.stdout
     assert "yes, in seeds" in done.stdout
 
 

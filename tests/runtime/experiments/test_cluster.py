@@ -1,4 +1,4 @@
-"""The same points on a Dask cluster: a real scheduler and two workers on loopback."""
+"""The same trials on a Dask cluster: a real scheduler and two workers on loopback."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def test_a_cluster_that_loses_a_worker_gives_the_same_index(
 
 
 @needs_dask
-def test_a_scheduler_that_is_gone_ends_the_sweep_with_its_rows_kept(
+def test_a_lost_scheduler_ends_the_sweep_with_its_rows_kept(
     script: Path, here: Run, cluster: Cluster, draw: Path, tmp_path: Path
 ) -> None:
     address, processes = cluster
@@ -95,14 +95,18 @@ def test_a_scheduler_that_is_gone_ends_the_sweep_with_its_rows_kept(
 
 
 @needs_dask
-def test_no_scheduler_is_told(here: Run, draw: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("runtime.experiments.execution.backends.PATIENCE", 0.2)
+def test_a_missing_scheduler_is_reported(
+    here: Run, draw: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("runtime.experiments.execution.worker_pool.CONNECT_TIMEOUT", 0.2)
     done = here("sweep", "draw.yaml", *SWEEP, *LATER, "--scheduler", "tcp://127.0.0.1:9")
     assert done.returncode == 2
     assert "--scheduler tcp://127.0.0.1:9: no scheduler answers there" in done.stderr
 
 
-def test_a_missing_extra_is_told(here: Run, draw: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_extra_is_reported(
+    here: Run, draw: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     done = here("sweep", "draw.yaml", *SWEEP, *LATER, "--scheduler", "tcp://127.0.0.1:9")
     assert done.returncode == 4

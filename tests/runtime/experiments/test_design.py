@@ -1,4 +1,4 @@
-"""Designs against itertools and scipy; points are made one by one."""
+"""Designs against itertools and scipy; trials are generated one by one."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from scipy.stats import qmc
 
 from runtime.document.node import parse_yaml
 from runtime.errors import Problems
-from runtime.experiments.design.factors import Factor, parse_knob
+from runtime.experiments.design.factors import Factor, parse_factor
 from runtime.experiments.design.sampling import Design, Method
 from runtime.experiments.design.seeds import Seeds
-from runtime.experiments.execution.trials import GraphBundle, points_of, varied
+from runtime.experiments.execution.trials import GraphBundle, swept_configurations, trials_of
 
 
 def factors(*texts: str) -> tuple[Factor, ...]:
     problems = Problems()
-    found = [parse_knob(f"k{i}", parse_yaml(t, "x"), "", problems) for i, t in enumerate(texts)]
+    found = [parse_factor(f"k{i}", parse_yaml(t, "x"), "", problems) for i, t in enumerate(texts)]
     assert not problems.found
     return tuple(factor for factor in found if factor is not None)
 
 
-def test_a_grid_is_the_product_and_its_last_knob_turns_fastest() -> None:
+def test_a_grid_is_the_product_and_its_last_factor_varies_fastest() -> None:
     design = Design(factors("0..1:3", "[x, y]", "int(1..9):2"))
     expected = list(itertools.product([0.0, 0.5, 1.0], ["x", "y"], [1, 9]))
     assert list(design) == expected
@@ -49,19 +49,21 @@ def test_samples_hang_on_their_seed_alone(method: Method) -> None:
     assert len(set(first)) == 100
 
 
-def test_points_come_one_by_one_however_many_there_are() -> None:
+def test_trials_are_generated_one_by_one() -> None:
     design = Design(factors("0..1:1000000", "0..1:1000000"))
     seeds = Seeds(((0, 10**12),))
-    points = points_of(varied(GraphBundle("g"), ("a", "b"), design), seeds)
-    first = next(points)
+    trials = trials_of(swept_configurations(GraphBundle("g"), ("a", "b"), design), seeds)
+    first = next(trials)
     assert (first.number, first.seed, first.configuration.cells) == (0, 0, ("0.0", "0.0"))
     assert len(design) * len(seeds) == 10**12 * (10**12 + 1)
 
 
-def test_points_are_numbered_setting_by_setting() -> None:
+def test_trials_are_numbered_configuration_by_configuration() -> None:
     design = Design(factors("[x, y]"))
-    points = list(points_of(varied(GraphBundle("g"), ("a",), design), Seeds(((4, 5),))))
-    assert [(p.number, p.configuration.cells, p.seed) for p in points] == [
+    trials = list(
+        trials_of(swept_configurations(GraphBundle("g"), ("a",), design), Seeds(((4, 5),)))
+    )
+    assert [(p.number, p.configuration.cells, p.seed) for p in trials] == [
         (0, ("x",), 4),
         (1, ("x",), 5),
         (2, ("y",), 4),

@@ -25,7 +25,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path / "sweeps" / "draw"
 
 
-def test_a_curve_for_one_knob(here: Run, draw: Path, folder: Path) -> None:
+def test_a_curve_for_one_factor(here: Run, draw: Path, folder: Path) -> None:
     assert here(*SWEEP, "--vary", "draw.level=log(0.1..10):3").returncode == 0
     [(name, figure)] = sweep_figures(folder)
     assert name == "curves"
@@ -119,14 +119,14 @@ def test_parallel_coordinates_beyond(here: Run, draw: Path, folder: Path) -> Non
     assert lines.get_segments()[0][-1][1] == 1.0
 
 
-def test_names_are_places_of_their_own(here: Run, draw: Path, folder: Path) -> None:
+def test_names_have_positions_on_the_axis(here: Run, draw: Path, folder: Path) -> None:
     assert here(*SWEEP, "--vary", "without=[[], [half], [sum]]").returncode == 0
     [(_, figure)] = sweep_figures(folder)
     labels = [text.get_text() for text in figure.axes[1].get_xticklabels()]
     assert labels == ["[]", "[half]", "[sum]"]
 
 
-def test_more_settings_than_a_page_shows(
+def test_more_configurations_than_a_page_shows(
     here: Run, draw: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(sweep_data, "MOST", 4)
@@ -152,7 +152,7 @@ def test_an_ablation(here: Run, draw: Path, tmp_path: Path) -> None:
     assert [mean.get_xdata()[0] for mean in means] == pytest.approx(
         [2.0 * outs.mean(), 3.0 * outs.mean()]
     )
-    assert [text.get_text() for text in total.texts] == ["gone"]
+    assert [text.get_text() for text in total.texts] == ["removed"]
     # Equal to the baseline on every seed: hollow.
     hollow = drawn.containers[1].lines[0]
     assert to_hex(hollow.get_markerfacecolor()) == "#ffffff"

@@ -1,4 +1,4 @@
-"""What is known of a sweep while it runs, in memory that does not grow with it."""
+"""Statistics of a running sweep, in memory that does not grow with the number of trials."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from runtime.experiments.execution.index import Row
 SEEDS = 3
 
 
-def row(point: int, value: float | None, status: str = "ok") -> Row:
-    reason = "" if status == "ok" else f"at tick {point}"
-    return Row(point, (str(point // SEEDS),), point % SEEDS, status, reason, (value,), 0.1)
+def row(trial: int, value: float | None, status: str = "ok") -> Row:
+    reason = "" if status == "ok" else f"at tick {trial}"
+    return Row(trial, (str(trial // SEEDS),), trial % SEEDS, status, reason, (value,), 0.1)
 
 
 def tally(goal: str = "minimize") -> Tally:
@@ -31,12 +31,12 @@ def shuffled(count: int, reach: int = 8) -> Iterator[int]:
 
 
 @pytest.mark.parametrize("goal", ["minimize", "maximize"])
-def test_the_best_settings_are_those_with_the_best_means(goal: str) -> None:
+def test_the_best_configurations_are_those_with_the_best_means(goal: str) -> None:
     moments = random.Random(2)
-    values = {point: moments.gauss(0.0, 1.0) for point in range(300)}
+    values = {trial: moments.gauss(0.0, 1.0) for trial in range(300)}
     found = tally(goal)
-    for point in shuffled(300):
-        found.add(row(point, values[point]))
+    for trial in shuffled(300):
+        found.add(row(trial, values[trial]))
     means = {k: sum(values[SEEDS * k + i] for i in range(SEEDS)) / SEEDS for k in range(100)}
     expected = sorted(means, key=lambda k: means[k], reverse=goal == "maximize")[:BEST]
     assert [int(ranked.cells[0]) for ranked in found.best] == expected
@@ -47,13 +47,13 @@ def test_the_best_settings_are_those_with_the_best_means(goal: str) -> None:
 
 def test_a_setting_with_a_hole_is_not_the_best() -> None:
     found = tally()
-    for point, value in enumerate([None, -9.0, -9.0, 1.0, 1.0, 1.0]):
-        found.add(row(point, value))
+    for trial, value in enumerate([None, -9.0, -9.0, 1.0, 1.0, 1.0]):
+        found.add(row(trial, value))
     assert [ranked.cells for ranked in found.best] == [("1",)]
 
 
-def test_settings_are_put_together_whatever_the_order() -> None:
-    groups = list(gather((row(point, float(point)) for point in shuffled(29)), SEEDS))
+def test_rows_are_grouped_in_any_order() -> None:
+    groups = list(gather((row(trial, float(trial)) for trial in shuffled(29)), SEEDS))
     assert sorted(group.number for group in groups) == list(range(10))
     whole = {group.number: group.values(0) for group in groups}
     assert whole[4] == [12.0, 13.0, 14.0]
@@ -65,9 +65,9 @@ def test_memory_does_not_grow_with_the_sweep() -> None:
     peaks = []
     tracemalloc.start()
     try:
-        for point in range(15_000):
-            found.add(row(point, float(-point), "failed" if point % 7 else "ok"))
-            if point % 5_000 == 4_999:
+        for trial in range(15_000):
+            found.add(row(trial, float(-trial), "failed" if trial % 7 else "ok"))
+            if trial % 5_000 == 4_999:
                 peaks.append(tracemalloc.get_traced_memory()[0])
     finally:
         tracemalloc.stop()

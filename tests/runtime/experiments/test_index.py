@@ -21,8 +21,8 @@ from runtime.experiments.execution.worker import TrialResult
 COLUMNS = Columns(("a.b", "c"), ("rms", "final"))
 
 
-def row(point: int, cell: str = "1.0", seed: int = 0) -> Row:
-    return Row(point, (cell, "[1, 2]"), seed, "ok", "", (0.1, None), 0.25)
+def row(trial: int, cell: str = "1.0", seed: int = 0) -> Row:
+    return Row(trial, (cell, "[1, 2]"), seed, "ok", "", (0.1, None), 0.25)
 
 
 @pytest.fixture
@@ -75,9 +75,9 @@ def test_texts_of_any_length_are_read_and_long_reasons_shortened(path: Path) -> 
     long = "x" * 1_000_000
     with path.open("a") as file:  # as indexes were written once
         file.write(COLUMNS.line(Row(0, ("1", "2"), 0, "failed", long, (None, None), 0.5)))
-    point = Trial(1, Configuration(0, ("1", "2"), GraphBundle("g")), 1)
+    trial = Trial(1, Configuration(0, ("1", "2"), GraphBundle("g")), 1)
     opened = Index(path, COLUMNS)
-    opened.append(Row.of(point, TrialResult("failed", long), COLUMNS.metrics))
+    opened.append(Row.of(trial, TrialResult("failed", long), COLUMNS.metrics))
     opened.close()
     first, second = read_rows(path, COLUMNS)
     assert first.reason == long
@@ -87,7 +87,7 @@ def test_texts_of_any_length_are_read_and_long_reasons_shortened(path: Path) -> 
 def test_rows_are_appended_and_read(index: Index) -> None:
     index.append(row(1))
     index.append(row(0))
-    assert [found.point for found in index.rows()] == [1, 0]
+    assert [found.trial for found in index.rows()] == [1, 0]
     assert index.path.read_text().splitlines() == [
         "point,a.b,c,seed,status,reason,rms,final,wall_s",
         '1,1.0,"[1, 2]",0,ok,,0.1,,0.25',
@@ -101,10 +101,10 @@ def test_a_torn_line_is_cut_off_wherever_it_was_torn(path: Path) -> None:
     for cut in range(len(line)):
         path.write_bytes(whole + line[:cut])
         opened = Index(path, COLUMNS)
-        assert [found.point for found in opened.rows()] == [0]
+        assert [found.trial for found in opened.rows()] == [0]
         opened.append(row(2))
         opened.close()
-        assert [found.point for found in read_rows(path, COLUMNS)] == [0, 2]
+        assert [found.trial for found in read_rows(path, COLUMNS)] == [0, 2]
 
 
 def test_only_one_process_writes(path: Path, index: Index) -> None:
@@ -134,7 +134,7 @@ for number in range(1000):
 
 @pytest.mark.parametrize("spare", [0, 1, 17])
 def test_a_row_that_does_not_fit_leaves_nothing_of_itself(path: Path, spare: int) -> None:
-    # A limit on the size of files stands for the full disk: the last write is cut short as well.
+    # A limit on file sizes simulates the full disk: the last write is incomplete as well.
     header, line = len(path.read_bytes()), len(COLUMNS.line(row(0)).encode())
     limit = str(header + 3 * line + spare)
     command = [sys.executable, "-c", FULL, str(path), limit]
@@ -147,29 +147,29 @@ def test_a_row_that_does_not_fit_leaves_nothing_of_itself(path: Path, spare: int
     assert resource.getrlimit(resource.RLIMIT_FSIZE)[0] == resource.RLIM_INFINITY
 
 
-def point(number: int, cell: str = "1.0", seed: int = 0) -> Trial:
+def trial(number: int, cell: str = "1.0", seed: int = 0) -> Trial:
     return Trial(number, Configuration(number, (cell, "[1, 2]"), GraphBundle("g")), seed)
 
 
 def test_what_remains_is_what_has_no_row(index: Index) -> None:
     for number in (1, 0, 4):
         index.append(row(number))
-    left = remaining(index, map(point, range(7)))
+    left = remaining(index, map(trial, range(7)))
     assert [found.number for found in left] == [2, 3, 5, 6]
 
 
 def test_what_remains_holds_no_more_than_ran_side_by_side(index: Index) -> None:
     taken = 0
 
-    def points() -> Iterator[Trial]:
+    def trials() -> Iterator[Trial]:
         nonlocal taken
         for number in range(10**9):
             taken += 1
-            yield point(number)
+            yield trial(number)
 
     for number in (2, 0, 1, 3, 5):
         index.append(row(number))
-    left = remaining(index, points())
+    left = remaining(index, trials())
     assert taken == 6
     assert next(left).number == 4
 
@@ -179,25 +179,28 @@ def test_what_remains_holds_no_more_than_ran_side_by_side(index: Index) -> None:
     [
         (
             [row(0, cell="2.0")],
-            "is of another plan: its point 0 is 2.0, [1, 2] with seed 0, ours 1",
+            "belongs to a different plan: its trial 0 is 2.0, [1, 2] with seed 0, ours 1",
         ),
-        ([row(0, seed=9)], "is of another plan: its point 0 is 1.0, [1, 2] with seed 9, ours 1.0"),
-        ([row(0), row(1), row(0)], "point 0 stands twice, or is not in the plan"),
-        ([row(99)], "point 99 stands twice, or is not in the plan"),
+        (
+            [row(0, seed=9)],
+            "belongs to a different plan: its trial 0 is 1.0, [1, 2] with seed 9, ours 1.0",
+        ),
+        ([row(0), row(1), row(0)], "trial 0 is a duplicate, or is not in the plan"),
+        ([row(99)], "trial 99 is a duplicate, or is not in the plan"),
     ],
 )
 def test_rows_of_another_plan_are_refused(index: Index, rows: list[Row], message: str) -> None:
     for found in rows:
         index.append(found)
     with pytest.raises(UsageError) as caught:
-        remaining(index, map(point, range(5)))
+        remaining(index, map(trial, range(5)))
     assert message in str(caught.value)
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "is of another plan: expected the columns point, a.b"),
+        ("", "belongs to a different plan: expected the columns point, a.b"),
         ("point,x,seed\n", "got point, x, seed"),
         (csv_line(COLUMNS.header) + "1,2\n", "index.csv:2: no row of this plan: expected 9 fields"),
         (csv_line(COLUMNS.header) + "x,1,2,0,ok,,1,2,3\n", "index.csv:2: no row of this plan"),

@@ -1,4 +1,4 @@
-"""Workers that die, hang and come back; points sent a bounded number at a time."""
+"""Workers that die or hang and are replaced; trials sent a bounded number at a time."""
 
 from __future__ import annotations
 
@@ -18,17 +18,15 @@ from typing import Any
 import pytest
 
 from runtime.errors import UsageError
-from runtime.experiments.execution import forkserver as nurseries
-from runtime.experiments.execution import messages as line
-from runtime.experiments.execution import pool as pools
-from runtime.experiments.execution.backends import WorkerPool, local_pool
+from runtime.experiments.execution import forkserver, messages, process_executor
 from runtime.experiments.execution.forkserver import THREADS
-from runtime.experiments.execution.pool import LocalPool, WorkerDied
-from runtime.experiments.execution.runner import run_points
+from runtime.experiments.execution.process_executor import ProcessExecutor, WorkerDied
+from runtime.experiments.execution.runner import run_trials
 from runtime.experiments.execution.trials import Configuration, GraphBundle, Trial
 from runtime.experiments.execution.worker import Task, TrialResult
+from runtime.experiments.execution.worker_pool import WorkerPool, local_pool
 
-LARGE = 8_000_000  # bytes; no socket holds as many
+LARGE = 8_000_000  # bytes; more than a socket buffer
 
 
 def die() -> None:
@@ -40,7 +38,7 @@ def leave() -> None:
 
 
 def stop_until(socket_path: str) -> int:
-    """Wait, at the other end of a socket, until whoever listens there lets go."""
+    """Wait at one end of a socket until the other end closes it."""
     with socket.socket(socket.AF_UNIX) as link:
         link.connect(socket_path)
         link.recv(1)
@@ -48,19 +46,19 @@ def stop_until(socket_path: str) -> int:
 
 
 def die_half_way() -> bytes:
-    """Begin to send an answer that is larger than what a socket holds, and die in the middle."""
+    """Die while sending an answer that is larger than a socket buffer."""
 
     def half(link: socket.socket, message: bytes) -> None:
-        link.sendall(line._LENGTH.pack(len(message)))
+        link.sendall(messages._LENGTH.pack(len(message)))
         link.sendall(message[: len(message) // 2])
         die()
 
-    line._send = half
+    messages._send = half
     return bytes(LARGE)
 
 
 def die_leaving_a_child(path: str) -> None:
-    """Die while a child of one's own holds all files open."""
+    """Die while a child process holds all files open."""
     held = os.open(path, os.O_RDONLY)
     if not os.fork():
         os.read(held, 1)  # until the other end of the pipe is closed
@@ -85,7 +83,7 @@ def hang() -> None:
 
 
 class Meeting:
-    """A socket where calls wait until they are let go: they are known to run at one time."""
+    """A socket where calls wait until they are released: so they are known to run in parallel."""
 
     def __init__(self, folder: Path) -> None:
         self.path = str(folder / "m")
@@ -98,7 +96,7 @@ class Meeting:
         while len(self.arrived) < count:
             self.arrived.append(self.listener.accept()[0])
 
-    def let_go(self) -> None:
+    def release(self) -> None:
         for link in self.arrived:
             link.close()
         self.arrived = []
@@ -108,50 +106,52 @@ class Meeting:
 def meeting(tmp_path: Path) -> Iterator[Meeting]:
     made = Meeting(tmp_path)
     yield made
-    made.let_go()
+    made.release()
     made.listener.close()
 
 
 @pytest.fixture
-def pool() -> Iterator[LocalPool]:
-    made = LocalPool(2)
+def pool() -> Iterator[ProcessExecutor]:
+    made = ProcessExecutor(2)
     yield made
     made.kill()
 
 
-def both(pool: LocalPool, meeting: Meeting) -> set[int]:
+def both(pool: ProcessExecutor, meeting: Meeting) -> set[int]:
     """The workers, as they are while both are busy."""
     together = [pool.submit(stop_until, meeting.path) for _ in range(2)]
     meeting.await_arrivals(2)
-    meeting.let_go()
+    meeting.release()
     return {future.result() for future in together}
 
 
-def test_a_death_while_computing_costs_one_call(pool: LocalPool, meeting: Meeting) -> None:
+def test_a_death_while_computing_costs_one_call(pool: ProcessExecutor, meeting: Meeting) -> None:
     before = both(pool, meeting)
     beside = pool.submit(stop_until, meeting.path)
     meeting.await_arrivals(1)
     with pytest.raises(WorkerDied, match="its process was killed by SIGKILL"):
         pool.submit(die).result()
-    meeting.let_go()
+    meeting.release()
     assert beside.result() in before
     after = both(pool, meeting)
     assert len(after) == 2
     assert len(after & before) == 1
 
 
-def test_how_a_worker_ended_is_known(pool: LocalPool) -> None:
+def test_how_a_worker_ended_is_known(pool: ProcessExecutor) -> None:
     with pytest.raises(WorkerDied, match="its process ended with exit code 7"):
         pool.submit(leave).result()
 
 
-def test_a_death_half_way_through_an_answer_costs_that_answer(pool: LocalPool) -> None:
+def test_a_death_half_way_through_an_answer_costs_that_answer(pool: ProcessExecutor) -> None:
     with pytest.raises(WorkerDied, match="killed by SIGKILL"):
         pool.submit(die_half_way).result()
     assert pool.submit(large).result() == bytes(LARGE)
 
 
-def test_a_death_is_seen_though_a_child_holds_the_line(pool: LocalPool, tmp_path: Path) -> None:
+def test_a_death_is_noticed_though_a_child_holds_the_channel(
+    pool: ProcessExecutor, tmp_path: Path
+) -> None:
     path = tmp_path / "held"
     os.mkfifo(path)
     opened: list[int] = []
@@ -165,37 +165,37 @@ def test_a_death_is_seen_though_a_child_holds_the_line(pool: LocalPool, tmp_path
 
 
 def test_an_idle_worker_that_dies_costs_nothing(meeting: Meeting) -> None:
-    made = LocalPool(1)
+    made = ProcessExecutor(1)
     first = made.submit(os.getpid).result()
     os.kill(first, signal.SIGKILL)
     wait_for_end(first)
-    # The call may still be sent to the worker that is gone; then it fails as one that was killed.
+    # The call may still be sent to the dead worker; then it fails like a call whose worker died.
     assert retried(made, os.getpid) != first
     made.kill()
 
 
 def wait_for_end(pid: int) -> None:
-    """Wait until a process is gone that is no child of ours."""
+    """Wait until a process that is not our child has ended."""
     file = os.pidfd_open(pid)
     select.select([file], [], [])
     os.close(file)
 
 
-def retried(pool: LocalPool, call: Callable[[], Any]) -> Any:
+def retried(pool: ProcessExecutor, call: Callable[[], Any]) -> Any:
     try:
         return pool.submit(call).result()
     except WorkerDied:
         return pool.submit(call).result()
 
 
-def test_the_nursery_may_die(pool: LocalPool, meeting: Meeting) -> None:
+def test_the_fork_server_may_die(pool: ProcessExecutor, meeting: Meeting) -> None:
     before = both(pool, meeting)
     os.kill(pool.fork_server.pid, signal.SIGKILL)
     wait_for_end(pool.fork_server.pid)
     assert both(pool, meeting) == before  # who is there stays there
     with pytest.raises(WorkerDied):
         pool.submit(die).result()
-    after = both(pool, meeting)  # and who is not is started by another nursery
+    after = both(pool, meeting)  # and others are started by another fork server
     assert len(after & before) == 1
     made = pool.fork_server
     pool.kill()
@@ -212,9 +212,9 @@ def wait_for_end_or_none(pid: int) -> None:
 
 
 def test_workers_that_are_being_started_may_die() -> None:
-    made = LocalPool(2)
+    made = ProcessExecutor(2)
     first = made.fork_server
-    # Nothing is forked any more: the calls wait for workers whose sockets end with the nursery.
+    # Nothing is forked any more: the sockets of the awaited workers close with the fork server.
     os.kill(first.pid, signal.SIGSTOP)
     calls = [made.submit(os.getpid) for _ in range(2)]
     os.kill(first.pid, signal.SIGKILL)
@@ -224,7 +224,7 @@ def test_workers_that_are_being_started_may_die() -> None:
 
 
 def test_workers_that_can_never_start_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    made = LocalPool(2)
+    made = ProcessExecutor(2)
     monkeypatch.setattr(made.fork_server, "fork", ended)
     with pytest.raises(UsageError, match="each one ends as it starts"):
         made.submit(os.getpid).result()
@@ -237,8 +237,8 @@ def ended() -> socket.socket:
     return near
 
 
-def test_no_more_workers_than_calls(pool: LocalPool) -> None:
-    made = LocalPool(40)
+def test_no_more_workers_than_calls(pool: ProcessExecutor) -> None:
+    made = ProcessExecutor(40)
     asked = []
     fork = made.fork_server.fork
     made.fork_server.fork = lambda: asked.append(0) or fork()  # type: ignore[func-returns-value, method-assign]
@@ -251,13 +251,13 @@ def test_no_more_workers_than_calls(pool: LocalPool) -> None:
 def test_where_there_is_no_room_there_are_fewer_workers(
     monkeypatch: pytest.MonkeyPatch, meeting: Meeting
 ) -> None:
-    made = LocalPool(3)
+    made = ProcessExecutor(3)
     first = made.submit(stop_until, meeting.path)
     meeting.await_arrivals(1)
     full = OSError(errno.EMFILE, os.strerror(errno.EMFILE))
     monkeypatch.setattr(made.fork_server, "fork", lambda: raised(full))
     others = [made.submit(os.getpid) for _ in range(2)]
-    meeting.let_go()
+    meeting.release()
     assert {call.result() for call in others} == {first.result()}
     made.submit(leave).exception()
     with pytest.raises(UsageError, match="cannot start worker processes: Too many open files"):
@@ -269,7 +269,7 @@ def raised(error: Exception) -> Any:
     raise error
 
 
-def test_what_a_call_raises_is_its_own(pool: LocalPool) -> None:
+def test_an_exception_of_a_call_reaches_its_future(pool: ProcessExecutor) -> None:
     with pytest.raises(RuntimeError, match="SystemExit: 5"):
         pool.submit(system_exit).result()
     with pytest.raises(TypeError, match="cannot pickle"):
@@ -278,8 +278,8 @@ def test_what_a_call_raises_is_its_own(pool: LocalPool) -> None:
 
 
 def test_a_worker_that_hangs_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pools, "GRACE", 0.0)
-    made = LocalPool(1, limit=0.2)
+    monkeypatch.setattr(process_executor, "GRACE", 0.0)
+    made = ProcessExecutor(1, limit=0.2)
     with pytest.raises(TimeoutError, match=r"killed after 0\.2 s, stuck inside a block"):
         made.submit(hang).result()
     assert made.submit(os.getpid).result() > 0
@@ -287,29 +287,31 @@ def test_a_worker_that_hangs_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_limit_may_be_of_any_size() -> None:
-    made = LocalPool(1, limit=1e300)
+    made = ProcessExecutor(1, limit=1e300)
     assert made.submit(os.getpid).result() > 0
     made.kill()
 
 
-def test_workers_have_one_thread_each_and_leave_our_environment_alone(pool: LocalPool) -> None:
+def test_workers_have_one_thread_each_and_leave_our_environment_alone(
+    pool: ProcessExecutor,
+) -> None:
     before = {name: os.environ.get(name) for name in THREADS}
     seen = [pool.submit(os.getenv, name).result() for name in THREADS]
     assert seen == ["1"] * len(THREADS)
     assert {name: os.environ.get(name) for name in THREADS} == before
 
 
-def test_temporary_files_of_workers_go_with_their_nursery() -> None:
-    made = LocalPool(1)
+def test_temporary_files_of_workers_are_removed_with_their_fork_server() -> None:
+    made = ProcessExecutor(1)
     folder = Path(made.submit(tempfile.mkdtemp).result())
     assert folder.parent == made.fork_server.folder
     made.kill()
-    nurseries.take().close()
+    forkserver.take().close()
     assert not folder.parent.exists()
 
 
 def test_a_pool_that_is_killed_ends_what_runs(meeting: Meeting) -> None:
-    made = LocalPool(1)
+    made = ProcessExecutor(1)
     future = made.submit(stop_until, meeting.path)
     waiting = made.submit(os.getpid)
     meeting.await_arrivals(1)
@@ -317,16 +319,16 @@ def test_a_pool_that_is_killed_ends_what_runs(meeting: Meeting) -> None:
     for call in (future, waiting):
         with pytest.raises(WorkerDied):
             call.result()
-    with pytest.raises(RuntimeError, match="the pool is closed"):
+    with pytest.raises(RuntimeError, match="the executor is closed"):
         made.submit(os.getpid)
 
 
-def point(number: int) -> Trial:
+def trial(number: int) -> Trial:
     return Trial(number, Configuration(number, (str(number),), GraphBundle("g")), 0)
 
 
 class Fake(Executor):
-    """Answers calls when it is told to; counts how many wait."""
+    """Answers calls on request; counts how many wait."""
 
     def __init__(self, answer: Callable[[Task, int], Any]) -> None:
         self.answer = answer
@@ -336,7 +338,7 @@ class Fake(Executor):
 
     def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
         task: Task = args[0]
-        number = task.point.number
+        number = task.trial.number
         self.tries[number] = self.tries.get(number, 0) + 1
         future: Future[Any] = Future()
         self.open = [other for other in self.open if not other.done()] + [future]
@@ -353,30 +355,30 @@ def pool_of(executor: Executor, width: int = 3) -> WorkerPool:
     return WorkerPool(executor, lambda: width, lambda finished: None, (BrokenExecutor,))
 
 
-def test_points_are_taken_as_workers_become_free() -> None:
+def test_trials_are_taken_as_workers_become_free() -> None:
     taken = 0
 
-    def points() -> Iterator[Trial]:
+    def trials() -> Iterator[Trial]:
         nonlocal taken
         for number in range(10**9):
             taken += 1
-            yield point(number)
+            yield trial(number)
 
-    ended = run_points(points(), pool_of(Fake(lambda task, tries: TrialResult("ok"))), Task)
+    ended = run_trials(trials(), pool_of(Fake(lambda task, tries: TrialResult("ok"))), Task)
     for count in range(1, 2000):
         next(ended)
         assert taken - count <= 3
 
 
-def test_a_point_is_tried_three_times_and_no_more() -> None:
+def test_a_trial_is_run_three_times_at_most() -> None:
     def answer(task: Task, tries: int) -> Any:
-        number = task.point.number
+        number = task.trial.number
         if number == 2 or (number == 1 and tries < 3):
             return BrokenExecutor("gone")
         return TrialResult("ok")
 
     fake = Fake(answer)
-    ended = {p.number: done for p, done in run_points(map(point, range(4)), pool_of(fake), Task)}
+    ended = {p.number: done for p, done in run_trials(map(trial, range(4)), pool_of(fake), Task)}
     assert {number: done.status for number, done in ended.items()} == {
         **dict.fromkeys((0, 1, 3), "ok"),
         2: "lost",
@@ -385,26 +387,26 @@ def test_a_point_is_tried_three_times_and_no_more() -> None:
     assert ended[2].reason == "its worker died 3 times, the last time: gone"
 
 
-def test_workers_that_cannot_run_points_end_the_sweep() -> None:
+def test_workers_that_cannot_run_trials_end_the_sweep() -> None:
     fake = Fake(lambda task, tries: ModuleNotFoundError("No module named 'runtime'"))
-    with pytest.raises(UsageError, match="the workers cannot run points: ModuleNotFoundError"):
-        list(run_points(map(point, range(4)), pool_of(fake), Task))
+    with pytest.raises(UsageError, match="the workers cannot run trials: ModuleNotFoundError"):
+        list(run_trials(map(trial, range(4)), pool_of(fake), Task))
 
 
-def test_a_call_that_fails_is_that_points_failure() -> None:
-    fake = Fake(lambda task, tries: MemoryError() if task.point.number else TrialResult("ok"))
-    ended = {p.number: done for p, done in run_points(map(point, range(2)), pool_of(fake), Task)}
+def test_a_call_that_fails_makes_its_trial_fail() -> None:
+    fake = Fake(lambda task, tries: MemoryError() if task.trial.number else TrialResult("ok"))
+    ended = {p.number: done for p, done in run_trials(map(trial, range(2)), pool_of(fake), Task)}
     assert (ended[0].status, ended[1].status) == ("ok", "failed")
     assert ended[1].reason == "MemoryError: "
 
 
 def test_a_time_out_is_an_answer() -> None:
     fake = Fake(lambda task, tries: TimeoutError("killed after 1 s"))
-    [(_, done)] = run_points(map(point, range(1)), pool_of(fake), Task)
+    [(_, done)] = run_trials(map(trial, range(1)), pool_of(fake), Task)
     assert (done.status, done.reason) == ("timeout", "killed after 1 s")
 
 
-def test_a_local_crew_finishes_and_leaves() -> None:
+def test_a_local_pool_finishes_and_ends() -> None:
     made = local_pool(1, None)
     future = made.executor.submit(os.getpid)
     wait([future])

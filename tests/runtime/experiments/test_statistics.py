@@ -92,22 +92,24 @@ def test_a_table_with_all_that_can_happen() -> None:
     values = {
         "baseline": {"gain": FIRST, "settled": [1.0] * 10},
         "second": {"gain": SECOND, "settled": [None] * 9 + [1.0]},
-        "gone": {"gain": [None] * 10, "settled": [1.0] * 10},
+        "cut": {"gain": [None] * 10, "settled": [1.0] * 10},
         "same": {"gain": FIRST, "settled": [1.0] * 10},
     }
-    lines = compare(values, "baseline", gone={("gone", "gain")})
+    lines = compare(values, "baseline", removed={("cut", "gain")})
     found = {(line.variant, line.metric): line for line in lines}
-    assert found["baseline", "gain"].apart is None
-    assert found["second", "gain"].is_distinguishable is True
+    assert found["baseline", "gain"].difference is None
+    assert found["second", "gain"].has_significant_difference is True
     # Five p values are corrected together; 0.002833 is the smallest but one.
     assert found["second", "gain"].p_adjusted == pytest.approx(0.002833 * 4 / 1, rel=0.6)
     lost = found["second", "settled"]
-    assert lost.own.n == 1 and lost.is_distinguishable is None
-    assert lost.is_missing_differently
-    assert found["gone", "gain"].is_gone and found["gone", "gain"].is_distinguishable is None
-    assert found["same", "gain"].is_distinguishable is False
+    assert lost.own.n == 1 and lost.has_significant_difference is None
+    assert lost.has_significant_presence
+    assert (
+        found["cut", "gain"].is_removed and found["cut", "gain"].has_significant_difference is None
+    )
+    assert found["same", "gain"].has_significant_difference is False
     text = table(lines)
-    assert "1/10" in text and "yes, in seeds" in text and "gone" in text and "equal" in text
+    assert "1/10" in text and "yes, in seeds" in text and "removed" in text and "equal" in text
     facts = lost.to_dict()
     assert facts["n"] == 1 and facts["low"] is None
     assert facts["difference"]["distinguishable"] is None
@@ -119,7 +121,7 @@ def test_a_difference_over_some_of_the_seeds_says_so() -> None:
     lines = compare(values, "baseline")
     shown = table(lines)
     # Both have three of four seeds, and only two of these together.
-    assert [line.apart.n for line in lines if line.apart is not None] == [2]
+    assert [line.difference.n for line in lines if line.difference is not None] == [2]
     assert shown.count("3/4") == 2
     assert "+1 (2/4)" in shown
     assert "n/N: n of N seeds have a value, or for a difference one in both" in legend(lines, "t")

@@ -1,4 +1,4 @@
-"""A sweep that is killed at any moment and goes on ends as one that never was."""
+"""A sweep that is killed at any moment and resumed has the results of an uninterrupted one."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_killed_and_resumed_is_never_killed(
     assert rows(folder) == rows(tmp_path / "sweeps" / "whole")
     assert kept(folder) == kept(tmp_path / "sweeps" / "whole")
     assert not list(folder.rglob(".*"))
-    # Only what was on its way at a kill has run again.
+    # Only trials that were running when the sweep was killed ran again.
     started = len(log.read_text().splitlines())
     assert 2 * POINTS <= started <= 2 * POINTS + 2 * kills
 
@@ -76,7 +76,7 @@ def test_workers_do_not_outlive_a_sweep_that_is_killed(
     command = [script, "sweep", "draw.yaml", *SWEEP, *LATER]
     with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE) as process:
         assert kill_after(process, tmp_path / "sweeps/draw/index.csv", 4, 0.0)
-        # The end of this pipe comes when the last of its holders is gone, workers included.
+        # This pipe ends when the last process that holds it has ended, workers included.
         process.communicate(timeout=60)
 
 
@@ -93,7 +93,7 @@ def test_ctrl_c_keeps_the_rows_and_says_how_to_go_on(
         os.killpg(process.pid, signal.SIGINT)
         message = process.communicate()[1].decode()
     assert process.returncode == 130
-    assert "interrupted after" in message and "--resume goes on with sweeps/draw" in message
+    assert "interrupted after" in message and "--resume continues sweeps/draw" in message
     assert "Traceback" not in message
     assert 5 <= lines(index) <= POINTS
     assert here("sweep", "draw.yaml", *SWEEP, *LATER).returncode == 0
@@ -111,10 +111,10 @@ if __name__ == "__main__":
 """
 
 
-def test_a_full_disk_is_told_and_what_was_written_stays(
+def test_a_full_disk_is_reported_and_what_was_written_stays(
     here: Run, draw: Path, tmp_path: Path
 ) -> None:
-    # A limit on the size of files stands for the full disk.
+    # A limit on file sizes simulates the full disk.
     (tmp_path / "full.py").write_text(FULL)
     plan = ("sweep", "draw.yaml", *SWEEP, "--seeds", "0..5", *LATER)
     folder, other = tmp_path / "sweeps" / "draw", tmp_path / "sweeps" / "whole"

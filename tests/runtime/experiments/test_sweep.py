@@ -26,7 +26,7 @@ TWO = ("sweep", "draw.yaml", "-j", "2")
 
 
 def rows(folder: Path) -> list[dict[str, str]]:
-    """The rows of an index in the order of their points, but for the time that each took."""
+    """The rows of an index in the order of their trials, without their wall time."""
     with (folder / "index.csv").open(newline="") as lines:
         found = list(csv.DictReader(lines))
     for row in found:
@@ -34,7 +34,7 @@ def rows(folder: Path) -> list[dict[str, str]]:
     return sorted(found, key=lambda row: int(row["point"]))
 
 
-def test_a_grid_with_seeds_has_a_row_a_point(cli: Run, draw: Path, tmp_path: Path) -> None:
+def test_a_grid_with_seeds_has_a_row_per_trial(cli: Run, draw: Path, tmp_path: Path) -> None:
     vary = ("--vary", "draw.level=[0.5, 1.5]", "--vary", "params.gain=1..3:3")
     done = cli(*TWO, *vary, "--seeds", "3..4")
     assert done.returncode == 0, done.stderr
@@ -67,8 +67,8 @@ def test_seeds_alone_are_a_sweep(here: Run, draw: Path, tmp_path: Path) -> None:
     assert [row["seed"] for row in rows(tmp_path / "sweeps" / "draw")] == list("01234567")
 
 
-def test_all_points_have_one_engine() -> None:
-    # Two points repay no compilation; as many as would take minutes do.
+def test_all_trials_have_one_engine() -> None:
+    # Compilation does not pay off for two trials; it does for as many as would take minutes.
     for seeds, engine in (("0..1", "python"), ("0..9999999", "compiled")):
         plan = sweep_plan(read_experiment("line_actuator_failure"), seeds_of(seeds))
         assert parse_yaml(plan.bundle.text, "g").plain()["run"]["engine"] == engine
@@ -133,7 +133,7 @@ def test_an_experiment_file_from_any_folder(cli: Run, draw: Path, tmp_path: Path
     assert all(row["total"] == row["drawn"] for row in rows(folder))
 
 
-def test_what_goes_wrong_with_a_point_is_its_row(here: Run, draw: Path, tmp_path: Path) -> None:
+def test_an_error_of_a_trial_is_in_its_row(here: Run, draw: Path, tmp_path: Path) -> None:
     mark = tmp_path / "mark"
     done = here(
         *(*TWO, "--json", "--no-plots", "--set", f"draw.mark={mark}"),
@@ -144,14 +144,14 @@ def test_what_goes_wrong_with_a_point_is_its_row(here: Run, draw: Path, tmp_path
     summary = json.loads(done.stdout)
     assert summary["counts"] == {"ok": 2, "failed": 2, "lost": 1, "timeout": 1}
     found = {row["draw.how"]: row for row in rows(tmp_path / "sweeps" / "draw")}
-    # The place of the user's own code, without the worker's folder.
+    # The location in the user's code, without the worker's folder.
     message = r".*tick 0 \(t = 0 s\): RuntimeError: it broke, on purpose \([a-z_]+\.py:[0-9]+\)"
     assert re.fullmatch(message, found["raise"]["reason"])
     assert "output 'out' is not finite: nan" in found["nan"]["reason"]
     assert found["die"]["status"] == "lost"
     assert found["die"]["reason"] == (
         "its worker died 3 times, the last time: its process was killed by SIGKILL; "
-        "if memory ran out, take fewer workers with --jobs"
+        "if memory ran out, use fewer workers with --jobs"
     )
     assert (found['"die once"']["status"], mark.exists()) == ("ok", True)
     assert found["slow"]["status"] == "timeout"
@@ -162,7 +162,7 @@ def test_what_goes_wrong_with_a_point_is_its_row(here: Run, draw: Path, tmp_path
 
 
 @pytest.mark.parametrize("at", ["start", "first", "later"])
-def test_whatever_a_block_raises_is_its_points_failure(
+def test_any_exception_of_a_block_makes_its_trial_fail(
     here: Run, draw: Path, tmp_path: Path, at: str
 ) -> None:
     kinds = ["KeyboardInterrupt", "SystemExit", "GeneratorExit", "BaseException"]
@@ -243,7 +243,7 @@ def test_links_lead_nowhere(here: Run, draw: Path, tmp_path: Path) -> None:
             shutil.rmtree(outside)
 
 
-def test_folders_that_are_no_points_are_left_alone(here: Run, draw: Path, tmp_path: Path) -> None:
+def test_folders_of_other_names_are_kept(here: Run, draw: Path, tmp_path: Path) -> None:
     sweep = (*TWO, "--no-plots", "--vary", "draw.level=[1, 2]", "--keep", "best:1", "--resume")
     assert here(*sweep).returncode == 0
     stray = tmp_path / "sweeps" / "draw" / "points" / "0abc"
@@ -302,7 +302,7 @@ def test_values_that_do_not_go_together_are_rows(here: Run, draw: Path, tmp_path
         (["--vary", "draw.level"], "--vary draw.level: expected PATH=VALUES"),
         (["--vary", "draw.level=0..1"], "draw.level=0..1: how many values? Write 0..1:5"),
         (["--vary", "draw.level=[1]", "--vary", "blocks.draw.level=[2]"], "is varied twice"),
-        (["--vary", "run.seed=[1]"], "the seed is no knob; seeds are varied by 'seeds'"),
+        (["--vary", "run.seed=[1]"], "the seed is not a factor; seeds are varied by 'seeds'"),
         (
             ["--vary", "draw.level=[1]", "--seeds", "x"],
             "expected seeds such as 0..9, 3 or 0,4,7..9",
@@ -313,7 +313,7 @@ def test_values_that_do_not_go_together_are_rows(here: Run, draw: Path, tmp_path
         (["--vary", "draw.level=[1]", "--keep", "best:0"], "expected all, failed, best:N or none"),
         (["--vary", "draw.level=[1]", "-j", "0"], "expected a number of workers from 1"),
         (["--vary", "draw.level=[1]", "--timeout", "-1"], "expected a number of seconds above 0"),
-        (["--vary", "draw.level=0..1", "--sobol", "0"], "--sobol 0: expected 1 or more"),
+        (["--vary", "draw.level=0..1", "--sobol", "0"], "--sobol 0: expected at least 1"),
         (["--vary", "draw.level=[1]", "--name", "a/b"], "--name a/b: expected letters, digits"),
         (
             ["--vary", "draw.level=[1]", "--set", "metrics.seed={kind: final, of: draw.out}"],
@@ -321,7 +321,7 @@ def test_values_that_do_not_go_together_are_rows(here: Run, draw: Path, tmp_path
         ),
     ],
 )
-def test_mistakes_are_told_before_anything_runs(
+def test_errors_are_reported_before_anything_runs(
     here: Run, draw: Path, arguments: list[str], message: str
 ) -> None:
     done = here("sweep", "draw.yaml", *arguments)
@@ -355,7 +355,7 @@ def test_an_experiment_file_tells_all_its_mistakes_with_their_places(here: Run, 
         "bad.yaml:5:8: seeds: expected seeds such as",
         "bad.yaml:7:15: vary.draw.level: '3..1:2': the range is empty",
         "bad.yaml:8:3: blocks.draw.cont: unknown parameter, did you mean 'count'?",
-        "bad.yaml:9:9: random: expected a whole number from 1",
+        "bad.yaml:9:9: random: expected an integer from 1",
         "bad.yaml:10:11: minimize: the graph has no metric 'drwn', did you mean 'drawn'?",
     ):
         assert message in done.stderr
@@ -369,7 +369,7 @@ def test_a_folder_is_never_mixed_up(here: Run, draw: Path, tmp_path: Path) -> No
     assert here(*sweep).returncode == 0
     before = (tmp_path / "sweeps/draw/index.csv").read_bytes()
     for arguments, message in (
-        (sweep, "'sweeps/draw' exists already; --resume goes on with it"),
+        (sweep, "'sweeps/draw' exists already; --resume continues it"),
         ((*sweep, "--seeds", "0..3", "--resume"), "differs in seeds: 0 there, 0..3 here"),
         ((*sweep, "--until", "0.1", "--resume"), "differs in the graph"),
         ((*TWO, "--vary", "draw.level=[1]", "--resume"), "{'draw.level': [1]} here"),
@@ -391,7 +391,7 @@ def test_the_index_of_another_plan_is_refused(here: Run, draw: Path, tmp_path: P
     (tmp_path / "sweeps/b/index.csv").write_bytes(other)
     done = here(*TWO, "--vary", "draw.level=[2, 1]", "--name", "b", "--resume")
     assert done.returncode == 2
-    assert "'sweeps/b/index.csv' is of another plan: its point" in done.stderr
+    assert "'sweeps/b/index.csv' belongs to a different plan: its trial" in done.stderr
     assert (tmp_path / "sweeps/b/index.csv").read_bytes() == other
 
 
@@ -418,7 +418,7 @@ def test_keep(here: Run, draw: Path, tmp_path: Path, keep: str, numbers: list[st
     assert result.status == ("failed" if keep == "failed" else "complete")
     if keep != "failed":
         assert result.metrics["drawn"] == -9.0 + normal(0)
-        # The folder runs again by itself, own block and all.
+        # The folder can be run again by itself, with its user block.
         again = here("run", f"sweeps/draw/points/{numbers[-1]}/graph.resolved.yaml", "--json")
         assert json.loads(again.stdout)["metrics"] == result.metrics
 

@@ -1,4 +1,4 @@
-"""Many points at once on the threads of one process, as under ``dask worker``."""
+"""Many trials at once on the threads of one process, as under ``dask worker``."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def restless() -> Iterator[None]:
 
 
 def tasks(folder: Path, engine: str) -> list[Task]:
-    """Points of two graphs, learning and with an own block, at several settings and seeds."""
+    """Trials of two graphs, learning and with a user block, in several configurations."""
     module = folder / "own.py"
     module.write_text(OWN)
     learning = runtime.load("line_actuator_failure").set("run.until", 0.05)
@@ -92,16 +92,16 @@ def bits(done: TrialResult) -> object:
 
 
 @pytest.mark.parametrize("engine", ["python", "compiled"])
-def test_points_on_many_threads_have_the_bits_of_points_one_by_one(
+def test_trials_on_many_threads_equal_trials_one_by_one_bit_for_bit(
     restless: None, tmp_path: Path, engine: str
 ) -> None:
-    points = tasks(tmp_path, engine)
-    expected = [bits(run_task(task)) for task in points]
-    assert len({repr(found) for found in expected}) == len(points)
+    trials = tasks(tmp_path, engine)
+    expected = [bits(run_task(task)) for task in trials]
+    assert len({repr(found) for found in expected}) == len(trials)
     for _ in range(3):
         forget()
         with ThreadPoolExecutor(THREADS) as pool:
-            found = list(pool.map(run_task, points))
+            found = list(pool.map(run_task, trials))
         assert [bits(done) for done in found] == expected
 
 

@@ -173,8 +173,8 @@ def test_what_is_missing_is_named(cli: Run, run_folder: Path, tmp_path: Path) ->
     ("arguments", "message"),
     [
         (("--height", "101"), "expected an even number from 64 to 2160, got '101'"),
-        (("--fps", "0"), "expected a whole number from 1 to 240, got '0'"),
-        (("--speed", "-1"), "expected a number from 0.001, got '-1'"),
+        (("--fps", "0"), "expected an integer from 1 to 240, got '0'"),
+        (("--speed", "-1"), "expected a number of at least 0.001, got '-1'"),
         (("--view", "below"), "invalid choice: 'below'"),
     ],
 )

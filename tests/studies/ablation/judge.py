@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from runtime.experiments.analysis.comparison import LEVEL
 from runtime.experiments.analysis.statistics import (
+    LEVEL,
     Difference,
     Estimate,
     Test,

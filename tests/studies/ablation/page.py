@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from runtime.experiments.analysis.comparison import LEVEL
-from runtime.experiments.analysis.statistics import CORRECTION
+from runtime.experiments.analysis.statistics import CORRECTION, LEVEL
 from runtime.runs.simulate import versions
 from tests.studies.ablation.conclusions import conclusions, opening, overview
 from tests.studies.ablation.judge import MARGIN, Judged

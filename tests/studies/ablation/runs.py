@@ -12,8 +12,8 @@ from runtime.experiments.ablation import ablate
 from runtime.experiments.design.experiment import Experiment, read_experiment
 from runtime.experiments.design.seeds import Seeds
 from runtime.experiments.design.variants import check_variants
-from runtime.experiments.execution.backends import WorkerPool, local_pool
 from runtime.experiments.execution.plan import ablation_plan
+from runtime.experiments.execution.worker_pool import WorkerPool, local_pool
 from runtime.graph import Graph
 from runtime.terminal import Progress
 from tests.studies.following import ENGINE, WORKERS
@@ -92,7 +92,7 @@ def measure(
         raise UsageError(f"{experiment.name}: there are no seeds")
     variants = list(experiment.variants)
     plan = ablation_plan(experiment, variants, chosen)
-    done = ablate(plan, variants, {}, folder / plan.name, _crew, progress=Progress(plan.name))
+    done = ablate(plan, variants, {}, folder / plan.name, _pool, progress=Progress(plan.name))
     if done.is_interrupted:
         raise KeyboardInterrupt
     rows = done.rows
@@ -109,5 +109,5 @@ def measure(
     return Measured(values, tuple(chosen), broken)
 
 
-def _crew() -> WorkerPool:
+def _pool() -> WorkerPool:
     return local_pool(WORKERS, None)

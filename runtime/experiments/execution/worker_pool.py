@@ -1,56 +1,52 @@
-"""What runs points: worker processes here, or those of a Dask cluster."""
+"""Worker pools that run trials: processes on this machine, or a Dask cluster."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Callable
 from concurrent.futures import CancelledError, Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from runtime.errors import MissingExtraError, UsageError
-from runtime.experiments.execution.pool import LocalPool, WorkerDied
+from runtime.experiments.execution.process_executor import ProcessExecutor, WorkerDied
 
-PATIENCE = 10.0  # s; until a cluster's scheduler must have answered
-
-
-def _nothing() -> None:
-    """Find no fault."""
+CONNECT_TIMEOUT = 10.0  # s; time limit for a cluster's scheduler to answer
 
 
 @dataclass(frozen=True)
 class WorkerPool:
-    """An executor with what is to be known of it.
+    """An executor of trials, and how to use it.
 
     Parameters
     ----------
-    width : how many calls keep all of it busy.
-    leave : ends it, at once unless all is done.
-    deaths : what a call's future fails with when its worker has died.
-    check : raises ``UsageError`` once no more calls can be run.
+    width : number of calls that keep all workers busy.
+    leave : ends the workers; called with True if all calls are done, else it kills them.
+    deaths : exceptions of a call's future that mean that its worker died.
+    check : raises ``UsageError`` if no more calls can be run.
     """
 
     executor: Executor
     width: Callable[[], int]
     leave: Callable[[bool], None]
     deaths: tuple[type[BaseException], ...]
-    check: Callable[[], None] = field(default=_nothing)
+    check: Callable[[], None] = lambda: None
 
 
 def local_pool(jobs: int, timeout: float | None) -> WorkerPool:
     """Workers on this machine."""
-    pool = LocalPool(jobs, timeout)
+    executor = ProcessExecutor(jobs, timeout)
 
     def leave(finished: bool) -> None:
         if finished:
-            pool.shutdown()
+            executor.shutdown()
         else:
-            pool.kill()
+            executor.kill()
 
-    return WorkerPool(pool, lambda: jobs, leave, (WorkerDied,))
+    return WorkerPool(executor, lambda: jobs, leave, (WorkerDied,))
 
 
 def cluster_pool(address: str) -> WorkerPool:
-    """The workers of a Dask cluster; those that come later are used as well.
+    """The workers of a Dask cluster; workers that join later are used as well.
 
     Raises
     ------
@@ -62,10 +58,10 @@ def cluster_pool(address: str) -> WorkerPool:
     except ImportError:
         raise MissingExtraError("--scheduler", "cluster") from None
     for name in ("distributed", "distributed.client"):
-        # What it logs of a lost connection, with tracebacks, is said in one sentence by check().
+        # It logs a lost connection with tracebacks, which check() reports in one sentence.
         logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
-        client = Client(address, timeout=PATIENCE, set_as_default=False)
+        client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         raise UsageError(f"--scheduler {address}: no scheduler answers there: {error}") from None
     executor: Executor = client.get_executor(pure=False)
@@ -74,18 +70,18 @@ def cluster_pool(address: str) -> WorkerPool:
         executor.shutdown(wait=finished)
         client.close()
 
-    gone = UsageError(
-        f"--scheduler {address}: the scheduler is gone; once there is one again, --resume goes on"
+    lost = UsageError(
+        f"--scheduler {address}: the scheduler is gone; once there is one again, --resume continues"
     )
 
     def check() -> None:
         if client.status != "running":
-            raise gone
+            raise lost
 
     def width() -> int:
         try:
             return max(2, 2 * int(sum(client.nthreads().values())))
         except (OSError, RuntimeError):
-            raise gone from None
+            raise lost from None
 
     return WorkerPool(executor, width, leave, (KilledWorker, CancelledError), check)

@@ -1,4 +1,4 @@
-"""Factors and seeds as people write them."""
+"""Factors and seeds as users write them."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 from runtime.document.node import from_python, parse_yaml
 from runtime.document.writer import flow_yaml
 from runtime.errors import Problems
-from runtime.experiments.design.factors import Factor, parse_knob
+from runtime.experiments.design.factors import Factor, parse_factor
 from runtime.experiments.design.seeds import parse_seeds
 
 
 def factor(text: str) -> Factor:
     problems = Problems()
-    found = parse_knob("a.b", parse_yaml(text, "--vary"), "a.b", problems)
+    found = parse_factor("a.b", parse_yaml(text, "--vary"), "a.b", problems)
     assert not problems.found, problems.found
     assert found is not None
     return found
@@ -55,24 +55,24 @@ def test_grids(text: str, values: list[Any]) -> None:
     [
         ("9..1:3", "the range is empty: 9 is not below 1"),
         ("1..1:3", "the range is empty: 1 is not below 1"),
-        ("1..2:1", "expected two values or more, got :1"),
-        ("1..2:0", "expected two values or more, got :0"),
+        ("1..2:1", "expected at least two values, got :1"),
+        ("1..2:0", "expected at least two values, got :0"),
         ("log(0..1):3", "expected ends above 0 in log(...), got 0"),
-        ("int(1.5..3):2", "expected whole numbers in int(...), got 1.5"),
-        ("int(1..3):9", "there are only 3 whole numbers from 1 to 3"),
+        ("int(1.5..3):2", "expected integers in int(...), got 1.5"),
+        ("int(1..3):9", "there are only 3 integers from 1 to 3"),
         ("1..x:3", "expected numbers as the ends of a range, got the text 'x'"),
         ("1...inf:3", "expected numbers as the ends of a range, got inf"),
         ("[]", "an empty list"),
-        ("[1, 2, 1]", "1 stands twice in the list"),
+        ("[1, 2, 1]", "duplicate value 1"),
         ("5", "expected values such as [1, 2, 3]"),
         ("{a: 1}", "expected values such as [1, 2, 3]"),
         ("abc", "expected values such as [1, 2, 3]"),
         ("1..2:3:4", "expected values such as"),
     ],
 )
-def test_what_is_no_knob(text: str, message: str) -> None:
+def test_invalid_factors(text: str, message: str) -> None:
     problems = Problems()
-    assert parse_knob("a.b", parse_yaml(text, "--vary"), "a.b", problems) is None
+    assert parse_factor("a.b", parse_yaml(text, "--vary"), "a.b", problems) is None
     [problem] = problems.found
     assert message in problem.text
     assert str(problem).startswith("--vary: a.b: ")
@@ -154,12 +154,12 @@ def test_seeds(value: Any, seeds: list[int]) -> None:
         (1.5, "got 1.5"),
         (True, "got true"),
         ("3..1", "3..1 is empty"),
-        ("0..3,2", "2 stands twice"),
-        ([], "there are none"),
+        ("0..3,2", "duplicate seed 2"),
+        ([], "the list is empty"),
         ({"a": 1}, "got a mapping"),
     ],
 )
-def test_what_is_no_seed(value: Any, message: str) -> None:
+def test_invalid_seeds(value: Any, message: str) -> None:
     problems = Problems()
     assert parse_seeds(from_python(value), "seeds", problems) is None
     [problem] = problems.found
