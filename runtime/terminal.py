@@ -6,9 +6,12 @@ cursor, change colours or reorder letters is shown as an escape, never carried o
 
 from __future__ import annotations
 
+import math
 import shutil
 import sys
 import time
+from collections.abc import Collection, Sequence
+from itertools import zip_longest
 from typing import Any, TextIO
 
 from runtime.files import json_text
@@ -52,6 +55,34 @@ def _write(stream: TextIO, text: str) -> None:
     """Write a text; characters that the stream's encoding lacks become escapes."""
     encoding = getattr(stream, "encoding", None) or "utf-8"
     stream.write(text.encode(encoding, "backslashreplace").decode(encoding))
+
+
+def number(value: float | None, sign: str = "") -> str:
+    """A number in four significant digits, or a dash where there is no value.
+
+    ``sign`` is that of a format specification: ``+`` shows the sign of positive numbers too.
+    """
+    return "-" if value is None or math.isnan(value) else f"{value:{sign}.4g}"
+
+
+def table(rows: Sequence[Sequence[str]], right: Collection[int] = (), indent: str = "  ") -> str:
+    """Rows as lines of aligned columns, with two spaces between columns.
+
+    Parameters
+    ----------
+    rows : the header first, if there is one; a row may have fewer cells than others.
+    right : the indices of the columns that are aligned to the right.
+    indent : what each line begins with.
+    """
+    widths = [max(map(len, column)) for column in zip_longest(*rows, fillvalue="")]
+    lines = []
+    for row in rows:
+        cells = [
+            text.rjust(width) if column in right else text.ljust(width)
+            for column, (text, width) in enumerate(zip(row, widths, strict=False))
+        ]
+        lines.append((indent + "  ".join(cells)).rstrip())
+    return "\n".join(lines)
 
 
 WIDTH = 28

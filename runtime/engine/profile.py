@@ -8,6 +8,7 @@ from typing import Any
 
 from blocks.core import Evaluation
 from runtime.engine.schedule import Emitter
+from runtime.terminal import table
 
 # Names that the plan's function takes beside its own, and what a clock itself costs is left in.
 CLOCK, SPENT = "clock", "spent"
@@ -58,12 +59,10 @@ class ProfilingEmitter(Emitter):
 
 def profile_text(rows: list[dict[str, Any]]) -> str:
     """The rows as a table for a terminal."""
-    width = max(len(row["block"] or "everything else") for row in rows)
-    lines = [f"  {'block':<{width}}  {'us/tick':>9}  {'us/call':>9}  {'total s':>9}  share"]
+    cells = [("block", "us/tick", "us/call", "total s", "share")]
     for row in rows:
         call = "" if row["us_per_call"] is None else f"{row['us_per_call']:.2f}"
-        lines.append(
-            f"  {row['block'] or 'everything else':<{width}}  {row['us_per_tick']:9.2f}  {call:>9}"
-            f"  {row['total_s']:9.3f}  {100.0 * row['share']:4.1f} %"
-        )
-    return "\n".join(lines)
+        tick, share = f"{row['us_per_tick']:.2f}", f"{100.0 * row['share']:.1f} %"
+        name = row["block"] or "everything else"
+        cells.append((name, tick, call, f"{row['total_s']:.3f}", share))
+    return table(cells, right=range(1, 5))
