@@ -19,8 +19,7 @@ import runtime
 from runtime.engine.interrupts import Interrupts, stoppable
 from runtime.errors import UsageError
 from runtime.files import NAME_BYTES, json_text, slug, write_whole
-from runtime.runs.folder import PARTIAL, Draft
-from runtime.runs.leftovers import leftovers
+from runtime.runs.draft import PARTIAL, Draft, leftovers
 from tests.conftest import Run
 
 OWN = '''
@@ -133,13 +132,13 @@ def test_signals_while_a_run_is_written_are_remembered() -> None:
 STORM = """
 import os, signal, sys
 from runtime import cli
-from runtime.runs import folder as record
-def storm(result, folder, commit, write=record._write):
+from runtime.runs import draft
+def storm(result, folder, commit, write=draft.write):
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGINT):
         os.kill(os.getpid(), number)
     write(result, folder, commit)
     os.kill(os.getpid(), signal.SIGINT)
-record._write = storm
+draft.write = storm
 cli.main(["run", "g.yaml"])
 """
 
@@ -233,7 +232,7 @@ def test_what_is_alive_or_a_link_is_left_alone(tmp_path: Path) -> None:
     (found,) = leftovers(tmp_path / "runs")
     assert found.path == draft.partial
     (found.path / "link").symlink_to(outside)
-    from runtime.runs.leftovers import remove
+    from runtime.runs.draft import remove
 
     assert remove(found) and (outside / "kept").exists()
 
@@ -343,7 +342,7 @@ def test_a_git_that_hangs_hangs_nothing(tmp_path: Path, monkeypatch: pytest.Monk
     (fake / "git").write_text("#!/bin/sh\nsleep 1000 &\nwait\n")
     (fake / "git").chmod(0o755)
     monkeypatch.setenv("PATH", f"{fake}:{os.environ['PATH']}")
-    monkeypatch.setattr(commit, "PATIENCE", 0.2)
+    monkeypatch.setattr(commit, "TIMEOUT", 0.2)
     assert commit.git_commit(tmp_path) == found
 
 

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 import runtime
 from runtime.errors import UsageError
-from runtime.runs.folder import link_latest
-from runtime.runs.reading import run_folder
+from runtime.runs.draft import link_latest
+from runtime.runs.folder import run_folder
 from runtime.runs.result import open_run
 
 GRAPH = {
