@@ -1,4 +1,4 @@
-"""Where a run's time goes: the plan's function with a clock around every call of a block."""
+"""Profiling: the plan's function with a clock around every call of a block."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from blocks.core import Evaluation
 from runtime.engine.schedule import Emitter
 from runtime.terminal import table
 
-# Names that the plan's function takes beside its own, and what a clock itself costs is left in.
+# Further names in the plan's function. The cost of the clock itself is included.
 CLOCK, SPENT = "clock", "spent"
 
 
@@ -26,12 +26,12 @@ class Profile:
         self.calls[block] = self.calls.get(block, 0) + 1
 
     def names(self) -> dict[str, Any]:
-        """What the function's text refers to."""
+        """The names that the function's text refers to."""
         return {CLOCK: time.perf_counter, SPENT: self}
 
     def rows(self, ticks: int, wall_s: float) -> list[dict[str, Any]]:
-        """One row a block, the costliest first, and one for all that is no block: checks of
-        values, recording, the loop itself and the clock.
+        """One row per block, the slowest first, and one for everything else: checks of values,
+        recording, the loop itself and the clock.
         """
         rest = max(0.0, wall_s - sum(self.seconds.values()))
         spent = sorted(self.seconds.items(), key=lambda item: -item[1])
@@ -49,7 +49,7 @@ class Profile:
 
 
 class ProfilingEmitter(Emitter):
-    """The plan's function, timed."""
+    """Writes the plan's function with the clock."""
 
     def call(self, block: str, evaluation: Evaluation, targets: str, checked: bool = False) -> None:
         self.code(f"began = {CLOCK}()")
