@@ -22,7 +22,8 @@ import numpy as np
 from blocks.core import FloatArray
 from runtime.errors import UsageError
 from runtime.files import slug
-from runtime.observation import Probe, readable_bytes
+from runtime.observation import Probe
+from runtime.terminal import readable_bytes
 
 TIMES_AT_ONCE = 1 << 20
 BUFFER = 1 << 22  # bytes, the largest buffer of one probe

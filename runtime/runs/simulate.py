@@ -22,7 +22,7 @@ from runtime.diagrams import stored_picture
 from runtime.document import DEFAULT_MEMORY, dump_yaml
 from runtime.engine import Engine, MakeRunner, Outcome, Profile, Program, silent, take_compiled
 from runtime.network import Network
-from runtime.observation import Metric, Probe, Recording, Series, readable_bytes
+from runtime.observation import Metric, Probe, Recording, Series
 from runtime.runs.folder import (
     DIAGRAM,
     RESOLVED,
@@ -33,6 +33,7 @@ from runtime.runs.folder import (
     portable_modules,
 )
 from runtime.runs.result import Result
+from runtime.terminal import readable_bytes
 
 PACKAGES = (
     *("spikeblocks", "numpy", "scipy", "networkx", "pyyaml", "matplotlib"),

@@ -16,7 +16,7 @@ from blocks.core.params import param
 from blocks.core.signals import FloatArray
 from runtime.document.node import parse_yaml
 from runtime.errors import GraphError
-from runtime.observation.metric_kinds import Common, Kind
+from runtime.observation.metric_kinds import MetricKind, MetricOptions
 from runtime.observation.metrics import METRIC_KINDS, Metric, ProbeInfo, Series
 from tests.runtime.broken import SOUND, changed
 
@@ -291,7 +291,7 @@ def test_state_and_command_are_recorded_alike() -> None:
         ]
 
 
-class Percentile(Common):
+class Percentile(MetricOptions):
     """An option of a metric that is not the library's."""
 
     percentile: float = param(unit="%", at_least=0.0, at_most=100.0, doc="share of rows below")
@@ -306,7 +306,8 @@ def test_options_of_a_new_kind_are_held_against_their_declaration(
     def percentile(series: Any, options: Any) -> float:
         return float(np.percentile(series["of"].values, options["percentile"]))
 
-    monkeypatch.setitem(METRIC_KINDS, "percentile", Kind(percentile, "a percentile", Percentile))
+    kind = MetricKind(percentile, "a percentile", Percentile)
+    monkeypatch.setitem(METRIC_KINDS, "percentile", kind)
     plain = parse_yaml(SOUND, "g").plain()
     entry = {"kind": "percentile", "of": "plant.pose.x", "percentile": written}
     graph = runtime.load({**plain, "metrics": {"p": entry}})
