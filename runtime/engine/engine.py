@@ -112,7 +112,7 @@ class Engine:
         return self.runner
 
     def run(self, progress: Progress | None = None) -> Outcome:
-        """Run all ticks; an interrupt or a failure ends the run and keeps what was recorded."""
+        """Run all ticks; an interrupt or a failure ends the run, and the recording is kept."""
         began = time.perf_counter()
         engine = "python" if self.make_runner is None else "compiled"
         outcome = Outcome(self.arrays, 0, engine=engine)

@@ -128,7 +128,7 @@ class Recorder:
         try:
             if folder is None:
                 folder = Path(mkdtemp(prefix="spikeblocks-"))
-                # What is mapped into memory stays readable after its file is gone.
+                # A mapped file stays readable after it is removed.
                 finalize(self, shutil.rmtree, folder, ignore_errors=True)
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -149,7 +149,7 @@ class Recorder:
 
         Raises
         ------
-        UsageError : the disk is full, or gone.
+        UsageError : the disk is full or not available.
         """
         for name, stream in self.streams.items():
             if self.probes[name].rows(tick) - stream.rows >= self.gathered[name]:

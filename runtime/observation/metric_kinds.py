@@ -40,7 +40,7 @@ class Series:
     values: FloatArray
 
     def after(self, start: float) -> Series:
-        # Times ascend, so a slice is enough, which copies nothing.
+        # Times ascend, so a slice is enough; it copies nothing.
         first = int(np.searchsorted(self.t, start - 1e-9))
         return Series(self.t[first:], self.values[first:])
 

@@ -247,7 +247,7 @@ def remove(leftover: Leftover) -> bool:
 
 
 def recover(leftover: Leftover) -> Path:
-    """Make a run from the recording of a killed one; returns its folder.
+    """Recover a run from the recording of a killed one; returns its folder.
 
     Its metrics have no values: computing them would execute the graph's modules. The leftover
     stays until it is removed.

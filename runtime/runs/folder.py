@@ -159,7 +159,7 @@ def run_folder(path: str | Path) -> Path:
 
     Raises
     ------
-    UsageError : there is no run; the message says what is there instead.
+    UsageError : there is no run.
     """
     path = Path(path)
     folder = path.parent if path.name == MANIFEST else path
@@ -342,7 +342,7 @@ def _arrays(path: Path) -> dict[str, FloatArray]:
 
 
 def _changed_files(folder: Path, manifest: dict[str, Any]) -> list[str]:
-    """A note for each file that differs from what the manifest says was saved.
+    """A note for each file that differs from its hash in the manifest.
 
     Raises
     ------
@@ -363,7 +363,7 @@ def _changed_files(folder: Path, manifest: dict[str, Any]) -> list[str]:
             raise UsageError(f"cannot read '{path}': {error.strerror or error}") from None
         if name in (METRICS, PROBES):
             raise _damaged(path, f"it is not the file that was saved (SHA-256 in {MANIFEST})")
-        message = "was changed after" if path.is_file() else "is gone since"
+        message = "was changed after" if path.is_file() else "was removed after"
         notes.append(f"'{name}' {message} the run was saved (SHA-256 in {MANIFEST})")
     return notes
 
