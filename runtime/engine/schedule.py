@@ -223,7 +223,8 @@ class Emitter:
     def code(self, text: str, block: str = "") -> None:
         self.line(self.depth + (self.rate > 1), text, block)
 
-    def step(self, step: Step, checked: bool) -> None:
+    def step(self, step: Step, checked: bool = False) -> None:
+        """Call an evaluation, and check its outputs."""
         self.at(step.every)
         targets = [self.variable(step.block, port) for port in step.evaluation.outputs]
         self.call(step.block, step.evaluation, ", ".join(targets) + " = ", checked)

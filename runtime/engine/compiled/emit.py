@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from blocks.core import Evaluation, SignalType
 from runtime.engine.compiled.kernels import Kernel
-from runtime.engine.schedule import INDENT, Emitter, Plan, RecordSlot, Step, finite_test
+from runtime.engine.schedule import INDENT, Emitter, Plan, RecordSlot, Step
 from runtime.network import Endpoint
 
 Call = tuple[str, Evaluation]
@@ -282,17 +282,10 @@ class CompiledEmitter(Emitter):
         made.driver, made.lines = "\n".join(self.text) + "\n", self.lines
 
     def python_step(self, step: Step) -> None:
-        targets = [self.variable(step.block, port) for port in step.evaluation.outputs]
-        kinds = [self.network.types[step.block, port] for port in step.evaluation.outputs]
-        self.call(step.block, step.evaluation, ", ".join(targets) + " = ")
-        for target, kind in zip(targets, kinds, strict=True):
-            if kind.form == "array":
-                self.code(f"{target} = sealed({target})", step.block)
-        test = finite_test(dict(zip(targets, kinds, strict=True)))
-        which = ", ".join(map(repr, (step.block, step.evaluation.method)))
-        self.code(f"{test} or not_finite({which}, {', '.join(targets)})", step.block)
-        for target, kind in zip(targets, kinds, strict=True):
-            self.code(f"{target} = {as_held(target, kind)}")
+        self.step(step)
+        for port in step.evaluation.outputs:
+            target = self.variable(step.block, port)
+            self.code(f"{target} = {as_held(target, self.network.types[step.block, port])}")
 
 
 def fields_name(plan: Plan, block: str) -> str:

@@ -115,7 +115,7 @@ def test_a_failure_keeps_the_rows_before_it() -> None:
 def test_too_little_disk_is_reported_before_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
     usage = type("Usage", (), {"free": 1000})
     monkeypatch.setattr(recorder.shutil, "disk_usage", lambda folder: usage)
-    with pytest.raises(runtime.UsageError, match=r"takes 31.25 KiB on the way.*has 1000 B"):
+    with pytest.raises(runtime.UsageError, match=r"needs 31.25 KiB while it runs.*has 1000 B"):
         ramp((1,), 10.0).set("run.memory", 100).run()
 
 
