@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import runtime
-from runtime.runs.folder import new_folder
+from runtime.runs import new_folder
 
 seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 130.0
 graph = runtime.load("wall_following_mujoco_robust").set("plots", {})

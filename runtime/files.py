@@ -1,4 +1,4 @@
-"""Files as everything here writes and reads them: whole or not at all, and never through links."""
+"""Files and their names: atomic writing, JSON, hashes, slugs, and links that are not followed."""
 
 from __future__ import annotations
 
@@ -14,15 +14,14 @@ from typing import Any
 
 from runtime.errors import UsageError
 
-MAX_TEXT = 64 * 2**20  # bytes of a text that a folder holds
-NAME_BYTES = 120  # of a file name that is made from a text; file systems take 255
+MAX_TEXT = 64 * 2**20  # bytes of a text file
+NAME_BYTES = 120  # of a file name made from a text; file systems allow 255
 
 
 def slug(text: str, otherwise: str = "graph") -> str:
-    """A text as a safe name of a file: ASCII, no separators, not hidden, not too long.
+    """A text as a safe file name: ASCII, no separators, not hidden, not too long.
 
-    A name that had to be shortened ends in a hash of the text, so that two long texts keep two
-    names.
+    A shortened name ends in a hash of the text, so that two long texts get different names.
     """
     name = re.sub(r"[^A-Za-z0-9_.-]+", "_", text).strip("._") or otherwise
     if len(name) <= NAME_BYTES:
@@ -32,11 +31,11 @@ def slug(text: str, otherwise: str = "graph") -> str:
 
 
 def read_text(path: Path) -> str:
-    """A UTF-8 text of up to :data:`MAX_TEXT` bytes.
+    """Read a UTF-8 text of up to :data:`MAX_TEXT` bytes.
 
     Raises
     ------
-    OSError, ValueError : it cannot be read, is longer, or is no UTF-8.
+    OSError, ValueError : it cannot be read, is longer, or is not UTF-8.
     """
     with path.open("rb") as file:
         data = file.read(MAX_TEXT + 1)
@@ -46,11 +45,11 @@ def read_text(path: Path) -> str:
 
 
 def refuse_link(path: Path) -> None:
-    """Check that a folder to write into, inside a run's folder, is no link.
+    """Check that a folder to write into, inside a run folder, is not a link.
 
     Raises
     ------
-    UsageError : it is one.
+    UsageError : it is a link.
     """
     if path.is_symlink():
         message = "is a link, which is not followed when files are written; name another folder"
@@ -58,11 +57,11 @@ def refuse_link(path: Path) -> None:
 
 
 def own_folder(path: Path) -> Path:
-    """A folder to write into, made if it is not there; never what a link leads to.
+    """A folder to write into, created if it is missing; never the target of a link.
 
     Raises
     ------
-    UsageError : the path is a link. OSError : the folder cannot be made.
+    UsageError : the path is a link. OSError : the folder cannot be created.
     """
     refuse_link(path)
     path.mkdir(parents=True, exist_ok=True)
@@ -70,18 +69,18 @@ def own_folder(path: Path) -> Path:
 
 
 def own_file(path: Path) -> Path:
-    """A path to write to: a link that stands there is removed, and its target left alone."""
+    """A path to write to: an existing link is removed, and its target left unchanged."""
     if path.is_symlink():
         path.unlink()
     return path
 
 
 def check_inside(folder: Path) -> None:
-    """Check that a run folder's path, if it is a link as ``latest`` is, leads to its neighbour.
+    """Check that a run folder's path, if it is a link such as ``latest``, points to its sibling.
 
     Raises
     ------
-    UsageError : it leads elsewhere, and writing there was not asked for.
+    UsageError : it points elsewhere.
     """
     if folder.is_symlink() and folder.resolve().parent != folder.parent.resolve():
         message = f"is a link that leads to '{folder.resolve()}'; name that folder itself"
@@ -89,11 +88,11 @@ def check_inside(folder: Path) -> None:
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
-    """Write a file that is there whole or not at all; a link of that name is replaced.
+    """Write a file atomically; a link of that name is replaced.
 
     Raises
     ------
-    OSError : it cannot be written; what was there before is still there.
+    OSError : it cannot be written; the old file is unchanged.
     """
     data = content.encode("utf-8", "backslashreplace") if isinstance(content, str) else content
     partial = path.with_name(f".{secrets.token_hex(6)}.partial")
@@ -107,16 +106,16 @@ def write_whole(path: Path, content: str | bytes) -> None:
 
 
 def json_text(value: Any, indent: int | None = None) -> str:
-    """A value as JSON that every reader takes.
+    """A value as JSON that every reader accepts.
 
-    JSON has no infinity and no NaN, which become null, and no half characters (such as Python
-    makes of file names that are not UTF-8), which become escapes.
+    JSON has neither infinity nor NaN, which become null, nor lone surrogates (which Python uses
+    for file names that are not UTF-8), which become escapes.
     """
     return json.dumps(_plain(value), indent=indent, allow_nan=False)
 
 
 def write_json(path: Path, value: Any) -> None:
-    """Write a JSON file that is there whole or not at all.
+    """Write a JSON file atomically.
 
     Raises
     ------
@@ -141,20 +140,20 @@ def _plain(value: Any) -> Any:
 
 
 def sha256(path: Path) -> str:
-    """The hash of a file of any size."""
+    """The SHA-256 hash of a file of any size."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def remove_tree(folder: Path) -> None:
-    """Remove a folder as far as that is possible; links in it are removed, not followed."""
+    """Remove a folder as far as possible; links in it are removed, not followed."""
     with suppress(OSError):
         if not folder.is_symlink():
             shutil.rmtree(folder, ignore_errors=True)
 
 
 def point_link(link: Path, target: str) -> None:
-    """Point a link at a folder beside it; left out where links are not supported."""
+    """Point a link at a folder beside it; does nothing where links are not supported."""
     fresh = link.parent / f".{link.name}-{secrets.token_hex(3)}"
     try:
         fresh.symlink_to(target, target_is_directory=True)

@@ -1,4 +1,4 @@
-"""Arrays larger than memory: read and written some rows at a time."""
+"""Arrays larger than memory: read and written in blocks of rows."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ import numpy as np
 
 from blocks.core import FloatArray
 
-BLOCK = 1 << 22  # bytes that are held of an array at a time
-MAPPED_ABOVE = 1 << 26  # bytes of an archive from which its arrays are mapped, not read
+BLOCK = 1 << 22  # bytes of an array in memory at a time
+MAPPED_ABOVE = 1 << 26  # bytes; the arrays of larger archives are mapped, not read
 
 
 def row_blocks(*arrays: FloatArray) -> Iterator[tuple[slice, list[FloatArray]]]:
-    """The same rows of arrays of equal length, some at a time, with where they are.
+    """Blocks of rows of arrays of equal length, each with the slice of its rows.
 
-    What was read from a file is let go before the next block is.
+    Memory of a mapped file is released before the next block is read.
     """
     widest = max(array[:1].nbytes for array in arrays) or 8
     count = max(1, BLOCK // widest)
@@ -31,7 +31,7 @@ def row_blocks(*arrays: FloatArray) -> Iterator[tuple[slice, list[FloatArray]]]:
 
 
 def release(array: FloatArray) -> None:
-    """Let the system drop what it holds in memory of a file that is mapped for reading."""
+    """Let the system drop the cached pages of a file that is mapped for reading."""
     base: Any = array
     while base is not None and not isinstance(base, mmap.mmap):
         base = getattr(base, "base", None)
@@ -40,7 +40,7 @@ def release(array: FloatArray) -> None:
 
 
 def save_arrays(path: Path, arrays: Mapping[str, FloatArray]) -> None:
-    """Write arrays as :func:`numpy.savez` does, without holding one of them in memory."""
+    """Write arrays like :func:`numpy.savez`, without loading them into memory."""
     with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
         for name, array in arrays.items():
             described = {"descr": "<f8", "fortran_order": False, "shape": array.shape}
@@ -51,12 +51,13 @@ def save_arrays(path: Path, arrays: Mapping[str, FloatArray]) -> None:
 
 
 def open_arrays(path: Path) -> dict[str, FloatArray]:
-    """The arrays of an archive; those of a large one stay on disk until they are looked at.
+    """The arrays of an archive; those of a large one stay on disk until they are used.
+
+    The whole archive is read once and compared with its checksums.
 
     Raises
     ------
-    OSError, ValueError, zipfile.BadZipFile and what else numpy and zipfile raise for damaged
-    files. All of an archive is read once and held against its checksums.
+    OSError, ValueError, zipfile.BadZipFile and other errors of numpy and zipfile for damaged files.
     """
     with path.open("rb") as file:
         _check_members(file)
@@ -70,15 +71,15 @@ def open_arrays(path: Path) -> dict[str, FloatArray]:
 
 
 def _check_members(file: BinaryIO) -> None:
-    """Refuse an archive that would unfold to more than the file holds: runs are not compressed."""
+    """Refuse an archive that claims to hold more than the file: runs are not compressed."""
     size = file.seek(0, 2)
     file.seek(0)
     with zipfile.ZipFile(file) as archive:
         members = archive.infolist()
     if any(member.compress_type != zipfile.ZIP_STORED for member in members):
-        raise ValueError("it is compressed, which no run is")
+        raise ValueError("it is compressed; the arrays of a run are not")
     if sum(member.file_size for member in members) > size:
-        raise ValueError("its arrays are said to be larger than the file")
+        raise ValueError("its arrays are declared larger than the file")
     file.seek(0)
 
 

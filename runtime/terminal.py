@@ -1,21 +1,24 @@
-"""The one door to the terminal: every line that a verb prints goes through here.
+"""Output to the terminal: printing, numbers, tables and progress. Every verb prints through it.
 
-Names, texts and exceptions can come from files that somebody else wrote. What would move the
-cursor, change colours or reorder letters is shown as an escape, never carried out.
+Names, texts and exceptions can come from files that are not trusted. Control sequences in them,
+which could move the cursor, change colours or reorder letters, are shown as escapes.
 """
 
 from __future__ import annotations
 
+import math
 import shutil
 import sys
 import time
+from collections.abc import Collection, Sequence
+from itertools import zip_longest
 from typing import Any, TextIO
 
 from runtime.files import json_text
 
 
 def printable(text: str) -> str:
-    r"""A text in which only line feeds and printable characters are left.
+    r"""A text that holds only line feeds and printable characters.
 
     Control characters (C0, DEL, C1), bidirectional overrides, the line separators U+0085, U+2028
     and U+2029, and lone surrogates become escapes such as ``\x1b``.
@@ -36,14 +39,14 @@ def tell(text: object) -> None:
 
 
 def draw(text: str) -> None:
-    """Write a text with its own cursor movements on stderr; what is foreign in it is escaped."""
+    """Write a text with cursor movements on stderr; parts that are not trusted must be escaped."""
     _write(sys.stderr, text)
     sys.stderr.flush()
 
 
 def show_json(value: Any) -> None:
     """Print one JSON object in ASCII on stdout."""
-    # json leaves DEL as it is.
+    # json does not escape DEL.
     text = json_text(value).replace("\x7f", "\\u007f")
     _write(sys.stdout, f"{text}\n")
 
@@ -54,15 +57,52 @@ def _write(stream: TextIO, text: str) -> None:
     stream.write(text.encode(encoding, "backslashreplace").decode(encoding))
 
 
+def number(value: float | None, sign: str = "") -> str:
+    """A number in four significant digits, or a dash where there is no value.
+
+    ``sign`` is that of a format specification: ``+`` shows the sign of positive numbers too.
+    """
+    return "-" if value is None or math.isnan(value) else f"{value:{sign}.4g}"
+
+
+def readable_bytes(size: float) -> str:
+    """A number of bytes with its unit: ``512 MiB``."""
+    for unit in ("B", "KiB", "MiB", "GiB"):
+        if size < 1024:
+            return f"{size:.4g} {unit}"
+        size /= 1024
+    return f"{size:.4g} TiB"
+
+
+def table(rows: Sequence[Sequence[str]], right: Collection[int] = (), indent: str = "  ") -> str:
+    """Rows as lines of aligned columns, with two spaces between columns.
+
+    Parameters
+    ----------
+    rows : the header first, if there is one; a row may have fewer cells than others.
+    right : the indices of the columns that are aligned to the right.
+    indent : what each line begins with.
+    """
+    widths = [max(map(len, column)) for column in zip_longest(*rows, fillvalue="")]
+    lines = []
+    for row in rows:
+        cells = [
+            text.rjust(width) if column in right else text.ljust(width)
+            for column, (text, width) in enumerate(zip(row, widths, strict=False))
+        ]
+        lines.append((indent + "  ".join(cells)).rstrip())
+    return "\n".join(lines)
+
+
 WIDTH = 28
 
 
 class Progress:
-    """Draws a bar on stderr; call it with what is done and how much there is in all.
+    """A progress bar on stderr; call it with the number of steps that are done and the total.
 
     Parameters
     ----------
-    label : what is going on.
+    label : the name of the work.
     wanted : False draws nothing.
     """
 
@@ -73,11 +113,11 @@ class Progress:
         self.before = 0
 
     def resume(self, done: int) -> None:
-        """Start the clock anew where so much was done before."""
+        """Restart the clock; ``done`` steps were done before."""
         self.before, self.began = done, time.monotonic()
 
     def __call__(self, done: int, total: int, note: str = "") -> None:
-        """Draw the bar, and below it a line that says how it goes."""
+        """Draw the bar, and a note in the line below it."""
         if not self.active:
             return
         spent = time.monotonic() - self.began
@@ -92,19 +132,19 @@ class Progress:
         self._draw(f"\r{text[:columns]}\033[K{below}")
 
     def close(self) -> None:
-        """Wipe the bar, and what is below."""
+        """Erase the bar and the note."""
         if self.active:
             self._draw("\r\033[J")
 
     def _draw(self, text: str) -> None:
         try:
             draw(text)
-        except (OSError, ValueError):  # the terminal is gone, which must not end what goes on
+        except (OSError, ValueError):  # a closed terminal must not end the work
             self.active = False
 
 
 def duration(seconds: float) -> str:
-    """Seconds as people say them: ``42 s``, ``3 min 10 s``, ``2 h 5 min``."""
+    """Seconds with their units: ``42 s``, ``3 min 10 s``, ``2 h 5 min``."""
     whole = round(seconds)
     if whole < 60:
         return f"{whole} s"

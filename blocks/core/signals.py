@@ -116,13 +116,21 @@ class SignalType:
             return f"a tuple of {len(self.components)} floats ({', '.join(self.components)})"
         return f"a float64 array of shape {self.shape}"
 
-    def holds(self, value: Any) -> bool:
-        """Whether a value is held as this type's form says."""
+    def holds(self, value: Any, exact: bool = True) -> bool:
+        """Whether a value is held as this type's form says.
+
+        ``exact`` is the contract for blocks; otherwise an ``int`` counts as a float, too.
+        """
+
+        def is_number(part: Any) -> bool:
+            whole = not exact and isinstance(part, int) and not isinstance(part, bool)
+            return whole or isinstance(part, float)
+
         if self.form == "scalar":
-            return isinstance(value, float)
+            return is_number(value)
         if self.form == "record":
             right = isinstance(value, tuple) and len(value) == len(self.components)
-            return right and all(isinstance(part, float) for part in value)
+            return right and all(map(is_number, value))
         right = isinstance(value, np.ndarray) and value.dtype == np.float64
         return right and value.shape == self.shape
 

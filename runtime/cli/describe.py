@@ -13,7 +13,7 @@ import numpy as np
 from blocks.core import Block, Input, Output, Param
 from blocks.registry import BUILTIN, blocks_of_module, installed
 from runtime.errors import UsageError
-from runtime.observation import METRIC_KINDS, PLOT_KINDS, Common, Kind, PlotKind
+from runtime.observation import METRIC_KINDS, PLOT_KINDS, MetricKind, MetricOptions, PlotKind
 
 HEADER = """# Blocks
 
@@ -153,7 +153,7 @@ def blocks_page() -> str:
 def observing_page() -> str:
     """The text of docs/observing.md."""
     lines = [OBSERVING, "## Plots", "", *_kinds_table(PLOT_KINDS, "plot")]
-    common = list(Common.declared.items())
+    common = list(MetricOptions.declared.items())
     lines += ["", "## Metrics", "", "Every metric takes, besides its own options:", ""]
     lines += [f"* {_option(name, declared)}" for name, declared in common]
     lines += ["", *_kinds_table(METRIC_KINDS, "metric", hidden=dict(common))]
@@ -161,7 +161,7 @@ def observing_page() -> str:
 
 
 def _kinds_table(
-    kinds: Mapping[str, PlotKind | Kind], noun: str, hidden: Container[str] = ()
+    kinds: Mapping[str, PlotKind | MetricKind], noun: str, hidden: Container[str] = ()
 ) -> list[str]:
     rows = [f"| {noun} | is | options |", "|---|---|---|"]
     for name, kind in kinds.items():

@@ -1,4 +1,8 @@
-"""runtime.engine."""
+"""The engine: orders a network's evaluations, runs them tick by tick, and records probes.
+
+``schedule`` makes the plan and its text, ``program`` is all that runs of a graph share, ``engine``
+runs it, ``recorder`` stores rows, and ``compiled`` is the runner that compiles the plan.
+"""
 
 from runtime.engine.engine import Engine, Outcome
 from runtime.engine.interrupts import Interrupts

@@ -1,4 +1,4 @@
-"""What looks wrong after a run: blocks judge their own states, and cost nothing while it runs."""
+"""Diagnosis after a run: blocks judge their own states, at no cost during the run."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MOMENTS = 8
 
 @dataclass
 class Diagnosis:
-    """Looks at blocks that declare :meth:`Block.watch` at eight even moments of a run."""
+    """Calls :meth:`Block.watch` of the blocks that define it, at eight even moments of a run."""
 
     network: Network
     states: Mapping[str, BlockState]
@@ -27,17 +27,17 @@ class Diagnosis:
         self.moments = [total * i // MOMENTS for i in range(1, MOMENTS + 1)] if self.seen else []
 
     def boundary(self, tick: int) -> int:
-        """The next tick before which to look; the end of the run if there is none."""
+        """The next tick before which blocks are watched; the end of the run if there is none."""
         return next((moment for moment in self.moments if moment > tick), self.network.ticks)
 
     def look(self, tick: int) -> None:
-        """Take down what the blocks show before this tick."""
+        """Store what the blocks return before this tick."""
         if tick in self.moments:
             for name, values in self.seen.items():
                 values.append(float(self.network.entries[name].made.watch(self.states[name])))
 
     def notes(self, ticks: int) -> list[str]:
-        """What the blocks say of a run of so many base ticks."""
+        """The blocks' diagnoses of a run of so many base ticks."""
         found = []
         for name, entry in self.network.entries.items():
             taken = -(-ticks // entry.every)

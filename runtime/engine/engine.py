@@ -1,4 +1,4 @@
-"""The engine: owns all that moves, and runs the plan's function at a fixed step."""
+"""The engine: owns all states of a run, and runs the plan's function at a fixed step."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +32,7 @@ from runtime.engine.runners import (
     silent,
 )
 from runtime.engine.schedule import GLOBALS, Plan
-from runtime.engine.values import brief, form, has_form, is_bad, sealed
+from runtime.engine.values import NotFiniteError, OutputChecks, sealed
 from runtime.errors import SimulationError, UsageError
 from runtime.network import Network, state_shape
 
@@ -40,24 +40,20 @@ CHUNK_SECONDS = 0.1
 
 
 def seed_of(seed: int, name: str) -> np.random.SeedSequence:
-    """The seed of one block: from the run's seed and the block's name, and nothing else.
+    """The seed of one block; it depends only on the run's seed and the block's name.
 
-    Taking a block out leaves every other block's neurons and noise as they were.
+    Removing a block leaves the neurons and the noise of every other block unchanged.
     """
     digest = hashlib.sha256(name.encode()).digest()
     words = tuple(int.from_bytes(digest[i : i + 4], "little") for i in (0, 4, 8, 12))
     return np.random.SeedSequence(seed, spawn_key=words)
 
 
-class NotFiniteError(ArithmeticError):
-    """A block put out something that is no number."""
-
-
 @dataclass
 class Outcome:
-    """What a run left: recorded arrays, ticks done, how it ended, and the seconds it took.
+    """The outcome of a run: recorded arrays, ticks done, how it ended, and the seconds it took.
 
-    ``ready_s`` of these passed before the second tick: states filled, the plan compiled.
+    ``ready_s`` is the part of ``wall_s`` before the second tick: initial states, compilation.
     """
 
     arrays: dict[str, FloatArray]
@@ -71,15 +67,15 @@ class Outcome:
 
 @dataclass
 class Engine:
-    """One run of one program. Make a new one for each run.
+    """One run of one program; each run needs a new engine.
 
     Parameters
     ----------
     program : the graph's plan, and what to record.
     seed : of all noise and neurons.
-    make_runner : makes what runs the ticks after the first; the plan's Python text by default.
-    note : called with a line of text for people, when something takes a while.
-    profile : measures what each block takes; the Python engine's only.
+    make_runner : makes the runner of the ticks after the first; the Python engine's by default.
+    note : called with a message for the user when something takes a while.
+    profile : measures the time per block; for the Python engine only.
     folder : for recordings that are too large for memory; a temporary one by default.
     """
 
@@ -95,6 +91,7 @@ class Engine:
     recorder: Recorder = field(init=False)
     arrays: dict[str, FloatArray] = field(init=False)
     diagnosis: Diagnosis = field(init=False)
+    checks: OutputChecks = field(init=False)
     tick: int = field(init=False, default=0)
     lines: Mapping[int, str] = field(init=False, default_factory=dict)
     runner: Runner = field(init=False)
@@ -106,15 +103,16 @@ class Engine:
         self.arrays = self.recorder.arrays
         self.states = {name: self._state(name) for name in self.network.entries}
         self.diagnosis = Diagnosis(self.network, self.states)
+        self.checks = OutputChecks(self.network)
 
     def prepare(self) -> Runner:
-        """Fill the states and make what runs the ticks, without running any."""
+        """Initialise the states and make the runner, without running a tick."""
         self._start()
         self.runner = self._runner()
         return self.runner
 
     def run(self, progress: Progress | None = None) -> Outcome:
-        """Run all ticks; an interrupt or a failure ends the run and keeps what was recorded."""
+        """Run all ticks; an interrupt or a failure ends the run, and the recording is kept."""
         began = time.perf_counter()
         engine = "python" if self.make_runner is None else "compiled"
         outcome = Outcome(self.arrays, 0, engine=engine)
@@ -134,14 +132,14 @@ class Engine:
         return outcome
 
     def _first_tick(self) -> Held:
-        """The first tick is Python's in any case: there every value is looked at."""
+        """Run the first tick in Python, which checks the form of every value."""
         try:
             self.prepare()
             first = self._compile(checked=True, held=self.runner.held)
             held = self.runner.adopt(first(0, 1, self._held()))
         except (SimulationError, KeyboardInterrupt):
             raise
-        except BaseException as error:  # what a block raises must not end the process
+        except BaseException as error:  # an exception of a block must not end the process
             raise self._failed(error) from error
         self.tick = 1
         return held
@@ -164,39 +162,31 @@ class Engine:
                     progress(self.tick, total)
         except KeyboardInterrupt:
             raise
-        except BaseException as error:  # what a block raises must not end the process
+        except BaseException as error:  # an exception of a block must not end the process
             raise self._failed(error) from error
 
     def _failed(self, error: BaseException) -> SimulationError:
-        """What happened where, for people."""
+        """The error that names the block, the tick and the time of an exception."""
         block = self.locate(error)
-        told = isinstance(error, (NotFiniteError, UsageError))
-        text = str(error) if told else _described(error)
+        is_message = isinstance(error, (NotFiniteError, UsageError))
+        text = str(error) if is_message else _described(error)
         return SimulationError(block, self.tick, self.tick * self.network.dt, text)
 
     def _runner(self) -> Runner:
         if self.make_runner is not None:
-            return self.make_runner(
-                RunContext(self.program, self.states, self.namespace, self.not_finite, self.note)
-            )
+            given = (self.program, self.states, self.namespace, self.checks.not_finite, self.note)
+            return self.make_runner(RunContext(*given))
         return PythonRunner(self.program.emitter().held(), self._compile(checked=False))
 
     def _start(self) -> None:
-        """Fill the states, and compute what never changes."""
-        self.namespace: dict[str, Any] = {
-            **dict(
-                zip(
-                    GLOBALS,
-                    (
-                        *(math.isfinite, math.isnan, np.dot, np.array, np.full),
-                        *(self._checked, sealed, self.not_finite),
-                    ),
-                    strict=True,
-                )
-            ),
-            **{f"probe_{i}": array for i, array in enumerate(self.arrays.values())},
-            **({} if self.profile is None else self.profile.names()),
-        }
+        """Initialise the states, and compute the constant outputs."""
+        functions = (
+            *(math.isfinite, math.isnan, np.dot, np.array, np.full),
+            *(self.checks.forms, sealed, self.checks.not_finite),
+        )
+        self.namespace: dict[str, Any] = dict(zip(GLOBALS, functions, strict=True))
+        self.namespace |= {f"probe_{i}": array for i, array in enumerate(self.arrays.values())}
+        self.namespace |= {} if self.profile is None else self.profile.names()
         for name, entry in self.network.entries.items():
             identifier = self.plan.names[name]
             self.namespace[identifier] = entry.made
@@ -208,7 +198,7 @@ class Engine:
                 value = self._guard(step.block, partial(method, self.states[step.block], 0.0))
                 values = (value,) if len(step.evaluation.outputs) == 1 else value
                 for port, item in zip(step.evaluation.outputs, values, strict=True):
-                    self._check_value(step.block, port, item)
+                    self.checks.form(step.block, port, item)
                     if isinstance(item, np.ndarray):
                         item = sealed(item)
                     self.namespace[self.plan.variables[step.block, port]] = item
@@ -224,7 +214,7 @@ class Engine:
 
     def _compile(self, checked: bool, held: Sequence[str] | None = None) -> Run:
         made = self.program.code(checked, held)
-        # The same for all: checks stand on the lines of the calls that they check.
+        # The same for all texts: checks are on the lines of the calls that they check.
         self.lines = made.lines
         exec(made.code, self.namespace)
         run: Run = self.namespace["run"]
@@ -234,7 +224,7 @@ class Engine:
         return (None,) * len(self.program.emitter().held())
 
     def locate(self, error: BaseException) -> str:
-        """Set the tick to the one that an exception came from; returns the block."""
+        """Set the tick to the one that raised an exception; returns the block."""
         found = located(error, self.lines)
         if found is None and self.tick:
             found = self.runner.locate(error)
@@ -263,40 +253,14 @@ class Engine:
                 item = value if column is None else value[column]
                 array[0 if recording.columns is None else (0, recording.columns)] = item
 
-    def _checked(self, block: str, ports: tuple[str, ...], value: Any) -> Any:
-        """Hold what a block returned on its first tick against what it declares."""
-        if len(ports) > 1 and (not isinstance(value, tuple) or len(value) != len(ports)):
-            raise TypeError(f"expected a tuple of its outputs ({', '.join(ports)}), got {value!r}")
-        for port, item in zip(ports, (value,) if len(ports) == 1 else value, strict=True):
-            self._check_value(block, port, item)
-        return value
-
-    def not_finite(self, block: str, method: str, *values: Any) -> NoReturn:
-        """Called by the plan where what a method returned is not finite: say which output."""
-        evaluations = self.network.entries[block].cls.spec.evaluations
-        (outputs,) = (each.outputs for each in evaluations if each.method == method)
-        for port, value in zip(outputs, values, strict=True):
-            if is_bad(self.network.types[block, port], value):
-                raise NotFiniteError(f"output '{port}' is not finite: {brief(value)}")
-        raise NotFiniteError(f"an output is not finite: {brief(values)}")
-
-    def _check_value(self, block: str, port: str, value: Any) -> None:
-        kind = self.network.types[block, port]
-        if not has_form(kind, value):
-            raise SimulationError(
-                *(block, 0, 0.0), f"output '{port}' must be {form(kind)}, got {brief(value)}"
-            )
-
 
 def _described(error: BaseException) -> str:
-    """An exception in one line, with the place in the user's own code."""
+    """An exception in one line, with its location in the user's code."""
     frames: Sequence[traceback.FrameSummary] = traceback.extract_tb(error.__traceback__)
-    # What compiled text raises has no line of its own.
+    # Compiled text has no lines of its own.
     inside = bool(frames) and Path(frames[-1].filename).parent.name != "compiled"
     place = f" ({frames[-1].filename}:{frames[-1].lineno})" if inside else ""
     suggestion = ""
     if isinstance(error, ValueError) and "read-only" in str(error):
-        suggestion = (
-            "; arrays that come into a block or went out of one are read-only: write to a copy"
-        )
+        suggestion = "; arrays that a block receives or has returned are read-only: write to a copy"
     return f"{type(error).__name__}: {error}{place}{suggestion}"

@@ -1,7 +1,7 @@
-"""Signals that end a run: raised only where a run can stop, remembered everywhere else.
+"""Signals that end a run: raised only where a run can stop, stored everywhere else.
 
 Ctrl-C, SIGTERM and SIGHUP end a simulation between two lines of Python. While its result is
-measured and written they are only remembered, so that a second Ctrl-C loses nothing.
+evaluated and written they are only stored, so that a second Ctrl-C loses nothing.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ ENDING = tuple(
 
 
 class Interrupts:
-    """Takes over the signals that end a process, as a context.
+    """A context that handles the signals that end a process.
 
-    ``caught`` is the first that came, None while none did. Signals that the process was started to
-    ignore (as under ``nohup``) stay ignored. Other threads than the main one have no say.
+    ``caught`` is the first signal received, None before. Signals that the process was started to
+    ignore (as under ``nohup``) stay ignored. Does nothing in threads other than the main one.
     """
 
     def __init__(self) -> None:
@@ -49,7 +49,7 @@ class Interrupts:
 
     @property
     def exit_code(self) -> int:
-        """What a shell reports for a process that the signal ended: 130, 143 or 129."""
+        """The exit code that a shell reports for the signal: 130, 143 or 129."""
         return 128 + (self.caught or signal.SIGINT)
 
     @property
@@ -69,9 +69,9 @@ _current: Interrupts | None = None
 
 @contextmanager
 def stoppable() -> Iterator[None]:
-    """Where a signal ends the work at once, with KeyboardInterrupt.
+    """A context in which a signal raises KeyboardInterrupt at once.
 
-    Does nothing where no :class:`Interrupts` is in charge: Python's own Ctrl-C goes on as ever.
+    Does nothing without an active :class:`Interrupts`: Python then handles Ctrl-C as usual.
     """
     interrupts = _current
     if interrupts is None or threading.current_thread() is not threading.main_thread():

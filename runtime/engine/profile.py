@@ -1,4 +1,4 @@
-"""Where a run's time goes: the plan's function with a clock around every call of a block."""
+"""Profiling: the plan's function with a clock around every call of a block."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import Any
 
 from blocks.core import Evaluation
 from runtime.engine.schedule import Emitter
+from runtime.terminal import table
 
-# Names that the plan's function takes beside its own, and what a clock itself costs is left in.
+# Further names in the plan's function. The cost of the clock itself is included.
 CLOCK, SPENT = "clock", "spent"
 
 
@@ -25,12 +26,12 @@ class Profile:
         self.calls[block] = self.calls.get(block, 0) + 1
 
     def names(self) -> dict[str, Any]:
-        """What the function's text refers to."""
+        """The names that the function's text refers to."""
         return {CLOCK: time.perf_counter, SPENT: self}
 
     def rows(self, ticks: int, wall_s: float) -> list[dict[str, Any]]:
-        """One row a block, the costliest first, and one for all that is no block: checks of
-        values, recording, the loop itself and the clock.
+        """One row per block, the slowest first, and one for everything else: checks of values,
+        recording, the loop itself and the clock.
         """
         rest = max(0.0, wall_s - sum(self.seconds.values()))
         spent = sorted(self.seconds.items(), key=lambda item: -item[1])
@@ -48,7 +49,7 @@ class Profile:
 
 
 class ProfilingEmitter(Emitter):
-    """The plan's function, timed."""
+    """Writes the plan's function with the clock."""
 
     def call(self, block: str, evaluation: Evaluation, targets: str, checked: bool = False) -> None:
         self.code(f"began = {CLOCK}()")
@@ -58,12 +59,10 @@ class ProfilingEmitter(Emitter):
 
 def profile_text(rows: list[dict[str, Any]]) -> str:
     """The rows as a table for a terminal."""
-    width = max(len(row["block"] or "everything else") for row in rows)
-    lines = [f"  {'block':<{width}}  {'us/tick':>9}  {'us/call':>9}  {'total s':>9}  share"]
+    cells = [("block", "us/tick", "us/call", "total s", "share")]
     for row in rows:
         call = "" if row["us_per_call"] is None else f"{row['us_per_call']:.2f}"
-        lines.append(
-            f"  {row['block'] or 'everything else':<{width}}  {row['us_per_tick']:9.2f}  {call:>9}"
-            f"  {row['total_s']:9.3f}  {100.0 * row['share']:4.1f} %"
-        )
-    return "\n".join(lines)
+        tick, share = f"{row['us_per_tick']:.2f}", f"{100.0 * row['share']:.1f} %"
+        name = row["block"] or "everything else"
+        cells.append((name, tick, call, f"{row['total_s']:.3f}", share))
+    return table(cells, right=range(1, 5))

@@ -1,4 +1,4 @@
-"""All of a run that does not hang on its seed: made once, and shared by runs with many seeds."""
+"""The part of a run that does not depend on its seed: shared by runs with many seeds."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ class Code:
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """A network's plan and its text, and what is recorded; shared by threads, and never changed.
+    """A network's plan and its text, and what is recorded; immutable and shared by threads.
 
-    What it has worked out once is kept: texts, each a function of the program alone.
+    Texts are cached: each depends only on the program.
 
     Parameters
     ----------
     network : the checked graph.
-    observation : what to record; ``gathered`` are the rows that are gathered in memory of those
-        probes that go to disk.
+    observation : what to record; ``gathered`` has the rows of the buffers of the probes that go
+        to disk.
     profiled : with a clock around each call of a block.
 
     Raises
@@ -64,13 +64,13 @@ class Program:
         return kind(self.plan, list(self.recordings))
 
     def source(self) -> str:
-        """The straight-line function, as it is executed."""
+        """The text of the plan's function, as it is executed."""
         return self.emitter().emit()
 
     def code(self, checked: bool, held: Sequence[str] | None = None) -> Code:
         """The function's text, compiled to Python's bytecode.
 
-        Threads that ask for the same at the same time make equal ones.
+        Two threads may compile the same text; the results are equal.
         """
         key = (checked, None if held is None else tuple(held))
         made = self._codes.get(key)
@@ -82,9 +82,9 @@ class Program:
 
 
 def recordings(observation: Observation, gathered: Mapping[str, int]) -> list[RecordSlot]:
-    """Which tick fills what of the arrays ``probe_0``, ``probe_1``, ... of the probes.
+    """The record slots of the probes' arrays ``probe_0``, ``probe_1``, ...
 
-    ``gathered`` are the rows of those that are buffers.
+    ``gathered`` has the rows of those that are buffers.
     """
     made = []
     for i, probe in enumerate(observation.probes.values()):

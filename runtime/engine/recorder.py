@@ -1,8 +1,8 @@
-"""Where probes' rows go: arrays in memory, or files on disk where these would be too much.
+"""Recording of probes: in arrays in memory, or in files on disk if memory would not suffice.
 
-A recording on disk is one ``.npy`` file per probe. Rows are gathered in a buffer, appended when it
-is full, and the file's header is brought up to date each time: a file can be read whatever ends
-the run.
+A recording on disk is one ``.npy`` file per probe. Rows are collected in a buffer that is appended
+when it is full; the file's header is updated each time, so that a killed run leaves a readable
+file.
 """
 
 from __future__ import annotations
@@ -22,14 +22,15 @@ import numpy as np
 from blocks.core import FloatArray
 from runtime.errors import UsageError
 from runtime.files import slug
-from runtime.observation import Probe, readable_bytes
+from runtime.observation import Probe
+from runtime.terminal import readable_bytes
 
 TIMES_AT_ONCE = 1 << 20
-BUFFER = 1 << 22  # bytes of one probe's rows that are gathered, at most
+BUFFER = 1 << 22  # bytes, the largest buffer of one probe
 
 
 def buffer_rows(probes: Mapping[str, Probe], ticks: int, memory: int) -> dict[str, int]:
-    """Rows to gather of each probe that goes to disk; none where all fits into ``memory`` bytes."""
+    """Buffer rows of each probe that goes to disk; empty if all fits into ``memory`` bytes."""
     moving = {name: probe for name, probe in probes.items() if not probe.constant}
     if sum(probe.size(ticks) for probe in probes.values()) <= memory:
         return {}
@@ -57,7 +58,7 @@ class Stream:
         np.lib.format.write_array_header_1_0(self.file, described)
 
     def append(self, rows: FloatArray) -> None:
-        """Add rows (n, ...) at the end; what an append that broke off left there is replaced."""
+        """Add rows (n, ...) at the end, over what an interrupted append left there."""
         self.file.seek(self.start + 8 * self.rows * math.prod(self.shape))
         self.file.write(np.ascontiguousarray(rows, dtype="<f8").data)
         self.rows += len(rows)
@@ -65,13 +66,13 @@ class Stream:
         self.file.flush()
 
     def close(self) -> FloatArray:
-        """The whole recording, read from the file where it is looked at, even if it is removed."""
+        """The whole recording, mapped from the file; it stays readable when the file is removed."""
         with self.file:
             try:
                 self._header()
                 self.file.flush()
             except OSError:
-                pass  # on a full disk: the rows are there, and this process knows how many
+                pass  # full disk: the rows are there, and their number is known
             if not self.rows or not math.prod(self.shape):
                 return np.empty((self.rows, *self.shape))
             shape = (self.rows, *self.shape)
@@ -86,12 +87,12 @@ class Recorder:
     ----------
     probes : by name.
     ticks : of the whole run.
-    gathered : rows to gather of the probes that go to disk, see :func:`buffer_rows`.
-    folder : where their files go; None for a temporary folder that goes when the recorder does.
+    gathered : rows of the buffers of the probes that go to disk, see :func:`buffer_rows`.
+    folder : for their files; None for a temporary folder that is removed with the recorder.
 
     Raises
     ------
-    UsageError : there is no room on the disk, for the recordings and for the run's own file.
+    UsageError : the disk has no room for the recordings and the run's own file.
     """
 
     def __init__(
@@ -106,7 +107,7 @@ class Recorder:
         self.full = False
         self.constants_saved = False
         self.folder: Path | None = None
-        # Each row with its time; what is streamed is written once more, into the run's own file.
+        # Each row with its time; a stream is written once more, into the run's own file.
         size = sum(probe.size(ticks) + 8 * probe.rows(ticks) for probe in probes.values())
         if gathered:
             self.folder = self._opened(folder, 2 * size)
@@ -127,7 +128,7 @@ class Recorder:
         try:
             if folder is None:
                 folder = Path(mkdtemp(prefix="spikeblocks-"))
-                # What is mapped into memory stays readable after its file is gone.
+                # A mapped file stays readable after it is removed.
                 finalize(self, shutil.rmtree, folder, ignore_errors=True)
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -148,7 +149,7 @@ class Recorder:
 
         Raises
         ------
-        UsageError : the disk is full, or gone.
+        UsageError : the disk is full or not available.
         """
         for name, stream in self.streams.items():
             if self.probes[name].rows(tick) - stream.rows >= self.gathered[name]:
@@ -167,7 +168,7 @@ class Recorder:
             raise UsageError(f"{message}; {stream.rows} rows of it are kept") from None
 
     def finish(self, tick: int) -> dict[str, FloatArray]:
-        """The rows of all probes once ``tick`` ticks are done, and no more will be."""
+        """The rows of all probes after the last tick, the ``tick``-th."""
         found = {}
         for name, probe in self.probes.items():
             filled = min(1, tick) if probe.constant else probe.rows(tick)
@@ -177,7 +178,7 @@ class Recorder:
             stream = self.streams[name]
             left = filled - stream.rows
             if left > 0 and not self.full:
-                # A disk that is full by now takes the last rows from no run: the others are there.
+                # On a full disk the last rows are lost; the others are kept.
                 with suppress(UsageError):
                     self._append(stream, self.arrays[name][:left])
             found[name] = stream.close()
@@ -194,12 +195,12 @@ class Recorder:
                 last = min(rows, first + TIMES_AT_ONCE)
                 stream.append(np.arange(first, last, dtype=np.float64) * step)
             return stream.close()
-        except OSError:  # the disk is full: what is recorded must not be lost for want of its times
+        except OSError:  # a full disk must not lose the recording for its times
             return np.arange(rows, dtype=np.float64) * step
 
 
 def recording_file(name: str) -> str:
-    """The file that a probe is recorded to."""
+    """The name of the file that a probe is recorded to."""
     return f"{slug(name, 'probe')}.npy"
 
 
@@ -209,6 +210,6 @@ def _check_room(folder: Path, size: float) -> None:
     except OSError as error:
         raise UsageError(f"cannot record to '{folder}': {error.strerror or error}") from None
     if size > free:
-        text = f"recording takes {readable_bytes(size)} on the way, and '{folder}' has "
+        text = f"recording needs {readable_bytes(size)} while it runs, and '{folder}' has "
         text += f"{readable_bytes(free)}; record less often, as with 'every: 100', or less"
         raise UsageError(text)

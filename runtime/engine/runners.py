@@ -1,4 +1,4 @@
-"""What runs ticks: the interface between the engine and its two kinds of runner."""
+"""Runners execute ticks: the interface between the engine and its two kinds of runner."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ Run = Callable[[int, int, Held], Held]
 
 
 def silent(text: str) -> None:
-    """Say nothing."""
+    """Discard a note."""
 
 
 class Runner(Protocol):
-    """What runs ticks: ``held`` are the variables that go into each call and come out of it."""
+    """Runs ticks; ``held`` are the variables that go into each call and come out of it."""
 
     held: list[str]
     run: Run
@@ -28,15 +28,15 @@ class Runner(Protocol):
         """The variables after the first tick, in the form that ``run`` takes."""
 
     def locate(self, error: BaseException) -> tuple[int, str] | None:
-        """The tick and the block that an exception came from."""
+        """The tick and the block that raised an exception."""
 
 
 @dataclass(frozen=True)
 class RunContext:
-    """What a runner gets of the engine, once states are filled and constants computed.
+    """What the engine gives a runner, once states are initialised and constants computed.
 
-    ``namespace`` are the names that the plan's text uses. ``not_finite`` raises the error of a
-    block's method whose outputs are not finite. ``note`` takes lines for people.
+    ``namespace`` holds the names that the plan's text uses. ``not_finite`` raises the error of a
+    block's method whose outputs are not finite. ``note`` is called with messages for the user.
     """
 
     program: Program
@@ -50,7 +50,7 @@ MakeRunner = Callable[[RunContext], Runner]
 
 
 class PythonRunner:
-    """Runs the plan's function as it is printed."""
+    """Runs the plan's Python text."""
 
     def __init__(self, held: list[str], run: Run) -> None:
         self.held = held
@@ -61,12 +61,12 @@ class PythonRunner:
         return held
 
     def locate(self, error: BaseException) -> tuple[int, str] | None:
-        """Nothing that the plan's own lines do not tell."""
+        """None: the lines of the plan's text are enough."""
         return None
 
 
 def located(error: BaseException, lines: Mapping[int, str]) -> tuple[int, str] | None:
-    """The tick and the block of the line of the plan that an exception came through."""
+    """The tick and the block of the line of the plan in an exception's traceback."""
     trace = error.__traceback__
     while trace is not None and trace.tb_frame.f_code.co_filename != FILENAME:
         trace = trace.tb_next

@@ -1,4 +1,4 @@
-"""The plan: a graph's evaluations in one fixed order, printed as one straight-line function."""
+"""The plan: a graph's evaluations in a fixed order, written as one straight-line function."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from runtime.network import Endpoint, Network, Wire, component_type
 
 INDENT = "    "
 GLOBALS = ("isfinite", "isnan", "dot", "array", "full", "checked", "sealed", "not_finite")
-# What the compiled plan and the loop around it call things by.
+# Names used by the compiled plan and the loop around it.
 COMPILED_NAMES = (
     *("njit", "ascontiguousarray", "all_finite", "no_nan", "overlap", "seen", "own"),
     *("low", "high", "dt", "at", "report", "drive", "due"),
@@ -57,10 +57,10 @@ class RecordSlot:
 
 @dataclass
 class Plan:
-    """The order of a graph's evaluations, and the names that they have in the function.
+    """The order of a graph's evaluations, and their names in the function.
 
-    ``names`` are the blocks' names in it, ``variables`` those of their outputs, by (block, port),
-    and of their states, by (block, "").
+    ``names`` maps blocks to their names, ``variables`` (block, port) to the names of outputs and
+    (block, "") to those of states.
     """
 
     network: Network
@@ -80,7 +80,7 @@ def make_plan(network: Network) -> Plan:
 
 
 def _order(network: Network) -> list[Step]:
-    """Producers before consumers; among equals, blocks of one rate together, then by name."""
+    """Producers before consumers; then by rate, then by name."""
     import networkx as nx
 
     wires = drivers(network)
@@ -151,9 +151,9 @@ def _identifiers(network: Network) -> tuple[dict[str, str], dict[tuple[str, str]
 
 
 class Emitter:
-    """Writes the function of a plan, line by line, remembering which block each line calls.
+    """Writes the function of a plan line by line; ``lines`` maps lines to the blocks they call.
 
-    An emitter is for one text and one thread: what runs share is the plan and finished texts.
+    An emitter is for one text and one thread: runs share the plan and finished texts.
     """
 
     def __init__(self, plan: Plan, recordings: list[RecordSlot]) -> None:
@@ -167,14 +167,14 @@ class Emitter:
         self.depth = 2
 
     def emit(self, checked: bool = False, held: Sequence[str] | None = None) -> str:
-        """The source; ``checked`` has every value looked at for its form, as on the first tick.
+        """The source; ``checked`` adds checks of every value's form, as on the first tick.
 
-        ``held`` are the variables that go in and come out; by default :meth:`held`.
+        ``held`` are the variables that are returned; by default :meth:`held`.
         """
         incoming = self.held()
         held = incoming if held is None else held
         self.line(0, "def run(first, last, held):")
-        # The title is the user's text: nothing in it may end the docstring or continue a line.
+        # The title is user text: it must not end the docstring or continue a line.
         title = "".join(c for c in self.network.title if c.isprintable() and c not in '"\\')
         self.line(1, f'"""{title}: base step {self.network.dt!r} s."""')
         if incoming:
@@ -193,12 +193,12 @@ class Emitter:
         return "\n".join(self.text) + "\n"
 
     def held(self) -> list[str]:
-        """Variables that must outlive a call: outputs of slow blocks."""
+        """The variables that outlive a call: outputs of slow blocks."""
         slow = [s for s in self.plan.steps if s.every > 1 and not s.constant]
         return [self.variable(s.block, port) for s in slow for port in s.evaluation.outputs]
 
     def updates(self) -> list[tuple[str, int, Evaluation]]:
-        """Every block with memory, in the order in which they are updated."""
+        """Every block with an update, in the order in which they are updated."""
         entries = sorted(self.network.entries.items(), key=lambda e: (e[1].every, e[0]))
         specs = [(name, entry.every, entry.cls.spec.update) for name, entry in entries]
         return [(name, every, update) for name, every, update in specs if update is not None]
@@ -215,7 +215,7 @@ class Emitter:
             self.lines[len(self.text)] = block
 
     def at(self, every: int) -> None:
-        """Go on at a rate: what follows runs on every ``every``-th tick."""
+        """Set the rate: the code that follows runs on every ``every``-th tick."""
         if every != self.rate and every > 1:
             self.line(self.depth, f"if k % {every} == 0:")
         self.rate = every
@@ -223,7 +223,8 @@ class Emitter:
     def code(self, text: str, block: str = "") -> None:
         self.line(self.depth + (self.rate > 1), text, block)
 
-    def step(self, step: Step, checked: bool) -> None:
+    def step(self, step: Step, checked: bool = False) -> None:
+        """Call an evaluation, and check its outputs."""
         self.at(step.every)
         targets = [self.variable(step.block, port) for port in step.evaluation.outputs]
         self.call(step.block, step.evaluation, ", ".join(targets) + " = ", checked)
@@ -244,7 +245,7 @@ class Emitter:
         self.code(targets + call, block)
 
     def arguments(self, block: str, evaluation: Evaluation) -> list[str]:
-        """The expressions that an evaluation takes: inputs, and outputs of the block itself."""
+        """An evaluation's arguments as expressions: inputs, and outputs of the block itself."""
         inputs = self.network.entries[block].cls.spec.inputs
         return [
             self.argument(block, port, inputs[port])
@@ -263,7 +264,7 @@ class Emitter:
         return values[0] if values else absent_value(target, declared.absent)
 
     def value(self, end: Endpoint, target: SignalType | None = None) -> str:
-        """A signal, or a component of it, in the form that the target takes."""
+        """A signal, or a component of it, in the form of the target."""
         kind = self.network.types[end.block, end.port]
         text = self.variable(end.block, end.port)
         if end.component:
@@ -296,9 +297,9 @@ class Emitter:
 
 
 def absent_value(kind: SignalType, number: float | None) -> str:
-    """The expression of an open input's value; an array is made anew on each tick.
+    """The expression of an open input's value; an array is created anew on each tick.
 
-    A block that writes into an input would otherwise change what it reads on the next tick.
+    Otherwise a block that writes into an input would change what it reads on the next tick.
     """
     text = repr(float(number or 0.0))
     text = text if math.isfinite(float(text)) else f"float({text!r})"
@@ -308,7 +309,7 @@ def absent_value(kind: SignalType, number: float | None) -> str:
 
 
 def finite_test(signals: dict[str, SignalType]) -> str:
-    """An expression that is true while signals hold only numbers that they may hold."""
+    """An expression that is true while signals hold only valid numbers."""
     finite: list[str] = []
     others: list[str] = []
     for variable, kind in signals.items():

@@ -1,35 +1,30 @@
-"""Values of signals held against what was declared, for messages and for the first tick."""
+"""Checks of the values that blocks return, and their error messages."""
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, NoReturn
 
 import numpy as np
 
 from blocks.core import SignalType
+from runtime.errors import SimulationError
+from runtime.network import Network
 
 
-def has_form(kind: SignalType, value: Any) -> bool:
-    if kind.form == "scalar":
-        return isinstance(value, (int, float)) and not isinstance(value, bool)
-    if kind.form == "record":
-        return (
-            isinstance(value, tuple)
-            and len(value) == len(kind.components)
-            and all(isinstance(part, (int, float)) for part in value)
-        )
-    return isinstance(value, np.ndarray) and value.shape == kind.shape and value.dtype == np.float64
+class NotFiniteError(ArithmeticError):
+    """A block produced NaN or infinity."""
 
 
 def sealed(value: Any) -> Any:
-    """An array that a block put out as others may have it: memory of its own, and read-only.
+    """An array that a block returned, as other blocks may have it: not shared and read-only.
 
     What a :class:`blocks.core.block.BlockState` keeps are views, so an array without a base is
     not one of them.
 
     Raises
     ------
-    TypeError : it is no array.
+    TypeError : the value is not an array.
     """
     try:
         if value.base is not None:
@@ -40,23 +35,49 @@ def sealed(value: Any) -> Any:
     return value
 
 
-def is_bad(kind: SignalType, value: Any) -> bool:
+@dataclass(frozen=True)
+class OutputChecks:
+    """Checks what the blocks of a network return against the types of their outputs."""
+
+    network: Network
+
+    def form(self, block: str, port: str, value: Any) -> None:
+        """Check one output's form.
+
+        Raises
+        ------
+        SimulationError : the value is not held as the output's type says.
+        """
+        kind = self.network.types[block, port]
+        if not kind.holds(value, exact=False):
+            text = f"output '{port}' must be {kind.held_as}, got {brief(value)}"
+            raise SimulationError(block, 0, 0.0, text)
+
+    def forms(self, block: str, ports: tuple[str, ...], value: Any) -> Any:
+        """Check what a block returned on its first tick; returns the value."""
+        if len(ports) > 1 and (not isinstance(value, tuple) or len(value) != len(ports)):
+            raise TypeError(f"expected a tuple of its outputs ({', '.join(ports)}), got {value!r}")
+        for port, item in zip(ports, (value,) if len(ports) == 1 else value, strict=True):
+            self.form(block, port, item)
+        return value
+
+    def not_finite(self, block: str, method: str, *values: Any) -> NoReturn:
+        """Raise the error of a method whose outputs are not finite; called by the plan."""
+        evaluations = self.network.entries[block].cls.spec.evaluations
+        (outputs,) = (each.outputs for each in evaluations if each.method == method)
+        for port, value in zip(outputs, values, strict=True):
+            if _is_bad(self.network.types[block, port], value):
+                raise NotFiniteError(f"output '{port}' is not finite: {brief(value)}")
+        raise NotFiniteError(f"an output is not finite: {brief(values)}")
+
+
+def _is_bad(kind: SignalType, value: Any) -> bool:
     numbers = np.asarray(value)
     return bool(np.isnan(numbers).any() or (kind.finite and np.isinf(numbers).any()))
 
 
-def form(kind: SignalType) -> str:
-    if kind.form == "scalar":
-        return "a float"
-    if kind.form == "record":
-        return f"a tuple of {len(kind.components)} floats ({', '.join(kind.components)})"
-    return f"a float64 array of shape {kind.shape}"
-
-
 def brief(value: Any) -> str:
-    text = (
-        f"an array of shape {value.shape}, {value.dtype}"
-        if isinstance(value, np.ndarray)
-        else repr(value)
-    )
+    """A value in at most 80 characters, for messages."""
+    is_array = isinstance(value, np.ndarray)
+    text = f"an array of shape {value.shape}, {value.dtype}" if is_array else repr(value)
     return text if len(text) < 80 else text[:77] + "..."

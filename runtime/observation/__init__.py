@@ -1,9 +1,12 @@
-"""runtime.observation."""
+"""Observation: what a run records, draws and measures.
 
-from runtime.observation.metric_kinds import Common, Kind
+``reader`` reads the sections probes, plots and metrics; ``metrics`` (with ``wall_metrics``) and
+``plots`` hold the registries of kinds; ``run_data`` is the data of a finished run.
+"""
+
+from runtime.observation.metric_kinds import MetricKind, MetricOptions
 from runtime.observation.metrics import METRIC_KINDS, Metric, Series
 from runtime.observation.plots import PLOT_KINDS, PlotKind, offered
-from runtime.observation.probes import readable_bytes
 from runtime.observation.reader import Observation, PlotSpec, Probe, observe
 from runtime.observation.run_data import Recording, RunData
 from runtime.observation.wall_metrics import since_reached
@@ -11,9 +14,9 @@ from runtime.observation.wall_metrics import since_reached
 __all__ = [
     "METRIC_KINDS",
     "PLOT_KINDS",
-    "Common",
-    "Kind",
     "Metric",
+    "MetricKind",
+    "MetricOptions",
     "Observation",
     "PlotKind",
     "PlotSpec",
@@ -23,6 +26,5 @@ __all__ = [
     "Series",
     "observe",
     "offered",
-    "readable_bytes",
     "since_reached",
 ]

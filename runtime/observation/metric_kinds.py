@@ -1,4 +1,4 @@
-"""What a kind of metric declares: its formula, its options, and the signals that it takes."""
+"""What a kind of metric declares: its formula, its options and its signals."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from blocks.core import FloatArray, Options, param
 from blocks.world import World
 
 Checks = Iterable[tuple[str, str]]
-Form = Literal["number", "place", "columns"]
+Form = Literal["number", "position", "columns"]
 
 
 @dataclass(frozen=True)
 class ProbeInfo:
-    """What is known of a probe before the run.
+    """A probe as it is known before the run.
 
-    shape : of a row. units : of its columns. every : ticks between two rows; 0 if there is one.
+    shape : of a row. units : of its columns. every : ticks between two rows; 0 for a constant.
     """
 
     shape: tuple[int, ...]
@@ -34,19 +34,19 @@ class ProbeInfo:
 
 @dataclass(frozen=True)
 class Series:
-    """What a metric sees of a probe: times (rows,) and values (rows,) or (rows, columns)."""
+    """The rows of a probe for a metric: times (rows,), values (rows,) or (rows, columns)."""
 
     t: FloatArray
     values: FloatArray
 
     def after(self, start: float) -> Series:
-        # Times ascend: a slice, which copies nothing.
+        # Times ascend, so a slice is enough; it copies nothing.
         first = int(np.searchsorted(self.t, start - 1e-9))
         return Series(self.t[first:], self.values[first:])
 
 
-class Common(Options):
-    """What every metric takes."""
+class MetricOptions(Options):
+    """The options of every metric."""
 
     after: float = param(0.0, unit="s", at_least=0.0, doc="rows before this time do not count")
     below: float | None = param(None, doc="expectation: the value is smaller than this")
@@ -54,20 +54,19 @@ class Common(Options):
 
 
 @dataclass(frozen=True)
-class Kind:
-    """A kind of metric: its formula, the probes and the options that it takes.
+class MetricKind:
+    """A kind of metric: its formula, its signals and its options.
 
     ``options`` declares the options; shapes in it may name the roles in ``inputs``, which stand
     for the number of columns of that signal, or ``columns`` for those of ``of``. ``optional`` are
-    probes that it does without. ``forms`` is
-    what it measures: one number, a place (x and y first), or any columns. ``in_world`` is a
-    formula that needs the walls as well, in place of ``function``. ``agrees`` checks what no
-    declaration can say.
+    roles that may be missing. ``forms`` are the signals it accepts: one number, a position (x and
+    y first), or any columns. ``in_world`` is a formula that also needs the walls, instead of
+    ``function``. ``agrees`` checks conditions across options and signals.
     """
 
     function: Callable[[Mapping[str, Series], Mapping[str, Any]], float | None]
     doc: str
-    options: type[Options] = Common
+    options: type[Options] = MetricOptions
     inputs: tuple[str, ...] = ("of",)
     optional: tuple[str, ...] = ()
     forms: tuple[Form, ...] = ("number",)
@@ -84,38 +83,38 @@ class Kind:
         written: Mapping[str, Any],
         world: World | None = None,
     ) -> float | None:
-        """The metric of some series, by the options as they were written."""
+        """The metric of some series, with the options as written."""
         options = self.options.read(written)
         if self.in_world is None:
             return self.function(series, options)
-        places = series["of"].values[:, :2]
-        return None if world is None else self.in_world(world, places, options)
+        positions = series["of"].values[:, :2]
+        return None if world is None else self.in_world(world, positions, options)
 
     def check(
-        self, options: Mapping[str, Any], watched: Mapping[str, ProbeInfo], has_world: bool = True
+        self, options: Mapping[str, Any], probes: Mapping[str, ProbeInfo], has_world: bool = True
     ) -> Checks:
-        """Everything wrong with a metric's options and signals, as (key, text)."""
+        """All errors in a metric's options and signals, as (key, text)."""
         if self.in_world is not None and not has_world:
             yield "kind", "needs a world, as in 'world: worlds/paper_room.yaml'"
-        sizes = {role: signal.width for role, signal in watched.items()}
+        sizes = {role: signal.width for role, signal in probes.items()}
         if "of" in sizes:
             sizes["columns"] = sizes["of"]
         faults = dict(self.options.check(options, sizes))
         yield from faults.items()
-        for role, signal in watched.items():
+        for role, signal in probes.items():
             message = self._misfit(role, signal)
             if message:
                 yield role, message
         if self.agrees is not None and not faults:
-            yield from self.agrees(options, watched)
+            yield from self.agrees(options, probes)
 
     def _misfit(self, role: str, signal: ProbeInfo) -> str:
         if len(signal.shape) > 1:
             return "expected a scalar, a record or a vector, got a table"
         if role in self.optional:
             return "" if signal.width == 1 else "expected one column, as in explore.engaged"
-        is_place = signal.width > 1 and signal.units[0] == signal.units[1] == "m"
-        if "columns" in self.forms or ("place" in self.forms and is_place):
+        is_position = signal.width > 1 and signal.units[0] == signal.units[1] == "m"
+        if "columns" in self.forms or ("position" in self.forms and is_position):
             return ""
         if "number" not in self.forms:
             return "expected x and y in m, as in plant.pose"

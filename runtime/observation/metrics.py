@@ -1,4 +1,4 @@
-"""Metrics: one number from a recorded signal, each with its definition."""
+"""Metrics: one number from recorded signals; METRIC_KINDS is the registry of their kinds."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from blocks.core import FloatArray, param, show
 from blocks.world import World
 from runtime.observation import wall_metrics
-from runtime.observation.metric_kinds import Checks, Common, Kind
+from runtime.observation.metric_kinds import Checks, MetricKind, MetricOptions
 from runtime.observation.metric_kinds import ProbeInfo as ProbeInfo
 from runtime.observation.metric_kinds import Series as Series
 
@@ -22,7 +22,7 @@ ENGAGED = 0.5
 
 @dataclass(frozen=True)
 class Metric:
-    """One metric of a graph; ``inputs`` maps its roles to probes (None: gone with its block)."""
+    """One metric of a graph; ``inputs`` maps its roles to probes, None if its block is removed."""
 
     name: str
     kind: str
@@ -30,7 +30,7 @@ class Metric:
     options: Mapping[str, Any] = field(default_factory=dict)
 
     def value(self, probes: Mapping[str, Series], world: World | None = None) -> float | None:
-        """The metric's value; None where it has none (never settled, or not recorded)."""
+        """The metric's value; None if it has none (never settled, or not recorded)."""
         if any(name is None or name not in probes for name in self.inputs.values()):
             return None
         after = float(self.options.get("after", 0.0))
@@ -44,7 +44,7 @@ class Metric:
         return None if number is None or math.isnan(number) else float(number)
 
     def expectation(self, value: float | None) -> str:
-        """What is wrong with a value under ``below`` and ``above``; '' if nothing is."""
+        """How a value violates ``below`` or ``above``; '' if it does not."""
         for key, holds in (("below", float.__lt__), ("above", float.__gt__)):
             bound = self.options.get(key)
             if bound is not None and (value is None or not holds(value, float(bound))):
@@ -58,8 +58,8 @@ def _matrix(weight: Any, n: int) -> FloatArray:
     return np.diag(array.reshape(n)) if array.shape == (n,) or n == array.size == 1 else array
 
 
-class Band(Common):
-    """What a signal settles to."""
+class Band(MetricOptions):
+    """When a signal is settled."""
 
     band: FloatArray = param(
         at_least=0.0,
@@ -71,13 +71,13 @@ class Band(Common):
     )
 
 
-class Level(Common):
-    """What a signal is held against."""
+class Level(MetricOptions):
+    """The level that a signal is compared with."""
 
     level: float = param(0.5, doc="the level")
 
 
-class Weights(Common):
+class Weights(MetricOptions):
     """The weights of the paper's cost: one number per column, or a matrix."""
 
     q: FloatArray = param(shape=[(), ("state",), ("state", "state")], doc="weights Q of the state")
@@ -89,19 +89,19 @@ class Weights(Common):
     )
 
 
-def _same_rows(options: Mapping[str, Any], watched: Mapping[str, ProbeInfo]) -> Checks:
-    """A single number weighs one column alone; state and command are recorded alike."""
+def _same_rows(options: Mapping[str, Any], probes: Mapping[str, ProbeInfo]) -> Checks:
+    """A single number weights only one column; state and command need the same rate."""
     for key, role in (("q", "state"), ("r", "command"), ("q_final", "state")):
-        n = watched[role].width if role in watched else 1
+        n = probes[role].width if role in probes else 1
         if key in options and n != 1 and np.ndim(options[key]) == 0:
             message = f"expected {Weights.declared[key].describe({role: n})}"
             yield key, f"{message.replace('a number or ', '')}, got {show(options[key])}"
-    rates = {role: signal.every for role, signal in watched.items()}
+    rates = {role: signal.every for role, signal in probes.items()}
     if len(set(rates.values())) > 1:
-        told = " and ".join(
+        text = " and ".join(
             f"{role} {f'every {n} ticks' if n else 'once'}" for role, n in rates.items()
         )
-        yield "command", f"the two are recorded at different times, {told}; probe both alike"
+        yield "command", f"the two are recorded at different times, {text}; probe both alike"
 
 
 def _flat(series: Mapping[str, Series]) -> FloatArray:
@@ -122,12 +122,12 @@ def share_above(series: Mapping[str, Series], options: Mapping[str, Any]) -> flo
 def settling_time(series: Mapping[str, Series], options: Mapping[str, Any]) -> float | None:
     """First time (s) from which every column stays within +-band to the end; None if never.
 
-    A band that is reached less than ``hold`` (s) before the last sample may be left after it: that
-    is not settled.
+    A signal that reaches the band less than ``hold`` (s) before the last sample may leave it later:
+    it is not settled.
     """
     s = series["of"]
     band = np.broadcast_to(np.atleast_1d(options["band"]), (1, *s.values.shape[1:]))
-    outside = ~(np.abs(s.values) <= band)  # as is what is not a number
+    outside = ~(np.abs(s.values) <= band)  # NaN is outside, too
     late = np.flatnonzero(outside.reshape(len(s.t), -1).any(axis=1))
     first = int(late[-1]) + 1 if len(late) else 0
     if first == len(s.t) or s.t[-1] - s.t[first] < float(options["hold"]) - 1e-9:
@@ -136,7 +136,7 @@ def settling_time(series: Mapping[str, Series], options: Mapping[str, Any]) -> f
 
 
 def path_length(series: Mapping[str, Series], options: Mapping[str, Any]) -> float:
-    """Length (m) of the way that x and y of a pose have gone."""
+    """Length (m) of the path of a pose's x and y."""
     steps = np.diff(series["of"].values[:, :2], axis=0)
     return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
 
@@ -163,32 +163,36 @@ def lqr_cost(series: Mapping[str, Series], options: Mapping[str, Any]) -> float:
     return float(0.5 * (running + np.einsum("i,ij,j->", x[-1], q_final, x[-1])))
 
 
-METRIC_KINDS: dict[str, Kind] = {
-    "settling_time": Kind(
+METRIC_KINDS: dict[str, MetricKind] = {
+    "settling_time": MetricKind(
         settling_time,
         "first time (s) from which all columns stay within ±`band` to the end, for `hold` at "
         "least; null if never",
         options=Band,
         forms=("columns",),
     ),
-    "mean_abs": Kind(lambda s, o: float(np.abs(_flat(s)).mean()), "mean of the absolute value"),
-    "rms": Kind(lambda s, o: float(np.sqrt(np.mean(_flat(s) ** 2))), "root of the mean square"),
-    "max_abs": Kind(lambda s, o: float(np.abs(_flat(s)).max()), "largest absolute value"),
-    "min": Kind(lambda s, o: float(_flat(s).min()), "smallest value"),
-    "final": Kind(lambda s, o: float(_flat(s)[-1]), "last value"),
-    "first_time": Kind(
+    "mean_abs": MetricKind(
+        lambda s, o: float(np.abs(_flat(s)).mean()), "mean of the absolute value"
+    ),
+    "rms": MetricKind(
+        lambda s, o: float(np.sqrt(np.mean(_flat(s) ** 2))), "root of the mean square"
+    ),
+    "max_abs": MetricKind(lambda s, o: float(np.abs(_flat(s)).max()), "largest absolute value"),
+    "min": MetricKind(lambda s, o: float(_flat(s).min()), "smallest value"),
+    "final": MetricKind(lambda s, o: float(_flat(s)[-1]), "last value"),
+    "first_time": MetricKind(
         first_time,
         "first time (s) above `level`; null if never",
         options=Level,
     ),
-    "share_above": Kind(share_above, "share of the time above `level`", options=Level),
-    "path_length": Kind(path_length, "length of the way gone by a pose (m)", forms=("place",)),
-    "displacement": Kind(
+    "share_above": MetricKind(share_above, "share of the time above `level`", options=Level),
+    "path_length": MetricKind(path_length, "length of the path of a pose (m)", forms=("position",)),
+    "displacement": MetricKind(
         displacement,
         "last value minus first; for a pose the straight distance",
-        forms=("number", "place"),
+        forms=("number", "position"),
     ),
-    "lqr_cost": Kind(
+    "lqr_cost": MetricKind(
         lqr_cost,
         "the paper's J: 1/2 sum (x'Qx + u'Ru) + 1/2 x_N' Q_f x_N",
         inputs=("state", "command"),

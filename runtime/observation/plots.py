@@ -1,4 +1,4 @@
-"""What a graph says of its pictures: their kinds, and which signals each can show."""
+"""Plots: PLOT_KINDS is the registry of their kinds, each with its options and its signals."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ Checks = Iterable[tuple[str, str]]
 
 @dataclass(frozen=True)
 class PlotSpec:
-    """A picture: its kind, the probes it shows, its title, and what else its kind needs.
+    """A plot of a graph: its kind, its probes, its title, and the options of its kind.
 
-    ``options["engaged"]`` is the name of a probe; everything else is a number or some.
+    ``options["engaged"]`` is the name of a probe; all other options are numbers.
     """
 
     name: str
@@ -30,64 +30,53 @@ class PlotSpec:
     options: Mapping[str, Any] = field(default_factory=dict)
 
 
-def _any(probe: Probe) -> str:
-    return ""
-
-
-def _all(probes: Sequence[Probe]) -> str:
-    return ""
-
-
-def _nothing(options: Mapping[str, Any]) -> Checks:
-    return ()
-
-
 @dataclass(frozen=True)
 class PlotKind:
-    """A kind of picture.
+    """A kind of plot.
 
     Parameters
     ----------
     doc : what it shows.
-    painter : ``module:function`` that draws it, imported when the first one is drawn; it takes
-        (figure, recordings, end of the run in s), or (figure, plot, result) of a world's picture.
-    options : its options; ``agrees`` checks what their declaration cannot say.
+    painter : ``module:function`` that draws it, imported when the first one is drawn; its arguments
+        are (figure, recordings, end of the run in s), or (figure, plot, result) for a plot
+        ``in_world``.
+    options : its options; ``agrees`` checks conditions across options.
     signals : options that name one more probe or address.
     in_world : whether it needs the graph's world.
-    each, together : why it cannot show a probe, or probes together; '' where it can.
-    has_lead : whether nothing is left to draw once its first signal is gone.
+    each, together : why it cannot show a probe, or several together; '' if it can.
+    has_lead : whether there is nothing to draw without its first signal.
     """
 
     doc: str
     painter: str
     options: type[Options] = Options
-    agrees: Callable[[Mapping[str, Any]], Checks] = _nothing
+    agrees: Callable[[Mapping[str, Any]], Checks] = lambda options: ()
     signals: tuple[str, ...] = ()
     in_world: bool = False
-    each: Callable[[Probe], str] = _any
-    together: Callable[[Sequence[Probe]], str] = _all
+    each: Callable[[Probe], str] = lambda probe: ""
+    together: Callable[[Sequence[Probe]], str] = lambda probes: ""
     has_lead: bool = False
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """What may stand in such a plot."""
+        """The keys of such a plot."""
         return (*COMMON, *self.options.declared, *self.signals)
 
 
 def plot_keys(kind: str) -> tuple[str, ...]:
-    """What may stand in a plot of a kind; in any plot, where the kind is none that is known."""
+    """The keys of a plot of a kind; those of all kinds if the kind is unknown."""
     kinds = [PLOT_KINDS[kind]] if kind in PLOT_KINDS else PLOT_KINDS.values()
     return tuple(dict.fromkeys(key for entry in kinds for key in entry.keys))
 
 
 def offered(kind: str, has_world: bool) -> tuple[str, ...]:
-    """The kinds that a message should name: those of a world only where there is one."""
+    """The kinds that a message should name: those in a world only if there is one."""
     everywhere = tuple(name for name, entry in PLOT_KINDS.items() if not entry.in_world)
     return tuple(PLOT_KINDS) if has_world or kind in PLOT_KINDS.keys() - everywhere else everywhere
 
 
 def check_options(kind: str, options: Mapping[str, Any], has_world: bool) -> Checks:
-    """Everything wrong with a plot's options, as (key, text)."""
+    """All errors in a plot's options, as (key, text)."""
     if kind not in PLOT_KINDS:
         return
     declared = PLOT_KINDS[kind]
@@ -100,7 +89,7 @@ def check_options(kind: str, options: Mapping[str, Any], has_world: bool) -> Che
 
 
 def used_options(kind: str, options: Mapping[str, Any]) -> dict[str, Any]:
-    """Declared options as numbers, whatever they are written as; none where one is wrong."""
+    """The declared options that are written, as numbers; none if one is wrong."""
     declared = PLOT_KINDS[kind].options
     if dict(declared.check(options)):
         return {}
@@ -109,7 +98,7 @@ def used_options(kind: str, options: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def source_options(kind: str, probes: Sequence[Probe], network: Network) -> dict[str, Any]:
-    """Options that the blocks behind the signals know: bearings of a scan, radius of a robot."""
+    """Options from the blocks of the signals: bearings of a scan, radius of a robot."""
     found: dict[str, Any] = {}
     takes = PLOT_KINDS[kind].options.declared
     for signal in (signal for probe in probes for signal in probe.signals):
@@ -126,9 +115,9 @@ def source_options(kind: str, probes: Sequence[Probe], network: Network) -> dict
 def unfit(
     plot: PlotSpec, known: Mapping[str, Probe], written: str | list[str]
 ) -> list[tuple[str, str]] | None:
-    """Everything wrong with the signals of a plot, as (key, text).
+    """All errors in the signals of a plot, as (key, text).
 
-    None if nothing is but too much of what was ``written`` is gone with its blocks to draw it.
+    None if there are none, but too many of the signals ``written`` belong to removed blocks.
     """
     engaged = known.get(str(plot.options.get("engaged")))
     faults = []
@@ -148,10 +137,9 @@ def unfit(
 
 
 def _misfit(kind: str, probe: Probe) -> str:
-    """Why a picture cannot show a probe; '' if it can."""
+    """Why a plot cannot show a probe; '' if it can."""
     text = PLOT_KINDS[kind].each(probe)
-    kinds = {signal.kind for signal in probe.signals}
-    return f"{text}; '{probe.name}' is a {', '.join(sorted(kinds))}" if text else ""
+    return f"{text}; '{probe.name}' is a {', '.join(sorted(_kinds(probe)))}" if text else ""
 
 
 def _kinds(probe: Probe) -> set[str]:
@@ -202,24 +190,24 @@ def _one_of_each(probes: Sequence[Probe]) -> str:
 
 
 class Distance(Options):
-    """The distance that is followed."""
+    """The distance to follow."""
 
     distance: float = param(unit="m", above=0.0, doc="the distance from the walls to follow")
 
 
 class Map(Options):
-    """What a map shows beside the way."""
+    """What a map shows, apart from the trajectory."""
 
     distance: float | None = param(
         None, unit="m", above=0.0, doc="draw the contour that far from the walls"
     )
     body_radius: float | None = param(
-        None, unit="m", above=0.0, doc="size of the robot; default: what its block says"
+        None, unit="m", above=0.0, doc="size of the robot; default: that of its block"
     )
 
 
 class Scans(Map):
-    """Which moments of a run, and which part of a scan."""
+    """The times of a run, and the bearings of a scan."""
 
     at: FloatArray | None = param(
         None, unit="s", at_least=0.0, shape=[(), (None,)], doc="the times; default: four"
@@ -256,8 +244,8 @@ PLOT_KINDS: Mapping[str, PlotKind] = {
     ),
     "heatmap": PlotKind("any array over time", "runtime.plots.figures:draw_heatmap"),
     "map": PlotKind(
-        "the world, the way of the first pose of `of`, other poses as points; `engaged` (a probe "
-        "or address that rises above 0.5) adds a dot where following begins",
+        "the world, the trajectory of the first pose of `of`, other poses as points; `engaged` (a "
+        "probe or address that rises above 0.5) adds a dot where following begins",
         "runtime.plots.map:draw_map",
         options=Map,
         signals=("engaged",),

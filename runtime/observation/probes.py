@@ -1,4 +1,4 @@
-"""Recording signals: what a probe sees at an address, column by column with names and units."""
+"""Probes: the recorded signals, with the name and unit of each column."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ MAX_RECORDING = 1024**4
 
 @dataclass(frozen=True)
 class Signal:
-    """A recorded output or state: where it comes from, its shape, its columns' names.
+    """A recorded output or state: its source, its shape, the names of its columns.
 
-    ``address`` is what the graph calls it, ``end`` where that leads once blocks are taken out.
+    ``address`` is written in the graph, ``end`` is its source once removed blocks are bypassed.
     """
 
     address: str
@@ -31,13 +31,13 @@ class Signal:
 
     @property
     def width(self) -> int:
-        """Number of columns, beside others."""
+        """Number of columns in a probe of several signals."""
         return self.shape[0] if self.shape else 1
 
 
 @dataclass(frozen=True)
 class Probe:
-    """One recorded array: a signal in its own shape, or several side by side as columns."""
+    """One recorded array: one signal in its own shape, or several signals as columns."""
 
     name: str
     signals: tuple[Signal, ...]
@@ -64,15 +64,15 @@ class Probe:
         return tuple(unit for signal in self.signals for unit in signal.units)
 
     def clash(self) -> str:
-        """Why the signals cannot stand side by side; '' if they can."""
+        """Why the signals cannot share a probe; '' if they can."""
         if len(self.signals) > 1 and any(len(signal.shape) > 1 for signal in self.signals):
-            return "a table cannot stand beside others; probe it alone"
+            return "a table needs a probe of its own"
         if len({signal.constant for signal in self.signals}) > 1:
-            return "constant and moving signals need probes of their own"
+            return "constant and changing signals need separate probes"
         return self.missed()
 
     def missed(self) -> str:
-        """Which event would be missed or repeated; '' if none."""
+        """Which event a probe would miss or repeat; '' if none."""
         for signal in self.signals:
             if signal.is_event and signal.every != self.every:
                 new = "on each tick" if signal.every == 1 else f"every {signal.every} ticks"
@@ -91,28 +91,19 @@ class Probe:
         return 8 * math.prod(self.shape)
 
     def size(self, ticks: int) -> int:
-        """Bytes that its recording takes."""
+        """Bytes of the recording."""
         return self.row_bytes * self.rows(ticks)
 
 
-def readable_bytes(size: float) -> str:
-    """A number of bytes for people: 512 MiB."""
-    for unit in ("B", "KiB", "MiB", "GiB"):
-        if size < 1024:
-            return f"{size:.4g} {unit}"
-        size /= 1024
-    return f"{size:.4g} TiB"
-
-
 def no_component(network: Network, end: Endpoint) -> str:
-    """What is wrong with an address for which :func:`make_signal` finds nothing."""
+    """The error of an address for which :func:`make_signal` returns None."""
     if (end.block, end.port) in network.types:
         return unknown_component(network.types[end.block, end.port], end)
     return f"state '{end.block}.{end.port}' has no component '{end.component}'"
 
 
 def make_signal(network: Network, end: Endpoint, label: str) -> Signal | None:
-    """Describe what a probe at ``end`` sees; None where the component does not exist."""
+    """The signal at ``end``; None if the component does not exist."""
     entry = network.entries[end.block]
     spec = entry.cls.spec
     if end.port in spec.states:

@@ -1,4 +1,4 @@
-"""What a run records: probes, and whatever plots and metrics name, as columns with units."""
+"""Reading the sections probes, plots and metrics into what a run records, draws and measures."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ from runtime.observation.probes import (
     Signal,
     make_signal,
     no_component,
-    readable_bytes,
 )
 from runtime.observation.probes import Probe as Probe
+from runtime.terminal import readable_bytes
 
 MAX_COLUMNS = 1_000_000
 _SOURCE = "a probe's name or an address"
@@ -56,7 +56,7 @@ _SOURCE = "a probe's name or an address"
 
 @dataclass
 class Observation:
-    """Everything that a run records, draws and measures; ``notes`` says what fell away and why."""
+    """What a run records, draws and measures; ``notes`` lists what was left out, and why."""
 
     probes: dict[str, Probe] = field(default_factory=dict)
     plots: list[PlotSpec] = field(default_factory=list)
@@ -64,7 +64,7 @@ class Observation:
     notes: list[str] = field(default_factory=list)
 
     def reduced(self, kinds: Container[str]) -> Observation:
-        """What metrics and plots of these kinds need, and nothing else."""
+        """Only the probes that metrics and plots of these kinds need."""
         plots = [plot for plot in self.plots if plot.kind in kinds]
         used = {name for plot in plots for name in (*plot.of, plot.options.get("engaged"))}
         used |= {name for metric in self.metrics for name in metric.inputs.values()}
@@ -73,7 +73,7 @@ class Observation:
 
 
 def observe(network: Network, problems: Problems) -> Observation:
-    """Read the sections probes, plots and metrics, as far as the blocks they name are sound."""
+    """Read the sections probes, plots and metrics, as far as their blocks have no errors."""
     reader = _Reader(network, problems)
     reader.read(network.document)
     probes = reader.seen.probes.values()
@@ -87,12 +87,12 @@ def observe(network: Network, problems: Problems) -> Observation:
 
 
 class _Reader:
-    """Turns the three sections into an observation; ``places`` says what asked for a probe."""
+    """Turns the three sections into an observation; ``places`` locates the origin of each probe."""
 
     def __init__(self, network: Network, problems: Problems) -> None:
         self.network = network
         self.problems = problems
-        # A world that is there but wrong is reported once, where it stands.
+        # A world with errors is reported once, at its own location.
         self.has_world = (network.document.get("world") or Node(None)).value is not None
         self.seen = Observation(notes=list(network.notes))
         self.declared: set[str] = set()
@@ -143,7 +143,7 @@ class _Reader:
             self.add(probe, of.where, place)
 
     def every(self, node: Node | None, address: str) -> int:
-        """The ticks between two rows as written; 0 where that is left to the signal."""
+        """The ticks between two rows as written; 0 for the signal's own rate."""
         if node is None:
             return 0
         if not isinstance(node.value, int) or isinstance(node.value, bool) or node.value < 1:
@@ -153,7 +153,7 @@ class _Reader:
         return node.value
 
     def add(self, probe: Probe, where: Where, address: str) -> None:
-        """Take a probe in, once its signals are known to go together."""
+        """Add a probe if its signals can be recorded together."""
         if not probe.signals:
             return
         every = probe.every or min(signal.every for signal in probe.signals)
@@ -166,7 +166,7 @@ class _Reader:
             self.places[probe.name] = (where, address)
 
     def signal(self, node: Node, address: str) -> Signal | None:
-        """The signal at an address; None if it is wrong, unknown, or gone with its block."""
+        """The signal at an address; None if it is wrong, unknown, or its block is removed."""
         try:
             found = find(self.network.scope, node.value)
         except ReportedError:
@@ -222,7 +222,7 @@ class _Reader:
         return names
 
     def no_probe(self, name: str) -> str:
-        """Why a text is neither a probe's name nor can be an address; '' if it may be one."""
+        """Why a text can be neither a probe's name nor an address; '' if it may be one."""
         head, dot, rest = name.partition(".")
         scope = self.network.scope
         if not dot and (head in scope.blocks or head in scope.broken):
@@ -266,7 +266,7 @@ class _Reader:
     def report(
         self, node: Node, keys: tuple[str, ...], address: str, checks: Iterable[tuple[str, str]]
     ) -> None:
-        """Add what is wrong with entries, but for missing ones that are there, misspelt."""
+        """Report the errors of entries, except missing ones whose key is misspelt."""
         for key, text in checks:
             item = node.get(key)
             if item is not None or key not in misspelt(node, keys):
@@ -308,11 +308,11 @@ class _Reader:
             if key not in ("kind", *declared.inputs, *declared.optional)
         }
         probes = {key: self.seen.probes[p] for key, p in inputs.items() if p is not None}
-        watched = {
+        infos = {
             key: ProbeInfo(p.shape, p.units, 0 if p.constant else p.every)
             for key, p in probes.items()
         }
-        self.report(node, keys, address, declared.check(options, watched, self.has_world))
+        self.report(node, keys, address, declared.check(options, infos, self.has_world))
         after = options.get("after")
         if isinstance(after, (int, float)) and after > self.network.until:
             message = f"metric '{name}' has no value: it looks at times after {after:g} s"
@@ -320,7 +320,7 @@ class _Reader:
         self.seen.metrics.append(Metric(name, kind, inputs, options))
 
     def measured(self, node: Node, key: str, keys: tuple[str, ...], address: str) -> str | None:
-        """The one probe that a metric looks at."""
+        """The probe of one role of a metric."""
         address, item = f"{address}.{key}", node.get(key)
         if item is not None and item.is_list and len(item.value) > 1:
             message = f"expected one signal, got {item.describe()}; a probe may hold several"

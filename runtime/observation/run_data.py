@@ -1,4 +1,4 @@
-"""What a run leaves: recorded signals with times and units, metrics, and where they come from."""
+"""The data of a run: recorded signals with times and units, metrics, and their origin."""
 
 from __future__ import annotations
 
@@ -48,9 +48,9 @@ def _made(texts: dict[str, str], files: dict[str, bytes]) -> Texts:
 class RunData:
     """A run: ``result["plant.pose"]`` is an array, ``result.metrics`` a dict.
 
-    Names are those of probes, or the addresses that they record. ``world`` holds the walls that
-    the graph had, if any. ``origin`` makes the graph's texts, and those of its own blocks' files,
-    by name, from what was read before the run: a sweep's runs are hardly ever asked for them.
+    Names are those of probes, or the addresses that they record. ``world`` holds the graph's
+    walls, if any. ``origin`` returns the graph's texts and the files of its own blocks, by name;
+    it is called only when they are needed, which is rare in a sweep.
     """
 
     title: str
@@ -65,12 +65,12 @@ class RunData:
 
     @cached_property
     def texts(self) -> dict[str, str]:
-        """The graph as it was written and as it was run, by file name."""
+        """The graph as written and as run, by file name."""
         return self.origin()[0]
 
     @cached_property
     def files(self) -> dict[str, bytes]:
-        """What the files of the graph's own blocks hold, by the names that its text gives them."""
+        """The files of the graph's own blocks, by their names in the graph's text."""
         return self.origin()[1]
 
     def __getstate__(self) -> dict[str, Any]:

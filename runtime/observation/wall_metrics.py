@@ -1,4 +1,4 @@
-"""Metrics of wall following: how far a pose is from where it should be, in the graph's world."""
+"""Metrics of wall following: the distance error of a pose in the graph's world."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from blocks.core import FloatArray, Options, param
 from blocks.wall_fitting import IntArray
 from blocks.world import World
-from runtime.observation.metric_kinds import Common, Kind
+from runtime.observation.metric_kinds import MetricKind, MetricOptions
 
 REACHED = 0.02
 CLEAR = 0.1
@@ -19,10 +19,10 @@ NEAR = 0.4
 
 
 def since_reached(world: World, xy: FloatArray, d: float) -> FloatArray:
-    """The places from the first one on that is on the contour at ``d``, (k, 2).
+    """The positions (k, 2) from the first one that is on the contour at distance ``d``.
 
-    On it is within 2 cm, or within twice the smallest error of a robot that keeps further off: its
-    error must not drop out of the figures. What never comes within ``d`` has no such place.
+    On it means within 2 cm, or within twice the smallest error of a robot that stays farther away,
+    so that its error counts. A robot that never comes within ``d`` has no such position.
     """
     error = np.abs(world.distance(xy) - d)
     best = float(error.min(initial=math.inf))
@@ -36,10 +36,10 @@ def distance_mae(world: World, xy: FloatArray, options: Mapping[str, Any]) -> fl
 
 
 def distance_mae_reachable(world: World, xy: FloatArray, options: Mapping[str, Any]) -> float:
-    """The same, without the places within a turning radius of a kink of the contour."""
+    """The same, without the positions within a turning radius of a kink of the contour."""
     d = float(options["distance"])
-    places = since_reached(world, xy, d)
-    fair = places[world.reachable(places, d, float(options["turning_radius"]))]
+    positions = since_reached(world, xy, d)
+    fair = positions[world.reachable(positions, d, float(options["turning_radius"]))]
     return _mean(np.abs(world.distance(fair) - d))
 
 
@@ -47,14 +47,14 @@ def distance_mae_cylinders(world: World, xy: FloatArray, options: Mapping[str, A
     """Mean of |distance to a cylinder - d| (m), where the robot's projection onto the cylinder's
     offset circle is clear of everything else's offset by 10 cm.
 
-    Which surface counts is decided by the projection, not by which one is nearest: a robot that
-    has strayed to another surface would otherwise drop out of the figure.
+    The projection decides which surface counts, not the nearest one: otherwise a robot that has
+    strayed to another surface would not count.
     """
     d = float(options["distance"])
-    places = since_reached(world, xy, d)
+    positions = since_reached(world, xy, d)
     errors = [np.zeros(0)]
     for i, (x, y, r) in enumerate(world.circles.tolist()):
-        offset = places - (x, y)
+        offset = positions - (x, y)
         away = np.hypot(offset[:, 0], offset[:, 1])
         projected = (x, y) + offset * ((r + d) / np.maximum(away, 1e-12))[:, None]
         others = _others(world, i)
@@ -67,47 +67,47 @@ def distance_mae_cylinders(world: World, xy: FloatArray, options: Mapping[str, A
 
 
 def loops(world: World, xy: FloatArray, options: Mapping[str, Any]) -> float:
-    """Turns around the loop of the contour that was reached first."""
-    places, contour = first_loop(world, xy, float(options["distance"]))
-    if len(places) < 2:
+    """Turns around the closed contour that was reached first."""
+    positions, contour = first_loop(world, xy, float(options["distance"]))
+    if len(positions) < 2:
         return 0.0
-    nearest, _ = _on_loop(contour, places)
+    nearest, _ = _on_loop(contour, positions)
     n = len(contour)
     steps = (np.diff(nearest) + n // 2) % n - n // 2
     return float(steps.sum() / n)
 
 
 def strayed(world: World, xy: FloatArray, options: Mapping[str, Any]) -> float:
-    """Largest distance (m) from the loop of the contour that was reached first, from then on."""
-    places, contour = first_loop(world, xy, float(options["distance"]))
-    return float(_on_loop(contour, places)[1].max()) if len(places) else math.nan
+    """Largest distance (m) from the closed contour that was reached first, from then on."""
+    positions, contour = first_loop(world, xy, float(options["distance"]))
+    return float(_on_loop(contour, positions)[1].max()) if len(positions) else math.nan
 
 
 def distance_floor(world: World, xy: FloatArray, options: Mapping[str, Any]) -> float:
-    """What the mean error cannot fall below for a robot of that turning radius (m)."""
+    """The smallest possible mean error (m) of a robot with that turning radius."""
     start = (float(xy[-1, 0]), float(xy[-1, 1])) if len(xy) else None
     return world.kink_floor(float(options["distance"]), float(options["turning_radius"]), start)
 
 
 def first_loop(world: World, xy: FloatArray, d: float) -> tuple[FloatArray, FloatArray]:
-    """The places from when the contour is reached, and the loop (k, 2) of it that they are on."""
-    places = since_reached(world, xy, d)
+    """The positions since the contour was reached, and the closed contour (k, 2) they are on."""
+    positions = since_reached(world, xy, d)
     contours = world.offset_contour(d)
-    if not len(places) or not contours:
+    if not len(positions) or not contours:
         return xy[:0], xy[:0]
-    return places, min(contours, key=lambda c: np.hypot(*(c - places[0]).T).min())[:-1]
+    return positions, min(contours, key=lambda c: np.hypot(*(c - positions[0]).T).min())[:-1]
 
 
-def _on_loop(contour: FloatArray, places: FloatArray) -> tuple[IntArray, FloatArray]:
-    """The sample of a loop that is nearest to each place, and how far (m) it is: (m,) both."""
-    from scipy.spatial import cKDTree  # scipy stays off the start-up path
+def _on_loop(contour: FloatArray, positions: FloatArray) -> tuple[IntArray, FloatArray]:
+    """The nearest point of a closed contour to each position, and its distance (m): (m,) both."""
+    from scipy.spatial import cKDTree  # scipy would slow the start-up
 
-    away, nearest = cKDTree(contour).query(places)
+    away, nearest = cKDTree(contour).query(positions)
     return np.asarray(nearest, dtype=np.intp), np.asarray(away)
 
 
 def _others(world: World, i: int) -> World | None:
-    """The world without one of its circles; None if nothing is left."""
+    """The world without one of its circles; None if it is then empty."""
     rest = dict(world.description)
     rest["circles"] = [circle for k, circle in enumerate(rest.get("circles", [])) if k != i]
     left = {key: value for key, value in rest.items() if value}
@@ -118,14 +118,14 @@ def _mean(values: FloatArray) -> float:
     return float(values.mean()) if len(values) else math.nan
 
 
-class StandOff(Common):
+class StandOff(MetricOptions):
     """The distance to keep."""
 
     distance: float = param(unit="m", above=0.0, doc="the distance from the walls to keep")
 
 
 class Turning(StandOff):
-    """The distance to keep, and what the robot can do about it."""
+    """The distance to keep, and the robot's smallest turning radius."""
 
     turning_radius: float = param(unit="m", above=0.0, doc="the robot's smallest turning radius")
 
@@ -135,23 +135,23 @@ def _kind(
     doc: str,
     options: type[Options] = StandOff,
     optional: tuple[str, ...] = ("engaged",),
-) -> Kind:
-    return Kind(
+) -> MetricKind:
+    return MetricKind(
         lambda series, options: None,
         doc,
         options,
         optional=optional,
-        forms=("place",),
+        forms=("position",),
         in_world=formula,
     )
 
 
-WALL_KINDS: Mapping[str, Kind] = {
+WALL_KINDS: Mapping[str, MetricKind] = {
     "distance_mae": _kind(
         distance_mae,
         "mean of abs(distance to the nearest surface - `distance`) (m), from when the contour is "
-        "first reached (within 2 cm, or twice the smallest error of a robot that keeps further "
-        "off)",
+        "first reached (within 2 cm, or twice the smallest error of a robot that stays farther "
+        "away)",
     ),
     "distance_mae_cylinders": _kind(
         distance_mae_cylinders,
@@ -159,12 +159,12 @@ WALL_KINDS: Mapping[str, Kind] = {
     ),
     "distance_mae_reachable": _kind(
         distance_mae_reachable,
-        "the same without the places within `turning_radius` of a kink of the contour",
+        "the same without the positions within `turning_radius` of a kink of the contour",
         Turning,
     ),
     "distance_floor": _kind(
         distance_floor,
-        "what a robot of that `turning_radius` that makes no other error gets (m)",
+        "the smallest possible mean error of a robot with that `turning_radius` (m)",
         Turning,
         optional=(),
     ),

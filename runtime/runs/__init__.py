@@ -1,5 +1,20 @@
-"""runtime.runs."""
+"""Runs: simulating a prepared graph once, its result, and the run folder on disk.
 
+``simulate`` runs a graph, ``result`` is the run in Python, ``folder`` writes and reads the format
+of a run folder, ``draft`` creates run folders in one step and recovers those of killed runs.
+"""
+
+from runtime.runs.commit import git_commit
+from runtime.runs.draft import (
+    Draft,
+    leftovers,
+    link_latest,
+    new_folder,
+    recover,
+    remove,
+    save,
+    save_elsewhere,
+)
 from runtime.runs.folder import (
     DIAGRAM,
     MANIFEST,
@@ -7,17 +22,11 @@ from runtime.runs.folder import (
     PROBES,
     RESOLVED,
     WRITTEN,
-    Draft,
     contents,
-    git_commit,
-    link_latest,
-    new_folder,
     portable_modules,
-    save,
-    save_elsewhere,
+    read_run,
+    run_folder,
 )
-from runtime.runs.leftovers import leftovers, recover, remove
-from runtime.runs.reading import read_run, run_folder
 from runtime.runs.result import Result, open_run
 from runtime.runs.simulate import PreparedRun, chosen_runner, simulate, versions
 

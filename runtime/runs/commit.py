@@ -1,8 +1,8 @@
-"""The commit of the project in the current folder, found without running anything of its.
+"""The git commit of the current folder, found without executing the repository's own programs.
 
-Git runs what a repository's own configuration names (``core.fsmonitor``, filters, hooks), and a
-repository may be somebody else's. So the commit is read from its files, and git is asked only
-whether files differ from it, with an empty configuration in place of the repository's.
+Git executes what a repository's configuration names (``core.fsmonitor``, filters, hooks), and a
+repository may not be trusted. So the commit is read from the repository's files, and git is used
+only to find out whether files differ from it, with an empty configuration.
 """
 
 from __future__ import annotations
@@ -15,13 +15,16 @@ from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory, TemporaryFile
 
-PATIENCE = 5.0  # s
+TIMEOUT = 5.0  # s
 _HASH = re.compile(r"[0-9a-f]{40}([0-9a-f]{24})?")
-LARGEST = 1 << 24  # bytes of a file that is read
+MAX_BYTES = 1 << 24  # that are read of a file
 
 
 def git_commit(folder: Path | None = None) -> str | None:
-    """The commit of the project that a folder is in, marked if files differ; None outside one."""
+    """The commit of the repository that a folder is in, with ``+changes`` if files differ.
+
+    None outside a repository.
+    """
     try:
         found = _repository(folder or Path.cwd())
         if found is None:
@@ -36,7 +39,7 @@ def git_commit(folder: Path | None = None) -> str | None:
 
 
 def _repository(folder: Path) -> tuple[Path, Path, Path] | None:
-    """The working folder, its own git folder, and that which all its working folders share."""
+    """The working tree, its own git folder, and the git folder that all working trees share."""
     for work in (folder, *folder.parents):
         private = work / ".git"
         if private.is_file():
@@ -51,11 +54,11 @@ def _repository(folder: Path) -> tuple[Path, Path, Path] | None:
 
 def _read(path: Path) -> str:
     with path.open("rb") as file:
-        return file.read(LARGEST).decode("utf-8")
+        return file.read(MAX_BYTES).decode("utf-8")
 
 
 def _head(private: Path, common: Path) -> str | None:
-    """The hash that HEAD leads to; None before the first commit."""
+    """The hash that HEAD refers to; None before the first commit."""
     text = _read(private / "HEAD").strip()
     for _ in range(5):
         if not text.startswith("ref:"):
@@ -79,7 +82,7 @@ def _reference(name: str, private: Path, common: Path) -> str:
 
 
 def _is_changed(commit: str, work: Path, private: Path, common: Path) -> bool:
-    """Whether files that git knows differ from the commit; False where git cannot tell."""
+    """Whether tracked files differ from the commit; False if git fails."""
     try:
         with TemporaryDirectory(prefix="spikeblocks-git-") as empty:
             form = "\n[extensions]\n\tobjectFormat = sha256\n" if len(commit) == 64 else ""
@@ -105,8 +108,8 @@ def _is_changed(commit: str, work: Path, private: Path, common: Path) -> bool:
 
 
 def _git(environment: dict[str, str], work: Path) -> bytes:
-    """The lines of ``git status``; git and whatever it started are ended after some seconds."""
-    # No submodule is looked into: each is a repository with a configuration of its own.
+    """The output of ``git status``; git and its children are killed after a timeout."""
+    # Submodules are ignored: each is a repository with its own configuration.
     asked = ("status", "--porcelain", "--untracked-files=no", "--ignore-submodules=all")
     with TemporaryFile() as answer:
         process = subprocess.Popen(
@@ -119,11 +122,11 @@ def _git(environment: dict[str, str], work: Path) -> bytes:
             start_new_session=True,
         )
         try:
-            code = process.wait(PATIENCE)
+            code = process.wait(TIMEOUT)
         finally:
             if process.poll() is None:
                 with suppress(OSError):
                     os.killpg(process.pid, signal.SIGKILL)
-                process.wait(PATIENCE)
+                process.wait(TIMEOUT)
         answer.seek(0)
         return answer.read() if code == 0 else b""

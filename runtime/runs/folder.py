@@ -1,48 +1,45 @@
-"""A run on disk: a folder that is made before the first tick and complete in one step.
+"""The format of a run folder: how a run is written to its files and read back from them.
 
-Until then all lies in a hidden folder beside it, ``.<name>-<id>.partial``, which is locked while
-its process lives: ``recording/`` takes what does not fit into memory, ``run/`` what is to be the
-run.
-What is killed leaves it behind, see :mod:`runtime.runs.leftovers`.
+Whatever can be wrong with the files is reported in one line.
 """
 
 from __future__ import annotations
 
-import os
-import secrets
+import json
+import math
+import struct
+import warnings
+import zipfile
+import zlib
 from collections.abc import Mapping
-from datetime import datetime
 from pathlib import Path
-from tempfile import mkdtemp
 from typing import Any
 
-from runtime.errors import UsageError
-from runtime.files import json_text, point_link, remove_tree, sha256, slug, write_json, write_whole
-from runtime.observation import Probe, Recording, RunData
-from runtime.runs.commit import git_commit as git_commit
-from runtime.streaming import save_arrays
+import numpy as np
 
-try:
-    import fcntl
-except ImportError:  # a system without locks of this kind
-    fcntl = None  # type: ignore[assignment]
+from blocks.core import FloatArray, show
+from blocks.world import World
+from runtime.errors import UsageError
+from runtime.files import json_text, read_text, sha256, write_json, write_whole
+from runtime.observation import PlotSpec, Probe, Recording, RunData
+from runtime.runs.commit import git_commit
+from runtime.streaming import open_arrays, save_arrays
 
 SCHEMA_VERSION = 1
 TIME = "time"
 MANIFEST, METRICS, PROBES = "manifest.json", "metrics.json", "probes.npz"
 WRITTEN, RESOLVED = "graph.yaml", "graph.resolved.yaml"
 DIAGRAM = "diagram.json"
-PARTIAL, RECORDING, RUN, LOCK = ".partial", "recording", "run", "lock"
-
-
-def new_folder(root: Path, title: str) -> Path:
-    """A fresh folder name for a run: root/<graph>/<date>-<time>-<id>."""
-    stamp = datetime.now().strftime("%Y%m%d-%H%M%S")
-    return root / slug(title) / f"{stamp}-{secrets.token_hex(3)}"
+LARGEST = 1e308
+# What numpy and zipfile raise over a file that is cut off or overwritten.
+_BROKEN_ARRAYS = (
+    *(OSError, ValueError, TypeError, EOFError, KeyError, RuntimeError, MemoryError, OverflowError),
+    *(zipfile.BadZipFile, zlib.error, struct.error, Warning),
+)
 
 
 def portable_modules(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Path]]:
-    """A document whose ``module`` files are named as they will lie beside it, and those files."""
+    """A document whose ``module`` entries name files beside it, and where those files are now."""
     files: dict[str, Path] = {}
 
     def rename(entries: dict[str, Any]) -> dict[str, Any]:
@@ -65,13 +62,13 @@ def portable_modules(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, P
 
 
 def contents(files: Mapping[str, Path], texts: Mapping[str, bytes]) -> dict[str, bytes]:
-    """What modules hold: as they were read where they were, else as they are now.
+    """The content of module files: as it was read for the run, or else as it is now.
 
-    A module that never ran, as with a block given as a class, is read here, once.
+    A file that was not read for the run, as that of a block given as a class, is read here.
 
     Raises
     ------
-    UsageError : one cannot be read.
+    UsageError : a file cannot be read.
     """
     found = {}
     for name, path in files.items():
@@ -83,127 +80,8 @@ def contents(files: Mapping[str, Path], texts: Mapping[str, bytes]) -> dict[str,
     return found
 
 
-class Draft:
-    """A run folder in the making.
-
-    Parameters
-    ----------
-    folder : where it is to be; it must not exist yet.
-
-    Raises
-    ------
-    UsageError : there is something of that name, or nothing can be written there.
-    """
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-        self.partial = folder.with_name(f".{slug(folder.name)}-{secrets.token_hex(3)}{PARTIAL}")
-        self._lock: int | None = None
-        try:
-            folder.parent.mkdir(parents=True, exist_ok=True)
-            if _is_there(folder):
-                text = f"'{folder}' exists already; a run is never written over another"
-                raise UsageError(text)
-            self.partial.mkdir()
-            self._lock = os.open(self.partial / LOCK, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC)
-        except (OSError, ValueError) as error:
-            remove_tree(self.partial)
-            raise UsageError(f"cannot write '{folder}': {_reason(error)}") from None
-        lock(self._lock)
-        # The commit that runs, whatever is checked out meanwhile.
-        self.commit = git_commit()
-
-    @property
-    def recordings(self) -> Path:
-        """Where recordings go that are larger than memory."""
-        return self.partial / RECORDING
-
-    def save(self, result: RunData) -> Path:
-        """Write the run; its folder appears only when it is complete.
-
-        Raises
-        ------
-        UsageError : it cannot be written. The recordings are still there.
-        """
-        complete = self.partial / RUN
-        try:
-            remove_tree(complete)
-            complete.mkdir(parents=True)
-            _write(result, complete, self.commit)
-            complete.rename(self.folder)
-        except OSError as error:
-            remove_tree(complete)
-            raise UsageError(f"cannot write '{self.folder}': {_reason(error)}") from None
-        return self.folder
-
-    def close(self) -> None:
-        """Remove what is left beside the folder."""
-        remove_tree(self.partial)
-        if self._lock is not None:
-            os.close(self._lock)
-            self._lock = None
-
-
-def save(result: RunData, folder: Path) -> Path:
-    """Write a result; the folder appears only when it is complete.
-
-    Raises
-    ------
-    UsageError : the folder exists, or cannot be written.
-    """
-    draft = Draft(folder)
-    try:
-        return draft.save(result)
-    finally:
-        draft.close()
-
-
-def save_elsewhere(result: RunData, name: str) -> Path:
-    """Write a result into a fresh temporary folder, where its own place cannot take it.
-
-    Raises
-    ------
-    UsageError : there is no room there either.
-    """
-    try:
-        root = Path(mkdtemp(prefix="spikeblocks-"))
-    except OSError as error:
-        raise UsageError(f"cannot write a temporary folder: {_reason(error)}") from None
-    try:
-        return save(result, root / name)
-    except UsageError:
-        remove_tree(root)
-        raise
-
-
-def lock(file: int) -> bool:
-    """Lock an open file for as long as it is open; False if another process holds it."""
-    if fcntl is None:
-        return True
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    except OSError:  # a file system without locks
-        return True
-    return True
-
-
-def _is_there(folder: Path) -> bool:
-    """Whether there is anything of that name; an error if there never can be."""
-    try:
-        folder.lstat()
-    except FileNotFoundError:
-        return False
-    return True
-
-
-def _reason(error: Exception) -> str:
-    return getattr(error, "strerror", None) or str(error)
-
-
 def begin(result: RunData, probes: Mapping[str, Probe], folder: Path) -> None:
-    """Write what a recording needs to be read without its process: texts and a manifest.
+    """Write the texts and the manifest that a recording needs to be recovered.
 
     Raises
     ------
@@ -212,7 +90,7 @@ def begin(result: RunData, probes: Mapping[str, Probe], folder: Path) -> None:
     try:
         _write_texts(result, folder)
     except OSError as error:
-        raise UsageError(f"cannot record to '{folder}': {_reason(error)}") from None
+        raise UsageError(f"cannot record to '{folder}': {error.strerror or error}") from None
     every = {name: probe.every for name, probe in probes.items()}
     details = {**manifest(result, {}, git_commit()), "every": every}
     write_json(folder / MANIFEST, {**details, "metrics": list(result.metrics)})
@@ -225,7 +103,13 @@ def _write_texts(result: RunData, folder: Path) -> None:
         write_whole(folder / name, text)
 
 
-def _write(result: RunData, folder: Path, commit: str | None) -> None:
+def write(result: RunData, folder: Path, commit: str | None) -> None:
+    """Write all files of a run; the manifest, with the hashes of the others, last.
+
+    Raises
+    ------
+    OSError : a file cannot be written.
+    """
     arrays = {}
     for name, recorded in result.probes.items():
         arrays[name] = recorded.values
@@ -239,7 +123,7 @@ def _write(result: RunData, folder: Path, commit: str | None) -> None:
 
 
 def manifest(result: RunData, hashes: Mapping[str, str], commit: str | None) -> dict[str, Any]:
-    """What manifest.json holds; ``hashes`` are those of the folder's other files."""
+    """The content of manifest.json; ``hashes`` are those of the folder's other files."""
     plots = [
         {"name": p.name, "kind": p.kind, "of": list(p.of), "title": p.title}
         | {"options": dict(p.options)}
@@ -266,6 +150,223 @@ def _described(recorded: Recording) -> dict[str, Any]:
     }
 
 
-def link_latest(folder: Path) -> None:
-    """Point ``latest`` beside a run's folder to it; left out where links are not to be had."""
-    point_link(folder.parent / "latest", folder.name)
+def run_folder(path: str | Path) -> Path:
+    """The folder of a run.
+
+    Parameters
+    ----------
+    path : the folder, a link to it, or its manifest.json.
+
+    Raises
+    ------
+    UsageError : there is no run.
+    """
+    path = Path(path)
+    folder = path.parent if path.name == MANIFEST else path
+    try:
+        if (folder / MANIFEST).is_file():
+            return folder
+        path.stat()
+        is_folder = folder.is_dir()
+        inside = sorted(child.parent for child in folder.glob(f"*/{MANIFEST}")) if is_folder else []
+    except FileNotFoundError:
+        text = f"there is no '{path}'; expected a run folder, as in runs/<graph>/latest"
+        raise UsageError(text) from None
+    except (OSError, ValueError) as error:
+        shown = show(str(path))
+        raise UsageError(f"{shown}: {getattr(error, 'strerror', None) or error}") from None
+    if not is_folder:
+        raise UsageError(f"'{path}' is a file; expected a run folder, as in runs/<graph>/latest")
+    latest = folder / "latest"
+    found = latest if latest in inside else inside[-1] if inside else None
+    suggestion = f"; did you mean '{found}'?" if found else ", as in runs/<graph>/latest"
+    raise UsageError(
+        f"'{folder}' holds no run (no {MANIFEST} in it); expected a run folder{suggestion}"
+    )
+
+
+def read_run(path: str | Path) -> RunData:
+    """Read a run.
+
+    Parameters
+    ----------
+    path : the run's folder, a link to it, or its manifest.json.
+
+    Raises
+    ------
+    UsageError : there is no run, or one of its files is missing, damaged, or of a newer version.
+    """
+    folder = run_folder(path)
+    manifest = read_manifest(folder)
+    metrics = _mapping(folder / METRICS)
+    if any(v is not None and not _is_number(v) for v in metrics.values()):
+        raise _damaged(folder / METRICS, "expected a number or null for each metric")
+    if not all(name.isprintable() for name in metrics):
+        raise _damaged(folder / METRICS, "expected printable names")
+    return described_run(folder, manifest, _arrays(folder / PROBES), metrics)
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """The manifest of a run.
+
+    Raises
+    ------
+    UsageError : it cannot be read, or is of a newer version.
+    """
+    manifest = _mapping(folder / MANIFEST)
+    version = manifest.get("schema_version")
+    if isinstance(version, int) and version > SCHEMA_VERSION:
+        message = f"written by a newer version (schema {version}, this one reads {SCHEMA_VERSION})"
+        raise UsageError(f"'{folder / MANIFEST}' was {message}; upgrade spikeblocks")
+    return manifest
+
+
+def described_run(
+    folder: Path,
+    manifest: dict[str, Any],
+    arrays: dict[str, FloatArray],
+    metrics: dict[str, float | None],
+) -> RunData:
+    """The run that a manifest describes, with its arrays and the texts in its folder.
+
+    Raises
+    ------
+    UsageError : manifest and arrays do not match, or a text cannot be read.
+    """
+    texts = {name: _text(folder / name) for name in (WRITTEN, RESOLVED)}
+    if (folder / DIAGRAM).is_file():
+        texts[DIAGRAM] = _text(folder / DIAGRAM)
+    try:
+        probes = {
+            name: _recorded(name, info, arrays) for name, info in manifest.pop("probes").items()
+        }
+        plots = [
+            PlotSpec(p["name"], p["kind"], tuple(p["of"]), p["title"], dict(p.get("options", {})))
+            for p in manifest.pop("plots")
+        ]
+        # Runs written before there were worlds have none.
+        walls = manifest.pop("world", None)
+        world = None if walls is None else World(walls)
+        failures = [str(text) for text in manifest.pop("failures")]
+        notes = [str(text) for text in manifest["notes"]] + _changed_files(folder, manifest)
+        _check_facts(manifest)
+    except KeyError as error:
+        raise _damaged(folder / MANIFEST, f"{error} is missing") from None
+    except (ValueError, TypeError, AttributeError, IndexError) as error:
+        raise _damaged(folder / MANIFEST, str(error)) from None
+    return RunData(
+        *(str(manifest["graph"]), probes, metrics, plots, manifest),
+        *(lambda: (texts, {}), notes, failures, world),
+    )
+
+
+def _recorded(name: str, info: dict[str, Any], arrays: dict[str, FloatArray]) -> Recording:
+    """One probe's recording, checked against its description in the manifest."""
+    for wanted in (name, f"{name}.{TIME}"):
+        if wanted not in arrays:
+            raise ValueError(f"probe '{name}': there is no array '{wanted}' in {PROBES}")
+    if not name.isprintable():
+        raise ValueError("probes: expected printable names")
+    values, t = arrays[name], arrays[f"{name}.{TIME}"]
+    if t.ndim != 1 or not values.ndim or len(values) != len(t):
+        raise ValueError(f"probe '{name}': {len(t)} times for values of shape {values.shape}")
+    labels, units, kinds = (tuple(map(str, info[key])) for key in ("labels", "units", "kinds"))
+    addresses = {str(a): (int(span[0]), int(span[1])) for a, span in info["addresses"].items()}
+    if values.ndim <= 2 and len(labels) != (values.shape[1] if values.ndim == 2 else 1):
+        raise ValueError(f"probe '{name}': {len(labels)} labels for values of {values.shape}")
+    if any(not 0 <= start <= stop <= len(labels) for start, stop in addresses.values()):
+        raise ValueError(f"probe '{name}': its addresses name columns that it does not have")
+    return Recording(name, t, values, labels, units, kinds, addresses, bool(info["auto"]))
+
+
+def _check_facts(manifest: dict[str, Any]) -> None:
+    """What everything that reads a run relies on."""
+    for key in ("graph", "status"):
+        if not isinstance(manifest[key], str):
+            raise ValueError(f"{key}: expected a text, got {manifest[key]!r}")
+        if not manifest[key].isprintable():
+            raise ValueError(f"{key}: expected one printable line")
+    for key in ("seed", "dt", "until", "ticks", "wall_s", "us_per_tick"):
+        if not _is_number(manifest[key]) or not math.isfinite(manifest[key]):
+            raise ValueError(f"{key}: expected a number, got {manifest[key]!r}")
+    if manifest["dt"] <= 0.0 or manifest["ticks"] < 0:
+        raise ValueError("expected a step above 0 s, and ticks from 0")
+    for key, kind in (("overrides", list), ("removed", dict), ("versions", dict), ("argv", list)):
+        if not isinstance(manifest[key], kind):
+            raise ValueError(f"{key}: expected a {kind.__name__}, got {manifest[key]!r}")
+
+
+def _is_number(value: Any) -> bool:
+    """Whether a value is a number that a float can hold."""
+    if isinstance(value, bool):
+        return False
+    return isinstance(value, float) or (isinstance(value, int) and abs(value) < LARGEST)
+
+
+def _text(path: Path) -> str:
+    try:
+        return read_text(path)
+    except OSError as error:
+        raise UsageError(f"cannot read '{path}': {error.strerror or error}") from None
+    except UnicodeDecodeError:
+        raise _damaged(path, "it is no UTF-8 text") from None
+    except ValueError as error:
+        raise _damaged(path, str(error)) from None
+
+
+def _mapping(path: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(_text(path))
+        # Half a character (a lone surrogate) can be read but not written.
+        json.dumps(found, ensure_ascii=False).encode()
+    except (ValueError, RecursionError) as error:
+        raise _damaged(path, f"no JSON ({error})") from None
+    if not isinstance(found, dict):
+        raise _damaged(path, f"expected an object, got {type(found).__name__}")
+    return found
+
+
+def _arrays(path: Path) -> dict[str, FloatArray]:
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            arrays = open_arrays(path)
+    except FileNotFoundError:
+        raise UsageError(f"cannot read '{path}': No such file or directory") from None
+    except _BROKEN_ARRAYS as error:
+        raise _damaged(path, str(error) or type(error).__name__) from None
+    for name, array in arrays.items():
+        if array.dtype != np.float64:
+            raise _damaged(path, f"array '{name}' is {array.dtype}, expected float64")
+    return arrays
+
+
+def _changed_files(folder: Path, manifest: dict[str, Any]) -> list[str]:
+    """A note for each file that differs from its hash in the manifest.
+
+    Raises
+    ------
+    UsageError : the numbers themselves differ.
+    """
+    notes = []
+    hashes = manifest.get("hashes", {})
+    if not isinstance(hashes, dict):
+        raise ValueError(f"hashes: expected an object, got {type(hashes).__name__}")
+    for name, digest in hashes.items():
+        path = folder / name
+        if Path(name).name != name or not name.isprintable():
+            raise ValueError("hashes: expected names of files in the folder")
+        try:
+            if path.is_file() and not path.is_symlink() and sha256(path) == digest:
+                continue
+        except OSError as error:
+            raise UsageError(f"cannot read '{path}': {error.strerror or error}") from None
+        if name in (METRICS, PROBES):
+            raise _damaged(path, f"it is not the file that was saved (SHA-256 in {MANIFEST})")
+        message = "was changed after" if path.is_file() else "was removed after"
+        notes.append(f"'{name}' {message} the run was saved (SHA-256 in {MANIFEST})")
+    return notes
+
+
+def _damaged(path: Path, message: str) -> UsageError:
+    return UsageError(f"'{path}' is damaged: {' '.join(message.split())}")

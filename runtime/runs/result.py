@@ -1,4 +1,4 @@
-"""A run as people get it in Python: its data, drawn and saved on request."""
+"""A run in Python: its data, with plotting and saving on request."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from blocks.core import hint
 from runtime.errors import UsageError
 from runtime.observation import RunData
-from runtime.runs.folder import save
-from runtime.runs.reading import read_run
+from runtime.runs.draft import save
+from runtime.runs.folder import read_run
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -37,7 +37,7 @@ class Result(RunData):
 
 
 def open_run(path: str | Path) -> Result:
-    """Read a run back.
+    """Read a run.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""One run of a graph, from checked network to result."""
+"""Running a graph once: from the checked network to the result."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from runtime.diagrams import stored_picture
 from runtime.document import DEFAULT_MEMORY, Override, dump_yaml
 from runtime.engine import Engine, MakeRunner, Outcome, Profile, Program, silent, take_compiled
 from runtime.network import Network
-from runtime.observation import Metric, Probe, Recording, Series, readable_bytes
+from runtime.observation import Metric, Probe, Recording, Series
 from runtime.runs.folder import (
     DIAGRAM,
     RESOLVED,
@@ -33,6 +33,7 @@ from runtime.runs.folder import (
     portable_modules,
 )
 from runtime.runs.result import Result
+from runtime.terminal import readable_bytes
 
 PACKAGES = (
     *("spikeblocks", "numpy", "scipy", "networkx", "pyyaml", "matplotlib"),
@@ -42,12 +43,12 @@ PACKAGES = (
 
 @dataclass(frozen=True)
 class PreparedRun:
-    """A checked graph as a run needs it.
+    """A checked graph, ready to run.
 
     program : what is executed and recorded. network : checked, with the run's seed.
-    document : gives the graph as plain values. source : the graph's file, if it came from one.
+    document : returns the graph as plain values. source : the graph's file, if it has one.
     read : the content of all files that the graph was read from, by resolved path.
-    overrides : the changes made to it. notes : for people.
+    overrides : the changes made to the graph. notes : messages for the user.
     """
 
     program: Program
@@ -68,9 +69,9 @@ def simulate(
 ) -> Result:
     """Run a graph; see :meth:`runtime.graph.Graph.run`.
 
-    ``note`` is called with lines for people: what is compiled, and what is not. ``profile`` is
-    filled with what each block takes under the Python engine. ``folder`` takes recordings that
-    are larger than the graph's ``run.memory``; by default a temporary one.
+    ``note`` is called with messages for the user, such as what is compiled. ``profile`` collects
+    the time per block under the Python engine. ``folder`` holds recordings that are larger than
+    the graph's ``run.memory``; a temporary folder by default.
     """
     network, program = graph.network, graph.program
     observation = program.observation
@@ -80,7 +81,7 @@ def simulate(
     if program.gathered:
         note(f"recording to disk, since it takes more than {readable_bytes(network.memory)}")
         if folder is not None:
-            _begin(graph, engine, began, folder)
+            _begin_recording(graph, engine, began, folder)
     outcome = engine.run(progress)
     probes = {
         name: _recorded(probe, rows, engine.recorder.times(name, len(rows), network.dt))
@@ -108,11 +109,11 @@ def simulate(
 
 
 def chosen_runner(network: Network, note: Callable[[str], None] = silent) -> MakeRunner | None:
-    """What makes the runner of a graph that is run once; None for the plan's Python text.
+    """The runner class for a graph that is run once; None for the Python engine.
 
     Raises
     ------
-    MissingExtraError : the compiled engine is asked for and not installed.
+    MissingExtraError : the compiled engine is requested but not installed.
     """
     if not take_compiled(network, 1, note):
         return None
@@ -139,8 +140,8 @@ def _recorded(probe: Probe, values: FloatArray, times: FloatArray) -> Recording:
     )
 
 
-def _begin(graph: PreparedRun, engine: Engine, began: datetime, folder: Path) -> None:
-    """Put beside a recording on disk what it takes to read it if the process is killed."""
+def _begin_recording(graph: PreparedRun, engine: Engine, began: datetime, folder: Path) -> None:
+    """Write what is needed to recover a recording on disk if the process is killed."""
     program, observation = graph.program, graph.program.observation
     outcome = Outcome({}, 0, "interrupted", "python" if engine.make_runner is None else "compiled")
     notes = [*graph.notes, *observation.notes]
@@ -164,7 +165,7 @@ def _begin(graph: PreparedRun, engine: Engine, began: datetime, folder: Path) ->
 
 
 def _origin(graph: PreparedRun, engine: str) -> tuple[dict[str, str], dict[str, bytes]]:
-    """The graph as it was written and as it was run, and the files of its own blocks."""
+    """The graph as written and as run, and the files of its own blocks."""
     resolved, files = portable_modules(_resolved(graph, engine))
     read = graph.read
     source = None if graph.source is None else read.get(str(graph.source.resolve()))
@@ -175,7 +176,7 @@ def _origin(graph: PreparedRun, engine: str) -> tuple[dict[str, str], dict[str, 
 
 
 def _resolved(graph: PreparedRun, engine: str) -> dict[str, Any]:
-    """The document with everything about the run written out."""
+    """The document with all settings of the run written out."""
     network = graph.network
     run = {"dt": network.dt, "until": network.until, "seed": network.seed, "engine": engine}
     if network.memory != DEFAULT_MEMORY:
@@ -214,7 +215,7 @@ def _manifest(
 
 
 def _order(program: Program) -> list[str]:
-    """The probes in the order in which a tick computes what they see, causes first."""
+    """The probes in the order in which a tick computes their signals."""
     ranks: dict[str, int] = {}
     for step in program.plan.steps:
         ranks.setdefault(step.block, len(ranks))
@@ -228,7 +229,7 @@ def _order(program: Program) -> list[str]:
 
 @cache
 def versions() -> dict[str, str]:
-    """Versions of Python and of the packages that a run's numbers hang on."""
+    """Versions of Python and of the packages that a run's results depend on."""
     found = {"python": platform.python_version()}
     for name in PACKAGES:
         try:
@@ -241,10 +242,10 @@ def versions() -> dict[str, str]:
 def evaluate(
     metrics: list[Metric], probes: Mapping[str, Recording], world: World | None = None
 ) -> tuple[dict[str, float | None], list[str], list[str]]:
-    """All metrics' values, what is wrong with those that carry an expectation, and notes.
+    """All metrics' values, the expectations that failed, and notes.
 
-    A value that is infinite, as the distance that a beam measures where it hits nothing, is none
-    that means or files could hold: it becomes None with a note. It is what expectations see.
+    An infinite value, such as the distance that a beam measures where it hits nothing, is compared
+    with the expectations and then becomes None with a note: JSON and means cannot hold it.
     """
     series = {name: Series(r.t, r.values) for name, r in probes.items()}
     values: dict[str, float | None] = {}

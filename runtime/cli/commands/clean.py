@@ -28,8 +28,8 @@ def add(parser: ArgumentParser) -> None:
 def run(options: Namespace) -> int:
     """List leftovers; recover them with ``--recover``, remove them with ``--yes``."""
     from runtime.files import json_text
-    from runtime.observation import readable_bytes
     from runtime.runs import leftovers, recover, remove
+    from runtime.terminal import readable_bytes
 
     found, code = leftovers(Path(options.folder)), 0
     rows = []

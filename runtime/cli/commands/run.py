@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from runtime.cli.commands import add_json
 from runtime.cli.commands.changes import add_graph, changed
 from runtime.errors import SimulationError, UsageError, one_line
-from runtime.terminal import show, show_json, tell
+from runtime.terminal import number, show, show_json, table, tell
 
 if TYPE_CHECKING:
     from runtime.engine import Interrupts, Profile
@@ -209,14 +208,8 @@ def _print_result(result: Result, folder: Path, pictures: list[Path], quiet: boo
         f"({manifest['us_per_tick']:.1f} us a tick, {manifest['engine']} engine), "
         f"seed {manifest['seed']}"
     )
-    width = max((len(name) for name in result.metrics), default=0)
-    for name, value in result.metrics.items():
-        show(f"  {name:<{width}}  {number(value)}")
+    if result.metrics:
+        show(table([(name, number(value)) for name, value in result.metrics.items()]))
     show(f"run folder: {folder}")
     for path in pictures:
         show(f"  {path.relative_to(folder)}")
-
-
-def number(value: float | None) -> str:
-    """A metric for a terminal: four digits, or a dash if it has no value."""
-    return "-" if value is None or math.isnan(value) else f"{value:.4g}"

@@ -1,10 +1,10 @@
-"""Compiled text on disk: files named by what they hold, and read only if they hold it.
+"""The cache of compiled text on disk: files named by a hash of their content.
 
-A module's name is a hash of its text, of what it calls and of numba's version, so nothing in the
-folder is ever out of date, and two processes that write the same file write the same text. What
-numba adds for a module is listed with its hashes (:func:`seal`); what is not as listed is deleted
-before numba looks (:func:`module`) and compiled again. The folder is the user's alone, since what
-is in it is executed.
+A module's name is a hash of its text, of what it calls and of numba's version, so no file in the
+folder is ever out of date, and two processes that write the same file write the same text. The
+files that numba adds for a module are listed with their hashes (:func:`seal`); files that differ
+are deleted before numba reads them (:func:`module`) and compiled again. Only the user may write to
+the folder, since its content is executed.
 """
 
 from __future__ import annotations
@@ -32,10 +32,9 @@ _LOADING = threading.RLock()
 
 
 def folder() -> Path:
-    """Where compiled text is kept: ``$SPIKEBLOCKS_CACHE``, or the user's cache folder.
+    """The cache folder: ``$SPIKEBLOCKS_CACHE``, or one in the user's cache folder.
 
-    Where that is not the user's alone or cannot be written, a folder of this process's own, which
-    goes when the process does.
+    If that cannot be written, or others may write to it, a temporary folder of this process.
     """
     return _folder(os.environ.get(VARIABLE), os.environ.get("XDG_CACHE_HOME"))
 
@@ -52,18 +51,18 @@ def _folder(chosen: str | None, base: str | None) -> Path:
 
 
 def _is_private(wanted: Path) -> bool:
-    """Make a folder if there is none; whether it is the user's alone, and can be written.
+    """Create a folder if it is missing; returns whether only the user may write to it.
 
     Raises
     ------
-    OSError : it cannot be made or written.
+    OSError : it cannot be created or written.
     """
     wanted.mkdir(mode=0o700, parents=True, exist_ok=True)
     found = wanted.lstat()
     if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
         return False
     if found.st_mode & OTHERS_WRITE:
-        return False  # whoever could write may have written
+        return False  # others may have written to it
     wanted.chmod(0o700)
     with tempfile.TemporaryFile(dir=wanted):
         return True
@@ -78,7 +77,7 @@ def _own_folder() -> Path:
 
 @cache
 def salt() -> str:
-    """What compiled text depends on beside itself."""
+    """What compiled text depends on, apart from itself."""
     import numba
 
     from runtime.engine.compiled import primitives
@@ -93,7 +92,7 @@ def digest(*parts: str) -> str:
 
 
 def write(name: str, text: str) -> Path:
-    """Put a file into the folder, whole or not at all; one that holds the text already stays."""
+    """Write a file to the folder atomically; one with the same text is kept."""
     path = folder() / name
     if _bytes(path) != text.encode():
         if path.is_dir():
@@ -105,20 +104,20 @@ def write(name: str, text: str) -> Path:
 
 
 def write_record(name: str, record: Any) -> None:
-    """Put plain data into the folder, with its hash."""
+    """Write plain data to the folder, with its hash."""
     text = json.dumps(record, sort_keys=True)
     write(name, f"{_hash(text.encode())}\n{text}\n")
 
 
 def read_record(name: str) -> Any:
-    """Plain data from the folder; None where there are none, or not as they were written."""
+    """Plain data from the folder; None if the file is missing or was changed."""
     found, _, rest = (_bytes(folder() / name) or b"").partition(b"\n")
     text = rest.removesuffix(b"\n")
     return json.loads(text) if found.decode("ascii", "replace") == _hash(text) else None
 
 
 def module(kind: str, text: str) -> ModuleType:
-    """The module of a text, with what numba keeps of it if that is as it was written."""
+    """The module of a text; numba's files for it are deleted if they were changed."""
     name = f"{kind}_{digest(text)}"
     full = f"{PACKAGE}.{name}"
     with _LOADING:
@@ -133,27 +132,27 @@ def module(kind: str, text: str) -> ModuleType:
         sys.modules.setdefault(PACKAGE, ModuleType(PACKAGE))
         made = ModuleType(full)
         made.__file__ = str(path)
-        # Not by import: bytecode on disk is one more file that may be damaged.
+        # Not imported: bytecode on disk would be another file that may be damaged.
         exec(compile(text, str(path), "exec"), made.__dict__)
         sys.modules[full] = made
         return made
 
 
 def seal(names: Iterable[str]) -> None:
-    """List what numba keeps of these modules (full names), once all is compiled."""
+    """Store the hashes of numba's files for these modules (full names) after compilation."""
     for name in {name.removeprefix(f"{PACKAGE}.") for name in names}:
-        with suppress(OSError):  # what is not listed is compiled again next time
+        with suppress(OSError):  # an unlisted module is compiled again next time
             write_record(f"{name}.sealed", _hashes(name))
 
 
 def _kept(name: str) -> list[Path]:
-    """What numba keeps of a module: an index for each function, and its machine code."""
+    """numba's files for a module: an index for each function, and its machine code."""
     found = (folder() / "__pycache__").glob(f"{name}.*")
     return sorted(file for file in found if file.suffix in (".nbi", ".nbc"))
 
 
 def _discard(path: Path) -> None:
-    """Remove what stands in a file's place, be it a folder."""
+    """Remove a file, or a folder of that name."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path)
     else:

@@ -1,9 +1,9 @@
-"""The compiled plan: the straight-line function over compiled blocks, cut where others are called.
+"""The compiled plan: a straight-line function over compiled blocks, cut where others are called.
 
-The items of a tick (outputs, probes, updates, events) stay in the plan's order. Blocks that do not
+The items of a tick (outputs, probes, updates, events) keep the plan's order. Blocks that do not
 compile cut it into parts: ``run(first, last, low, high, ...)`` runs the parts from ``low`` up to
-``high``, and a Python loop calls the blocks between them. With nothing to cut, or on ticks on
-which none of those blocks takes part, one call runs as many ticks as there are.
+``high``, and a Python loop calls the blocks between them. If all blocks compile, or on ticks on
+which none of the others is called, one call runs several ticks.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 from blocks.core import Evaluation, SignalType
 from runtime.engine.compiled.kernels import Kernel
-from runtime.engine.schedule import INDENT, Emitter, Plan, RecordSlot, Step, finite_test
+from runtime.engine.schedule import INDENT, Emitter, Plan, RecordSlot, Step
 from runtime.network import Endpoint
 
 Call = tuple[str, Evaluation]
@@ -27,7 +27,7 @@ from runtime.engine.compiled.primitives import all_finite, no_nan, overlap, seen
 
 @dataclass
 class Item:
-    """One thing that a tick does: an evaluation of a block, or a row of a recording."""
+    """One item of a tick: an evaluation of a block, or a row of a recording."""
 
     every: int
     block: str = ""
@@ -40,10 +40,10 @@ class Item:
 class CompiledText:
     """The text of a plan, and how to call it.
 
-    ``arguments`` are the names of what ``run`` takes after ``held``: see :func:`fields_name` for a
-    block's fields, a constant's variable, ``block_s.state`` for a recorded state, a probe's array.
-    ``calls`` says which evaluation each number in ``at`` stands for. ``driver`` is the Python loop
-    around it, empty where there is nothing to call between its ``parts``.
+    ``arguments`` are the names of the arguments of ``run`` after ``held``: a block's fields (see
+    :func:`fields_name`), a constant's variable, ``block_s.state`` for a recorded state, a probe's
+    array. ``calls`` lists the evaluations by their number in ``at``. ``driver`` is the Python loop
+    around it, empty if nothing is called between its ``parts``.
     """
 
     text: str
@@ -126,7 +126,7 @@ class CompiledEmitter(Emitter):
         return f"kernel__{self.plan.names[block]}__{method}"
 
     def items(self) -> list[Item]:
-        """All that a tick does, in order."""
+        """All items of a tick, in order."""
         recordings = [r for r in self.recordings if not r.constant]
         return [
             *(Item(s.every, s.block, step=s) for s in self.plan.steps if not s.constant),
@@ -136,11 +136,11 @@ class CompiledEmitter(Emitter):
         ]
 
     def is_python(self, item: Item) -> bool:
-        """Whether a block that is not compiled does this."""
+        """Whether the item belongs to a block that is not compiled."""
         return bool(item.block) and item.block not in self.kernels
 
     def parts(self) -> list[list[Item]]:
-        """The compiled items between those that are called from Python."""
+        """The compiled items between the calls of blocks that are not compiled."""
         parts: list[list[Item]] = [[]]
         for item in self.items():
             if self.is_python(item):
@@ -150,7 +150,7 @@ class CompiledEmitter(Emitter):
         return parts
 
     def crossing(self) -> list[str]:
-        """Where the plan is cut, all that is computed goes in and out."""
+        """The variables of a plan that is cut: all outputs go in and out."""
         steps = [s for s in self.plan.steps if not s.constant]
         return [self.variable(s.block, port) for s in steps for port in s.evaluation.outputs]
 
@@ -184,7 +184,7 @@ class CompiledEmitter(Emitter):
         self.test(dict(zip(targets, kinds, strict=True)), held)
 
     def test(self, signals: dict[str, SignalType], held: list[str]) -> None:
-        """Stop where a value is not finite; ``report`` then says what was put out."""
+        """Stop where a value is not finite; ``report`` then holds the outputs."""
         entries: list[str] = []
         tests: list[str] = []
         numbers: list[str] = []
@@ -209,7 +209,7 @@ class CompiledEmitter(Emitter):
         self.code(f"{INDENT}return ({', '.join(held)},)" if held else f"{INDENT}return ()")
 
     def take(self, name: str) -> str:
-        """Name something that ``run`` is given."""
+        """Add an argument of ``run``; returns its name in the text."""
         self.taken[name] = None
         return name.replace(".", "__")
 
@@ -252,7 +252,7 @@ class CompiledEmitter(Emitter):
             self.code(f"{array}[{row}, {first + i}] = {value}[{i}]")
 
     def drive(self, made: CompiledText, held: list[str]) -> None:
-        """The Python loop that calls what is not compiled between the parts."""
+        """Write the Python loop that calls blocks that are not compiled between the parts."""
         self.text, self.lines, self.rate, self.depth = [], {}, 0, 2
         items = [item for item in self.items() if self.is_python(item)]
         rates = sorted({item.every for item in items})
@@ -282,26 +282,19 @@ class CompiledEmitter(Emitter):
         made.driver, made.lines = "\n".join(self.text) + "\n", self.lines
 
     def python_step(self, step: Step) -> None:
-        targets = [self.variable(step.block, port) for port in step.evaluation.outputs]
-        kinds = [self.network.types[step.block, port] for port in step.evaluation.outputs]
-        self.call(step.block, step.evaluation, ", ".join(targets) + " = ")
-        for target, kind in zip(targets, kinds, strict=True):
-            if kind.form == "array":
-                self.code(f"{target} = sealed({target})", step.block)
-        test = finite_test(dict(zip(targets, kinds, strict=True)))
-        which = ", ".join(map(repr, (step.block, step.evaluation.method)))
-        self.code(f"{test} or not_finite({which}, {', '.join(targets)})", step.block)
-        for target, kind in zip(targets, kinds, strict=True):
-            self.code(f"{target} = {as_held(target, kind)}")
+        self.step(step)
+        for port in step.evaluation.outputs:
+            target = self.variable(step.block, port)
+            self.code(f"{target} = {as_held(target, self.network.types[step.block, port])}")
 
 
 def fields_name(plan: Plan, block: str) -> str:
-    """What a block's fields, the first argument of its functions, are called in the text."""
+    """The name in the text of a block's fields, the first argument of its functions."""
     return f"fields__{plan.names[block]}"
 
 
 def as_held(variable: str, kind: SignalType) -> str:
-    """An expression that gives a value exactly the form that compiled text takes."""
+    """An expression that gives a value exactly the form that compiled text expects."""
     if kind.form == "scalar":
         return f"float({variable})"
     if kind.form == "record":

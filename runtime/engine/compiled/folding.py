@@ -1,4 +1,4 @@
-"""Constants folded and dead branches dropped, so that what a block does not use is not compiled."""
+"""Constant folding: branches that a block never takes are dropped before it is compiled."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ COMPARE: dict[type, Callable[[Any, Any], bool]] = {
 
 
 class Folding(ast.NodeTransformer):
-    """Visits tests before branches: a branch that is never taken is never looked at."""
+    """Visits tests before branches: a branch that is never taken is not visited."""
 
     def visit_If(self, node: ast.If) -> Any:
         node.test = self.visit(node.test)
@@ -31,7 +31,7 @@ class Folding(ast.NodeTransformer):
         return node
 
     def block(self, body: list[ast.stmt]) -> list[ast.stmt]:
-        """Visit statements in order, up to one after which nothing is reached."""
+        """Visit statements in order, up to the first return or raise."""
         done: list[ast.stmt] = []
         for statement in body:
             result = self.visit(statement)
@@ -54,7 +54,7 @@ class Folding(ast.NodeTransformer):
             value = self.visit(value)
             if isinstance(value, ast.Constant) and isinstance(value.value, bool):
                 if value.value is decides:
-                    # What stands before it has no side effects: nothing in a block's output has.
+                    # The terms before it have no side effects: no block's output has.
                     return value
                 continue
             left.append(value)

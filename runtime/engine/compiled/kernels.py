@@ -1,4 +1,4 @@
-"""Blocks taken through numba one by one, so that what fails has a name."""
+"""Compiling blocks one by one, so that every failure names its block."""
 
 from __future__ import annotations
 
@@ -18,8 +18,9 @@ Signature = tuple[Any, ...]
 
 @dataclass(frozen=True)
 class Kernel:
-    """A compiled block: where its functions are, the text they come from, what must be made of
-    what comes out (statements with ``{0}``, ``{1}`` for the outputs, by method).
+    """A compiled block: the module of its functions, their text, and the casts of their results.
+
+    ``casts`` are statements with ``{0}``, ``{1}`` for the outputs, by method.
     """
 
     module: str
@@ -32,19 +33,19 @@ class Kernel:
         return self.made.methods
 
     def fields(self, block: Block, state: BlockState) -> tuple[Any, ...]:
-        """What the functions take as their first argument in one run."""
+        """The first argument of the functions in one run."""
         return self.made.fields(block, state)
 
     def fits(self, block: Block, state: BlockState) -> bool:
-        """Whether what was taken for constant has the same values in this run."""
+        """Whether the constants in the text have the same values in this run."""
         return self.made.fits(block, state)
 
 
 @dataclass
 class Kernels:
-    """The blocks of a graph: those that compile, and for the others why not.
+    """The blocks of a graph: those that compile, and the reasons why others do not.
 
-    ``broken`` are those of the others that are written to be compiled.
+    ``broken`` are those of the others that declare kernels.
     """
 
     compiled: dict[str, Kernel] = field(default_factory=dict)
@@ -52,7 +53,7 @@ class Kernels:
     broken: set[str] = field(default_factory=set)
 
     def refuse(self, name: str, cls: type[Block], error: Exception) -> None:
-        """Keep why a block is not compiled; one that declares kernels was meant to be."""
+        """Store why a block is not compiled."""
         self.refused[name] = str(error)
         if has_kernels(cls):
             self.broken.add(name)
@@ -60,7 +61,7 @@ class Kernels:
 
 @dataclass(frozen=True)
 class _Candidate:
-    """A block on its way to being compiled: its text, its functions' types, what is known of it."""
+    """A block to compile: its text, the types of its functions, the cache entry of the verdict."""
 
     name: str
     calls: list[Evaluation]
@@ -72,12 +73,12 @@ class _Candidate:
 def make_kernels(
     network: Network, states: Mapping[str, BlockState], note: Callable[[str], None]
 ) -> Kernels:
-    """Compile every block that has anything to do in a tick.
+    """Compile every block that is evaluated or updated in a tick.
 
     Parameters
     ----------
     states : after ``start``.
-    note : called with a line of text when something is compiled, and so takes a while.
+    note : called with a message for the user when something is compiled.
     """
     kernels = Kernels()
     candidates = []
@@ -109,7 +110,7 @@ def make_kernels(
 def _candidate(
     network: Network, name: str, calls: list[Evaluation], state: BlockState
 ) -> _Candidate:
-    """A block's text, and where the verdict on it is kept."""
+    """A block's text and types, and the cache entry of the verdict on them."""
     from numba import typeof
 
     entry = network.entries[name]
@@ -126,7 +127,7 @@ def _candidate(
 
 
 def _kernel(network: Network, candidate: _Candidate) -> Kernel:
-    """One block's kernel; what numba said of the same text and types before is looked up."""
+    """One block's kernel; numba's verdict on the same text and types is cached."""
     module = cache.module("block", candidate.made.text)
     verdict = cache.read_record(candidate.verdict)
     if verdict is None:
@@ -140,12 +141,12 @@ def _kernel(network: Network, candidate: _Candidate) -> Kernel:
 
 
 def is_built_in(cls: type[Block]) -> bool:
-    """Whether a block class is one of the library's."""
+    """Whether a block class is built in."""
     return BUILTIN.get(cls.__name__) is cls
 
 
 def _verdict(network: Network, candidate: _Candidate, module: ModuleType) -> dict[str, Any]:
-    """Compile a block's functions; returns the casts that their results need, or why not."""
+    """Compile a block's functions; returns the casts of their results, or why it failed."""
     from numba import types
     from numba.core.errors import NumbaError
 
@@ -169,7 +170,7 @@ def _verdict(network: Network, candidate: _Candidate, module: ModuleType) -> dic
 
 
 def _reason(error: Exception) -> str:
-    """What numba says, in one screen: its own words, without the frames of its passes."""
+    """numba's message in at most ten lines, without the frames of its passes."""
     lines = [line.rstrip() for line in str(error).split("\n")]
     skipped = ("During:", "Failed in", "There are", " - Of which", "Overload", "Typing", "raised")
     kept = [line for line in lines if line.strip() and not line.strip().startswith(skipped)]
@@ -201,17 +202,17 @@ def _arguments(
 
 
 def _input(kind: SignalType) -> Any:
-    """A signal's type where a block reads it: arrays are read-only."""
+    """A signal's type as an input: arrays are read-only."""
     found = numba_type(kind)
     return found.copy(readonly=True) if kind.form == "array" else found
 
 
 def _casts(kinds: list[SignalType], returned: Any) -> Iterator[str]:
-    """Statements that give results the types of their signals.
+    """Statements that cast results to the types of their signals.
 
     Raises
     ------
-    NotCompilableError : a result is something else altogether.
+    NotCompilableError : a result has a type that cannot be cast.
     """
     from numba import types
 

@@ -1,4 +1,4 @@
-"""What compiled text calls and numba does not bring: each does what its Python namesake does."""
+"""Functions that compiled text calls and numba lacks; each matches the Python function it names."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def remainder(x: float, y: float) -> float:
 
 @njit  # type: ignore[untyped-decorator]
 def all_finite(array: Any) -> bool:
-    """Whether an array (any shape) holds finite numbers only."""
+    """Whether an array (any shape) holds only finite numbers."""
     for value in array.flat:  # noqa: SIM110 - a loop compiles faster
         if not math.isfinite(value):
             return False
@@ -49,7 +49,7 @@ def overlap(a: Any, b: Any) -> bool:
 
 @intrinsic
 def seen(typing_context, array):  # type: ignore[no-untyped-def]
-    """An array as a block may have it that does not own it: read-only."""
+    """A read-only view of an array, for a block that does not own it."""
 
     def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         return impl_ret_borrowed(context, builder, signature.return_type, arguments[0])

@@ -1,4 +1,4 @@
-"""One function of a block as plain text for numba: ``self`` and ``state`` become one tuple."""
+"""A block's methods as plain functions for numba: ``self`` and ``state`` become one tuple."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import threading
 import types
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -18,36 +18,33 @@ from blocks.core import Block, BlockState, SignalType, function_kernel, kernel_f
 from blocks.generic import added, scaled
 from runtime.engine.compiled.folding import Folding
 
-if TYPE_CHECKING:
-    pass
-
 MODULES = {math: "math", np: "np"}
 LITERALS = (str, bool, type(None))
-# Functions that numba does not know, or that do not compile as they are written.
+# Functions that numba lacks, or that do not compile as they are written.
 REPLACED: dict[Any, str] = {math.remainder: "remainder", scaled: "scaled", added: "added"}
 
 
-# Python 3.11 counts the depth of a syntax tree for all threads together, and fails over it.
+# Python 3.11 counts the depth of a syntax tree for all threads together, and raises an error.
 _PARSING = threading.Lock()
 
 
 def parsed(source: str) -> ast.Module:
-    """The syntax tree of a text; only one thread makes one at a time."""
+    """The syntax tree of a text; only one thread parses at a time."""
     with _PARSING:
         return ast.parse(source)
 
 
 class NotCompilableError(Exception):
-    """What in a block's text cannot be compiled, and where: the reason, then file and line."""
+    """A block cannot be compiled: the reason, then file and line."""
 
 
 def plain(value: Any, name: str) -> Any:
-    """A value in a form that compiled text takes; arrays are shared, not copied, if they can be."""
+    """A value in a form that compiled text accepts; arrays are shared if possible, else copied."""
     if isinstance(value, np.ndarray) and value.dtype.kind in "fib":
         if value.flags.c_contiguous and value.flags.writeable:
             return value
         if name.startswith("state.") and value.base is not None and _may_change(value):
-            raise NotCompilableError(f"{name} is a part of an array, and not in one piece")
+            raise NotCompilableError(f"{name} is a part of an array, and not contiguous")
         return value.copy()
     if isinstance(value, np.random.Generator):
         return value
@@ -61,7 +58,7 @@ def plain(value: Any, name: str) -> Any:
 
 
 def _may_change(array: np.ndarray[Any, Any]) -> bool:
-    """Whether anybody can write to what an array shows."""
+    """Whether an array's data can be written to by anyone."""
     base: Any = array
     while base is not None:
         if not isinstance(base, np.ndarray) or base.flags.writeable:
@@ -71,7 +68,7 @@ def _may_change(array: np.ndarray[Any, Any]) -> bool:
 
 
 class Writer(Folding):
-    """Writes one function."""
+    """Writes one function as text."""
 
     def __init__(self, owner: Translator, function: types.FunctionType, bound: bool) -> None:
         self.owner, self.function, self.bound = owner, function, bound
@@ -123,7 +120,7 @@ class Writer(Folding):
         return self.generic_visit(node)
 
     def unpacked(self, target: ast.Tuple, array: ast.expr) -> list[ast.stmt]:
-        """``x, y = a.tolist()``, entry by entry: a compiled array has no known length."""
+        """``x, y = a.tolist()``, entry by entry: numba does not know the length of an array."""
         whole = f"entries_{target.lineno}_{target.col_offset}"
         self.locals.add(whole)
         done: list[ast.stmt] = [ast.Assign([ast.Name(whole, ast.Store())], self.visit(array))]
@@ -143,7 +140,7 @@ class Writer(Folding):
     def visit_AugAssign(self, node: ast.AugAssign) -> Any:
         node.value = self.visit(node.value)
         if isinstance(node.target, ast.Attribute):
-            # Into a declared array, in place.
+            # In place, into a declared array.
             self.stored(node.target)
             load = self.visit(ast.Attribute(node.target.value, node.target.attr, ast.Load()))
             node.target = ast.Name(load.id, ast.Store())
@@ -163,7 +160,7 @@ class Writer(Folding):
                 if isinstance(node.ctx, ast.Store):
                     suggestion = "; write into it, as in state.x[...] = value"
                     if node.attr not in type(self.owner.made).spec.states:
-                        suggestion = "; keep what moves in a State"
+                        suggestion = "; declare a State for what changes"
                     raise self.refuse(node, f"assigns to '{owner}.{node.attr}'{suggestion}")
                 return self.entry(node, owner)
             module = self.function.__globals__.get(owner)
@@ -243,7 +240,7 @@ class Writer(Folding):
         return _entries(inner, len(kind.components))
 
     def spelled(self, array: ast.expr) -> Any:
-        """``tuple(state.x.tolist())``: the length is that of the array there is."""
+        """``tuple(state.x.tolist())`` with the length that the array has."""
         inner = self.visit(array)
         value = self.owner.fields.get(inner.id) if isinstance(inner, ast.Name) else None
         if not isinstance(value, np.ndarray) or value.ndim != 1:
@@ -255,7 +252,7 @@ class Writer(Folding):
         if name in self.locals or (self.bound and name == "b"):
             return node
         if self.bound and name in ("self", "state"):
-            raise self.refuse(node, f"hands on '{name}'")
+            raise self.refuse(node, f"passes '{name}' on")
         scope = self.function.__globals__
         if name not in scope:
             return node  # a builtin
@@ -330,9 +327,9 @@ class Translated:
     """A block as compiled text.
 
     text : a Python module with one function for each of ``methods``.
-    entries : what the first argument of these functions holds, as ("self" or "state", attribute).
-    constants : attributes that stand in the text as they were, and what they were.
-    arrays : the state's float arrays among the entries, each as the subscripts that lead to it.
+    entries : the attributes in the first argument of these functions, as ("self" or "state", name).
+    constants : attributes whose values were written into the text.
+    arrays : the state's float arrays among the entries, each as the subscripts of its place.
     """
 
     text: str
@@ -353,17 +350,17 @@ class Translated:
 
 
 def translate(made: Block, state: BlockState, terms: dict[str, int], safe: bool) -> Translated:
-    """Write all methods that the plan calls of a block.
+    """Write all methods of a block that the plan calls.
 
     Parameters
     ----------
     made, state : the block, and its state after ``start``.
-    terms : how many wires each input that takes many has.
-    safe : look at every index while running, as it must be for text that no test has seen.
+    terms : the number of wires of each variadic input.
+    safe : check every index while running, as is needed for blocks that are not built in.
 
     Raises
     ------
-    NotCompilableError : naming what stands in the way.
+    NotCompilableError : naming the reason.
     """
     translator = Translator(made, state, terms)
     spec = type(made).spec
@@ -371,7 +368,7 @@ def translate(made: Block, state: BlockState, terms: dict[str, int], safe: bool)
     wanted += [spec.update.method] if spec.update else []
     methods = {name: translator.method(name) for name in wanted}
     options = "error_model='python', cache=True" + (", boundscheck=True" if safe else "")
-    # Functions that only compiled text calls need no way in from Python.
+    # Functions that only compiled text calls need no Python wrapper.
     inner = options + ", no_cpython_wrapper=True, no_cfunc_wrapper=True"
     functions = [
         f"@njit({options if name in methods.values() else inner})\n{text}"
@@ -389,7 +386,7 @@ def translate(made: Block, state: BlockState, terms: dict[str, int], safe: bool)
 
 
 def float_arrays(value: Any, at: str) -> Iterator[str]:
-    """Where in a field, itself at ``at``, float arrays are."""
+    """The subscripts of the float arrays in a field, itself at ``at``."""
     if isinstance(value, tuple):
         for i, part in enumerate(value):
             yield from float_arrays(part, f"{at}[{i}]")
@@ -409,7 +406,7 @@ class Translator:
         self.names: dict[Any, str] = {}
 
     def method(self, name: str) -> str:
-        """The function that a method becomes, written if it was not yet."""
+        """The name of a method's function; writes the function if needed."""
         cls = type(self.made)
         method = getattr(cls, name)
         if isinstance(method, types.FunctionType):
@@ -417,7 +414,7 @@ class Translator:
         return self.function(method, bound=True)
 
     def function(self, function: Callable[..., Any], bound: bool = False) -> str:
-        """A name for a function in the text; writes it, and first what it calls."""
+        """A function's name in the text; writes the function after those that it calls."""
         if isinstance(function, types.FunctionType) and not bound:
             function = function_kernel(function) or function
         if function in self.names:
@@ -429,7 +426,7 @@ class Translator:
             name += "_"
         self.names[function] = name
         writer = Writer(self, function, bound)
-        self.functions[name] = ""  # keeps its place, so that recursion ends
+        self.functions[name] = ""  # reserves the name, so that recursion ends
         text = writer.written(name)
         del self.functions[name]
         self.functions[name] = text

@@ -161,3 +161,21 @@ def test_words(kind: SignalType, written: str, held: str) -> None:
 def test_words_for_an_open_length() -> None:
     assert Vector("n").numbers == "a list of numbers"
     assert Path("n").numbers == "a table of numbers"
+
+
+@pytest.mark.parametrize(
+    ("kind", "value", "right"),
+    [
+        (Scalar, 1, True),
+        (Scalar, True, False),
+        (Scalar, np.int64(1), False),
+        (Twist, (1.0, 2), True),
+        (Twist, (1.0, True), False),
+        (Vector(2), np.array([1, 2]), False),
+    ],
+)
+def test_an_int_counts_as_a_float_where_that_is_enough(
+    kind: SignalType, value: Any, right: bool
+) -> None:
+    assert kind.holds(value, exact=False) is right
+    assert not kind.holds(value)

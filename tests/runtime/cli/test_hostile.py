@@ -216,7 +216,7 @@ def test_an_archive_that_unfolds_is_refused(own: Path) -> None:
     at = data.index(b"PK\x01\x02")
     data[at + 24 : at + 28] = (2**31).to_bytes(4, "little")  # the declared uncompressed size
     (own / "probes.npz").write_bytes(bytes(data))
-    with pytest.raises(UsageError, match="said to be larger than the file"):
+    with pytest.raises(UsageError, match="declared larger than the file"):
         open_run(own)
 
 

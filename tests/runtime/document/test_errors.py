@@ -361,7 +361,7 @@ CASES = {
     ],
     "table beside others": [
         "  way: [track.path, plant.pose]\n",
-        "g.yaml:18:8: probes.way: a table cannot stand beside others; probe it alone",
+        "g.yaml:18:8: probes.way: a table needs a probe of its own",
     ],
     "plot's kind": [
         "plots: {p: {kind: timeserie, of: pose}}\n",

@@ -1,4 +1,4 @@
-"""The folder of compiled text: what is damaged is compiled again, and nobody else writes there."""
+"""The cache folder: damaged files are compiled again, and only the user may write to it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ probes:
 
 
 def forget() -> None:
-    """Have compiled text looked for on disk, as a new process would."""
+    """Read compiled text from disk, as a new process would."""
     for name in [name for name in sys.modules if name.startswith(f"{cache.PACKAGE}.")]:
         del sys.modules[name]
 
@@ -62,7 +62,7 @@ DAMAGES: dict[str, Callable[[Path], object]] = {
 
 
 @pytest.mark.parametrize("kind", DAMAGES)
-def test_what_is_damaged_is_compiled_again(
+def test_a_damaged_file_is_compiled_again(
     kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(cache.VARIABLE, str(tmp_path))
@@ -79,7 +79,7 @@ def test_what_is_damaged_is_compiled_again(
             assert name.read_bytes() == whole[name]
 
 
-def test_what_is_whole_is_not_compiled_again(
+def test_intact_files_are_not_compiled_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(cache.VARIABLE, str(tmp_path))

@@ -1,4 +1,4 @@
-"""The compiled engine against the Python engine, and what it says when it cannot."""
+"""The compiled engine against the Python engine, and its messages."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Named(blocks.Block):
 
 
 class Failing(blocks.Block):
-    """Divides by what is left of a second."""
+    """Divides by the time left of a second."""
 
     out = blocks.Output(blocks.Scalar)
     kind = blocks.param("zero", choices=("zero", "nan"), doc="how it fails")
@@ -104,7 +104,7 @@ def test_shipped_graphs_do_the_same_under_both_engines(name: str) -> None:
 
 
 def chain(*made: blocks.Block, dt: float | None = None) -> runtime.Graph:
-    """A clock, and blocks in a row behind it; the second at a rate of its own."""
+    """A clock and a chain of blocks after it; the second at its own rate."""
     graph = runtime.Graph("chain", dt=0.01, until=2.0)
     graph = graph.add("source", blocks.Gain(gain=1.0)).add("delay", blocks.UnitDelay(initial=1.0))
     graph = graph.connect("delay.out", "source.input")
@@ -130,7 +130,7 @@ def test_blocks_that_do_not_compile_are_called_between_those_that_do(dt: float |
 
 
 @pytest.mark.parametrize("kind", ["zero", "nan"])
-def test_failures_are_told_alike(kind: str) -> None:
+def test_failures_have_the_same_message(kind: str) -> None:
     graph = runtime.Graph("failing", dt=0.125, until=2.0).add("bad", Failing(kind=kind))
     graph = (
         graph.add("more", blocks.Gain(gain=1.0)).connect("bad.out", "more.input").probe("more.out")
@@ -149,7 +149,7 @@ def test_failures_are_told_alike(kind: str) -> None:
 
 
 @pytest.mark.parametrize("engine", ["python", "compiled"])
-def test_a_number_that_is_not_finite_is_told_with_its_own_output(engine: str) -> None:
+def test_the_output_that_is_not_finite_is_named(engine: str) -> None:
     # The plant's pose is one output as well, and finite: only the wheels are too fast.
     graph = runtime.Graph("fast", dt=0.1, until=1.0)
     graph = graph.add("go", blocks.Constant(value=[1e308, 1e308], signal="Twist"))
@@ -160,7 +160,7 @@ def test_a_number_that_is_not_finite_is_told_with_its_own_output(engine: str) ->
         graph.run(engine=engine)
 
 
-def test_a_block_that_breaks_its_promise_is_named_with_numbas_reason() -> None:
+def test_a_kernel_that_does_not_compile_is_named_with_numbas_reason() -> None:
     graph = runtime.Graph("promise", dt=0.1, until=1.0).add("bad", Broken()).probe("bad.out")
     notes: list[str] = []
     result = simulate(graph.set("run.engine", "compiled").prepared(), note=notes.append)
@@ -175,7 +175,7 @@ def files(kind: str) -> set[str]:
     return {path.name for path in cache.folder().glob(f"{kind}_*.py")}
 
 
-def test_rewiring_compiles_the_plan_alone_and_numbers_compile_nothing(
+def test_rewiring_compiles_only_the_plan_and_numbers_compile_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(cache.VARIABLE, str(tmp_path))
@@ -201,7 +201,7 @@ def test_without_numba_the_message_is_the_pip_line(
     assert "pip install 'spikeblocks[fast]'" in capsys.readouterr().err
 
 
-def test_auto_compiles_what_is_long_enough_and_says_when_it_cannot(
+def test_auto_compiles_long_runs_and_has_a_note_without_numba(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     graph = runtime.load("line_actuator_failure")
@@ -220,9 +220,7 @@ def test_auto_compiles_what_is_long_enough_and_says_when_it_cannot(
     assert "spikeblocks[fast]" in notes[0]
 
 
-def test_a_run_says_which_engine_it_took_and_runs_again_with_the_same_bits(
-    cli, tmp_path: Path
-) -> None:
+def test_a_run_records_its_engine_and_runs_again_with_the_same_bits(cli, tmp_path: Path) -> None:
     arguments = ("--engine", "compiled", "--until", "0.5", "--no-plots", "--json", "-q")
     done = cli("run", "line_actuator_failure", *arguments)
     assert done.returncode == 0, done.stderr
@@ -236,14 +234,14 @@ def test_a_run_says_which_engine_it_took_and_runs_again_with_the_same_bits(
     assert all(np.array_equal(a[name], b[name], equal_nan=True) for name in a.files)
 
 
-def test_an_engine_of_no_such_name_is_told_with_those_there_are(cli) -> None:
+def test_an_unknown_engine_is_reported_with_the_known_ones(cli) -> None:
     done = cli("run", "line_actuator_failure", "--engine", "compild")
     assert done.returncode == 2
     assert "did you mean 'compiled'?" in done.stderr
 
 
 class Drawn(blocks.Block):
-    """Puts out 1 or -1, drawn at the start, by a flag that compiled text takes for constant."""
+    """Returns 1 or -1 by a flag drawn at the start, which is a constant in compiled text."""
 
     out = blocks.Output(blocks.Scalar)
 
@@ -254,7 +252,7 @@ class Drawn(blocks.Block):
         return 1.0 if state.up else -1.0
 
 
-def test_what_is_drawn_at_the_start_is_drawn_for_each_seed() -> None:
+def test_draws_at_the_start_depend_on_the_seed() -> None:
     graph = runtime.Graph("drawn", dt=0.1, until=1.0).add("flag", Drawn()).probe("flag.out")
     graph = graph.set("run.engine", "compiled").check()
     found = [float(graph.with_seed(seed).run()["flag.out"][-1]) for seed in range(8)]
@@ -263,7 +261,7 @@ def test_what_is_drawn_at_the_start_is_drawn_for_each_seed() -> None:
     assert set(found) == {1.0, -1.0}
 
 
-def test_the_plan_is_compiled_for_one_signature_only() -> None:
+def test_the_plan_is_compiled_for_one_signature() -> None:
     engine = Engine(chain(Doubled(), Named(), dt=0.05).program(), 0, CompiledRunner)
     engine.run()
     assert len(engine.runner.function.signatures) == 1  # type: ignore[attr-defined]

@@ -33,13 +33,13 @@ Draw = Callable[[np.random.Generator], Any]
 ROOM = World(SHIPPED["paper_room"])
 TICKS = 40
 STREAMS = 3
-# Called from Python under the compiled engine: its arithmetic is another library's.
+# Called from Python under the compiled engine: it computes with another library.
 PYTHON_ONLY = {"MujocoVacuum"}
 
 
 @dataclass(frozen=True)
 class Case:
-    """A block to compare the two forms of.
+    """A block whose two forms are compared.
 
     types : of inputs, where they are not those of ``check_block``.
     inputs : makes a port's value, in place of the bench's random one.
@@ -83,7 +83,7 @@ def seldom_new(of: Draw) -> Draw:
 
 
 def with_misses(draw: np.random.Generator) -> Any:
-    """A scan as no LiDAR gives it: things near and far all about, misses, NaN."""
+    """A scan that no LiDAR returns: near and far points everywhere, misses, NaN."""
     scan = draw.uniform(0.05, draw.choice([0.5, 3.0, 30.0]), 30)
     scan[draw.random(30) < 0.3] = math.inf
     scan[draw.random(30) < 0.05] = math.nan
@@ -217,12 +217,12 @@ EVERY = [case for cases in CASES.values() for case in cases]
 
 
 def has_work(cls: type[Block]) -> bool:
-    """Whether there is anything to do in a tick: what is constant is computed once, in Python."""
+    """Whether a block runs in a tick: constants are computed once, in Python."""
     outputs = cls.spec.outputs.values()
     return cls.spec.update is not None or not all(port.constant for port in outputs)
 
 
-def test_every_block_that_works_in_a_tick_is_here() -> None:
+def test_every_block_that_runs_in_a_tick_is_here() -> None:
     working = {name for name, cls in BUILTIN.items() if has_work(cls)}
     assert working == CASES.keys() | PYTHON_ONLY
     for name, cases in CASES.items():
@@ -280,7 +280,9 @@ class TextRun(Run):
         return {method: scope[function] for method, function in made.methods.items()}
 
     def call(self, method: str, t: float, *arguments: Any) -> Any:
-        with np.errstate(invalid="ignore"):  # infinity times zero, say, as compiled: no word of it
+        with np.errstate(
+            invalid="ignore"
+        ):  # such as infinity times zero; compiled text does not warn
             return self.functions[method](self.fields, t, *arguments)
 
 
@@ -293,7 +295,7 @@ class CompiledRun(TextRun):
 
 
 def check_equal(case: Case, form: type[Run], stream: int, ticks: int = TICKS) -> None:
-    """Run both forms on the same random inputs, and compare all that they show in each tick."""
+    """Run both forms on the same random inputs, and compare outputs and states in each tick."""
     python, other = Run(case, stream), form(case, stream)
     draw = np.random.default_rng(stream)
     for k in range(ticks):
@@ -311,18 +313,18 @@ def check_equal(case: Case, form: type[Run], stream: int, ticks: int = TICKS) ->
             if name == "spikes":
                 np.testing.assert_array_equal(found[name], value, message)
             else:
-                # What cancels is as good as what it is the difference of.
+                # A difference is as accurate as its terms.
                 np.testing.assert_allclose(found[name], value, 1e-12, 1e-12, err_msg=message)
 
 
 @pytest.mark.parametrize("case", EVERY, ids=str)
-def test_the_text_is_the_block(case: Case) -> None:
+def test_the_text_computes_what_the_block_computes(case: Case) -> None:
     for stream in range(STREAMS):
         check_equal(case, TextRun, stream)
 
 
 @pytest.mark.parametrize("case", EVERY, ids=str)
-def test_the_compiled_block_is_the_block(case: Case) -> None:
+def test_the_compiled_block_computes_what_the_block_computes(case: Case) -> None:
     check_equal(case, CompiledRun, STREAMS)
 
 
@@ -350,7 +352,7 @@ def test_nearest_in_loops(world: World, place: tuple[float, float]) -> None:
 @settings(deadline=None, max_examples=40)
 @given(worlds(), st.integers(0, 2**32 - 1))
 def test_nearest_behind_surfaces_is_the_distance(world: World, seed: int) -> None:
-    """By an independent account: World.distance, and the way that the normal leads."""
+    """By an independent computation: World.distance, and the direction of the normal."""
     points = np.random.default_rng(seed).uniform(-2.5, 2.5, (50, 2))
     distance = world.distance(points)
     for (x, y), d in zip(points.tolist(), distance.tolist(), strict=True):
@@ -367,7 +369,7 @@ def test_sliding_in_loops(
     world: World, place: tuple[float, float], way: tuple[float, float]
 ) -> None:
     class Loops:
-        """The world by the arrays that compiled text is given."""
+        """The world as the arrays that compiled text uses."""
 
         def nearest(self, x: float, y: float) -> Any:
             return loop_nearest(world.arrays, x, y)
@@ -382,7 +384,7 @@ def test_sliding_in_loops(
 @settings(deadline=None, max_examples=40)
 @given(worlds(), st.integers(0, 2**32 - 1))
 def test_cast_in_loops(world: World, seed: int) -> None:
-    """From places and at angles that are nobody's: on a corner, rounding decides."""
+    """From generic positions and at generic angles: on a corner, rounding decides."""
     draw = np.random.default_rng(seed)
     points = draw.uniform(-2.5, 2.5, (20, 2))
     points = points[world.distance(points) > 1e-3][:3]
@@ -392,7 +394,7 @@ def test_cast_in_loops(world: World, seed: int) -> None:
         expected = world.cast(x, y, ahead + theta)
         found = loop_cast(world.arrays, x, y, theta, ahead)
         # Along a wall, a range is as uncertain as the angle is, times the range's slope.
-        with np.errstate(invalid="ignore"):  # infinity less infinity
+        with np.errstate(invalid="ignore"):  # infinity minus infinity
             slope = np.abs(world.cast(x, y, ahead + theta + 1e-7) - expected) / 1e-7
             room = 1e-12 * (1.0 + np.abs(expected) + np.nan_to_num(slope))
             same = (found == expected) | (np.abs(found - expected) <= room)

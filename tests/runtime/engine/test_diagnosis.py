@@ -1,4 +1,4 @@
-"""What a run says of itself afterwards: in the result, in the manifest, under both engines."""
+"""Diagnoses after a run: in the result, in the manifest, under both engines."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def saturated(omega: float, dt: float | None = None) -> runtime.Graph:
     return graph.connect("go.value", "limit.command").probe("limit.limited_ticks")
 
 
-def test_a_saturator_that_never_lets_go_says_its_share(engine: str) -> None:
+def test_a_permanent_saturation_is_noted_with_its_share(engine: str) -> None:
     result = saturated(5.0).run(engine=engine)
     [note] = result.notes
     assert note.startswith(
@@ -42,7 +42,7 @@ def test_ticks_are_those_of_the_block(engine: str) -> None:
 
 
 def learning(rate: float, sign: float, **parameters: float) -> runtime.Graph:
-    """An integrator that learns the value 1, or with the sign of the error turned, runs from it."""
+    """An integrator that learns the value 1; with the error's sign flipped it diverges."""
     graph = runtime.Graph(dt=0.001, until=1.0)
     graph = graph.add("x", blocks.Constant(value=[0.0], signal="Vector"))
     graph = graph.add("goal", blocks.Constant(value=[1.0], signal="Vector"))
@@ -52,26 +52,26 @@ def learning(rate: float, sign: float, **parameters: float) -> runtime.Graph:
     return graph.connect("learner.output", "miss.terms").connect("goal.value", "miss.terms")
 
 
-def test_learning_that_converges_says_nothing(engine: str) -> None:
+def test_learning_that_converges_has_no_note(engine: str) -> None:
     result = learning(10.0, 1.0).probe("learner.bias").run(engine=engine)
     expected = 1.0 - (1.0 - 0.01) ** np.arange(1000)
     np.testing.assert_allclose(result["learner_bias"][:, 0], expected, rtol=1e-9, atol=1e-12)
     assert result.notes == []
 
 
-def test_learning_that_runs_away_says_how_far(engine: str) -> None:
-    """With the sign turned, b(t) = 1 - (1 + rate dt)^k: its growth over a half run is known."""
+def test_learning_that_diverges_is_noted_with_its_growth(engine: str) -> None:
+    """With the sign flipped, b(t) = 1 - (1 + rate dt)^k: its growth over a half run is known."""
     [note] = learning(10.0, -1.0).run(engine=engine).notes
     grown = ((1.01**1000) - 1.0) / ((1.01**500) - 1.0)
     assert note.startswith(f"block 'learner': what it learnt grew {grown:.3g}-fold over the last")
 
 
-def test_a_windup_at_constant_rate_is_no_divergence(engine: str) -> None:
+def test_a_windup_at_constant_rate_is_not_a_divergence(engine: str) -> None:
     graph = learning(10.0, 1.0).set("wires.miss.terms", ["x.value", "goal.value"])
     assert graph.run(engine=engine).notes == []
 
 
-def test_steps_that_overshoot_say_by_how_much(engine: str) -> None:
+def test_steps_that_overshoot_are_noted_with_their_size(engine: str) -> None:
     """The error is multiplied by 1 - g with g = kappa dt: 1.9 converges, 2.1 does not."""
     assert learning(1900.0, 1.0).run(engine=engine).notes == []
     notes = learning(2100.0, 1.0).run(engine=engine).notes
@@ -91,7 +91,7 @@ def test_an_ensemble_whose_rate_is_too_large() -> None:
 
 
 class Broken(blocks.Block):
-    """Its diagnosis fails, which must not cost the run."""
+    """Its diagnosis fails, which must not end the run."""
 
     out = blocks.Output(blocks.Scalar)
 
@@ -102,7 +102,7 @@ class Broken(blocks.Block):
         raise ValueError(f"{ticks} ticks, {len(watched)} seen")
 
 
-def test_a_diagnosis_that_fails_does_not_cost_the_run() -> None:
+def test_a_diagnosis_that_fails_does_not_end_the_run() -> None:
     result = runtime.Graph(dt=0.1, until=1.0).add("b", Broken()).probe("b.out").run()
     assert result["b_out"].tolist() == [1.0] * 10
     assert result.notes == ["block 'b': its diagnose() failed: ValueError: 10 ticks, 0 seen"]

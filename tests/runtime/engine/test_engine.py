@@ -18,7 +18,7 @@ from blocks.core.signals import Same
 
 
 class Clock(blocks.Block):
-    """Puts out the time."""
+    """Returns the time."""
 
     out = blocks.Output(blocks.Scalar, unit="s")
 
@@ -57,7 +57,7 @@ def test_each_method_is_called_once_per_tick_of_the_block(every: int) -> None:
     graph = graph.add("clock", Clock()).add("count", Counter(), dt=0.01 * every)
     graph = graph.connect("clock.out", "count.x").probe("count.calls", every=1)
     last = graph.run()["count.calls"][-1]
-    # The last row stands before the update of the last tick, number 60.
+    # The last row is recorded before the update of the last tick, number 60.
     ticks = 60 // every + 1
     assert last.tolist() == [1, ticks, ticks - (60 % every == 0)]
 
@@ -96,7 +96,7 @@ def test_long_chains_run_without_recursion() -> None:
 def test_any_acyclic_wiring_computes_what_numpy_does(
     order: list[int], edges: set[tuple[int, int]]
 ) -> None:
-    """Sums of sums: out_j = 1 + sum over i -> j of out_i, whatever the order of declaration."""
+    """Sums of sums: out_j = 1 + sum over i -> j of out_i, for any order of declaration."""
     edges = {(min(e), max(e)) for e in edges if e[0] != e[1]}
     graph = runtime.Graph(dt=1.0, until=1.0).add("one", blocks.Constant(value=1.0))
     for j in order:
@@ -115,7 +115,7 @@ def test_any_acyclic_wiring_computes_what_numpy_does(
     assert [result[f"p{j}"][0] for j in range(6)] == pytest.approx(expected.tolist())
 
 
-def test_loops_through_state_run_and_loops_without_are_refused() -> None:
+def test_loops_through_state_run_and_algebraic_loops_are_refused() -> None:
     graph = runtime.Graph(dt=1.0, until=5.0)
     graph = (
         graph.add("one", blocks.Constant(value=1.0))
@@ -160,7 +160,7 @@ def test_a_run_runs_again_from_its_own_folder(name: str, tmp_path: Path) -> None
 
 
 def test_removing_a_block_leaves_noise_and_neurons_of_the_others() -> None:
-    """Open loop, so that nothing but the random draws could differ."""
+    """Open loop, so that only the random draws could differ."""
     graph = runtime.load("sine_estimation_error").set("plots", {}).set("metrics", {})
     graph = graph.set("blocks.plant", {"type": "Constant", "signal": "Pose", "value": [1, 2, 0.5]})
     graph = graph.set("wires.plant", None).set("probes", {})
@@ -182,17 +182,18 @@ def test_removing_a_block_leaves_noise_and_neurons_of_the_others() -> None:
 
 
 class Shapeless(blocks.Block):
-    """Puts out whatever it is told to."""
+    """Returns a given value."""
 
     out = blocks.Output(blocks.Twist)
     kind: str = blocks.param(doc="what")
 
     def output(self, state, t):
-        return {"float": 1.0, "three": (1.0, 2.0, 3.0), "none": None, "list": [1.0, 2.0]}[self.kind]
+        wrong = {"float": 1.0, "three": (1.0, 2.0, 3.0), "none": None, "list": [1.0, 2.0]}
+        return {**wrong, "bool": (1.0, True)}[self.kind]
 
 
-@pytest.mark.parametrize("kind", ["float", "three", "none", "list"])
-def test_a_wrong_value_is_told_on_the_first_tick(kind: str) -> None:
+@pytest.mark.parametrize("kind", ["float", "three", "none", "list", "bool"])
+def test_a_wrong_value_is_reported_on_the_first_tick(kind: str) -> None:
     graph = runtime.Graph(dt=0.1, until=1.0).add("bad", Shapeless(kind=kind))
     with pytest.raises(
         runtime.SimulationError, match=r"block 'bad' at tick 0 .*'out' must be a tuple of 2"
@@ -210,7 +211,7 @@ class Pair(blocks.Block):
         return 1.0
 
 
-def test_a_missing_output_is_told() -> None:
+def test_a_missing_output_is_reported() -> None:
     with pytest.raises(runtime.SimulationError, match=r"expected a tuple of its outputs \(a, b\)"):
         runtime.Graph(dt=0.1, until=1.0).add("bad", Pair()).run()
 
@@ -255,7 +256,7 @@ class Spoiler(blocks.Block):
 )
 @given(at=st.integers(0, 300))
 @settings(max_examples=8, deadline=None)
-def test_a_nan_is_told_at_the_very_tick_in_any_signal(signal: str, value: object, at: int) -> None:
+def test_a_nan_in_any_signal_is_reported_at_its_tick(signal: str, value: object, at: int) -> None:
     graph = runtime.Graph(dt=0.1, until=40.0)
     graph = graph.add("c", blocks.Constant(value=value, signal=signal)).add("bad", Spoiler(at=at))
     graph = graph.connect("c.value", "bad.x").probe("bad.out")

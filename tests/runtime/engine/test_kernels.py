@@ -1,4 +1,4 @@
-"""Kernels stand for the very method they were written for: subclasses under both engines."""
+"""A kernel replaces only the method it was written for: subclasses under both engines."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from blocks.core.kernels import MARK, kernel_for, kernel_of
 from runtime.engine.compiled.translate import NotCompilableError
 from tests.runtime.engine.test_compiled_blocks import CASES, Case, Run, TextRun, check_equal
 
-# What describes a block before a run, and says nothing about its ticks.
+# Methods that describe a block before a run and are not called in a tick.
 DESCRIBING = {"validate", "validate_in", "sizes"}
 TICKS = 6
 
@@ -33,7 +33,7 @@ def halved(value: Any) -> Any:
 
 
 def changed(cls: type[Block], name: str) -> type[Block]:
-    """A subclass whose method of this name gives half of what it gave."""
+    """A subclass whose method of this name returns half of its result."""
     original = inspect.getattr_static(cls, name)
 
     @functools.wraps(original)
@@ -51,7 +51,7 @@ def changed(cls: type[Block], name: str) -> type[Block]:
 
 
 def methods(cls: type[Block]) -> Iterator[str]:
-    """All methods of a library's block that take part in its ticks, kernels left out."""
+    """All methods of a built-in block that its ticks call, except kernels."""
     for name in dir(cls):
         value = inspect.getattr_static(cls, name)
         works = inspect.isfunction(value) and not name.startswith("__") and name not in DESCRIBING
@@ -73,7 +73,7 @@ def test_a_subclass_that_overrides_a_method_is_the_same_under_both_engines(
         try:
             check_equal(other, TextRun, 0, TICKS)
         except NotCompilableError:
-            continue  # it is called from Python, which is the other engine
+            continue  # called from Python, which is the other engine
 
 
 def trace(case: Case) -> list[Any]:
@@ -91,7 +91,7 @@ def trace(case: Case) -> list[Any]:
     [(n, m) for n, m in OVERRIDES if m in ("update", "_draw", "_respond", "solve")],
 )
 def test_these_overrides_change_the_numbers(name: str, method: str) -> None:
-    """Without that, the test above would compare nothing."""
+    """Otherwise the test above would compare nothing."""
     case = CASES[name][0]
     cls = changed(type(case.block), method)
     a, b = trace(case), trace(replace(case, block=cls(**case.block.parameters())))
@@ -138,7 +138,7 @@ def test_own_methods_run_under_the_compiled_engine_and_compile() -> None:
     expected = graph.run(engine="python")
     for name, recorded in expected.probes.items():
         np.testing.assert_allclose(found.probes[name].values, recorded.values, 1e-12, 1e-12)
-    # The rule moves by steps of 0.01 and of nothing else; the lag ends at half its exponent.
+    # The rule changes only by steps of 0.01; the lag ends at half its exponent.
     np.testing.assert_allclose(
         np.abs(np.diff(found["rule.output"].ravel())), 0.01, rtol=1e-9, atol=0.0
     )
@@ -148,7 +148,7 @@ def test_own_methods_run_under_the_compiled_engine_and_compile() -> None:
 
 
 class Base:
-    """Methods with kernels, and helpers that one or both of them rely on."""
+    """Methods with kernels, and helpers that one or both of them use."""
 
     FACTOR = 2.0
 
@@ -192,19 +192,19 @@ BOUND: list[tuple[dict[str, Any], bool, bool]] = [
 
 
 @pytest.mark.parametrize(("members", "update", "output"), BOUND)
-def test_a_kernel_holds_where_what_it_spells_out_is_unchanged(
+def test_a_kernel_is_used_while_the_methods_it_replaces_are_unchanged(
     members: dict[str, Any], update: bool, output: bool
 ) -> None:
     cls: Any = type("Derived", (Base,), members)
     if "_update_kernel" in members:
-        # The subclass replaced the kernel's name alone: what it stands for is the method's.
+        # The subclass replaced only the kernel's name; the method is unchanged.
         assert kernel_for(cls, cls.update, KEPT) is Base._update_kernel
         return
     assert (kernel_for(cls, cls.update, KEPT) is not None) is update
     assert (kernel_for(cls, cls.output, KEPT) is not None) is output
 
 
-def test_a_method_of_its_own_has_no_kernel_until_it_declares_one() -> None:
+def test_an_own_method_has_no_kernel_until_it_declares_one() -> None:
     class Own(Base):
         def update(self, state, t, x):
             state.m[0] = x
@@ -219,7 +219,7 @@ def test_a_method_of_its_own_has_no_kernel_until_it_declares_one() -> None:
     assert kernel_for(Declared, update, KEPT) is Declared._fast
 
 
-def test_a_kernel_takes_what_its_method_takes() -> None:
+def test_a_kernel_has_the_parameters_of_its_method() -> None:
     def update(self, state, t, error, learn):
         pass
 
@@ -231,21 +231,21 @@ def test_a_kernel_takes_what_its_method_takes() -> None:
 
 
 class FailsInUpdate(blocks.ActuatorLag):
-    """Divides by what is left of 40 ms."""
+    """Divides by the time left of 40 ms."""
 
     def update(self, state, t, command):
         state.reached[0] = 1.0 / (round(100.0 * t) - 4)
 
 
 class FailsInOutput(blocks.ActuatorLag):
-    """Puts out a logarithm that does not exist from 50 ms on."""
+    """Returns a logarithm that is undefined from 50 ms on."""
 
     def output(self, state, t):
         return np.nan if t > 0.045 else 1.0, 0.0
 
 
 class FailsInHelper(blocks.PoseNoise):
-    """Refuses its third draw."""
+    """Raises at its third draw."""
 
     def _draw(self, state):
         state.noise[0] += 1.0
@@ -261,7 +261,7 @@ FAILURES = [
 
 
 @pytest.mark.parametrize(("block", "port", "kind", "value", "tick"), FAILURES)
-def test_failures_of_subclasses_are_located_alike(
+def test_failures_of_subclasses_have_the_same_location(
     block: Block, port: str, kind: str, value: list[float], tick: int
 ) -> None:
     graph = runtime.Graph("fails", dt=0.01, until=0.2)

@@ -1,4 +1,4 @@
-"""Recordings that go to disk hold what recordings in memory hold, whatever ends the run."""
+"""Recordings on disk equal recordings in memory, however the run ends."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_rows_on_disk_are_those_in_memory(every: tuple[int, ...], ticks: int, me
         )
 
 
-def test_no_more_rows_are_gathered_than_memory_allows() -> None:
+def test_buffers_fit_into_memory() -> None:
     graph = ramp((1, 4), 100.0)
     network, probes = graph.network, graph.observation.probes
     sizes = {name: probe.size(network.ticks) for name, probe in probes.items()}
@@ -112,15 +112,15 @@ def test_a_failure_keeps_the_rows_before_it() -> None:
     assert len(result["p1"]) == 4
 
 
-def test_too_little_disk_is_told_before_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_too_little_disk_is_reported_before_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
     usage = type("Usage", (), {"free": 1000})
     monkeypatch.setattr(recorder.shutil, "disk_usage", lambda folder: usage)
-    with pytest.raises(runtime.UsageError, match=r"takes 31.25 KiB on the way.*has 1000 B"):
+    with pytest.raises(runtime.UsageError, match=r"needs 31.25 KiB while it runs.*has 1000 B"):
         ramp((1,), 10.0).set("run.memory", 100).run()
 
 
 @pytest.mark.parametrize("memory", ["lots", "0", "1.5G", "-3", "true", "12T"])
-def test_memory_that_is_no_size_is_told(cli, tmp_path: Path, memory: str) -> None:
+def test_an_invalid_memory_size_is_reported(cli, tmp_path: Path, memory: str) -> None:
     (tmp_path / "g.yaml").write_text(ramp((1,), 1.0).to_yaml())
     done = cli("validate", "g.yaml", "--set", f"run.memory={memory}")
     assert done.returncode == 2

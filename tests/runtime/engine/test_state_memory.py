@@ -1,4 +1,4 @@
-"""Memory of a block that others get to see: right numbers or one refusal, under both engines."""
+"""Memory of a block that others can read: right numbers or an error, under both engines."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ENGINES = ("python", "compiled")
 
 
 class Counts(blocks.Block):
-    """Counts its ticks in both components of a state; subclasses hand the count on."""
+    """Counts its ticks in both components of a state; subclasses return the count."""
 
     out = Output(Vector(2))
     m = State(2)
@@ -30,7 +30,7 @@ class Counts(blocks.Block):
 
 
 class View(Counts):
-    """Puts out a part of its state, in place of the whole."""
+    """Returns a part of its state instead of the whole."""
 
     wide = State(4)
 
@@ -43,7 +43,7 @@ class View(Counts):
 
 
 class Sometimes(Counts):
-    """Puts out the state itself from the fourth tick on only."""
+    """Returns the state itself, only from the fourth tick on."""
 
     def output(self, state, t):
         if t > 0.025:
@@ -52,7 +52,7 @@ class Sometimes(Counts):
 
 
 class Undeclared(Counts):
-    """Counts in an array that is no declared state."""
+    """Counts in an array that is not declared as a state."""
 
     def start(self, state):
         state.buffer = np.zeros(2)
@@ -97,7 +97,7 @@ class Striped(Counts):
 
 
 def behind(block: blocks.Block, name: str = "count") -> runtime.Graph:
-    """The block, and behind it a delay whose name puts its update after the block's own."""
+    """The block, then a delay that is updated after the block because of its name."""
     graph = runtime.Graph("memory", dt=0.01, until=0.01 * TICKS).add(name, block)
     graph = graph.add("zdelay", blocks.UnitDelay()).connect(f"{name}.out", "zdelay.input")
     return graph.probe("out", f"{name}.out").probe("delayed", "zdelay.out")
@@ -107,7 +107,7 @@ def behind(block: blocks.Block, name: str = "count") -> runtime.Graph:
 @pytest.mark.parametrize(
     "block", [Counts(), View(), Sometimes(), Undeclared(), Rebinds(), RebindsAtStart(), Striped()]
 )
-def test_what_leaves_a_block_stays_what_it_was(block: blocks.Block, engine: str) -> None:
+def test_an_output_keeps_its_value_after_the_tick(block: blocks.Block, engine: str) -> None:
     result = behind(block).probe("kept", "count.m").run(engine=engine)
     count = np.arange(TICKS, dtype=float)
     np.testing.assert_array_equal(result["out"], np.column_stack((count, count)))
@@ -118,7 +118,7 @@ def test_what_leaves_a_block_stays_what_it_was(block: blocks.Block, engine: str)
 
 
 class InATable(Counts):
-    """Keeps the array that it puts out where an engine does not look."""
+    """Keeps the array that it returns in a place that no engine checks."""
 
     def start(self, state):
         state.table = {"count": np.zeros(2)}
@@ -131,7 +131,7 @@ class InATable(Counts):
 
 
 class Writes(blocks.Block):
-    """Writes into what it is given, from the fourth tick on."""
+    """Writes into its input, from the fourth tick on."""
 
     x = Input(Vector(2))
     out = Output(Vector(2))
@@ -143,7 +143,7 @@ class Writes(blocks.Block):
 
 
 class WritesByHelper(Writes):
-    """Writes by way of a helper, into a part."""
+    """Writes into a part of its input, in a helper."""
 
     def _spoil(self, row):
         row[0] = 7.0
@@ -163,7 +163,7 @@ def refused(graph: runtime.Graph) -> set[str]:
     return message
 
 
-def test_an_array_kept_out_of_sight_is_refused_by_both_engines() -> None:
+def test_a_hidden_array_is_refused_by_both_engines() -> None:
     (message,) = refused(behind(InATable()))
     assert message.startswith("block 'count' at tick 0 (t = 0 s): ValueError: ")
     assert "read-only: write to a copy" in message
@@ -193,7 +193,7 @@ def test_a_state_of_another_shape_is_refused_with_both_shapes() -> None:
 
 
 class Lettered(Counts):
-    """Has an output called b, beside its fields in compiled text."""
+    """Has an output called b, the name of its fields in compiled text."""
 
     b = Output(Vector(2))
 
@@ -213,7 +213,7 @@ def test_a_block_may_have_any_name(name: str) -> None:
 
 
 class InPython(blocks.Block):
-    """Hands its input on, and does not compile."""
+    """Passes its input on, and does not compile."""
 
     x = Input(Vector(2))
     out = Output(Vector(2))

@@ -1,4 +1,4 @@
-"""Metrics against closed forms, and what they refuse to measure."""
+"""Metrics against closed forms, and the errors in their options and signals."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from blocks.core.params import param
 from blocks.core.signals import FloatArray
 from runtime.document.node import parse_yaml
 from runtime.errors import GraphError
-from runtime.observation.metric_kinds import Common, Kind
+from runtime.observation.metric_kinds import MetricKind, MetricOptions
 from runtime.observation.metrics import METRIC_KINDS, Metric, ProbeInfo, Series
 from tests.runtime.broken import SOUND, changed
 
@@ -46,11 +46,11 @@ def test_settling_time_is_the_last_entry_into_the_band() -> None:
 
 
 def test_a_band_that_is_reached_at_the_very_end_is_not_settled() -> None:
-    """A sine of 1 rad/s passes the band of 0.1 about each zero for 0.2 s: that is no settling."""
+    """A sine of 1 rad/s passes the band of 0.1 about each zero for 0.2 s: it never settles."""
     sine = np.sin(T)
     for end in range(2, len(T)):
         assert value("settling_time", sine[50:end], T[50:end], band=0.1) is None
-    # 0.1 s of it is enough where that is asked for, and rounding of the times takes nothing.
+    # A hold of 0.1 s is enough if it is set, and rounding of the times does not matter.
     ends = slice(0, int(np.searchsorted(T, math.pi)))
     entered = T[np.searchsorted(T, math.pi - math.asin(0.1))]
     asked = {"band": 0.1, "hold": T[ends][-1] - entered}
@@ -64,14 +64,14 @@ def test_a_hold_is_a_time(hold: Any) -> None:
     assert key == "hold" and message.startswith("expected a number at least 0 s, got ")
 
 
-def test_what_is_not_a_number_is_outside_of_the_band() -> None:
+def test_nan_is_outside_of_the_band() -> None:
     assert value("settling_time", [0, 0, 0, math.nan], np.arange(4.0), band=1) is None
     assert value("settling_time", [0, math.nan, 0, 0], np.arange(4.0), band=1) == 2.0
 
 
 def test_settling_time_of_columns_waits_for_the_slowest() -> None:
     both = np.column_stack((3.0 * np.exp(-T), 30.0 * np.exp(-T)))
-    # The second column is in from ln 300 = 5.703... on; with a band of 10 from ln 3 = 1.098...
+    # The second column is in its band from ln 300 = 5.703... on; a band of 10 from ln 3 = 1.098...
     assert value("settling_time", both, band=0.1) == pytest.approx(5.71)
     assert value("settling_time", both, band=[0.1, 10.0]) == pytest.approx(3.41)
 
@@ -189,7 +189,7 @@ def test_expectations(options: dict[str, float], number: float | None, message: 
     assert Metric("m", "final", {"of": "p"}, options).expectation(number) == message
 
 
-# -- what is refused
+# -- errors
 
 SCALAR = ProbeInfo((), ("m",))
 POSE = ProbeInfo((3,), ("m", "m", "rad"))
@@ -211,7 +211,7 @@ def test_one_column_metrics(kind: str) -> None:
     assert complaints(kind, {}, of=TABLE) == [("of", table)]
 
 
-def test_ways_are_of_places() -> None:
+def test_path_length_needs_a_position() -> None:
     assert complaints("path_length", {}, of=POSE) == []
     for wrong in (TWIST, SCALAR):
         message = "expected x and y in m, as in plant.pose"
@@ -254,7 +254,7 @@ def test_numbers_of_every_metric(key: str, bad: Any) -> None:
     assert (found, message[: len(wanted)]) == (key, wanted)
 
 
-def test_after_is_no_time_before_the_run() -> None:
+def test_after_is_not_negative() -> None:
     assert complaints("final", {"after": -1}, of=SCALAR) == [
         ("after", "expected a number at least 0 s, got -1")
     ]
@@ -277,7 +277,7 @@ def test_weights(weight: Any, message: str) -> None:
     ]
 
 
-def test_state_and_command_are_recorded_alike() -> None:
+def test_state_and_command_need_the_same_rate() -> None:
     slow = ProbeInfo((2,), ("m/s", "rad/s"), every=10)
     once = ProbeInfo((2,), ("m/s", "rad/s"), every=0)
     weights = {"q": [1, 1, 1], "r": [1, 1]}
@@ -291,14 +291,14 @@ def test_state_and_command_are_recorded_alike() -> None:
         ]
 
 
-class Percentile(Common):
-    """An option of a metric that is not the library's."""
+class Percentile(MetricOptions):
+    """The options of a kind of metric that is not built in."""
 
     percentile: float = param(unit="%", at_least=0.0, at_most=100.0, doc="share of rows below")
 
 
 @pytest.mark.parametrize("written", ["ninety", 101, -1, None, [50], True])
-def test_options_of_a_new_kind_are_held_against_their_declaration(
+def test_options_of_a_new_kind_are_checked_against_their_declaration(
     written: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Only the kind's own declaration is needed: check, value, defaults and message follow."""
@@ -306,7 +306,8 @@ def test_options_of_a_new_kind_are_held_against_their_declaration(
     def percentile(series: Any, options: Any) -> float:
         return float(np.percentile(series["of"].values, options["percentile"]))
 
-    monkeypatch.setitem(METRIC_KINDS, "percentile", Kind(percentile, "a percentile", Percentile))
+    kind = MetricKind(percentile, "a percentile", Percentile)
+    monkeypatch.setitem(METRIC_KINDS, "percentile", kind)
     plain = parse_yaml(SOUND, "g").plain()
     entry = {"kind": "percentile", "of": "plant.pose.x", "percentile": written}
     graph = runtime.load({**plain, "metrics": {"p": entry}})
@@ -345,7 +346,7 @@ def test_metrics_of_a_run_are_those_of_its_arrays() -> None:
     assert result.metrics["way"] > 0.0
 
 
-def test_a_metric_that_looks_beyond_the_end_says_so() -> None:
+def test_a_metric_of_times_after_the_end_has_a_note() -> None:
     result = measured("  m: {kind: final, of: plant.pose.x, after: 5}\n")
     assert result.metrics == {"m": None}
     assert result.notes == ["metric 'm' has no value: it looks at times after 5 s"]

@@ -271,7 +271,7 @@ def test_a_report_needs_no_module_and_says_that_it_is_gone(broken: Path) -> None
     html = report(broken).html
     shown = [e for e in elements(html) if e.attributes.get("data-kind") == "block"]
     assert [e.attributes["data-name"] for e in shown] == ["x"]
-    assert "'own.py' is gone since the run was saved" in html.replace("&#x27;", "'")
+    assert "'own.py' was removed after the run was saved" in html.replace("&#x27;", "'")
     assert rows(html, "metrics")[0][0] == "end"
 
 

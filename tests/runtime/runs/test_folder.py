@@ -1,4 +1,4 @@
-"""Nothing recorded is lost: changed sources, signals, full disks, odd places, killed processes."""
+"""No recording is lost: changed sources, signals, full disks, odd paths, killed processes."""
 
 from __future__ import annotations
 
@@ -19,15 +19,14 @@ import runtime
 from runtime.engine.interrupts import Interrupts, stoppable
 from runtime.errors import UsageError
 from runtime.files import NAME_BYTES, json_text, slug, write_whole
-from runtime.runs.folder import PARTIAL, Draft
-from runtime.runs.leftovers import leftovers
+from runtime.runs.draft import PARTIAL, Draft, leftovers
 from tests.conftest import Run
 
 OWN = '''
 import os, pathlib, shutil, signal, blocks
 
 class Acting(blocks.Block):
-    """Counts, and does something to the world at half a second."""
+    """Counts, and executes an action at half a second."""
     out = blocks.Output(blocks.Scalar)
     def output(self, state, t):
         if abs(t - 0.5) < 1e-9:
@@ -48,7 +47,7 @@ PART = "outputs: {out: half.value}\nblocks: {half: {type: Constant, value: 0.5}}
 
 @pytest.fixture
 def acting(tmp_path: Path) -> Any:
-    """Writes a graph whose block does something at half a second; returns its folder."""
+    """Writes a graph whose block executes an action at half a second; returns its folder."""
 
     def write(act: str) -> Path:
         placed = act.replace("{folder!r}", repr(str(tmp_path)))
@@ -61,13 +60,13 @@ def acting(tmp_path: Path) -> Any:
 
 
 def only_run(folder: Path) -> Path:
-    """The one run below a folder, with nothing hidden beside it."""
+    """The one run below a folder; there must be no hidden folder beside it."""
     (found,) = (path.parent for path in folder.rglob("manifest.json"))
     assert not list(found.parent.glob(f".*{PARTIAL}"))
     return found
 
 
-# Each names its folder: a run is run again in the process of the tests, which stands elsewhere.
+# With absolute paths: runs are repeated in the process of the tests, in another folder.
 FILES = "(pathlib.Path({folder!r}, n) for n in ('g.yaml', 'base.yaml', 'part.yaml', 'own.py'))"
 EDIT = f"[p.write_text('changed: [') for p in {FILES}]"
 REMOVE = f"[p.unlink(missing_ok=True) for p in {FILES}]"
@@ -89,7 +88,7 @@ def test_the_folder_holds_the_texts_that_ran(cli: Run, acting: Any, act: str, en
     np.testing.assert_allclose(again["seen"], np.arange(100.0), rtol=0, atol=1e-12)
 
 
-def test_a_module_read_once_stays_what_it_was(acting: Any) -> None:
+def test_a_module_is_read_once(acting: Any) -> None:
     folder = acting("pass")
     first = runtime.load(folder / "g.yaml").check()
     text = (folder / "own.py").read_text()
@@ -105,7 +104,7 @@ KILL = "os.kill(os.getpid(), signal.{name})"
 
 @pytest.mark.parametrize(("name", "code"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)])
 @pytest.mark.parametrize("memory", ["1G", "64"])
-def test_what_ends_a_run_keeps_what_was_recorded(
+def test_a_run_that_ends_early_keeps_its_recording(
     cli: Run, acting: Any, name: str, code: int, memory: str
 ) -> None:
     folder = acting(KILL.replace("{name}", name))
@@ -117,7 +116,7 @@ def test_what_ends_a_run_keeps_what_was_recorded(
     assert len(result["seen"]) >= 50
 
 
-def test_signals_while_a_run_is_written_are_remembered() -> None:
+def test_signals_while_a_run_is_written_are_stored() -> None:
     with Interrupts() as interrupts:
         with pytest.raises(KeyboardInterrupt), stoppable():
             signal.raise_signal(signal.SIGTERM)
@@ -130,29 +129,29 @@ def test_signals_while_a_run_is_written_are_remembered() -> None:
         signal.raise_signal(signal.SIGINT)
 
 
-STORM = """
+SIGNALS = """
 import os, signal, sys
 from runtime import cli
-from runtime.runs import folder as record
-def storm(result, folder, commit, write=record._write):
+from runtime.runs import draft
+def signalled(result, folder, commit, write=draft.write):
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGINT):
         os.kill(os.getpid(), number)
     write(result, folder, commit)
     os.kill(os.getpid(), signal.SIGINT)
-record._write = storm
+draft.write = signalled
 cli.main(["run", "g.yaml"])
 """
 
 
-def test_a_storm_of_signals_while_saving_loses_nothing(acting: Any) -> None:
+def test_many_signals_while_saving_lose_nothing(acting: Any) -> None:
     folder = acting(KILL.replace("{name}", "SIGINT"))
-    done = subprocess.run([sys.executable, "-c", STORM], cwd=folder, capture_output=True)
+    done = subprocess.run([sys.executable, "-c", SIGNALS], cwd=folder, capture_output=True)
     assert done.returncode == 130
     assert len(runtime.open(only_run(folder / "runs"))["seen"]) >= 50
 
 
 @pytest.mark.parametrize("what", ["file", "long", "nul"])
-def test_a_place_that_cannot_be_is_refused_before_the_first_tick(
+def test_an_impossible_folder_is_refused_before_the_first_tick(
     cli: Run, acting: Any, tmp_path: Path, what: str
 ) -> None:
     acting("pathlib.Path({folder!r}, 'ran').touch()")
@@ -185,8 +184,10 @@ def test_too_little_room_is_refused_before_the_first_tick(
     assert not list(folder.glob("runs/*/.*"))
 
 
-def test_a_run_whose_place_is_gone_is_kept_elsewhere(cli: Run, acting: Any, tmp_path: Path) -> None:
-    # The folder of all runs becomes a file while the simulation goes on.
+def test_a_run_whose_folder_cannot_be_written_is_saved_elsewhere(
+    cli: Run, acting: Any, tmp_path: Path
+) -> None:
+    # The folder of all runs becomes a file during the simulation.
     runs = str(tmp_path / "runs")
     acting(f"(shutil.rmtree({runs!r}), pathlib.Path({runs!r}).write_text(''))")
     spare = tmp_path / "spare"
@@ -222,7 +223,7 @@ def test_a_killed_run_is_listed_recovered_and_removed(
     assert "nothing left behind" in cli("clean").stdout
 
 
-def test_what_is_alive_or_a_link_is_left_alone(tmp_path: Path) -> None:
+def test_drafts_in_use_and_links_are_not_removed(tmp_path: Path) -> None:
     draft = Draft(tmp_path / "runs" / "g" / "one")
     outside = tmp_path / "outside"
     outside.mkdir()
@@ -233,12 +234,12 @@ def test_what_is_alive_or_a_link_is_left_alone(tmp_path: Path) -> None:
     (found,) = leftovers(tmp_path / "runs")
     assert found.path == draft.partial
     (found.path / "link").symlink_to(outside)
-    from runtime.runs.leftovers import remove
+    from runtime.runs.draft import remove
 
     assert remove(found) and (outside / "kept").exists()
 
 
-def test_json_is_json() -> None:
+def test_json_has_no_infinity_and_no_surrogates() -> None:
     odd = {"a": float("inf"), "b": [float("nan"), 1.5], "c": "half \udcff"}
     assert json.loads(json_text(odd)) == {"a": None, "b": [None, 1.5], "c": "half \\udcff"}
 
@@ -263,14 +264,14 @@ def test_a_metric_that_is_infinite_is_null_with_a_note(cli: Run, tmp_path: Path)
         pytest.fail(f"{name} is no JSON")
 
     summary = json.loads(done.stdout, parse_constant=refuse)
-    # What is expected of the value is expected of the value as it was measured.
+    # Expectations are compared with the infinite value.
     assert done.returncode == 0 and summary["metrics"] == {"nearest": None}
     assert summary["notes"] == ["metric 'nearest' is infinite (inf): it counts as no value"]
     for path in (tmp_path / summary["run"]).glob("*.json"):
         json.loads(path.read_text(), parse_constant=refuse)
 
 
-def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
+def test_files_are_written_atomically(tmp_path: Path) -> None:
     outside = tmp_path / "outside"
     outside.write_text("as it was")
     link = tmp_path / "link"
@@ -283,7 +284,7 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "..", "a/b", "é" * 300, "x" * 300, "nul\0", "-"])
-def test_slugs_are_names_of_files(tmp_path: Path, text: str) -> None:
+def test_slugs_are_valid_file_names(tmp_path: Path, text: str) -> None:
     name = slug(text)
     (tmp_path / name).touch()
     assert [path.name for path in tmp_path.iterdir()] == [name]
@@ -302,7 +303,7 @@ def git(folder: Path, *arguments: str) -> str:
 
 
 @pytest.mark.skipif(shutil.which("git") is None, reason="needs git")
-def test_the_commit_is_found_without_running_what_a_repository_names(tmp_path: Path) -> None:
+def test_the_commit_is_found_without_executing_programs_of_the_repository(tmp_path: Path) -> None:
     from runtime.runs.commit import git_commit
 
     work = tmp_path / "work"
@@ -332,7 +333,7 @@ def test_the_commit_is_found_without_running_what_a_repository_names(tmp_path: P
 
 
 @pytest.mark.skipif(shutil.which("git") is None, reason="needs git")
-def test_a_git_that_hangs_hangs_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_git_that_hangs_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from runtime.runs import commit
 
     git(tmp_path, "init", "-q")
@@ -343,7 +344,7 @@ def test_a_git_that_hangs_hangs_nothing(tmp_path: Path, monkeypatch: pytest.Monk
     (fake / "git").write_text("#!/bin/sh\nsleep 1000 &\nwait\n")
     (fake / "git").chmod(0o755)
     monkeypatch.setenv("PATH", f"{fake}:{os.environ['PATH']}")
-    monkeypatch.setattr(commit, "PATIENCE", 0.2)
+    monkeypatch.setattr(commit, "TIMEOUT", 0.2)
     assert commit.git_commit(tmp_path) == found
 
 
@@ -365,7 +366,7 @@ class Wave(blocks.Block):
 
 
 def peak(script: Path, folder: Path, *arguments: str) -> int:
-    """The most memory (bytes) that the console script held."""
+    """The peak memory (bytes) of the console script."""
     code = "import resource, subprocess, sys; subprocess.run(sys.argv[1:], check=True, stdout=-3); "
     code += "print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)"
     command = [sys.executable, "-c", code, str(script), *arguments]
@@ -374,7 +375,7 @@ def peak(script: Path, folder: Path, *arguments: str) -> int:
 
 
 @pytest.mark.skipif(not hasattr(resource, "RUSAGE_CHILDREN"), reason="needs getrusage")
-def test_a_recording_larger_than_memory_is_never_held_in_it(script: Path, tmp_path: Path) -> None:
+def test_a_recording_larger_than_memory_is_never_loaded(script: Path, tmp_path: Path) -> None:
     (tmp_path / "big.yaml").write_text(BIG)
     (tmp_path / "wave.py").write_text(WAVE)
     size = 15_000 * 601 * 8

@@ -1,4 +1,4 @@
-"""Runs read back from disk: what was saved comes back, and broken files are told in one line."""
+"""Reading runs: the data equals what was saved, and damaged files give an error of one line."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 import runtime
 from runtime.errors import UsageError
-from runtime.runs.folder import link_latest
-from runtime.runs.reading import run_folder
+from runtime.runs.draft import link_latest
+from runtime.runs.folder import run_folder
 from runtime.runs.result import open_run
 
 GRAPH = {
@@ -51,7 +51,7 @@ def run(saved: tuple[runtime.Result, Path], tmp_path: Path) -> Path:
     return Path(shutil.copytree(saved[1], tmp_path / "small" / "one"))
 
 
-def test_all_comes_back(saved: tuple[runtime.Result, Path]) -> None:
+def test_a_run_read_equals_the_run_saved(saved: tuple[runtime.Result, Path]) -> None:
     result, folder = saved
     again = open_run(folder)
     assert list(again.probes) == list(result.probes)
@@ -77,7 +77,7 @@ def test_a_folder_a_link_and_a_manifest_name_the_same_run(run: Path) -> None:
     assert {run_folder(way).resolve() for way in ways} == {run.resolve()}
 
 
-def test_a_folder_of_runs_is_answered_with_one_of_them(run: Path) -> None:
+def test_a_folder_of_runs_gives_a_suggestion(run: Path) -> None:
     with pytest.raises(UsageError, match="holds no run.*did you mean '.*one'"):
         open_run(run.parent)
     link_latest(run)
@@ -89,7 +89,7 @@ def test_a_folder_of_runs_is_answered_with_one_of_them(run: Path) -> None:
     ("path", "message"),
     [("nothing", "there is no"), ("file.txt", "is a file"), (".", "holds no run")],
 )
-def test_what_is_no_run(tmp_path: Path, path: str, message: str) -> None:
+def test_a_path_without_a_run(tmp_path: Path, path: str, message: str) -> None:
     (tmp_path / "file.txt").write_text("x")
     with pytest.raises(UsageError, match=message):
         open_run(tmp_path / path)
@@ -133,13 +133,13 @@ def test_flipped_bytes_of_the_arrays_are_found(
         again = open_run(broken)
     except UsageError:
         return
-    # What nothing reads, as the date of an archive's member, may be flipped without harm.
+    # Bytes that are not read, such as the date of an archive's member, do not matter.
     for name, recorded in result.probes.items():
         assert np.array_equal(again.probes[name].values, recorded.values)
 
 
 def _places(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
-    """Every place in a JSON value."""
+    """Every path in a JSON value."""
     inside = value.items() if isinstance(value, dict) else enumerate(value)
     for key, item in inside:
         yield (*path, key)
@@ -195,7 +195,7 @@ def test_a_newer_format_is_refused(run: Path) -> None:
         open_run(run)
 
 
-def test_metrics_that_are_no_numbers_are_refused(run: Path) -> None:
+def test_metrics_that_are_not_numbers_are_refused(run: Path) -> None:
     (run / "metrics.json").write_text('{"end": "many"}')
     with pytest.raises(UsageError, match=r"metrics.json' is damaged: expected a number or null"):
         open_run(run)
