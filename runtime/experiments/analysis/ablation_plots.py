@@ -19,7 +19,15 @@ from runtime.errors import UsageError
 from runtime.experiments.execution import INDEX, RUNS, TABLE, WAYS, Columns, Row, read_rows
 from runtime.files import own_file, own_folder
 from runtime.observation import Recording, RunData
-from runtime.plots import GREY, style, walls
+from runtime.plots import (
+    COLOURS,
+    GREY,
+    LINESTYLES,
+    STYLE,
+    draw_world,
+    explain_empty,
+    view_limits,
+)
 from runtime.runs import read_run
 
 FILE = "plots/ablation.png"
@@ -61,7 +69,7 @@ def ablation_figure(folder: Path) -> Figure:
     rows = math.ceil(len(facts["metrics"]) / COLUMNS)
     above = rows * (0.75 + 0.23 * len(facts["variants"]))
     below = 4.2 if ways else 0.0
-    with matplotlib.rc_context(style.STYLE):
+    with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(WIDTH, above + below + 0.4), layout="constrained")
         seeds = f"{len(facts['seeds'])} seeds: means, 95 % intervals, a dot for each seed"
         message = f"{facts['experiment']}  ·  {seeds}; hollow: not told from the baseline"
@@ -113,7 +121,7 @@ def _metric(
     axes: Axes, lines: Sequence[dict[str, Any]], values: Sequence[Sequence[float | None]]
 ) -> None:
     if all(line["mean"] is None for line in lines):
-        style.say(axes, "no run has a value")
+        explain_empty(axes, "no run has a value")
         return
     if lines[0]["mean"] is not None:
         look: dict[str, Any] = {"color": "0.5", "linewidth": 0.8, "linestyle": (0, (4, 2))}
@@ -152,13 +160,13 @@ def _estimate(axes: Axes, y: int, line: dict[str, Any]) -> None:
 
 def _colour(i: int) -> str:
     """Black for the baseline, and a colour for each variant while there are colours."""
-    return "black" if i == 0 else style.COLOURS[(i - 1) % (len(style.COLOURS) - 1)]
+    return "black" if i == 0 else COLOURS[(i - 1) % (len(COLOURS) - 1)]
 
 
 def _dashes(i: int) -> str:
     """A line for the baseline; where colours run out, they begin again with other dashes."""
-    turn = max(0, i - 1) // (len(style.COLOURS) - 1)
-    return style.LINESTYLES[turn % len(style.LINESTYLES)]
+    turn = max(0, i - 1) // (len(COLOURS) - 1)
+    return LINESTYLES[turn % len(LINESTYLES)]
 
 
 def _ways(
@@ -193,9 +201,9 @@ def _plane(
     low, high = everything.min(axis=0), everything.max(axis=0)
     margin = 0.06 * max(float((high - low).max()), 0.5)
     if result.world is not None:
-        low, high = walls.view(result.world, everything)
+        low, high = view_limits(result.world, everything)
         margin = 0.0
-        walls.draw_world(axes, result.world)
+        draw_world(axes, result.world)
     for i, name, _, xy in ways:
         # The baseline lies below and is wider: what it coincides with shows all the same.
         look: dict[str, Any] = {"color": _colour(i), "linewidth": 1.2 if i else 2.8}

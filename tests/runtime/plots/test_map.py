@@ -20,7 +20,8 @@ from blocks.world.world import World
 from runtime.errors import GraphError, UsageError
 from runtime.observation.reader import PlotSpec
 from runtime.observation.run_data import Recording
-from runtime.plots import animation, scans, walls
+from runtime.plots import animate, animated, scans
+from runtime.plots import map as maps
 from runtime.plots.figures import draw
 from runtime.runs.result import Result
 
@@ -156,10 +157,10 @@ class TestMap:
     def test_obstacles_are_closed_and_in_view(self) -> None:
         axes = Figure().subplots()
         world = World({"obstacles": [[[1, 0], [2, 0], [2, 1], [1, 1]]]})
-        walls.draw_world(axes, world)
+        maps.draw_world(axes, world)
         corners = np.asarray(axes.patches[0].get_path().vertices)
         np.testing.assert_array_equal(corners[0], corners[-1])
-        low, high = walls.view(world, np.array([[0.0, 0.0], [np.nan, 1.0]]))
+        low, high = maps.view_limits(world, np.array([[0.0, 0.0], [np.nan, 1.0]]))
         assert (low < [0.0, 0.0]).all()
         assert (high > [2.0, 1.0]).all()
 
@@ -189,7 +190,7 @@ class TestScans:
     def test_wall_and_path_of_that_moment(self, run: Result) -> None:
         plot = next(plot for plot in run.plots if plot.name == "scans")
         figure = picture(run, "scans")
-        for axes, t in zip(figure.axes, scans.moments(plot, run), strict=True):
+        for axes, t in zip(figure.axes, scans.panel_times(plot, run), strict=True):
             row = int((t + 1e-9) / 0.1)
             np.testing.assert_array_equal(
                 line(axes, "reference path"), run["fitter.path"][row, :, :2]
@@ -198,11 +199,11 @@ class TestScans:
             kept = wall[np.isfinite(wall).all(axis=1)]
             np.testing.assert_array_equal(kept, run["fitter.wall"][row])
 
-    def test_moments(self, run: Result) -> None:
+    def test_panel_times(self, run: Result) -> None:
         plot = PlotSpec("p", "scans", ("pose", "lidar.scan"), "P", {"at": [0.4, 0.9, 7.0]})
-        assert scans.moments(plot, run) == [0.4, 0.9]
+        assert scans.panel_times(plot, run) == [0.4, 0.9]
         assert len(draw(plot, run).axes) == 2
-        assert scans.moments(PlotSpec("p", "scans", ("pose",), "P", {"at": 9}), run) == [1.5]
+        assert scans.panel_times(PlotSpec("p", "scans", ("pose",), "P", {"at": 9}), run) == [1.5]
 
     def test_bearings_and_radius_come_from_the_blocks(self, run: Result) -> None:
         plot = next(plot for plot in run.plots if plot.name == "scans")
@@ -211,14 +212,14 @@ class TestScans:
 
     def test_misses_are_left_out(self) -> None:
         scan = np.array([1.0, np.inf, np.nan, 2.0])
-        points = walls.scan_points(scan, np.array([1.0, 1.0, math.pi / 2.0]), (0.0, math.tau))
+        points = maps.scan_points(scan, np.array([1.0, 1.0, math.pi / 2.0]), (0.0, math.tau))
         np.testing.assert_allclose(points, [[1.0, 2.0], [3.0, 1.0]])
 
     def test_several_walls_are_not_joined(self) -> None:
         x = np.array([0.0, 0.1, 0.2, 2.0, 2.1])
-        broken = walls.broken(np.column_stack([x, x]))
+        broken = maps.split_curves(np.column_stack([x, x]))
         assert np.flatnonzero(np.isnan(broken[:, 0])).tolist() == [3]
-        assert len(walls.broken(np.ones((3, 2)))) == 3
+        assert len(maps.split_curves(np.ones((3, 2)))) == 3
 
 
 class TestOptions:
@@ -322,8 +323,8 @@ class TestAnimation:
     def test_is_a_gif_that_moves(
         self, run: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(animation, "FRAMES", 8)
-        file = animation.animate(run, tmp_path / "new" / "run.gif")
+        monkeypatch.setattr(scans, "FRAMES", 8)
+        file = animate(run, tmp_path / "new" / "run.gif")
         with Image.open(file) as gif:
             assert gif.format == "GIF"
             assert getattr(gif, "n_frames", 0) == 8
@@ -341,13 +342,13 @@ class TestAnimation:
             for name, r in run.probes.items()
         }
         failed = Result("f", none, {}, run.plots, {"ticks": 0, "status": "failed"}, world=run.world)
-        assert animation.animate(failed, tmp_path / "f.gif").exists()
+        assert animate(failed, tmp_path / "f.gif").exists()
 
     def test_wants_a_plot_of_scans_and_a_world(self, run: Result) -> None:
         with pytest.raises(UsageError, match="no world; give it a world: section"):
-            animation.animated(run.plots, None)
+            animated(run.plots, None)
         with pytest.raises(UsageError, match=r"add one, as in 'plots: \{scans: \{kind: scans"):
-            animation.animated(run.plots[:2], run.world)
+            animated(run.plots[:2], run.world)
 
     def test_refused_before_the_run(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -367,7 +368,7 @@ class TestAnimation:
     ) -> None:
         from runtime.cli import run as cli
 
-        monkeypatch.setattr(animation, "FRAMES", 3)
+        monkeypatch.setattr(scans, "FRAMES", 3)
         run = ["run", "wall_following", "--until", "0.5", "--animate", "--no-plots", "-q"]
         assert cli([*run, "--out", str(tmp_path)]) == 0
         assert "plots/animation.gif" in capsys.readouterr().out
@@ -377,6 +378,6 @@ class TestAnimation:
 
 def test_robot_without_known_radius() -> None:
     axes = Figure().subplots()
-    walls.Robot(axes, None).put(np.array([1.0, 2.0, 0.0]))
+    maps.Robot(axes, None).move(np.array([1.0, 2.0, 0.0]))
     assert body(axes).get_center() == (1.0, 2.0)
     assert isinstance(axes.lines[0], Line2D)

@@ -594,7 +594,7 @@ class TestNames:
         ],
     )
     def test_axis_name(self, labels: list[str], unit: str, expected: str) -> None:
-        assert style.axis_name(labels, unit) == expected
+        assert style.axis_label(labels, unit) == expected
 
 
 @given(
@@ -615,4 +615,4 @@ def test_thinning_keeps_points_ends_and_extremes(y: Any, most: int) -> None:
 def test_pooling_takes_means_of_equal_stretches(rows: int, size: int) -> None:
     values = np.random.default_rng(rows).normal(size=(rows, 3))
     expected = [values[i : i + size].mean(axis=0) for i in range(0, rows, size)]
-    np.testing.assert_allclose(style.pool(values, size), expected)
+    np.testing.assert_allclose(style.block_means(values, size), expected)
