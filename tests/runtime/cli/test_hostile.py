@@ -21,7 +21,7 @@ from runtime.diagrams.paint import draw
 from runtime.diagrams.stored import MAX_BOXES, read_picture, stored_picture
 from runtime.diagrams.svg import to_svg
 from runtime.errors import GraphError, UsageError
-from runtime.reports.report import report
+from runtime.reports import report
 from runtime.runs.folder import DIAGRAM
 from runtime.runs.result import open_run
 from runtime.terminal import printable

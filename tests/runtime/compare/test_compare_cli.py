@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 import runtime
-from runtime.compare.comparison import compare
-from runtime.compare.runs import open_runs
+from runtime.compare import compare, open_runs
 from tests.conftest import Run
 
 GRAPH = """

@@ -13,11 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import runtime
-from runtime.compare.comparison import compare
+from runtime.compare import compare, open_runs
 from runtime.compare.documents import ABSENT, differences, same, text_of
 from runtime.compare.overlay import overlays
 from runtime.compare.probes import pair
-from runtime.compare.runs import open_runs
 from runtime.document.node import parse_yaml
 from runtime.errors import UsageError
 from runtime.observation.run_data import Recording
@@ -106,7 +105,7 @@ def test_the_first_difference_is_found_to_the_bit() -> None:
     other[30:, 1] = np.nextafter(other[30:, 1], np.inf)
     other[44, 0] = 7.0
     found = pair(_recorded(values), _recorded(other), dt=0.001)
-    first = found.first()
+    first = found.first_difference
     assert first is not None
     assert (first.tick, first.column) == (300, "p.1")
     assert first.t == pytest.approx(0.3)
@@ -116,8 +115,8 @@ def test_the_first_difference_is_found_to_the_bit() -> None:
 
 
 def test_bits_count_where_equality_does_not() -> None:
-    assert pair(_recorded([0.0]), _recorded([-0.0]), 0.01).first() is not None
-    assert pair(_recorded([math.nan]), _recorded([math.nan]), 0.01).first() is None
+    assert pair(_recorded([0.0]), _recorded([-0.0]), 0.01).first_difference is not None
+    assert pair(_recorded([math.nan]), _recorded([math.nan]), 0.01).first_difference is None
 
 
 @given(
@@ -150,7 +149,7 @@ def test_what_is_no_number_is_beyond_every_tolerance() -> None:
 def test_rows_are_matched_by_their_times() -> None:
     every = pair(_recorded(np.arange(10.0)), _recorded(np.arange(0.0, 10.0, 2.0), 0.02), 0.01)
     assert every.t == pytest.approx([0.0, 0.02, 0.04, 0.06, 0.08])
-    assert every.first() is None
+    assert every.first_difference is None
     assert not every.is_whole
     longer = pair(_recorded(np.arange(7.0)), _recorded(np.arange(4.0)), 0.01)
     assert (len(longer.t), longer.rows, longer.is_whole) == (4, (7, 4), False)
@@ -159,7 +158,7 @@ def test_rows_are_matched_by_their_times() -> None:
 def test_what_cannot_be_compared_says_why() -> None:
     wide = pair(_recorded(np.zeros((4, 3))), _recorded(np.zeros((4, 2))), 0.01)
     assert wide.fault == "3 columns in one, 2 in the other"
-    assert wide.first() is None
+    assert wide.first_difference is None
     assert wide.columns(0.0, 0.0) == []
     units = pair(_recorded([0.0]), _recorded([1.0], units=("rad",)), 0.01)
     assert units.fault == "[m] in one, [rad] in the other"
@@ -213,7 +212,7 @@ def test_labels_of_ones_own(folders: dict[str, Path]) -> None:
     for labels in (["one"], ["same", "same"], ["", "b"]):
         with pytest.raises(UsageError, match="labels? "):
             open_runs(both, labels)
-    with pytest.raises(UsageError, match="two runs or more, got 1"):
+    with pytest.raises(UsageError, match="two or more runs, got 1"):
         open_runs(both[:1])
 
 
@@ -229,10 +228,10 @@ def test_a_comparison_holds_everything(folders: dict[str, Path]) -> None:
     assert without.missing == {"seen": "without seen"}
     assert not fast.is_same
     # theta is the same at either speed; the way begins to differ one tick after the start.
-    assert [(p.name, place.tick, place.column) for p, place in fast.places] == [
+    assert [(p.name, at.tick, at.column) for p, at in fast.first_differences] == [
         *(("seen", 1, "seen.measured.x"), ("pose", 5, "plant.pose.x")),
     ]
-    assert without.places == []
+    assert without.first_differences == []
 
 
 def test_causes_come_first_where_ticks_are_equal(folders: dict[str, Path]) -> None:

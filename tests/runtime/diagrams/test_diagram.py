@@ -19,12 +19,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import runtime
-from runtime.diagrams.diagram import picture_of, rate_text
 from runtime.diagrams.formats import FORMATS, diagram
-from runtime.diagrams.layout.grid import Cell, Link, find_feedback
-from runtime.diagrams.layout.layout import Layout, arrange
+from runtime.diagrams.layout import Cell, Layout, Link, arrange, find_feedback
 from runtime.diagrams.layout.tracks import Track, assign_slots
-from runtime.diagrams.sheet import Place, Sheet, lay_out
+from runtime.diagrams.picture import picture_of, rate_text
+from runtime.diagrams.sheet import BoxPlacement, Sheet, lay_out
 from runtime.errors import UsageError
 from runtime.network.network import Network
 
@@ -269,7 +268,7 @@ def test_boxes_say_their_rate_and_differ_in_tint() -> None:
     assert {t.text for t in legend.iter(f"{SVG}text")} == seen.keys()
 
 
-def corners(place: Place) -> tuple[float, float, float, float]:
+def corners(place: BoxPlacement) -> tuple[float, float, float, float]:
     return place.x, place.y, place.x + place.width, place.y + place.height
 
 
@@ -380,7 +379,9 @@ def graphs(draw: st.DrawFn) -> tuple[list[Cell], list[Link]]:
             if draw(st.integers(0, 4)):
                 wires.setdefault(draw(st.sampled_from(ends)), []).append((cell.name, pin))
     links = [
-        Link(source, tuple(targets), holds=draw(st.booleans()), label=draw(st.integers(0, 60)))
+        Link(
+            source, tuple(targets), breaks_loop=draw(st.booleans()), label=draw(st.integers(0, 60))
+        )
         for source, targets in wires.items()
     ]
     return cells, links
@@ -389,7 +390,7 @@ def graphs(draw: st.DrawFn) -> tuple[list[Cell], list[Link]]:
 def cell_boxes(cells: list[Cell], layout: Layout) -> dict[str, tuple[float, float, float, float]]:
     found = {}
     for cell in cells:
-        x, y = layout.places[cell.name]
+        x, y = layout.positions[cell.name]
         found[cell.name] = x, y, x + cell.width, y + cell.height
     return found
 
@@ -464,7 +465,8 @@ def test_a_loop_is_opened_behind_the_memory() -> None:
     wires = [("plant", "sensor"), ("sensor", "law"), ("law", "plant")]
     for remembers in range(3):
         links = [
-            Link((u, "o"), ((v, "i"),), holds=k == remembers) for k, (u, v) in enumerate(wires)
+            Link((u, "o"), ((v, "i"),), breaks_loop=k == remembers)
+            for k, (u, v) in enumerate(wires)
         ]
         assert find_feedback(names, links) == {(remembers, wires[remembers][1])}
 
@@ -488,7 +490,7 @@ def test_boxes_are_ordered_so_that_trees_do_not_cross() -> None:
     links = [Link(("root", "o0"), tuple((f"m{k}", "i0") for k in range(3)))]
     links += [Link((f"m{k}", "o0"), ((f"leaf{k}", "i0"), (f"leaf{5 - k}", "i0"))) for k in range(3)]
     layout = arrange(cells, links)
-    heights = {name: y for name, (_, y) in layout.places.items()}
+    heights = {name: y for name, (_, y) in layout.positions.items()}
     parents = sorted(range(3), key=lambda k: heights[f"m{k}"])
     leaves = sorted(range(6), key=lambda k: heights[f"leaf{k}"])
     assert [min(k, 5 - k) for k in leaves] == [k for k in parents for _ in range(2)]
@@ -509,7 +511,7 @@ def test_a_block_may_feed_itself() -> None:
     layout = arrange([cell], [Link(("alone", "o0"), (("alone", "i0"),))])
     (line,) = layout.routes.values()
     assert layout.feedback == {(0, ("alone", "i0"))}
-    assert max(y for _, y in line) > layout.places["alone"][1] + cell.height
+    assert max(y for _, y in line) > layout.positions["alone"][1] + cell.height
 
 
 def test_long_wires_are_straight_and_boxes_give_way() -> None:
@@ -520,7 +522,7 @@ def test_long_wires_are_straight_and_boxes_give_way() -> None:
     layout = arrange(cells, links)
     long = layout.routes[len(links) - 1, ("c", "i1")]
     assert len(long) <= 6
-    xs = [layout.places[name][0] for name in ("a", "b0", "b1", "b2", "b3", "c")]
+    xs = [layout.positions[name][0] for name in ("a", "b0", "b1", "b2", "b3", "c")]
     assert xs == sorted(xs)
 
 
