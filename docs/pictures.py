@@ -7,8 +7,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import runtime
-from runtime.rendering.process import render
-from runtime.rendering.request import RenderRequest
+from runtime.rendering import RenderRequest, render
 
 IMAGES = Path(__file__).parent / "images"
 

@@ -109,10 +109,10 @@ class Pair:
         worst, since = np.zeros(count, dtype=np.int64), np.full(count, -1)
         beyond = np.zeros(count, dtype=np.int64)
         for rows, (a, b) in row_blocks(self.a, self.b):
-            apart, outside = _apart(a, b, rtol, atol)
-            at = apart.argmax(axis=0)
-            most = apart[at, np.arange(count)]
-            rms = _pooled(rms, largest, apart, most)
+            difference, outside = _absolute_differences(a, b, rtol, atol)
+            at = difference.argmax(axis=0)
+            most = difference[at, np.arange(count)]
+            rms = _add_squares(rms, largest, difference, most)
             worst = np.where(most > largest, rows.start + at, worst)
             largest = np.maximum(largest, most)
             first = (since < 0) & outside.any(axis=0)
@@ -139,20 +139,20 @@ def _bits(values: FloatArray) -> IntArray:
     return bits
 
 
-def _apart(
+def _absolute_differences(
     a: FloatArray, b: FloatArray, rtol: float, atol: float
 ) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
     """Absolute differences, and which of them are beyond tolerance."""
     with np.errstate(invalid="ignore", over="ignore"):
-        apart = np.abs(a - b)
-        within = apart <= atol + rtol * np.abs(a)
-    apart[(a == b) | (np.isnan(a) & np.isnan(b))] = 0.0
-    apart[np.isnan(apart)] = np.inf
-    return apart, (apart > 0.0) & (~within | np.isinf(apart))
+        difference = np.abs(a - b)
+        within = difference <= atol + rtol * np.abs(a)
+    difference[(a == b) | (np.isnan(a) & np.isnan(b))] = 0.0
+    difference[np.isnan(difference)] = np.inf
+    return difference, (difference > 0.0) & (~within | np.isinf(difference))
 
 
-def _pooled(
-    before: FloatArray, scale: FloatArray, apart: FloatArray, most: FloatArray
+def _add_squares(
+    before: FloatArray, scale: FloatArray, difference: FloatArray, most: FloatArray
 ) -> FloatArray:
     """Add a block to sums of squared differences, which are scaled by the largest difference.
 
@@ -161,7 +161,7 @@ def _pooled(
     new = np.maximum(scale, most)
     unit = np.where((new > 0.0) & np.isfinite(new), new, 1.0)
     with np.errstate(invalid="ignore", over="ignore"):
-        sums = before * (scale / unit) ** 2 + ((apart / unit) ** 2).sum(axis=0)
+        sums = before * (scale / unit) ** 2 + ((difference / unit) ** 2).sum(axis=0)
     return np.where(np.isfinite(new), sums, 0.0)
 
 
@@ -207,11 +207,11 @@ def _fault(a: Recording, b: Recording) -> str:
     return ""
 
 
-def _shared(a: FloatArray, b: FloatArray, apart: float) -> tuple[IntArray, IntArray]:
-    """Indices of the rows whose times are in both, to a resolution of ``apart`` (s)."""
-    if len(a) == len(b) and np.abs(a - b).max(initial=0.0) < 0.5 * apart:
+def _shared(a: FloatArray, b: FloatArray, resolution: float) -> tuple[IntArray, IntArray]:
+    """Indices of the rows whose times are in both, to a ``resolution`` (s)."""
+    if len(a) == len(b) and np.abs(a - b).max(initial=0.0) < 0.5 * resolution:
         return (np.arange(len(a)),) * 2
-    here, there = (np.rint(t / apart).astype(np.int64) for t in (a, b))
+    here, there = (np.rint(t / resolution).astype(np.int64) for t in (a, b))
     _, left, right = np.intersect1d(here, there, return_indices=True)
     return left, right
 

@@ -45,7 +45,9 @@ def open_runs(paths: Sequence[str | Path], labels: Sequence[str] = ()) -> list[R
     if labels and len(labels) != len(paths):
         raise UsageError(f"expected a label for each of {len(paths)} runs, got {len(labels)}")
     if len(set(labels)) < len(labels) or "" in labels:
-        raise UsageError(f"expected distinct labels, got {', '.join(map(repr, labels))}")
+        raise UsageError(
+            f"expected distinct and non-empty labels, got {', '.join(map(repr, labels))}"
+        )
     folders = [run_folder(path) for path in paths]
     results = [read_run(folder) for folder in folders]
     names = labels or _labels(folders, results)

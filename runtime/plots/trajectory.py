@@ -133,8 +133,8 @@ def _nearest(poses: FloatArray, path: FloatArray) -> FloatArray:
     """The points of a path that are nearest to the poses, of which some are looked at."""
     some = poses[:: -(-len(poses) // MATCHED)]
     path = path[:: -(-len(path) // PATH_POINTS)]
-    apart = np.hypot(*(some[:, None, :] - path[None, :, :]).transpose(2, 0, 1))
-    nearest: FloatArray = path[apart.argmin(axis=1)]
+    distances = np.hypot(*(some[:, None, :] - path[None, :, :]).transpose(2, 0, 1))
+    nearest: FloatArray = path[distances.argmin(axis=1)]
     return nearest
 
 

@@ -186,8 +186,8 @@ def _ranks(names: Sequence[str], wires: Sequence[tuple[str, str]]) -> dict[str, 
         values += [1.0, -1.0]
     if not wires:
         return dict.fromkeys(names, 0)
-    apart = csr_array((values, (rows, columns)), shape=(len(wires), len(names)))
-    found = linprog(cost, apart, -np.ones(len(wires)), method="highs-ds")
+    matrix = csr_array((values, (rows, columns)), shape=(len(wires), len(names)))
+    found = linprog(cost, matrix, -np.ones(len(wires)), method="highs-ds")
     return {name: round(found.x[i]) for name, i in index.items()}
 
 

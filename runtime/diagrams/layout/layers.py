@@ -108,8 +108,8 @@ def _heights(grid: Grid) -> dict[str, float]:
     cost[count] = 1e-3
     for column in grid.columns:
         for above, below in pairwise(grid.cells[name] for name in column):
-            apart = above.height + _gap(above, below)
-            at_most(-apart, (index[above.name], 1.0), (index[below.name], -1.0))
+            distance = above.height + _gap(above, below)
+            at_most(-distance, (index[above.name], 1.0), (index[below.name], -1.0))
         last = grid.cells[column[-1]]
         at_most(-last.height, (index[last.name], 1.0), (count, -1.0))
     rows, columns, values = zip(*entries, strict=True)

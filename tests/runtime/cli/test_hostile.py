@@ -132,7 +132,7 @@ def test_a_diagram_is_drawn_from_what_the_folder_holds(own: Path) -> None:
     again = to_svg(draw(read_picture(text)))
     assert again == runtime.load("line_actuator_failure").diagram()
     (own / DIAGRAM).unlink()
-    assert "This folder holds no diagram" in report(own).html
+    assert "This folder has no diagram" in report(own).html
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""Pictures of a world show the walls and the data as they are; their options are checked."""
+"""Maps, wall distances and scans show the recorded data; their options are checked."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ PLOTS: dict[str, dict[str, Any]] = {
 
 
 def graph(**changes: Any) -> dict[str, Any]:
-    """A robot with a LiDAR that drives an arc past walls, whatever it sees."""
+    """A robot with a LiDAR that drives an arc past walls."""
     plain: dict[str, Any] = {
         "graph": "arc",
         "run": {"dt": 0.01, "until": 1.5, "seed": 0},
@@ -93,7 +93,7 @@ def picture(run: Result, name: str) -> Figure:
 
 
 def line(axes: Axes, label: str) -> FloatArray:
-    """What the line of that label shows, (points, 2)."""
+    """The points of the line with a label, (points, 2)."""
     (found,) = [item for item in axes.lines if item.get_label() == label]
     return np.asarray(found.get_xydata(), dtype=np.float64)
 
@@ -105,14 +105,14 @@ def body(axes: Axes) -> Circle:
 
 
 def problems(**plot: Any) -> list[str]:
-    """What is wrong with a graph whose only plot is this one."""
+    """The error of a graph whose only plot is this one."""
     with pytest.raises(GraphError) as caught:
         runtime.load(graph(plots={"p": plot})).check()
     return [f"{problem.address}: {problem.text}" for problem in caught.value.problems]
 
 
 class TestMap:
-    def test_shows_the_way_and_its_dots(self, run: Result) -> None:
+    def test_shows_the_trajectory_and_its_dots(self, run: Result) -> None:
         axes = picture(run, "room").axes[0]
         pose = run["pose"]
         np.testing.assert_array_equal(line(axes, "trajectory"), pose[:, :2])
@@ -145,7 +145,7 @@ class TestMap:
         ahead = [x + 0.1 * math.cos(theta), y + 0.1 * math.sin(theta)]
         assert any(np.allclose(item.get_xydata()[-1:], ahead) for item in axes.lines)
 
-    def test_same_scale_both_ways(self, run: Result) -> None:
+    def test_both_axes_have_the_same_scale(self, run: Result) -> None:
         assert picture(run, "room").axes[0].get_aspect() == 1.0
 
     def test_no_reference_points_before_engagement(self) -> None:
@@ -187,7 +187,7 @@ class TestScans:
             assert len(points) > 100
             assert np.abs(World(ROOM).distance(points)).max() < 0.06  # six sigma
 
-    def test_wall_and_path_of_that_moment(self, run: Result) -> None:
+    def test_wall_and_path_at_that_time(self, run: Result) -> None:
         plot = next(plot for plot in run.plots if plot.name == "scans")
         figure = picture(run, "scans")
         for axes, t in zip(figure.axes, scans.panel_times(plot, run), strict=True):
@@ -210,7 +210,7 @@ class TestScans:
         assert plot.options["angles"] == [-2.0, 1.5]
         assert plot.options["body_radius"] == 0.1
 
-    def test_misses_are_left_out(self) -> None:
+    def test_beams_without_a_hit_are_left_out(self) -> None:
         scan = np.array([1.0, np.inf, np.nan, 2.0])
         points = maps.scan_points(scan, np.array([1.0, 1.0, math.pi / 2.0]), (0.0, math.tau))
         np.testing.assert_allclose(points, [[1.0, 2.0], [3.0, 1.0]])
@@ -281,11 +281,11 @@ class TestOptions:
         (message,) = problems(kind="wall_distance", of=["pose", "match.reference"], distance=0.2)
         assert message == "plots.p.of: expected one Pose, got 2 signals"
 
-    def test_flat_pictures_take_none(self) -> None:
+    def test_other_plots_have_no_such_options(self) -> None:
         (message,) = problems(kind="timeseries", of="pose", distance=0.2)
         assert message == "plots.p.distance: unknown key; expected kind, of, title"
 
-    def test_what_is_gone_falls_away(self) -> None:
+    def test_removed_signals_are_left_out(self) -> None:
         cut = runtime.load(graph()).without("match", "fitter").run()
         assert [plot.of for plot in cut.plots] == [("pose",), ("pose",), ("pose", "lidar.scan")]
         assert all(isinstance(cut.plot(plot.name), Figure) for plot in cut.plots)
@@ -334,7 +334,7 @@ class TestAnimation:
         assert first.shape == last.shape
         assert np.abs(first - last).max() > 100
 
-    def test_of_a_run_that_never_began(self, run: Result, tmp_path: Path) -> None:
+    def test_of_a_run_without_ticks(self, run: Result, tmp_path: Path) -> None:
         none = {
             name: Recording(
                 name, r.t[:0], r.values[:0], r.labels, r.units, r.kinds, dict(r.addresses)
@@ -344,7 +344,7 @@ class TestAnimation:
         failed = Result("f", none, {}, run.plots, {"ticks": 0, "status": "failed"}, world=run.world)
         assert animate(failed, tmp_path / "f.gif").exists()
 
-    def test_wants_a_plot_of_scans_and_a_world(self, run: Result) -> None:
+    def test_needs_a_plot_of_scans_and_a_world(self, run: Result) -> None:
         with pytest.raises(UsageError, match="no world; give it a world: section"):
             animated(run.plots, None)
         with pytest.raises(UsageError, match=r"add one, as in 'plots: \{scans: \{kind: scans"):
