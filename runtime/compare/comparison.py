@@ -1,4 +1,4 @@
-"""What a comparison of runs finds, as plain data: graphs, circumstances, metrics, probes."""
+"""The comparison of runs as data: graphs, circumstances, metrics, probes."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from dataclasses import dataclass
 from typing import Any
 
 from runtime.compare.documents import Difference, differences
-from runtime.compare.probes import Pair, Place, pair
+from runtime.compare.probes import FirstDifference, Pair, pair
 from runtime.compare.runs import Run
 from runtime.errors import UsageError
 from runtime.runs import DIAGRAM, METRICS, PROBES, RESOLVED, WRITTEN
 
 CIRCUMSTANCES = ("status", "error", "ticks", "engine", "git", "versions")
-# What a run folder holds in any case; the other files are modules of own blocks.
+# The files of every run folder; further ones are modules of user-defined blocks.
 COMMON_FILES = (WRITTEN, RESOLVED, DIAGRAM, METRICS, PROBES)
 
 
 @dataclass(frozen=True)
 class Compared:
-    """One run held against the first: the probes of both, and those that only one has.
+    """One run compared with the first: the probes of both, and those that only one has.
 
     ``missing`` maps a probe to the label of the run that did not record it.
     """
@@ -30,24 +30,23 @@ class Compared:
 
     @property
     def is_same(self) -> bool:
-        """Whether both recorded the same probes at the same times, to the bit."""
+        """Whether both recorded the same probes at the same times with the same bits."""
         is_whole = not self.missing and all(pair.is_whole for pair in self.pairs)
-        return is_whole and not self.places
+        return is_whole and not self.first_differences
 
     @property
-    def places(self) -> list[tuple[Pair, Place]]:
-        """Where each probe's bits part first, the earliest first."""
-        found = [(pair, place) for pair in self.pairs if (place := pair.first()) is not None]
+    def first_differences(self) -> list[tuple[Pair, FirstDifference]]:
+        """Each probe's first difference, the earliest first."""
+        found = [(pair, at) for pair in self.pairs if (at := pair.first_difference) is not None]
         return sorted(found, key=lambda item: item[1].tick)
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Runs side by side; ``others`` holds each but the first against the first.
+    """A comparison of runs; ``others`` compares each of the others with the first.
 
-    graph : where the resolved graphs differ. circumstances : where status, length, commit,
-    versions and modules of own blocks do. metrics : each metric's value in each run; None where a
-    run has none.
+    graph : differences of the resolved graphs. circumstances : of status, length, commit, versions
+    and modules of user-defined blocks. metrics : each metric's value in each run, or None.
     """
 
     runs: list[Run]
@@ -64,14 +63,14 @@ class Comparison:
 def compare(
     runs: Sequence[Run], probes: Sequence[str] = (), *, causes_first: bool = False
 ) -> Comparison:
-    """Hold runs against the first one.
+    """Compare runs with the first one.
 
     Parameters
     ----------
     runs : two or more.
-    probes : names of those to look at; all by default.
-    causes_first : list probes in the order in which a tick computes what they see, in place of
-        the graph's.
+    probes : names of those to compare; all by default.
+    causes_first : list probes in the order in which a tick computes their signals, instead of the
+        graph's.
 
     Raises
     ------
@@ -95,7 +94,7 @@ def compare(
 
 
 def _circumstances(run: Run) -> dict[str, Any]:
-    """What a run's numbers may hang on beside its graph, and how it ended."""
+    """What a run's numbers may depend on besides its graph, and its status."""
     manifest = run.result.manifest
     hashes = manifest.get("hashes")
     files = hashes.items() if isinstance(hashes, dict) else ()
@@ -116,7 +115,7 @@ def _probes(runs: Sequence[Run], wanted: Sequence[str]) -> list[str]:
 
 
 def _check_shared(a: Run, b: Run) -> None:
-    """Refuse runs of graphs that have nothing to do with each other."""
+    """Check that two runs share a probe or a metric."""
     if set(a.result.probes) & set(b.result.probes) or set(a.result.metrics) & set(b.result.metrics):
         return
     titles = " and ".join(f"'{run.folder}' (graph {run.result.title})" for run in (a, b))
@@ -136,9 +135,9 @@ def _compared(first: Run, run: Run, names: Iterable[str]) -> Compared:
 
 
 def _order(run: Run) -> dict[str, int]:
-    """Places of probes in the order in which a tick computes what they see, causes first.
+    """The index of each probe in the order in which a tick computes their signals.
 
-    Empty for a run whose folder does not say, as those of earlier versions.
+    Empty for a run folder of an earlier version, which does not have it.
     """
     found = run.result.manifest.get("order")
     names = found if isinstance(found, list) else []

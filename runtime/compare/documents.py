@@ -1,4 +1,4 @@
-"""Differences of plain documents, key by key."""
+"""Differences of plain documents, by key."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import Any, Final
 
 from runtime.document import flow_yaml
 
-LONG = 60  # letters: from there on, lists of one length are compared item by item
+LONG = 60  # characters: longer lists of the same length are compared item by item
 
 
 class Absent(Enum):
-    """What stands for a key that a document does not have; null is a value."""
+    """The type of :data:`ABSENT`, for a key that a document does not have; null is a value."""
 
     ABSENT = "absent"
 
@@ -24,9 +24,9 @@ ABSENT: Final = Absent.ABSENT
 
 @dataclass(frozen=True)
 class Difference:
-    """A path at which documents differ, and what each has there.
+    """A path at which documents differ.
 
-    ``values`` has one item a document, :data:`ABSENT` where it has no such key.
+    ``values`` has one item per document, :data:`ABSENT` where it has no such key.
     """
 
     path: str
@@ -34,7 +34,7 @@ class Difference:
 
     @property
     def change(self) -> str:
-        """What became of the first document's value: added, removed, changed."""
+        """The change from the first document: added, removed or changed."""
         if self.values[0] is ABSENT:
             return "added"
         others = [value for value in self.values[1:] if not same(value, self.values[0])]
@@ -42,10 +42,10 @@ class Difference:
 
 
 def differences(documents: Sequence[Any]) -> list[Difference]:
-    """Where documents differ, in the order of the first one's keys.
+    """The differences of documents, in the order of the first one's keys.
 
-    Mappings are compared key by key; what only some documents have is one difference, whatever
-    is inside it. Short lists are values; long ones of one length are compared item by item.
+    Mappings are compared key by key; an entry that only some documents have is one difference.
+    Short lists are values; long ones of the same length are compared item by item.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def differences(documents: Sequence[Any]) -> list[Difference]:
 def _differences(path: str, values: tuple[Any, ...]) -> Iterator[Difference]:
     if all(same(value, values[0]) for value in values[1:]):
         return
-    # A section that only some have holds entries that only some have.
+    # A section that only some have is compared by its entries.
     is_section = "." not in path
     inside = [{} if value is ABSENT and is_section else value for value in values]
     if all(isinstance(value, dict) for value in inside):
@@ -72,7 +72,7 @@ def _differences(path: str, values: tuple[Any, ...]) -> Iterator[Difference]:
 
 
 def _itemwise(values: Sequence[Any]) -> bool:
-    """Whether all are lists of one length, and one too long to be seen through at a glance."""
+    """Whether all are lists of the same length, and at least one is long."""
     if not all(isinstance(value, list) for value in values):
         return False
     if len({len(value) for value in values}) > 1:
@@ -81,7 +81,7 @@ def _itemwise(values: Sequence[Any]) -> bool:
 
 
 def same(a: Any, b: Any) -> bool:
-    """Whether two values mean the same to a graph: 1 is 1.0, true is not 1, nan is nan."""
+    """Whether two values are the same to a graph: 1 is 1.0, true is not 1, nan is nan."""
     if isinstance(a, dict) and isinstance(b, dict):
         return a.keys() == b.keys() and all(same(a[key], b[key]) for key in a)
     if isinstance(a, list) and isinstance(b, list):
@@ -94,6 +94,6 @@ def same(a: Any, b: Any) -> bool:
 
 
 def text_of(value: Any, most: int = 0) -> str:
-    """A value as it would stand in a graph, in one line; cut to ``most`` letters if given."""
+    """A value in one line of YAML, cut to ``most`` characters if given."""
     text = "" if value is ABSENT else flow_yaml(value)
     return f"{text[: most - 1]}…" if most and len(text) > most else text

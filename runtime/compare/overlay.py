@@ -1,4 +1,4 @@
-"""Pictures of several runs in one: every probe over time, and the ways gone in the plane."""
+"""Overlays: figures that show every probe over time, and the trajectories, of several runs."""
 
 from __future__ import annotations
 
@@ -16,23 +16,34 @@ from runtime.compare.runs import Run
 from runtime.files import slug
 from runtime.observation import PlotSpec, Recording
 from runtime.plots import (
+    STYLE,
     THIN_ABOVE,
     THIN_TO,
-    WINDOW,
+    WIDTH,
+    axis_label,
+    disable_math,
     draw_trajectory,
     equal_scales,
+    line_style,
+    map_axes,
+    mean_rate,
+    row_spacing,
+    run_end,
     save_figure,
-    style,
-    walls,
+    short_labels,
+    stacked_axes,
+    thin,
+    time_axis,
+    write_title,
 )
 
-FEW = 6  # columns that have an axes each; more are shown by one number per row
-BELOW, BESIDE = 2.0, 1.0  # widths: a line that is covered by the next one shows on both sides
+FEW = 6  # columns that have an axes each; of more, the RMS is shown
+FIRST, LATER = 2.0, 1.0  # widths: a line that another one covers is visible on both sides
 
 
 @dataclass(frozen=True)
 class _Line:
-    """One run's course of what an axes shows."""
+    """One run's values over time in an axes."""
 
     label: str
     t: FloatArray
@@ -40,36 +51,36 @@ class _Line:
 
 
 def overlays(runs: Sequence[Run], probes: Sequence[str]) -> Iterator[tuple[str, Figure]]:
-    """Draw runs over each other.
+    """Draw several runs in the same figures.
 
     Parameters
     ----------
     runs : two or more.
-    probes : names of the probes to draw over time; what only one run has is left out, and what
-        is constant.
+    probes : names of the probes to draw over time; those that only one run has, or that are
+        constant, are left out.
 
     Yields
     ------
-    A name for a file, and the figure: the ways of the first run's trajectories and maps, then
-    each probe over time.
+    A name for a file, and the figure: the first run's trajectory plots and maps, then each probe
+    over time.
     """
-    ways = {}
+    planes = {}
     for plot in runs[0].result.plots:
         if plot.kind in ("trajectory", "map"):
             figure = _plane(runs, plot, probes)
             if figure is not None:
-                ways[plot.name] = figure
-    yield from ways.items()
+                planes[plot.name] = figure
+    yield from planes.items()
     for name in probes:
         found = {run.label: run.result.probes.get(name) for run in runs}
         recorded = {label: r for label, r in found.items() if r is not None and len(r.t) > 1}
         shapes = {(r.values.shape[1:], r.units) for r in recorded.values()}
         if len(recorded) > 1 and len(shapes) == 1:
-            yield f"{name}_over_time" if name in ways else name, _courses(runs, name, recorded)
+            yield f"{name}_over_time" if name in planes else name, _over_time(runs, name, recorded)
 
 
 def save_overlays(runs: Sequence[Run], probes: Sequence[str], folder: Path) -> list[Path]:
-    """Write every overlay as <name>.png into a folder, made if it is not there."""
+    """Write every overlay as <name>.png into a folder, created if it does not exist."""
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
     for name, figure in overlays(runs, probes):
@@ -83,23 +94,23 @@ def _subtitle(runs: Sequence[Run]) -> str:
     return " and ".join(titles) if len(titles) <= 2 else f"{titles[0]} and {len(titles) - 1} more"
 
 
-def _courses(runs: Sequence[Run], name: str, recorded: Mapping[str, Recording]) -> Figure:
+def _over_time(runs: Sequence[Run], name: str, recorded: Mapping[str, Recording]) -> Figure:
     """One probe of all runs over time, an axes for each column."""
     panels = _panels(recorded)
-    with matplotlib.rc_context(style.STYLE):
+    with matplotlib.rc_context(STYLE):
         figure = Figure(layout="constrained")
         height = 1.3 + 1.55 * len(panels) + 0.5 * (len(panels) == 1)
-        figure.set_size_inches(style.WIDTH, height)
-        column = style.stack(figure, len(panels))
+        figure.set_size_inches(WIDTH, height)
+        column = stacked_axes(figure, len(panels))
         for axes, (label, lines) in zip(column, panels.items(), strict=True):
             axes.set_ylabel(label)
             _draw(axes, lines)
-        end = max(style.run_end(run.result) for run in runs)
-        style.time_axis(column, list(recorded.values()), end)
+        end = max(run_end(run.result) for run in runs)
+        time_axis(column, list(recorded.values()), end)
         handles, labels = column[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=min(3, len(labels)))
-        style.head(column[0], name, _subtitle(runs))
-        style.literal(figure)
+        write_title(column[0], name, _subtitle(runs))
+        disable_math(figure)
     return figure
 
 
@@ -107,26 +118,26 @@ def _draw(axes: Axes, lines: Sequence[_Line]) -> None:
     for i, line in enumerate(lines):
         t, y = line.t, np.where(np.isfinite(line.y), line.y, np.nan)
         if len(y) > THIN_ABOVE:
-            t, y = style.thin(t, y, THIN_TO)
-        axes.plot(t, y, label=line.label, linewidth=BESIDE if i else BELOW, **style.look(i))
+            t, y = thin(t, y, THIN_TO)
+        axes.plot(t, y, label=line.label, linewidth=LATER if i else FIRST, **line_style(i))
     values = [line.y[np.isfinite(line.y)] for line in lines]
     if min(y.min(initial=0.0) for y in values) < 0.0 < max(y.max(initial=0.0) for y in values):
         axes.axhline(0.0, color="0.6", linewidth=0.6, zorder=1.0)
 
 
 def _panels(recorded: Mapping[str, Recording]) -> dict[str, list[_Line]]:
-    """What each axes shows, by the name of its vertical axis."""
+    """The lines of each axes, by the label of its vertical axis."""
     first = next(iter(recorded.values()))
     if "Spikes" in first.kinds:
         return {"mean rate [Hz]": [_Line(n, r.t, _rate(r)) for n, r in recorded.items()]}
     count = int(np.prod(first.values.shape[1:]))
     if count > FEW:
         unit = first.units[0] if len(set(first.units)) == 1 else ""
-        label = style.axis_name([f"RMS of {count} columns"], unit)
+        label = axis_label([f"RMS of {count} columns"], unit)
         return {label: [_Line(n, r.t, _rms(r)) for n, r in recorded.items()]}
-    names = style.short_labels(first.labels)
+    names = short_labels(first.labels)
     return {
-        style.axis_name([names[i]], first.units[i]): [
+        axis_label([names[i]], first.units[i]): [
             _Line(n, r.t, r.values.reshape(len(r.t), count)[:, i]) for n, r in recorded.items()
         ]
         for i in range(count)
@@ -134,17 +145,12 @@ def _panels(recorded: Mapping[str, Recording]) -> dict[str, list[_Line]]:
 
 
 def _rate(recorded: Recording) -> FloatArray:
-    """The population's rate (Hz): mean of all neurons in a sliding window."""
-    spikes = recorded.values.reshape(len(recorded.t), -1).mean(axis=1)
-    step = style.spacing(recorded.t)
-    window = np.ones(min(len(spikes), max(1, round(WINDOW / step))))
-    within = np.convolve(np.ones(len(spikes)), window, mode="same")
-    rate: FloatArray = np.convolve(spikes, window, mode="same") / within
-    return rate
+    spikes = recorded.values.reshape(len(recorded.t), -1)
+    return mean_rate(spikes, row_spacing(recorded.t))
 
 
 def _rms(recorded: Recording) -> FloatArray:
-    """Root of the mean square of what is finite in each row; NaN where nothing is."""
+    """Root mean square of the finite values of each row; NaN where there are none."""
     rows = recorded.values.reshape(len(recorded.t), -1)
     squares = np.where(np.isfinite(rows), rows, 0.0) ** 2
     with np.errstate(invalid="ignore"):
@@ -153,26 +159,26 @@ def _rms(recorded: Recording) -> FloatArray:
 
 
 def _plane(runs: Sequence[Run], plot: PlotSpec, probes: Sequence[str]) -> Figure | None:
-    """The ways of all runs in one plane; None where fewer than two recorded one."""
-    ways = [
+    """The trajectories of all runs in one plane; None where fewer than two recorded one."""
+    poses = [
         _named(run.result.probes[name], run.label)
         for name in _poses(runs[0], plot)[:1]
         if name in probes
         for run in runs
         if name in run.result.probes and run.result.probes[name].kinds == ("Pose",)
     ]
-    if len(ways) < 2:
+    if len(poses) < 2:
         return None
-    with matplotlib.rc_context(style.STYLE):
+    with matplotlib.rc_context(STYLE):
         figure = Figure(layout="constrained")
         if plot.kind == "map" and runs[0].result.world is not None:
-            top = _map(figure, runs[0], plot, ways)
+            top = _map(figure, runs[0], plot, poses)
         else:
             first = runs[0].result.probes
             paths = [first[n] for n in plot.of if n in first and first[n].kinds == ("Path",)]
-            top = draw_trajectory(figure, [*ways, *paths], style.run_end(runs[0].result))
-        style.head(top, plot.title, _subtitle(runs))
-        style.literal(figure)
+            top = draw_trajectory(figure, [*poses, *paths], run_end(runs[0].result))
+        write_title(top, plot.title, _subtitle(runs))
+        disable_math(figure)
         if plot.kind == "trajectory":
             equal_scales(figure, top)
     return figure
@@ -185,26 +191,17 @@ def _poses(run: Run, plot: PlotSpec) -> list[str]:
 
 
 def _named(recorded: Recording, label: str) -> Recording:
-    """A recorded pose under its run's label, which is what a legend shows."""
+    """A recorded pose with its run's label, for the legend."""
     labels = tuple(f"{label}.{component}" for component in ("x", "y", "theta"))
     return replace(recorded, name=label, labels=labels, addresses={label: (0, 3)})
 
 
-def _map(figure: Figure, run: Run, plot: PlotSpec, ways: Sequence[Recording]) -> Axes:
-    """The first run's world, and the ways of all in it."""
-    world = walls.world_of(plot, run.result)
-    places = np.concatenate([way.values[:, :2] for way in ways])
-    low, high = walls.view(world, places)
-    ratio = float(np.clip((high[0] - low[0]) / (high[1] - low[1]), 0.6, 2.2))
-    width = 4.2 * ratio**0.5
-    figure.set_size_inches(width + 2.2, width / ratio + 1.0)
-    axes = style.stack(figure, 1)[0]
-    axes.set(xlabel="x [m]", ylabel="y [m]", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    axes.set_aspect("equal", anchor="W")
-    walls.draw_world(axes, world)
-    handles = walls.draw_contour(axes, world, plot)
-    for i, way in enumerate(ways):
-        look = style.look(i) | {"linewidth": BESIDE + 0.2 if i else BELOW}
-        handles += axes.plot(*way.values[:, :2].T, label=way.name, zorder=2.6, **look)
+def _map(figure: Figure, run: Run, plot: PlotSpec, poses: Sequence[Recording]) -> Axes:
+    """The first run's world, with the trajectories of all runs."""
+    xy = np.concatenate([recorded.values[:, :2] for recorded in poses])
+    axes, handles = map_axes(figure, plot, run.result, xy)
+    for i, recorded in enumerate(poses):
+        look = line_style(i) | {"linewidth": LATER + 0.2 if i else FIRST}
+        handles += axes.plot(*recorded.values[:, :2].T, label=recorded.name, zorder=2.6, **look)
     figure.legend(handles=handles, loc="outside right upper")
     return axes

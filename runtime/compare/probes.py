@@ -1,4 +1,4 @@
-"""Differences of two recordings of one probe: column by column, and where the bits part."""
+"""Differences of two recordings of one probe: by column, and the first one."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from blocks.core import FloatArray
 from runtime.observation import Recording
 from runtime.streaming import row_blocks
 
-RESOLUTION = 1e-3  # ticks: times nearer than that are the same
+RESOLUTION = 1e-3  # ticks: times that are closer are the same
 IntArray = npt.NDArray[np.signedinteger[Any]]
 
 
 @dataclass(frozen=True)
-class Place:
-    """One recorded number in two runs: tick and time (s) in the first, its column, both values."""
+class FirstDifference:
+    """The first differing value of a probe: tick and time (s), its column, both values."""
 
     tick: int
     t: float
@@ -29,10 +29,10 @@ class Place:
 
 @dataclass(frozen=True)
 class Column:
-    """One column in two runs, over the rows that both have.
+    """The differences of one column, over the rows that both runs have.
 
-    ``largest`` is the largest absolute difference, at time ``at`` (s); ``rms`` the root of the
-    mean square one. ``beyond`` counts the rows beyond tolerance, from time ``since`` (s) on.
+    ``largest`` is the largest absolute difference, at time ``at`` (s); ``rms`` the root
+    mean square. ``beyond`` counts the rows beyond tolerance, from time ``since`` (s) on.
     """
 
     label: str
@@ -46,10 +46,10 @@ class Column:
 
 @dataclass(frozen=True)
 class Pair:
-    """One probe in two runs; the rows that both recorded stand beside each other.
+    """One probe in two runs, with the rows that both recorded.
 
     t : times (k,) of the shared rows (s). a, b : the values, (k, columns) both.
-    rows : the number of rows in each. fault : why the two cannot be compared; '' if they can.
+    rows : the number of rows in each. fault : why the two cannot be compared, or ''.
     dt : the first run's base step (s).
     """
 
@@ -69,36 +69,38 @@ class Pair:
         return not self.fault and self.rows == (len(self.t), len(self.t))
 
     @cached_property
-    def parted(self) -> tuple[int, Place | None]:
-        """How many shared rows hold a value whose bits differ, and the first such value."""
-        count, place = 0, None
+    def _differences(self) -> tuple[int, FirstDifference | None]:
+        """The number of shared rows with a value whose bits differ, and the first such value."""
+        count, at = 0, None
         for rows, (a, b) in row_blocks(self.a, self.b):
-            parted = _bits(a) != _bits(b)
-            found = np.flatnonzero(parted.any(axis=1))
+            differs = _bits(a) != _bits(b)
+            found = np.flatnonzero(differs.any(axis=1))
             count += len(found)
-            if place is None and len(found):
+            if at is None and len(found):
                 row = int(found[0])
-                place = self._place(rows.start + row, int(parted[row].argmax()))
-        return count, place
+                at = self._difference_at(rows.start + row, int(differs[row].argmax()))
+        return count, at
 
-    def _place(self, row: int, column: int) -> Place:
+    def _difference_at(self, row: int, column: int) -> FirstDifference:
         values = (float(self.a[row, column]), float(self.b[row, column]))
         t = float(self.t[row])
-        return Place(round(t / self.dt), t, self.labels[column], values)
+        return FirstDifference(round(t / self.dt), t, self.labels[column], values)
 
     @property
     def differing(self) -> int:
-        """How many shared rows hold a value whose bits differ."""
-        return self.parted[0]
+        """The number of shared rows with a value whose bits differ."""
+        return self._differences[0]
 
-    def first(self) -> Place | None:
-        """The first shared row and column whose bits differ; None if all are equal."""
-        return self.parted[1]
+    @property
+    def first_difference(self) -> FirstDifference | None:
+        """The first value whose bits differ; None if all are equal."""
+        return self._differences[1]
 
     def columns(self, rtol: float, atol: float) -> list[Column]:
-        """Every column's differences, beyond ``atol + rtol * |a|`` or not.
+        """Every column's differences, with the tolerance ``atol + rtol * |a|``.
 
-        Values that are equal differ by nothing, infinite ones too; a number and none by infinity.
+        The difference of equal values is 0, of infinities and NaN too; of a number and NaN it is
+        infinite.
         """
         if not len(self.t):
             return []
@@ -107,10 +109,10 @@ class Pair:
         worst, since = np.zeros(count, dtype=np.int64), np.full(count, -1)
         beyond = np.zeros(count, dtype=np.int64)
         for rows, (a, b) in row_blocks(self.a, self.b):
-            apart, outside = _apart(a, b, rtol, atol)
-            at = apart.argmax(axis=0)
-            most = apart[at, np.arange(count)]
-            rms = _pooled(rms, largest, apart, most)
+            difference, outside = _absolute_differences(a, b, rtol, atol)
+            at = difference.argmax(axis=0)
+            most = difference[at, np.arange(count)]
+            rms = _add_squares(rms, largest, difference, most)
             worst = np.where(most > largest, rows.start + at, worst)
             largest = np.maximum(largest, most)
             first = (since < 0) & outside.any(axis=0)
@@ -137,34 +139,34 @@ def _bits(values: FloatArray) -> IntArray:
     return bits
 
 
-def _apart(
+def _absolute_differences(
     a: FloatArray, b: FloatArray, rtol: float, atol: float
 ) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
     """Absolute differences, and which of them are beyond tolerance."""
     with np.errstate(invalid="ignore", over="ignore"):
-        apart = np.abs(a - b)
-        within = apart <= atol + rtol * np.abs(a)
-    apart[(a == b) | (np.isnan(a) & np.isnan(b))] = 0.0
-    apart[np.isnan(apart)] = np.inf
-    return apart, (apart > 0.0) & (~within | np.isinf(apart))
+        difference = np.abs(a - b)
+        within = difference <= atol + rtol * np.abs(a)
+    difference[(a == b) | (np.isnan(a) & np.isnan(b))] = 0.0
+    difference[np.isnan(difference)] = np.inf
+    return difference, (difference > 0.0) & (~within | np.isinf(difference))
 
 
-def _pooled(
-    before: FloatArray, scale: FloatArray, apart: FloatArray, most: FloatArray
+def _add_squares(
+    before: FloatArray, scale: FloatArray, difference: FloatArray, most: FloatArray
 ) -> FloatArray:
-    """Sums of squares of differences, in units of the largest so far squared, with a block more.
+    """Add a block to sums of squared differences, which are scaled by the largest difference.
 
-    Scaled, since the square of a small difference may be nothing, and that of a large one infinite.
+    Without scaling, the squares of small differences may underflow, those of large ones overflow.
     """
     new = np.maximum(scale, most)
     unit = np.where((new > 0.0) & np.isfinite(new), new, 1.0)
     with np.errstate(invalid="ignore", over="ignore"):
-        sums = before * (scale / unit) ** 2 + ((apart / unit) ** 2).sum(axis=0)
+        sums = before * (scale / unit) ** 2 + ((difference / unit) ** 2).sum(axis=0)
     return np.where(np.isfinite(new), sums, 0.0)
 
 
 def pair(a: Recording, b: Recording, dt: float) -> Pair:
-    """Put two recordings of a probe side by side.
+    """Match the rows of two recordings of a probe.
 
     Parameters
     ----------
@@ -176,7 +178,7 @@ def pair(a: Recording, b: Recording, dt: float) -> Pair:
     if fault:
         b = replace(b, t=b.t[:0], values=a.values[:0])
     left, right = _shared(a.t, b.t, RESOLUTION * dt)
-    # Rows that are all shared are looked at where they lie, on disk if they are there.
+    # A slice does not copy the rows, which may be mapped from disk.
     here, there = (
         slice(None) if len(i) == n else i for i, n in ((left, len(a.t)), (right, len(b.t)))
     )
@@ -195,7 +197,7 @@ def pair(a: Recording, b: Recording, dt: float) -> Pair:
 
 
 def _fault(a: Recording, b: Recording) -> str:
-    """Why two recordings cannot be compared; '' if they can."""
+    """Why two recordings cannot be compared, or ''."""
     if a.values.shape[1:] != b.values.shape[1:]:
         shapes = [r.values.shape[1:] or (1,) for r in (a, b)]
         counts = [" x ".join(map(str, shape)) for shape in shapes]
@@ -205,23 +207,23 @@ def _fault(a: Recording, b: Recording) -> str:
     return ""
 
 
-def _shared(a: FloatArray, b: FloatArray, apart: float) -> tuple[IntArray, IntArray]:
-    """Indices of the rows whose times are in both; times less than ``apart`` (s) are the same."""
-    if len(a) == len(b) and np.abs(a - b).max(initial=0.0) < 0.5 * apart:
+def _shared(a: FloatArray, b: FloatArray, resolution: float) -> tuple[IntArray, IntArray]:
+    """Indices of the rows whose times are in both, to a ``resolution`` (s)."""
+    if len(a) == len(b) and np.abs(a - b).max(initial=0.0) < 0.5 * resolution:
         return (np.arange(len(a)),) * 2
-    here, there = (np.rint(t / apart).astype(np.int64) for t in (a, b))
+    here, there = (np.rint(t / resolution).astype(np.int64) for t in (a, b))
     _, left, right = np.intersect1d(here, there, return_indices=True)
     return left, right
 
 
 def _names(recorded: Recording) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """A label and a unit for each number of a row, those of tables too."""
+    """A label and a unit for each number of a row, also of tables."""
     count = int(np.prod(recorded.values.shape[1:]))
     if len(recorded.labels) == count:
         return recorded.labels, recorded.units
     inner = len(recorded.labels)
     if inner == recorded.values.shape[-1]:
-        # The points of a path or a cloud, each with its coordinates.
+        # The points of a path or a point cloud, each with its coordinates.
         points = range(count // inner)
         labels = tuple(f"{label}[{i}]" for i in points for label in recorded.labels)
         return labels, recorded.units * len(points)

@@ -1,4 +1,4 @@
-"""The runs that are compared, each under a short name that says what sets it apart."""
+"""The runs that are compared, each with a short distinctive label."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from runtime.errors import UsageError
 from runtime.observation import RunData
 from runtime.runs import RESOLVED, read_run, run_folder
 
-LABEL = 32  # letters, so that several stand beside each other
+LABEL = 32  # characters
 _STAMP = re.compile(r"\d{8}-\d{6}-([0-9a-f]{6})")
 
 
 @dataclass(frozen=True)
 class Run:
-    """A run under its label; ``document`` is its resolved graph as plain values."""
+    """A run with its label; ``document`` is its resolved graph as plain values."""
 
     label: str
     folder: Path
@@ -29,23 +29,25 @@ class Run:
 
 
 def open_runs(paths: Sequence[str | Path], labels: Sequence[str] = ()) -> list[Run]:
-    """Read runs back and name them.
+    """Read runs and label them.
 
     Parameters
     ----------
     paths : run folders, links to them, or their manifests; two or more.
-    labels : a name for each; without, each is named by what sets it apart from the others.
+    labels : one for each; by default, the changes and the seed by which it differs from the others.
 
     Raises
     ------
-    UsageError : a run cannot be read; too few runs; labels that are too few or stand twice.
+    UsageError : a run cannot be read; fewer than two runs; too few or duplicate labels.
     """
     if len(paths) < 2:
-        raise UsageError(f"expected two runs or more, got {len(paths)}")
+        raise UsageError(f"expected two or more runs, got {len(paths)}")
     if labels and len(labels) != len(paths):
         raise UsageError(f"expected a label for each of {len(paths)} runs, got {len(labels)}")
     if len(set(labels)) < len(labels) or "" in labels:
-        raise UsageError(f"expected labels that differ, got {', '.join(map(repr, labels))}")
+        raise UsageError(
+            f"expected distinct and non-empty labels, got {', '.join(map(repr, labels))}"
+        )
     folders = [run_folder(path) for path in paths]
     results = [read_run(folder) for folder in folders]
     names = labels or _labels(folders, results)
@@ -63,7 +65,7 @@ def _document(folder: Path, result: RunData) -> dict[str, Any]:
 
 
 def _labels(folders: Sequence[Path], results: Sequence[RunData]) -> list[str]:
-    """What sets each run apart: graph, changes, seed; the run's id where that is not enough."""
+    """Labels from graph, changes and seed, with the run's id where these are the same."""
     changes = [[Override.parse(str(o)) for o in r.manifest["overrides"] if o] for r in results]
     common = set.intersection(*map(set, changes))
     titles = len({r.title for r in results}) > 1
@@ -76,9 +78,9 @@ def _labels(folders: Sequence[Path], results: Sequence[RunData]) -> list[str]:
         labels.append(_cut(", ".join(parts) or "as written"))
     counts = Counter(labels)
     if any(count > 1 for count in counts.values()):
-        alone = len(counts) == 1
+        all_equal = len(counts) == 1
         labels = [
-            (_id(folder) if alone else f"{label[: LABEL - 8]} {_id(folder)}")
+            (_id(folder) if all_equal else f"{label[: LABEL - 8]} {_id(folder)}")
             if counts[label] > 1
             else label
             for label, folder in zip(labels, folders, strict=True)
@@ -109,7 +111,7 @@ def _id(folder: Path) -> str:
 
 
 def _numbered(labels: Sequence[str]) -> list[str]:
-    """Labels made different by numbers: the same folder may be given twice."""
+    """Labels with numbers after duplicates, since the same folder may be given twice."""
     seen: Counter[str] = Counter()
     numbered = []
     for label in labels:

@@ -1,4 +1,4 @@
-"""The block diagram of a graph: layout, shapes, and the formats they are written in."""
+"""Block diagrams of networks: data, layout, shapes, and the formats in which they are written."""
 
 from runtime.diagrams.formats import diagram
 from runtime.diagrams.paint import draw

@@ -1,8 +1,8 @@
-"""A diagram in each of the formats in which it can be drawn."""
+"""Draws a network in one of the diagram formats."""
 
 from __future__ import annotations
 
-from runtime.diagrams.diagram import picture_of
+from runtime.diagrams.picture import picture_of
 from runtime.errors import UsageError
 from runtime.network import Network
 
@@ -14,13 +14,13 @@ def diagram(network: Network, format: str) -> str | bytes:
 
     Parameters
     ----------
-    network : a checked network; blocks that were removed are shown in grey.
+    network : a checked network; removed blocks are drawn in grey.
     format : "svg" or "png" for a picture that is laid out here, "dot" or "mermaid" for a text
         that Graphviz or Mermaid lays out.
 
     Returns
     -------
-    The text, or the bytes of the png. The same network gives the same diagram, byte by byte.
+    The text, or the bytes of the png. The same network gives the same bytes.
 
     Raises
     ------

@@ -1,24 +1,13 @@
-"""From a sheet to shapes: colours by signal type, tints by rate, grey for what was taken out."""
+"""From a sheet to shapes: wires coloured by signal type, boxes by rate, removed blocks grey."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import cycle
 
-from runtime.diagrams.diagram import CONSTANT, Box, Net, Picture, rate_text
-from runtime.diagrams.palette import (
-    BORDER,
-    CONSTANT_TINT,
-    FRAME_BORDER,
-    GHOST,
-    GHOST_FILL,
-    INK,
-    PORT_INK,
-    SOFT,
-    Palette,
-    frame_fill,
-)
+from runtime.diagrams.picture import CONSTANT, Box, Net, Picture, rate_text
 from runtime.diagrams.shapes import (
-    Curve,
+    CurveShape,
     Dot,
     Drawing,
     Group,
@@ -36,13 +25,33 @@ from runtime.diagrams.sheet import (
     NAME_SIZE,
     PORT_SIZE,
     TYPE_SIZE,
-    Place,
+    BoxPlacement,
     Sheet,
     lay_out,
 )
 
 PAGE_MARGIN = 16.0
 LEGEND_HEIGHT = 40.0
+INK, SOFT, GHOST, PORT_INK = "#1f2937", "#6b7280", "#a7adb8", "#374151"
+BORDER, FRAME_BORDER = "#475569", "#c5ccd6"
+# Nested frames alternate between the two.
+FRAME_FILLS = ("#f5f6f8", "#ebeef2")
+GHOST_FILL = "#fafafa"
+CONSTANT_TINT = "#ffffff"
+TYPE_COLOURS = {
+    "Pose": "#1d4ed8",
+    "Twist": "#c2410c",
+    "TrackingState": "#7e22ce",
+    "Path": "#15803d",
+    "Scalar": "#475569",
+    "Vector": "#0f766e",
+    "WheelSpeeds": "#a16207",
+    "Spikes": "#be185d",
+    "Scan": "#0369a1",
+    "PointCloud": "#4d7c0f",
+}
+OTHER_COLOURS = ("#9f1239", "#3730a3", "#166534", "#854d0e", "#6b21a8")
+TINTS = ("#fff7e8", "#e9f1fc", "#eaf6ec", "#f3edfb", "#fdecee", "#e8f6f6")
 
 
 def draw(picture: Picture) -> Drawing:
@@ -68,23 +77,30 @@ class _Painter:
         self.palette = Palette(sheet.picture)
 
     def frames(self) -> Iterator[Group]:
-        for name, place in self.sheet.frames.items():
+        for name, placement in self.sheet.frames.items():
             is_out = self.picture.is_out(name)
             title = self.picture.parts[name].title
             shapes: list[Shape] = [
                 Rect(
-                    *(place.x, place.y, place.width, place.height, 10.0),
+                    *(placement.x, placement.y, placement.width, placement.height, 10.0),
                     GHOST_FILL if is_out else frame_fill(name),
                     FRAME_BORDER,
                     dashed=is_out,
                 ),
-                Text(place.x + 12, place.y + 18, title, 11.0, GHOST if is_out else SOFT, bold=True),
+                Text(
+                    placement.x + 12,
+                    placement.y + 18,
+                    title,
+                    11.0,
+                    GHOST if is_out else SOFT,
+                    bold=True,
+                ),
             ]
             yield Group("part", name, f"part {name}", shapes)
 
     def nets(self) -> Iterator[Group]:
         labelled: set[tuple[str, str]] = set()
-        # What is wired is drawn on top of what was taken out.
+        # Wires are drawn on top of removed ones.
         ghosts_first = sorted(enumerate(self.picture.nets), key=lambda item: not item[1].is_ghost)
         for i, net in ghosts_first:
             yield self.net(i, net)
@@ -99,10 +115,10 @@ class _Painter:
         forks = branchings(lines)
         shapes: list[Shape] = []
         for line in without_repeats(lines):
-            # The line ends inside its arrow head, so that the tip stays sharp.
+            # The line ends inside its arrow head, so that it does not blunt the tip.
             inside = [*line[:-1], (line[-1][0] - 3.0, line[-1][1])]
             commands = line_through(inside, set(forks))
-            shapes.append(Curve(commands, colour, dashed=net.is_ghost))
+            shapes.append(CurveShape(commands, colour, dashed=net.is_ghost))
         shapes += [arrow_head(line[-1], colour) for line in lines]
         shapes += [Dot(*fork, 2.4, colour) for fork in forks]
         source = ".".join(net.source)
@@ -111,43 +127,43 @@ class _Painter:
         return Group("removed wire" if net.is_ghost else "wire", source, about, shapes)
 
     def label(self, net: Net) -> Group:
-        place = self.sheet.boxes[net.source[0]]
-        x, y = place.x + place.width + 5, place.outputs[net.source[1]] - 4
+        placement = self.sheet.boxes[net.source[0]]
+        x, y = placement.x + placement.width + 5, placement.outputs[net.source[1]] - 4
         text = Text(x, y, net.type, LABEL_SIZE, self.palette.wire(net))
         return Group("type", ".".join(net.source), "", [text])
 
     def boxes(self) -> Iterator[Group]:
         for name, box in self.picture.boxes.items():
-            place = self.sheet.boxes[name]
-            shapes = [*self.frame_of(box, place), *self.ports_of(box, place)]
+            placement = self.sheet.boxes[name]
+            shapes = [*self.frame_of(box, placement), *self.ports_of(box, placement)]
             yield Group("removed block" if box.fate else "block", name, box.about, shapes)
 
-    def frame_of(self, box: Box, place: Place) -> Iterator[Shape]:
+    def frame_of(self, box: Box, placement: BoxPlacement) -> Iterator[Shape]:
         is_out = bool(box.fate)
-        middle = place.x + place.width / 2
+        middle = placement.x + placement.width / 2
         yield Rect(
-            *(place.x, place.y, place.width, place.height, 7.0),
+            *(placement.x, placement.y, placement.width, placement.height, 7.0),
             GHOST_FILL if is_out else self.palette.tints[box.period],
             GHOST if is_out else BORDER,
             stroke_width=1.2,
             dashed=is_out,
         )
         ink, soft = (GHOST, GHOST) if is_out else (INK, SOFT)
-        yield Text(middle, place.y + 17, box.title, NAME_SIZE, ink, "middle", bold=True)
-        yield Text(middle, place.y + 30, box.type, TYPE_SIZE, soft, "middle")
-        bottom = place.y + place.height - 7
+        yield Text(middle, placement.y + 17, box.title, NAME_SIZE, ink, "middle", bold=True)
+        yield Text(middle, placement.y + 30, box.type, TYPE_SIZE, soft, "middle")
+        bottom = placement.y + placement.height - 7
         yield Text(middle, bottom, box.fate or box.rate, LABEL_SIZE, soft, "middle")
 
-    def ports_of(self, box: Box, place: Place) -> Iterator[Shape]:
+    def ports_of(self, box: Box, placement: BoxPlacement) -> Iterator[Shape]:
         ink = GHOST if box.fate else PORT_INK
-        for port, y in place.inputs.items():
-            yield Text(place.x + 7, y + 3, port, PORT_SIZE, ink)
-        for port, y in place.outputs.items():
-            right = place.x + place.width
+        for port, y in placement.inputs.items():
+            yield Text(placement.x + 7, y + 3, port, PORT_SIZE, ink)
+        for port, y in placement.outputs.items():
+            right = placement.x + placement.width
             yield Text(right - 7, y + 3, port, PORT_SIZE, ink, "end")
 
     def legend(self) -> Group | None:
-        """What the tints mean; None where there is nothing to tell apart."""
+        """The meaning of the tints; None if all boxes have the same."""
         entries = [(rate_text(p), tint, BORDER) for p, tint in self.palette.tints.items() if p]
         if 0.0 in self.palette.tints:
             entries.append((CONSTANT, CONSTANT_TINT, BORDER))
@@ -163,3 +179,29 @@ class _Painter:
             shapes.append(Text(x + 22, y, text, TYPE_SIZE, SOFT))
             x += 22 + text_width(text, TYPE_SIZE) + 18
         return Group("legend", "", "", shapes)
+
+
+class Palette:
+    """The colours of one picture; ``tints`` maps the step of a block to its box's colour."""
+
+    def __init__(self, picture: Picture) -> None:
+        periods = {box.period for box in picture.boxes.values() if not box.fate}
+        self.tints = dict(zip(sorted(periods - {0.0}), cycle(TINTS), strict=False))
+        if 0.0 in periods:
+            self.tints[0.0] = CONSTANT_TINT
+        kinds = {_family(net) for net in picture.nets}
+        others = sorted(kinds - TYPE_COLOURS.keys() - {""})
+        self._colours = TYPE_COLOURS | dict(zip(others, cycle(OTHER_COLOURS), strict=False))
+
+    def wire(self, net: Net) -> str:
+        return GHOST if net.is_ghost else self._colours.get(_family(net), INK)
+
+
+def frame_fill(part: str) -> str:
+    """The colour of a part's frame, by how deep it is."""
+    return FRAME_FILLS[part.count(".") % len(FRAME_FILLS)]
+
+
+def _family(net: Net) -> str:
+    """The type without its length."""
+    return net.type.partition("(")[0]

@@ -1,19 +1,19 @@
-"""A drawing as a PNG, by way of matplotlib, from the same shapes as the SVG."""
+"""A drawing as PNG, drawn by matplotlib from the same shapes as the SVG."""
 
 from __future__ import annotations
 
 import io
 from typing import TYPE_CHECKING, Any
 
-from runtime.diagrams.shapes import Curve, Dot, Drawing, Rect, Shape, Text
+from runtime.diagrams.shapes import CurveShape, Dot, Drawing, Rect, Shape, Text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SCALE = 2.0
-# What Agg can draw at most, in pixels along one side and altogether.
+# The limits of Agg, in pixels along one side and in all.
 MAX_SIDE, MAX_AREA = 60_000, 1e8
-# Smaller than this (in pixels) a text cannot be read, but costs most of the time.
+# Text smaller than this (in pixels) is illegible, but takes most of the time.
 LEGIBLE = 4.0
 POINTS_PER_INCH = 72.0
 ANCHORS = {"start": "left", "middle": "center", "end": "right"}
@@ -21,7 +21,7 @@ DASHES = (0, (5.0, 3.5))
 
 
 def to_png(drawing: Drawing) -> bytes:
-    """The drawing as a PNG of twice its nominal size (less where that would be too large)."""
+    """The drawing as a PNG of twice its nominal size (less if that would be too large)."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -53,7 +53,7 @@ def _add(axes: Axes, shape: Shape, order: int) -> None:
 
     if isinstance(shape, Rect):
         _add_rect(axes, shape, order)
-    elif isinstance(shape, Curve):
+    elif isinstance(shape, CurveShape):
         _add_curve(axes, shape, order)
     elif isinstance(shape, Dot):
         axes.add_artist(Circle((shape.x, shape.y), shape.radius, color=shape.fill, zorder=order))
@@ -76,7 +76,7 @@ def _add_rect(axes: Axes, rect: Rect, order: int) -> None:
     axes.add_artist(patch)
 
 
-def _add_curve(axes: Axes, curve: Curve, order: int) -> None:
+def _add_curve(axes: Axes, curve: CurveShape, order: int) -> None:
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
 

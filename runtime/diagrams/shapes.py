@@ -1,4 +1,4 @@
-"""Shapes of a drawing, the same for every picture format, and the lines that wires are made of."""
+"""Shapes of a drawing, the same for all picture formats, and the lines of wires."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-Point = tuple[float, float]
-# "M" moves, "L" draws a line, "Q" a quadratic curve by way of its first point, "Z" closes.
+from runtime.diagrams.layout import Point
+
+# "M" moves, "L" draws a line, "Q" a quadratic curve (control point, end), "Z" closes the path.
 Command = tuple[str, tuple[Point, ...]]
 
 CORNER = 5.0
@@ -31,8 +32,8 @@ class Rect:
 
 
 @dataclass(frozen=True)
-class Curve:
-    """A line, or an area where ``fill`` says so."""
+class CurveShape:
+    """A line, or a filled area if ``fill`` is given."""
 
     commands: tuple[Command, ...]
     stroke: str = ""
@@ -62,7 +63,7 @@ class Text:
     bold: bool = False
 
 
-Shape = Rect | Curve | Dot | Text
+Shape = Rect | CurveShape | Dot | Text
 
 
 @dataclass
@@ -85,7 +86,7 @@ class Drawing:
 
 
 def text_width(text: str, size: float, bold: bool = False) -> float:
-    """About how wide a text is, in a font that runs wide."""
+    """The approximate width of a text in a wide font."""
     ems = 0.0
     for letter in text:
         if letter in NARROW:
@@ -99,16 +100,16 @@ def text_width(text: str, size: float, bold: bool = False) -> float:
     return ems * size * (1.1 if bold else 1.0)
 
 
-def arrow_head(tip: Point, fill: str) -> Curve:
+def arrow_head(tip: Point, fill: str) -> CurveShape:
     """An arrow that points to the right."""
     x, y = tip
     back = x - ARROW_LENGTH
     ends = ((back, y - ARROW_HALF), (back, y + ARROW_HALF))
-    return Curve((("M", (tip,)), ("L", (ends[0],)), ("L", (ends[1],)), ("Z", ())), fill=fill)
+    return CurveShape((("M", (tip,)), ("L", (ends[0],)), ("L", (ends[1],)), ("Z", ())), fill=fill)
 
 
 def line_through(points: Sequence[Point], sharp: set[Point]) -> tuple[Command, ...]:
-    """A line along corners, which are rounded except where wires branch off."""
+    """A line along corners, which are rounded except those in ``sharp``."""
     commands: list[Command] = [("M", (points[0],))]
     for before, corner, after in zip(points, points[1:], points[2:], strict=False):
         radius = min(CORNER, _distance(before, corner) / 2, _distance(corner, after) / 2)
@@ -122,22 +123,22 @@ def line_through(points: Sequence[Point], sharp: set[Point]) -> tuple[Command, .
 
 
 def branchings(lines: Sequence[Sequence[Point]]) -> list[Point]:
-    """The points where lines of one net part: three or four ways lead from there."""
+    """The points where lines of one net branch: three or four directions lead from there."""
     runs = sorted({tuple(sorted(run)) for line in lines for run in pairwise(line)})
     corners = sorted({point for line in lines for point in line[1:-1]})
     found = []
     for point in corners:
-        ways: set[Point] = set()
+        directions: set[Point] = set()
         for a, b in runs:
             if _is_on(point, a, b):
-                ways.update(_direction(point, end) for end in (a, b) if end != point)
-        if len(ways) > 2:
+                directions.update(_direction(point, end) for end in (a, b) if end != point)
+        if len(directions) > 2:
             found.append(point)
     return found
 
 
 def without_repeats(lines: Sequence[Sequence[Point]]) -> list[list[Point]]:
-    """The lines of one net, each from where it leaves those before it: none is drawn twice."""
+    """The lines of one net, each from where it leaves the earlier ones, so that none overlap."""
     return [
         min((_after(line, other) for other in lines[:i]), key=_length, default=list(line))
         for i, line in enumerate(lines)
@@ -145,7 +146,7 @@ def without_repeats(lines: Sequence[Sequence[Point]]) -> list[list[Point]]:
 
 
 def _after(line: Sequence[Point], other: Sequence[Point]) -> list[Point]:
-    """What is left of a line after it ran together with another one that starts alike."""
+    """The rest of a line after the part that it shares with another line of the same start."""
     k = 1
     while k < min(len(line), len(other)) and line[k] == other[k]:
         k += 1

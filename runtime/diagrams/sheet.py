@@ -1,4 +1,4 @@
-"""Where a diagram's boxes, frames and wires are: parts are laid out first, then what holds them."""
+"""The geometry of a diagram's boxes, frames and wires; inner parts are laid out first."""
 
 from __future__ import annotations
 
@@ -6,11 +6,9 @@ import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from runtime.diagrams.diagram import Box, Net, Picture
-from runtime.diagrams.layout.grid import Cell, Link, Pin
-from runtime.diagrams.layout.layout import Layout, arrange
-from runtime.diagrams.layout.wires import simplified
-from runtime.diagrams.shapes import Point, text_width
+from runtime.diagrams.layout import Cell, Layout, Link, Pin, Point, arrange, simplified
+from runtime.diagrams.picture import Box, Net, Picture
+from runtime.diagrams.shapes import text_width
 
 NAME_SIZE, TYPE_SIZE, PORT_SIZE, LABEL_SIZE = 13.0, 10.0, 9.5, 9.0
 HEADER, ROW, FOOTER, MARGIN = 36, 16, 20, 10
@@ -20,8 +18,8 @@ GHOST_WEIGHT = 0.25
 
 
 @dataclass
-class Place:
-    """A rectangle, with the heights of the ports on its edges for a block."""
+class BoxPlacement:
+    """A rectangle; for a block, with the y of each port on its edges."""
 
     x: float
     y: float
@@ -38,8 +36,8 @@ class Sheet:
     picture: Picture
     width: float
     height: float
-    boxes: dict[str, Place]
-    frames: dict[str, Place]
+    boxes: dict[str, BoxPlacement]
+    frames: dict[str, BoxPlacement]
     lines: dict[tuple[int, Pin], list[Point]]
 
 
@@ -56,7 +54,7 @@ class _Level:
 
     @cached_property
     def index(self) -> dict[int, int]:
-        """From a net to its link in the layout."""
+        """The index of each net's link in the layout."""
         return {net: i for i, net in enumerate(self.links)}
 
     def route(self, net: int, end: Pin) -> list[Point]:
@@ -65,30 +63,30 @@ class _Level:
 
 
 def lay_out(picture: Picture) -> Sheet:
-    """Place everything that a picture shows."""
+    """Lay out all boxes, frames and wires of a picture."""
     cells = {name: _box_cell(box) for name, box in picture.boxes.items()}
     levels: dict[str, _Level] = {}
     for part in sorted(picture.parts, key=lambda name: -name.count(".")):
         levels[part] = _level(picture, part, cells)
         cells[part] = _frame_cell(picture, levels[part])
     levels[""] = _level(picture, "", cells)
-    boxes: dict[str, Place] = {}
-    frames: dict[str, Place] = {}
+    boxes: dict[str, BoxPlacement] = {}
+    frames: dict[str, BoxPlacement] = {}
     for part in ["", *sorted(picture.parts, key=lambda name: name.count("."))]:
         level = levels[part]
         if part:
             level.x += frames[part].x
             level.y += frames[part].y
         for cell in level.cells:
-            x, y = level.layout.places[cell.name]
+            x, y = level.layout.positions[cell.name]
             x, y = round(level.x + x, 2), round(level.y + y, 2)
-            place = Place(x, y, cell.width, cell.height)
+            placement = BoxPlacement(x, y, cell.width, cell.height)
             if cell.name in levels:
-                frames[cell.name] = place
+                frames[cell.name] = placement
             elif cell.name in picture.boxes:
-                place.inputs = {pin: y + cell.input_y(pin) for pin in cell.inputs}
-                place.outputs = {pin: y + cell.output_y(pin) for pin in cell.outputs}
-                boxes[cell.name] = place
+                placement.inputs = {pin: y + cell.input_y(pin) for pin in cell.inputs}
+                placement.outputs = {pin: y + cell.output_y(pin) for pin in cell.outputs}
+                boxes[cell.name] = placement
     lines = {
         (i, target): _line(picture, levels, i, target)
         for i, net in enumerate(picture.nets)
@@ -120,7 +118,7 @@ def _box_cell(box: Box) -> Cell:
 
 
 def _child(level: str, box: Box) -> str | None:
-    """What stands for a block inside a part: itself, a part within, or None if it is outside."""
+    """The block itself or the inner part that holds it, seen from a part; None if it is outside."""
     if box.part == level:
         return box.name
     prefix = f"{level}." if level else ""
@@ -147,21 +145,21 @@ def _level(picture: Picture, part: str, cells: dict[str, Cell]) -> _Level:
             labelled.add(source)
             label = text_width(net.type, LABEL_SIZE) + 8.0
         weight = GHOST_WEIGHT if net.is_ghost else 1.0
-        holds = picture.holds(net, source[0] if source[0] in picture.parts else "")
-        links[i] = Link(source, tuple(targets), weight, holds, math.ceil(label))
+        breaks_loop = picture.breaks_loop(net, source[0] if source[0] in picture.parts else "")
+        links[i] = Link(source, tuple(targets), weight, breaks_loop, math.ceil(label))
     placed = list(found.values())
     return _Level(part, placed, links, arrange(placed, list(links.values())))
 
 
 def _frame_end(name: str) -> Cell:
-    """The place where a wire passes through the frame of a part."""
+    """The point where a wire passes through the frame of a part, as a cell."""
     if name.startswith("<"):
         return Cell(name, outputs=[""], output_ys=[0.0], fixed=True, edge="left")
     return Cell(name, inputs=[""], input_ys=[0.0], fixed=True, edge="right")
 
 
 def _ends(picture: Picture, part: str, i: int, net: Net) -> tuple[Pin, list[Pin]]:
-    """A net's ends as one level sees them; no targets if the net does not concern it."""
+    """A net's ends within one level; no targets if the net is not part of it."""
 
     def pin(box: str, port: str, outside: Pin) -> Pin:
         child = _child(part, picture.boxes[box])
@@ -174,13 +172,13 @@ def _ends(picture: Picture, part: str, i: int, net: Net) -> tuple[Pin, list[Pin]
     if source[0] == f"<{i}":
         targets.pop((f">{i}", ""), None)
     if source[0] not in picture.boxes:
-        # What starts and ends in the same part inside is that part's own affair.
+        # A wire that starts and ends in the same inner part is drawn there.
         targets.pop(source, None)
     return source, list(targets)
 
 
 def _frame_cell(picture: Picture, level: _Level) -> Cell:
-    """A part as one cell for what is around it; its pins are where its wires meet the frame."""
+    """A part as one cell of the level around it; its pins are where wires cross its frame."""
     layout = level.layout
     inputs = [cell for cell in level.cells if cell.edge == "left"]
     outputs = [cell for cell in level.cells if cell.edge == "right"]
@@ -192,8 +190,8 @@ def _frame_cell(picture: Picture, level: _Level) -> Cell:
     height = FRAME_TOP + layout.height + FRAME_BOTTOM
 
     def pins(ends: list[Cell]) -> tuple[list[str], list[float]]:
-        ends.sort(key=lambda end: layout.places[end.name][1])
-        ys = [FRAME_TOP + layout.places[end.name][1] for end in ends]
+        ends.sort(key=lambda end: layout.positions[end.name][1])
+        ys = [FRAME_TOP + layout.positions[end.name][1] for end in ends]
         return [end.name[1:] for end in ends], ys
 
     (ins, in_ys), (outs, out_ys) = pins(inputs), pins(outputs)
@@ -201,7 +199,7 @@ def _frame_cell(picture: Picture, level: _Level) -> Cell:
 
 
 def _line(picture: Picture, levels: dict[str, _Level], i: int, target: Pin) -> list[Point]:
-    """The corners of a wire: out of the parts around its source, into those around its target."""
+    """The corners of a wire from its source, out of and into parts, to its target."""
     net = picture.nets[i]
     source_box, target_box = picture.boxes[net.source[0]], picture.boxes[target[0]]
     part, points = source_box.part, []

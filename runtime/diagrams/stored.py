@@ -1,7 +1,7 @@
-"""What a diagram shows, as JSON in a run's folder: it is drawn again wherever the run is viewed.
+"""A diagram's data as JSON in a run folder, from which reports draw it again.
 
-A report draws from this and not from the graph, since building a graph imports its modules; and
-not from a drawing, since a drawing of somebody else's may hold more than a drawing.
+Reports do not build the graph, which would import its modules; and they do not embed a drawing
+from the folder, which could contain scripts.
 """
 
 from __future__ import annotations
@@ -12,17 +12,17 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from runtime.diagrams.diagram import FATES, Box, Net, Part, Picture, picture_of
+from runtime.diagrams.picture import FATES, Box, Net, Part, Picture, picture_of
 from runtime.network import Network
 
 SCHEMA_VERSION = 1
 MAX_BOXES, MAX_WIRES = 500, 5_000
-MAX_TEXT = 20_000  # letters
+MAX_TEXT = 20_000  # characters
 TOO_LARGE = f"its graph has more than {MAX_BOXES} blocks or {MAX_WIRES} wires"
 
 
 def stored_picture(network: Network) -> str | None:
-    """A network's diagram as JSON; None where it is too large to be drawn within a report."""
+    """A network's diagram as JSON; None if it is too large to be drawn in a report."""
     picture = picture_of(network)
     wires = sum(len(net.targets) for net in picture.nets)
     if len(picture.boxes) > MAX_BOXES or wires > MAX_WIRES:
@@ -38,17 +38,17 @@ def stored_picture(network: Network) -> str | None:
 
 
 def read_picture(text: str) -> Picture:
-    """A diagram read back.
+    """Read a diagram from its JSON text.
 
     Raises
     ------
-    ValueError : it is damaged; the message says where.
+    ValueError : the text is damaged; the message gives the location.
     """
     try:
         found = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise ValueError(f"no JSON ({error})") from None
-    shown = _mapping(found, "it")
+        raise ValueError(f"not valid JSON ({error})") from None
+    shown = _mapping(found, "top level")
     if shown.get("schema_version") != SCHEMA_VERSION:
         raise ValueError(f"expected schema_version {SCHEMA_VERSION}")
     picture = Picture(_text(shown, "title"), {}, {}, [])
@@ -61,7 +61,7 @@ def read_picture(text: str) -> Picture:
         _check_name(picture, box.name, box.title, box.part)
         picture.boxes[box.name] = box
     if not picture.boxes:
-        raise ValueError("boxes: expected a block at least")
+        raise ValueError("boxes: expected at least one block")
     seen: set[tuple[tuple[str, str], bool]] = set()
     for entry in _list(shown, "nets", MAX_WIRES):
         net = _net(entry, picture.boxes)
@@ -79,7 +79,7 @@ def _box(entry: Mapping[str, Any]) -> Box:
     if isinstance(period, bool) or not isinstance(period, (int, float)):
         raise ValueError("boxes: expected a period in s")
     if not 0.0 <= period < math.inf or (fate and fate not in FATES.values()):
-        raise ValueError("boxes: expected a period from 0 s, and a fate that is known")
+        raise ValueError("boxes: expected a non-negative finite period and a known fate")
     return Box(
         name=_text(entry, "name"),
         title=_text(entry, "title"),
@@ -102,11 +102,11 @@ def _net(entry: Mapping[str, Any], boxes: Mapping[str, Box]) -> Net:
         pairs.append((end[0], end[1]))
     source, *targets = pairs
     if source[0] not in boxes or source[1] not in boxes[source[0]].outputs:
-        raise ValueError("nets: a source that no box has")
+        raise ValueError("nets: unknown source")
     if not targets or len(set(targets)) < len(targets):
-        raise ValueError("nets: expected targets that differ")
+        raise ValueError("nets: expected one or more distinct targets")
     if any(name not in boxes or port not in boxes[name].inputs for name, port in targets):
-        raise ValueError("nets: a target that no box has")
+        raise ValueError("nets: unknown target")
     if not isinstance(entry.get("is_ghost"), bool):
         raise ValueError("nets: expected is_ghost, true or false")
     needs = tuple(_ports(entry, "needs"))
@@ -114,7 +114,7 @@ def _net(entry: Mapping[str, Any], boxes: Mapping[str, Box]) -> Net:
 
 
 def _check_name(picture: Picture, name: str, title: str, part: str) -> None:
-    """A box's or a part's full name begins with that of the part around it, listed before."""
+    """Check a full name: it begins with the name of the part around it, which is listed before."""
     if part and part not in picture.parts:
         raise ValueError(f"'{name[:60]}' is in a part that is not listed before it")
     if not title or name != (f"{part}.{title}" if part else title):
@@ -143,12 +143,12 @@ def _list(entry: Mapping[str, Any], key: str, most: int) -> list[dict[str, Any]]
 def _ports(entry: Mapping[str, Any], key: str) -> list[str]:
     found = _items(entry, key, MAX_WIRES)
     if not all(isinstance(item, str) for item in found) or len(set(found)) < len(found):
-        raise ValueError(f"{key}: expected names that differ")
+        raise ValueError(f"{key}: expected distinct names")
     return list(found)
 
 
 def _text(entry: Mapping[str, Any], key: str) -> str:
     value = entry.get(key)
     if not isinstance(value, str) or len(value) > MAX_TEXT:
-        raise ValueError(f"{key}: expected a text of up to {MAX_TEXT} letters")
+        raise ValueError(f"{key}: expected a string of up to {MAX_TEXT} characters")
     return value

@@ -1,8 +1,8 @@
-"""A drawing as SVG: one self-contained text that looks the same in a page, a notebook, a file."""
+"""A drawing as self-contained SVG text, for pages, notebooks and files."""
 
 from __future__ import annotations
 
-from runtime.diagrams.shapes import Curve, Dot, Drawing, Group, Rect, Shape, Text
+from runtime.diagrams.shapes import CurveShape, Dot, Drawing, Group, Rect, Shape, Text
 
 FONTS = (
     "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, "
@@ -37,7 +37,7 @@ def _group(group: Group) -> list[str]:
 def _shape(shape: Shape) -> str:
     if isinstance(shape, Rect):
         return _rect(shape)
-    if isinstance(shape, Curve):
+    if isinstance(shape, CurveShape):
         return _curve(shape)
     if isinstance(shape, Dot):
         x, y, radius = map(_number, (shape.x, shape.y, shape.radius))
@@ -54,7 +54,7 @@ def _rect(rect: Rect) -> str:
     )
 
 
-def _curve(curve: Curve) -> str:
+def _curve(curve: CurveShape) -> str:
     path = "".join(
         letter + " ".join(f"{_number(x)} {_number(y)}" for x, y in points)
         for letter, points in curve.commands
@@ -69,8 +69,8 @@ def _curve(curve: Curve) -> str:
 def _text(text: Text) -> str:
     more = "" if text.anchor == "start" else f' text-anchor="{text.anchor}"'
     more += ' font-weight="700"' if text.bold else ""
-    place = f'x="{_number(text.x)}" y="{_number(text.y)}" font-size="{_number(text.size)}"'
-    return f'<text {place} fill="{text.fill}"{more}>{_escape(text.text)}</text>'
+    position = f'x="{_number(text.x)}" y="{_number(text.y)}" font-size="{_number(text.size)}"'
+    return f'<text {position} fill="{text.fill}"{more}>{_escape(text.text)}</text>'
 
 
 def _number(value: float) -> str:
@@ -78,7 +78,7 @@ def _number(value: float) -> str:
 
 
 def _escape(text: str) -> str:
-    """Text as XML takes it; what no XML file may hold becomes a question mark."""
+    """Text escaped for XML; characters that XML does not allow become question marks."""
     marks = {"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;"}
     return "".join(
         marks.get(letter, letter if letter.isprintable() or letter == "\n" else "?")

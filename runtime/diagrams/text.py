@@ -1,4 +1,4 @@
-"""A diagram as a text that another program lays out: Graphviz's dot, Mermaid's flowchart."""
+"""A diagram as text for another layout program: Graphviz dot or a Mermaid flowchart."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ import json
 from collections.abc import Callable, Iterable, Iterator
 from itertools import zip_longest
 
-from runtime.diagrams.diagram import Box, Net, Part, Picture
-from runtime.diagrams.layout.grid import Link, find_feedback
-from runtime.diagrams.palette import (
+from runtime.diagrams.layout import Link, find_feedback
+from runtime.diagrams.paint import (
     BORDER,
     FRAME_BORDER,
     GHOST,
@@ -20,6 +19,7 @@ from runtime.diagrams.palette import (
     Palette,
     frame_fill,
 )
+from runtime.diagrams.picture import Box, Net, Part, Picture
 
 INDENT = "  "
 MERMAID_PLAIN = frozenset(" _-.,:()[]=+*/→")
@@ -28,7 +28,9 @@ MERMAID_PLAIN = frozenset(" _-.,:()[]=+*/→")
 def to_dot(picture: Picture) -> str:
     """The diagram for Graphviz: ports on the boxes, parts as clusters, feedback without rank."""
     palette = Palette(picture)
-    links = [Link(net.source, net.targets, holds=picture.holds(net)) for net in picture.nets]
+    links = [
+        Link(net.source, net.targets, breaks_loop=picture.breaks_loop(net)) for net in picture.nets
+    ]
     back = find_feedback(list(picture.boxes), links)
     lines = [
         f"digraph {_dot_text(picture.title)} {{",
@@ -66,10 +68,10 @@ def to_mermaid(picture: Picture) -> str:
         for block, port in net.targets:
             label = _mermaid_text(f"{net.source[1]} → {port}")
             lines.append(f'  {ids[net.source[0]]} {arrow}|"{label}"| {ids[block]}')
-    gone = [ids[name] for name, box in picture.boxes.items() if box.fate]
-    if gone:
+    removed = [ids[name] for name, box in picture.boxes.items() if box.fate]
+    if removed:
         style = f"fill:{GHOST_FILL},stroke:{GHOST},color:{GHOST},stroke-dasharray:5 4"
-        lines += [f"  classDef removed {style}", f"  class {','.join(gone)} removed"]
+        lines += [f"  classDef removed {style}", f"  class {','.join(removed)} removed"]
     return "\n".join([*lines, ""])
 
 
@@ -81,7 +83,7 @@ def _nested(
     part: str = "",
     depth: int = 1,
 ) -> Iterator[str]:
-    """One line for each block, those of a part between an opening and a closing line."""
+    """One line per block; the lines of a part are between an opening and a closing line."""
     for box in picture.boxes.values():
         if box.part == part:
             yield INDENT * depth + node(box)
@@ -100,7 +102,7 @@ def _dot_table(box: Box, palette: Palette) -> str:
         ink = soft = edge = port_ink = GHOST
         style, fill = "ROUNDED,DASHED", GHOST_FILL
 
-    def wide(text: str) -> str:
+    def full_row(text: str) -> str:
         return f'<TR><TD COLSPAN="2">{text}</TD></TR>'
 
     def port(prefix: str, name: str | None, side: str) -> str:
@@ -110,13 +112,13 @@ def _dot_table(box: Box, palette: Palette) -> str:
         return f'<TD PORT="{prefix}{_html(name)}" ALIGN="{side}">{text}</TD>'
 
     rows = [
-        wide(_coloured(f"<B>{_html(box.title)}</B>", ink, 12)),
-        wide(_coloured(_html(box.type), soft, 9)),
+        full_row(_coloured(f"<B>{_html(box.title)}</B>", ink, 12)),
+        full_row(_coloured(_html(box.type), soft, 9)),
         *(
             f"<TR>{port('in_', entry, 'LEFT')}{port('out_', exit_, 'RIGHT')}</TR>"
             for entry, exit_ in zip_longest(box.inputs, box.outputs)
         ),
-        wide(_coloured(_html(box.fate or box.rate), soft, 8)),
+        full_row(_coloured(_html(box.fate or box.rate), soft, 8)),
     ]
     return (
         f'<TABLE BORDER="1" CELLBORDER="0" CELLSPACING="0" CELLPADDING="4" STYLE="{style}" '
@@ -172,12 +174,12 @@ def _mermaid_label(box: Box) -> str:
 
 
 def _mermaid_text(text: str) -> str:
-    """Text between quotes; what Mermaid may take for its own is written as a number."""
+    """Text for a quoted string; characters special to Mermaid become numeric entities."""
     return "".join(c if c.isalnum() or c in MERMAID_PLAIN else f"#{ord(c)};" for c in text)
 
 
 def _identifiers(names: Iterable[str]) -> dict[str, str]:
-    """Names as Mermaid takes them: none of its keywords, no dots, all different."""
+    """Distinct Mermaid identifiers for names: no keywords, no dots."""
     ids: dict[str, str] = {}
     taken: set[str] = set()
     for name in names:

@@ -1,24 +1,57 @@
-"""Pictures of what a run recorded."""
+"""Figures of what a run recorded, drawn with matplotlib: one function per kind of plot."""
 
-from runtime.plots import style, walls
-from runtime.plots.animation import animate, animated
 from runtime.plots.figures import THIN_ABOVE, THIN_TO, draw, save_figure, save_plots
-from runtime.plots.raster import WINDOW
-from runtime.plots.style import GREY
+from runtime.plots.map import draw_world, map_axes, view_limits
+from runtime.plots.raster import mean_rate
+from runtime.plots.scans import animate, animated
+from runtime.plots.style import (
+    COLOURS,
+    GREY,
+    LINESTYLES,
+    STYLE,
+    WIDTH,
+    axis_label,
+    disable_math,
+    explain_empty,
+    line_style,
+    row_spacing,
+    run_end,
+    short_labels,
+    stacked_axes,
+    thin,
+    time_axis,
+    write_title,
+)
 from runtime.plots.trajectory import draw_trajectory, equal_scales
 
 __all__ = [
+    "COLOURS",
     "GREY",
+    "LINESTYLES",
+    "STYLE",
     "THIN_ABOVE",
     "THIN_TO",
-    "WINDOW",
+    "WIDTH",
     "animate",
     "animated",
+    "axis_label",
+    "disable_math",
     "draw",
     "draw_trajectory",
+    "draw_world",
     "equal_scales",
+    "explain_empty",
+    "line_style",
+    "map_axes",
+    "mean_rate",
+    "row_spacing",
+    "run_end",
     "save_figure",
     "save_plots",
-    "style",
-    "walls",
+    "short_labels",
+    "stacked_axes",
+    "thin",
+    "time_axis",
+    "view_limits",
+    "write_title",
 ]

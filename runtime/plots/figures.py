@@ -1,6 +1,6 @@
-"""Pictures of a run: time series, trajectories, spike rasters, heat maps, and maps of a world.
+"""Figures of a run: every kind of plot is drawn and saved here; time series and heat maps.
 
-Figures are made without pyplot, which costs a second to import and keeps every figure alive.
+Figures are made without pyplot, which takes a second to import and keeps every figure in memory.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ def draw(plot: PlotSpec, result: RunData) -> Figure:
 
     Parameters
     ----------
-    plot : the picture's kind, title and the names of the probes that it shows.
-    result : the run; a run that broke off is drawn as far as it came.
+    plot : the figure's kind, title and the names of the probes that it shows.
+    result : the run; an interrupted run is drawn up to where it ended.
 
     Returns
     -------
@@ -66,7 +66,7 @@ def draw(plot: PlotSpec, result: RunData) -> Figure:
             shown = [result.probes[name] for name in plot.of]
             top = painter(figure, shown, style.run_end(result))
         style.set_title(top, plot.title, result)
-        style.literal(figure)
+        style.disable_math(figure)
         if plot.kind == "trajectory":
             equal_scales(figure, top)
     return figure
@@ -80,9 +80,9 @@ def save_plots(
     Parameters
     ----------
     result : the run.
-    folder : where to; made if it is not there.
-    note : told of each plot that cannot be drawn or written, and the others are; without it, the
-        first of them raises what matplotlib or the system raised.
+    folder : created if it does not exist.
+    note : called with a message for each plot that cannot be drawn or written; without it, the
+        first such plot raises what matplotlib or the system raised.
 
     Returns
     -------
@@ -105,7 +105,7 @@ def save_plots(
 
 
 def save_figure(figure: Figure, path: Path) -> None:
-    """Write a figure as a picture that is there whole or not at all."""
+    """Write a figure as a PNG file, complete or not at all."""
     content = BytesIO()
     figure.savefig(content, dpi=DPI, format="png")
     write_whole(path, content.getvalue())
@@ -125,13 +125,13 @@ def _flat(recorded: Recording) -> tuple[FloatArray, list[str], list[str]]:
     count = values.shape[1]
     if len(recorded.labels) == count:
         return values, list(recorded.labels), list(recorded.units)
-    named = style.base(recorded.labels[0]) if recorded.labels else recorded.name
+    named = style.signal_of(recorded.labels[0]) if recorded.labels else recorded.name
     units = list(recorded.units or ("",))
     return values, [f"{named}[{i}]" for i in range(count)], (units * count)[:count]
 
 
 def draw_timeseries(figure: Figure, recordings: Sequence[Recording], end: float) -> Axes:
-    """Draw columns over time, those of one unit together."""
+    """Draw columns over time, one axes per unit."""
     groups: dict[str, list[_Column]] = {}
     every = []
     for recorded in recordings:
@@ -141,11 +141,11 @@ def draw_timeseries(figure: Figure, recordings: Sequence[Recording], end: float)
             groups.setdefault(unit, []).append(_Column(label, unit, recorded.t, values[:, i]))
     names = dict(zip(every, style.short_labels(every), strict=True))
     figure.set_size_inches(style.WIDTH, 1.1 + 1.55 * max(1, len(groups)) + 0.5 * (len(groups) == 1))
-    column = style.stack(figure, len(groups))
+    column = style.stacked_axes(figure, len(groups))
     for axes, (unit, lines) in zip(column, groups.items(), strict=False):
         shown = [names[line.label] for line in lines]
         _lines(figure, axes, lines, shown, end)
-        axes.set_ylabel(style.axis_name(shown, unit))
+        axes.set_ylabel(style.axis_label(shown, unit))
     style.time_axis(column, recordings, end)
     return column[0]
 
@@ -153,17 +153,19 @@ def draw_timeseries(figure: Figure, recordings: Sequence[Recording], end: float)
 def _lines(figure: Figure, axes: Axes, lines: list[_Column], names: list[str], end: float) -> None:
     """Draw one axes of a time series: all columns of one unit."""
     if not any(len(line.y) for line in lines):
-        style.say(axes)
+        style.explain_empty(axes)
         return
     many = len(lines) > MANY_LINES
-    # The map's end is too pale for lines on white.
+    # The bright end of the colour map is too pale for lines on white.
     colours = ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0.0, 0.9, len(lines))))
     low = high = 0.0
     for i, (line, name) in enumerate(zip(lines, names, strict=True)):
-        t, y = _shown(line, len(lines))
-        how: dict[str, Any] = {"color": colours(i), "linewidth": 0.5} if many else style.look(i)
+        t, y = _thinned(line, len(lines))
+        how: dict[str, Any] = (
+            {"color": colours(i), "linewidth": 0.5} if many else style.line_style(i)
+        )
         if len(y) == 1:
-            # One row is a constant, or a probe too slow for the run: what was seen is marked.
+            # A single row is a constant, or a probe slower than the run: it is marked by a dot.
             axes.plot([t[0], max(t[0], end)], [y[0], y[0]], **{**how, "linestyle": ":"})
             how |= {"marker": "o", "markersize": 4.0}
         axes.plot(t, y, label=name, **how)
@@ -175,11 +177,11 @@ def _lines(figure: Figure, axes: Axes, lines: list[_Column], names: list[str], e
         scale = ScalarMappable(Normalize(-0.5, len(lines) - 0.5), colours)
         figure.colorbar(scale, ax=axes, label="index", pad=0.01, aspect=14)
     else:
-        style.legend(axes)
+        style.add_legend(axes)
 
 
-def _shown(line: _Column, lines: int) -> tuple[FloatArray, FloatArray]:
-    """What to draw of one of several lines; infinity, a ray that hits nothing, leaves a gap."""
+def _thinned(line: _Column, lines: int) -> tuple[FloatArray, FloatArray]:
+    """The points to draw of one of several lines; infinity, a ray without a hit, is a gap."""
     y = np.where(np.isfinite(line.y), line.y, np.nan)
     if len(y) <= THIN_ABOVE and len(y) * lines <= LINE_POINTS:
         return line.t, y
@@ -187,9 +189,9 @@ def _shown(line: _Column, lines: int) -> tuple[FloatArray, FloatArray]:
 
 
 def draw_heatmap(figure: Figure, recordings: Sequence[Recording], end: float) -> Axes:
-    """Draw arrays over time as colours, one below the other."""
+    """Draw arrays over time as colours, one axes each."""
     figure.set_size_inches(style.WIDTH, 0.9 + 2.6 * max(1, len(recordings)))
-    column = style.stack(figure, len(recordings))
+    column = style.stacked_axes(figure, len(recordings))
     for axes, recorded in zip(column, recordings, strict=False):
         _heat(figure, axes, recorded, end)
     style.time_axis(column, recordings, end)
@@ -205,11 +207,11 @@ def _heat(figure: Figure, axes: Axes, recorded: Recording, end: float) -> None:
     else:
         axes.set_ylabel("index")
     if not values.size:
-        style.say(axes)
+        style.explain_empty(axes)
         return
     size = -(-len(values) // HEAT_ROWS)
-    shown = style.pool(values, size)
-    step = style.spacing(recorded.t, end) * size
+    shown = style.block_means(values, size)
+    step = style.row_spacing(recorded.t, end) * size
     name, low, high = _colours(shown)
     image = axes.imshow(
         shown.T,
@@ -228,7 +230,7 @@ def _heat(figure: Figure, axes: Axes, recorded: Recording, end: float) -> None:
 
 
 def _colours(values: FloatArray) -> tuple[str, float, float]:
-    """A colour map and its ends: around zero where values have both signs."""
+    """A colour map and its limits: symmetric where values have both signs."""
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
     if low < 0.0 < high:

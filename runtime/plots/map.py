@@ -1,4 +1,4 @@
-"""Maps: a room, and how the robot went in it (the paper's Fig. 6); and its distance to walls."""
+"""Maps: a world with the robot's trajectory in it (the paper's Fig. 6), and its wall distance."""
 
 from __future__ import annotations
 
@@ -9,24 +9,169 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, PathPatch
+from matplotlib.path import Path
 
 from blocks.core import FloatArray
 from blocks.world import World
+from runtime.errors import UsageError
 from runtime.observation import PlotSpec, Recording, RunData, since_reached
-from runtime.plots import style, walls
+from runtime.plots import style
+from runtime.plots.style import COLOURS
 
 SIDE = 4.2  # inches, of the square that has the map's area
-FLATTEST, TALLEST = 2.2, 0.6
+FLATTEST, TALLEST = 2.2, 0.6  # width over height of the axes
+SOLID, OUTLINE = "0.88", "0.25"
+START, FOLLOWING, TRAJECTORY = "#D62728", "#1F4FD8", COLOURS[2]
+REFERENCE, SCANNED, FITTED = COLOURS[4], "0.55", COLOURS[3]
+CONTOUR: dict[str, Any] = {"color": "0.3", "linewidth": 0.8, "linestyle": (0, (4, 2.5))}
+OUTSIDE = 100.0  # m: how far the solid around a room is drawn
+MARGIN, OPEN_MARGIN = 0.03, 0.12  # of the longer side, in a room and without one
+GAP = 4.0  # times the median distance of fitted points: a larger one separates two walls
+
+
+def world_of(plot: PlotSpec, result: RunData) -> World:
+    """The world that a plot needs.
+
+    Raises
+    ------
+    UsageError : the run has no world.
+    """
+    if result.world is None:
+        message = f"plot '{plot.name}' needs a world, as in 'world: worlds/paper_room.yaml'"
+        raise UsageError(message)
+    return result.world
+
+
+def engagement_time(plot: PlotSpec, result: RunData) -> float | None:
+    """When following began (s); None if never, or if the plot has no ``engaged`` option."""
+    recorded = result.probes.get(str(plot.options.get("engaged")))
+    if recorded is None:
+        return None
+    over = recorded.values.reshape(-1) > 0.5
+    return float(recorded.t[over.argmax()]) if over.any() else None
+
+
+def row_at(recorded: Recording, t: float) -> FloatArray | None:
+    """A probe's last row up to time ``t``; None if nothing was recorded."""
+    if not len(recorded.t):
+        return None
+    values: FloatArray = recorded.values[row_index(recorded, t)]
+    return values
+
+
+def row_index(recorded: Recording, t: float) -> int:
+    """The index of the last row up to time ``t``, or the first row; there must be rows."""
+    return max(0, int(np.searchsorted(recorded.t, t + 1e-9, side="right")) - 1)
+
+
+def view_limits(world: World, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Lower left and upper right corner of a view of all walls and the positions ``xy``."""
+    corners = [xy[np.isfinite(xy).all(axis=1)], *world.obstacles]
+    for x, y, r in world.circles.tolist():
+        corners.append(np.array([[x - r, y - r], [x + r, y + r]]))
+    if world.room is not None:
+        corners = [world.room]
+    everything = np.concatenate(corners)
+    low, high = everything.min(axis=0), everything.max(axis=0)
+    margin = (OPEN_MARGIN if world.room is None else MARGIN) * float((high - low).max())
+    return low - margin, high + margin
+
+
+def draw_world(axes: Axes, world: World) -> None:
+    """Fill the solid regions of a world and draw their outlines."""
+    shapes = [_closed(corners) for corners in world.obstacles]
+    shapes += [Path.circle((x, y), r) for x, y, r in world.circles.tolist()]
+    if world.room is not None:
+        low, high = world.room.min(axis=0) - OUTSIDE, world.room.max(axis=0) + OUTSIDE
+        frame = np.array([low, (low[0], high[1]), high, (high[0], low[1])])
+        shapes.append(Path.make_compound_path(_closed(frame), _closed(world.room)))
+    for shape in shapes:
+        # Outlines are below all fillings, so that none is visible inside another solid.
+        axes.add_patch(PathPatch(shape, fill=False, edgecolor=OUTLINE, linewidth=2.0, zorder=1.2))
+        axes.add_patch(PathPatch(shape, facecolor=SOLID, edgecolor="none", zorder=1.3))
+    axes.grid(False)
+    axes.spines[["top", "right"]].set_visible(True)
+
+
+def _closed(corners: FloatArray) -> Path:
+    return Path(np.vstack((corners, corners[:1])), closed=True)
+
+
+def draw_contour(axes: Axes, world: World, plot: PlotSpec) -> list[Line2D]:
+    """Draw the contour at the plot's ``distance`` from the walls, if it has that option."""
+    distance = plot.options.get("distance")
+    if distance is None:
+        return []
+    contours = world.offset_contour(float(distance))
+    if not contours:
+        return []
+    # One line for all contours, so that the legend has one entry; NaN separates them.
+    rows = np.vstack([np.vstack((contour, [[np.nan, np.nan]])) for contour in contours])
+    label = f"{1e3 * distance:.4g} mm from walls"
+    return axes.plot(*rows.T, **CONTOUR, label=label, zorder=2.5)
+
+
+class Robot:
+    """A robot in an axes: a circle for its body and a line for its heading.
+
+    Parameters
+    ----------
+    axes : what to draw on.
+    radius : of the body (m); None for a dot with a short line.
+    """
+
+    def __init__(self, axes: Axes, radius: float | None) -> None:
+        self.radius = radius or 0.08
+        how: dict[str, Any] = {"facecolor": (1.0, 1.0, 1.0, 0.6), "edgecolor": "black"}
+        size = radius or 0.03
+        self.body = Circle((np.nan, np.nan), size, **how, zorder=4.0, gid="robot")
+        axes.add_patch(self.body)
+        (self.heading,) = axes.plot([], [], color="black", linewidth=1.4, zorder=4.1)
+
+    def move(self, pose: FloatArray | None) -> None:
+        """Move the robot to a pose; None or a pose that is not finite is ignored."""
+        if pose is None or not np.isfinite(pose[:3]).all():
+            return
+        x, y, theta = (float(value) for value in pose[:3])
+        self.body.set_center((x, y))
+        ahead = (x + self.radius * np.cos(theta), y + self.radius * np.sin(theta))
+        self.heading.set_data([x, ahead[0]], [y, ahead[1]])
+
+
+def scan_points(scan: FloatArray, pose: FloatArray, angles: tuple[float, float]) -> FloatArray:
+    """The end points of a scan's beams (m), (m, 2); beams without a hit are omitted.
+
+    Parameters
+    ----------
+    scan : ranges (m), (n,); the i-th beam points to angles[0] + i (angles[1] - angles[0]) / n.
+    pose : x, y, theta of the robot when it scanned.
+    angles : bearing of the first beam, and of the beam after the last one (rad).
+    """
+    bearings = np.linspace(*angles, len(scan), endpoint=False) + pose[2]
+    hit = np.isfinite(scan)
+    directions = np.column_stack((np.cos(bearings[hit]), np.sin(bearings[hit])))
+    ends: FloatArray = pose[:2] + scan[hit, None] * directions
+    return ends
+
+
+def split_curves(points: FloatArray) -> FloatArray:
+    """Points of several curves in a row, with a row of NaN between two curves."""
+    steps = np.hypot(*np.diff(points, axis=0).T)
+    typical = float(np.median(steps)) if len(steps) else 0.0
+    if typical == 0.0:
+        return points
+    return np.insert(points, np.flatnonzero(steps > GAP * typical) + 1, np.nan, axis=0)
 
 
 def draw_map(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
-    """Draw the world, the way of the plot's first pose in it, and the others as points.
+    """Draw the world, the trajectory of the plot's first pose, and its other poses as points.
 
     Parameters
     ----------
     figure : what to draw on.
-    plot : its options: ``distance`` adds the contour that far from the walls, ``engaged`` names
-        the probe that rises above 0.5 when following begins; points are shown from then on.
+    plot : its option ``distance`` adds the contour at that distance from the walls; ``engaged``
+        names the probe that rises above 0.5 when following begins, the start of the points.
     result : the run, with its world.
 
     Returns
@@ -37,52 +182,62 @@ def draw_map(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
     ------
     UsageError : the run has no world.
     """
-    world = walls.world_of(plot, result)
     robot, *others = (result.probes[name] for name in plot.of)
-    low, high = walls.view(world, np.concatenate((np.zeros((0, 2)), robot.values[:, :2])))
-    ratio = min(FLATTEST, max(TALLEST, float((high[0] - low[0]) / (high[1] - low[1]))))
-    width = SIDE * math.sqrt(ratio)
-    figure.set_size_inches(width + 2.2, width / ratio + 1.0)
-    axes = style.stack(figure, 1)[0]
-    axes.set(xlabel="x [m]", ylabel="y [m]", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    axes.set_aspect("equal", anchor="W")
-    walls.draw_world(axes, world)
-    handles = walls.draw_contour(axes, world, plot)
-    since = walls.engagement(plot, result)
+    axes, handles = map_axes(figure, plot, result, robot.values[:, :2])
+    since = engagement_time(plot, result)
     never = math.inf if plot.options.get("engaged") in result.probes else 0.0
     handles += _points(axes, others, never if since is None else since)
-    handles += _way(axes, robot, since)
+    handles += _trajectory(axes, robot, since)
     if len(robot.t):
-        body = walls.Robot(axes, plot.options.get("body_radius"))
-        body.put(robot.values[-1])
+        body = Robot(axes, plot.options.get("body_radius"))
+        body.move(robot.values[-1])
         handles.append(_dot(axes, np.full(2, np.nan), "robot at the end", "white", "black"))
     figure.legend(handles=handles, loc="outside right upper")
     return axes
 
 
+def map_axes(
+    figure: Figure, plot: PlotSpec, result: RunData, xy: FloatArray
+) -> tuple[Axes, list[Line2D]]:
+    """Axes of one scale with the world, its contour and room for the positions ``xy`` (n, 2).
+
+    Returns the axes and the entries of their legend.
+    """
+    world = world_of(plot, result)
+    low, high = view_limits(world, np.concatenate((np.zeros((0, 2)), xy)))
+    ratio = min(FLATTEST, max(TALLEST, float((high[0] - low[0]) / (high[1] - low[1]))))
+    width = SIDE * math.sqrt(ratio)
+    figure.set_size_inches(width + 2.2, width / ratio + 1.0)
+    axes = style.stacked_axes(figure, 1)[0]
+    axes.set(xlabel="x [m]", ylabel="y [m]", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    axes.set_aspect("equal", anchor="W")
+    draw_world(axes, world)
+    return axes, draw_contour(axes, world, plot)
+
+
 def _points(axes: Axes, recordings: list[Recording], since: float) -> list[Line2D]:
-    """Poses as small dots, from a time on."""
+    """Draw poses from time ``since`` on as small dots."""
     handles = []
     for recorded in recordings:
         xy = recorded.values[recorded.t >= since - 1e-9, :2]
-        how: dict[str, Any] = {"linestyle": "none", "marker": ".", "color": walls.REFERENCE}
+        how: dict[str, Any] = {"linestyle": "none", "marker": ".", "color": REFERENCE}
         how |= {"markeredgewidth": 0.0, "label": style.short_labels([recorded.name])[0]}
         axes.plot(*xy.T, **how, markersize=3.0, zorder=2.4)
-        # At their size in the map, points would be lost in the legend.
+        # In the size that they have in the map, the points would be hard to see in the legend.
         handles.append(Line2D([], [], **how, markersize=7.0))
     return handles
 
 
-def _way(axes: Axes, robot: Recording, since: float | None) -> list[Line2D]:
-    """The way gone, and the paper's dots on it."""
+def _trajectory(axes: Axes, robot: Recording, since: float | None) -> list[Line2D]:
+    """Draw the trajectory, with dots at the start and where following begins."""
     xy = robot.values[:, :2]
-    handles = axes.plot(*xy.T, color=walls.WAY, linewidth=1.3, label="trajectory", zorder=2.6)
+    handles = axes.plot(*xy.T, color=TRAJECTORY, linewidth=1.3, label="trajectory", zorder=2.6)
     if len(xy):
-        handles.append(_dot(axes, xy[0], "start", walls.START))
+        handles.append(_dot(axes, xy[0], "start", START))
     if since is not None:
-        place = walls.row_at(robot, since)
-        if place is not None:
-            handles.append(_dot(axes, place[:2], "following begins", walls.FOLLOWING))
+        pose = row_at(robot, since)
+        if pose is not None:
+            handles.append(_dot(axes, pose[:2], "following begins", FOLLOWING))
     return handles
 
 
@@ -102,7 +257,7 @@ def _dot(axes: Axes, xy: FloatArray, label: str, colour: str, edge: str = "white
 
 
 def draw_wall_distance(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
-    """Draw how much farther than ``distance`` the nearest wall was, over time.
+    """Draw the distance to the nearest wall minus ``distance``, over time.
 
     Parameters
     ----------
@@ -118,35 +273,33 @@ def draw_wall_distance(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
     ------
     UsageError : the run has no world.
     """
-    world = walls.world_of(plot, result)
+    world = world_of(plot, result)
     d = float(plot.options["distance"])
     recorded = result.probes[plot.of[0]]
     figure.set_size_inches(style.WIDTH, 2.9)
-    axes = style.stack(figure, 1)[0]
+    axes = style.stacked_axes(figure, 1)[0]
     axes.set_ylabel("distance to wall\nminus reference [mm]")
     style.time_axis([axes], [recorded], style.run_end(result))
     xy = recorded.values[:, :2]
     if not len(xy):
-        style.say(axes)
+        style.explain_empty(axes)
         return axes
     error = 1e3 * (np.abs(world.distance(xy)) - d)
     axes.axhline(0.0, color="0.4", linewidth=0.8, linestyle=(0, (4, 2.5)), zorder=1.5)
-    axes.plot(recorded.t, error, color=walls.WAY, label="error", zorder=2.5)
-    since = walls.engagement(plot, result)
+    axes.plot(recorded.t, error, color=TRAJECTORY, label="error", zorder=2.5)
+    since = engagement_time(plot, result)
     following = recorded.t >= (since or 0.0) - 1e-9
     _limit(axes, world, xy[following], error[following], d)
     _shade(axes, world, xy, recorded.t, since or 0.0)
     if since is not None:
-        axes.axvline(
-            since, color=walls.FOLLOWING, linewidth=1.0, linestyle=":", label="following begins"
-        )
+        axes.axvline(since, color=FOLLOWING, linewidth=1.0, linestyle=":", label="following begins")
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=3)
     return axes
 
 
 def _limit(axes: Axes, world: World, xy: FloatArray, error: FloatArray, d: float) -> None:
-    """Let the axis hold what came after the contour was reached; exploring is metres away."""
+    """Fit the axis to the error after the contour was reached; before, it is metres."""
     reached = len(since_reached(world, xy, d))
     if not reached:
         return
@@ -154,19 +307,17 @@ def _limit(axes: Axes, world: World, xy: FloatArray, error: FloatArray, d: float
     low, high = min(0.0, float(late.min())), max(0.0, float(late.max()))
     margin = 0.08 * (high - low) or 1.0
     axes.set_ylim(low - margin, high + margin)
-    message = (
-        f"mean of its absolute value since the contour was reached: {np.abs(late).mean():.1f} mm"
-    )
-    style.note(axes, message)
+    mean = f"{np.abs(late).mean():.1f} mm"
+    style.write_note(axes, f"mean absolute error since the contour was reached: {mean}")
 
 
 def _shade(axes: Axes, world: World, xy: FloatArray, t: FloatArray, since: float) -> None:
-    """Shade when the nearest surface was a circle: there the robot has to turn."""
+    """Shade the times at which the nearest surface was a circle, where the robot has to turn."""
     if not len(world.circles):
         return
     x, y, r = world.circles.T
-    away = (np.hypot(xy[:, :1] - x, xy[:, 1:] - y) - r).min(axis=1)
-    beside = (away <= np.abs(world.distance(xy)) + 1e-9) & (t >= since)
+    from_circle = (np.hypot(xy[:, :1] - x, xy[:, 1:] - y) - r).min(axis=1)
+    beside = (from_circle <= np.abs(world.distance(xy)) + 1e-9) & (t >= since)
     axes.fill_between(
         t,
         *(0.0, 1.0),

@@ -1,4 +1,4 @@
-"""Spike rasters: which neuron fired when, and how fast the population fires as a whole."""
+"""Spike rasters: the spikes of each neuron over time, and the population's mean rate."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from runtime.plots import style
 MANY_SPIKES = 20_000
 BINS, SORTING_BINS = 400, 50
 ITERATIONS = 50
-WINDOW = 0.05  # s: several interspike intervals at 200-400 Hz, shorter than what a robot does
+WINDOW = 0.05  # s: several interspike intervals at 200-400 Hz, shorter than a robot's motions
 
 
 @dataclass(frozen=True)
@@ -29,42 +29,42 @@ class _Train:
     t: FloatArray
     spikes: FloatArray
 
-    def bins(self, most: int) -> tuple[FloatArray, int]:
-        """Rates (Hz) in at most so many stretches of time, and the rows that one is made of."""
+    def binned(self, most: int) -> tuple[FloatArray, int]:
+        """Rates (Hz) in at most ``most`` bins of time, and the number of rows per bin."""
         size = -(-len(self.t) // most) or 1
-        return (style.pool(self.spikes, size) if self.spikes.size else self.spikes), size
+        return (style.block_means(self.spikes, size) if self.spikes.size else self.spikes), size
 
     def order(self) -> npt.NDArray[np.intp]:
         """Neurons sorted by the first principal component of their rates.
 
-        Neurons of opposite encoders end up at opposite ends, the silent ones between them;
-        sorted by mean rate, the two kinds are mixed.
+        Neurons of opposite encoders are at opposite ends, silent ones between them; sorted by
+        mean rate, the two kinds would be mixed.
         """
-        rates = self.bins(SORTING_BINS)[0]
+        rates = self.binned(SORTING_BINS)[0]
         if not rates.any():
             return np.arange(rates.shape[1])
         rates = rates - rates.mean(axis=0)
-        # Power iteration: LAPACK on threads has been seen to take seconds over so small a matrix.
+        # Power iteration: threaded LAPACK can take seconds for a matrix this small.
         products = rates @ rates.T
         course = products[products.diagonal().argmax()]
         for _ in range(ITERATIONS):
             course = products @ (course / (np.linalg.norm(course) or 1.0))
         weights = course @ rates
-        # The sign of a component is arbitrary: let the neuron that counts most be on top.
+        # The sign of a component is arbitrary: the neuron of the largest weight is on top.
         return np.argsort(weights * np.sign(weights[np.abs(weights).argmax()]), kind="stable")
 
 
 def draw_raster(figure: Figure, recordings: Sequence[Recording], end: float) -> Axes:
     """Draw spikes, one axes per ensemble, above the ensembles' mean rates.
 
-    Up to 20,000 spikes are drawn one by one; more would be a solid block, and are drawn as
-    rates in bins of time.
+    Up to 20,000 spikes per ensemble are drawn one by one; more would be a solid block, and are
+    drawn as rates in bins of time.
 
     Parameters
     ----------
     figure : what to draw on.
     recordings : of spikes.
-    end : when the run ended (s).
+    end : end of the run (s).
 
     Returns
     -------
@@ -73,7 +73,7 @@ def draw_raster(figure: Figure, recordings: Sequence[Recording], end: float) -> 
     trains = list(_trains(recordings))
     count = max(1, len(trains))
     figure.set_size_inches(style.WIDTH, 2.2 + 2.1 * count)
-    *upper, lower = style.stack(figure, count + 1, [*[2.1] * count, 1.2])
+    *upper, lower = style.stacked_axes(figure, count + 1, [*[2.1] * count, 1.2])
     if sum(np.count_nonzero(train.spikes) for train in trains) > MANY_SPIKES * count:
         _images(figure, upper, trains, end)
     else:
@@ -94,14 +94,14 @@ def _trains(recordings: Sequence[Recording]) -> Iterator[_Train]:
     for recorded in recordings:
         table = recorded.values.reshape(len(recorded.values), -1 if recorded.values.size else 0)
         for start, stop in recorded.addresses.values() or [(0, len(recorded.labels))]:
-            yield _Train(style.base(recorded.labels[start]), recorded.t, table[:, start:stop])
+            yield _Train(style.signal_of(recorded.labels[start]), recorded.t, table[:, start:stop])
 
 
 def _marks(axes: Axes, train: _Train) -> None:
     """Mark every spike."""
     row, neuron = np.nonzero(train.spikes[:, train.order()])
     if not len(row):
-        style.say(axes, "no spikes" if len(train.t) else "nothing recorded")
+        style.explain_empty(axes, "no spikes" if len(train.t) else "nothing recorded")
         return
     axes.plot(
         *(train.t[row], neuron),
@@ -115,11 +115,11 @@ def _marks(axes: Axes, train: _Train) -> None:
 
 
 def _images(figure: Figure, column: Sequence[Axes], trains: Sequence[_Train], end: float) -> None:
-    """Draw rates in bins of time as grey levels, alike for all ensembles."""
-    binned = [train.bins(BINS) for train in trains]
+    """Draw rates in bins of time, on one grey scale for all ensembles."""
+    binned = [train.binned(BINS) for train in trains]
     fastest = max(float(rates.max(initial=0.0)) for rates, _ in binned)
     for axes, train, (rates, size) in zip(column, trains, binned, strict=True):
-        width = size * style.spacing(train.t, end)
+        width = size * style.row_spacing(train.t, end)
         image = axes.imshow(
             rates[:, train.order()].T,
             aspect="auto",
@@ -134,29 +134,41 @@ def _images(figure: Figure, column: Sequence[Axes], trains: Sequence[_Train], en
         figure.colorbar(image, ax=axes, label=label, pad=0.01, aspect=16)
 
 
+def mean_rate(spikes: FloatArray, step: float) -> FloatArray:
+    """The mean rate (Hz) of all neurons in a sliding window of :data:`WINDOW`.
+
+    Parameters
+    ----------
+    spikes : (rows, neurons), 1/dt where a neuron fired.
+    step : time between two rows (s).
+    """
+    window = np.ones(min(len(spikes), max(1, round(WINDOW / step))))
+    # Divided by the part of the window within the run, so that the rate does not drop at its ends.
+    within = np.convolve(np.ones(len(spikes)), window, mode="same")
+    rate: FloatArray = np.convolve(spikes.mean(axis=1), window, mode="same") / within
+    return rate
+
+
 def _rates(axes: Axes, trains: Sequence[_Train], names: Sequence[str], end: float) -> None:
-    """Draw each ensemble's firing rate, averaged over its neurons and a short window."""
+    """Draw each ensemble's mean rate."""
     axes.set_ylabel("mean rate [Hz]")
     notes = [f"mean of all neurons, {1e3 * WINDOW:.0f} ms window"]
     for i, (train, name) in enumerate(zip(trains, names, strict=True)):
         if not train.spikes.size:
             continue
-        step = style.spacing(train.t, end)
-        window = np.ones(min(len(train.t), max(1, round(WINDOW / step))))
-        # Divided by what of the window lies within the run, so that its ends do not sag.
-        within = np.convolve(np.ones(len(train.t)), window, mode="same")
-        rate = np.convolve(train.spikes.mean(axis=1), window, mode="same") / within
-        axes.plot(train.t, rate, label=name, linewidth=0.8, **style.look(i))
-        # A spike is 1/dt high, and a row that stands for several ticks shows one of them.
+        step = style.row_spacing(train.t, end)
+        rate = mean_rate(train.spikes, step)
+        axes.plot(train.t, rate, label=name, linewidth=0.8, **style.line_style(i))
+        # A spike is 1/dt high; with a step of several ticks, a row shows only one of them.
         ticks = round(step * float(train.spikes.max()))
         if ticks > 1 and len(train.t) > 1:
             notes.append(f"1 tick in {ticks} recorded")
     if not axes.lines:
-        style.say(axes)
+        style.explain_empty(axes)
         return
     axes.set_ylim(0.0, max(1.0, axes.get_ylim()[1]))
     axes.yaxis.set_major_locator(MaxNLocator(nbins=4))
-    style.note(axes, "; ".join(dict.fromkeys(notes)))
+    style.write_note(axes, "; ".join(dict.fromkeys(notes)))
     if len(trains) > 1:
         axes.legend(
             loc="lower left",

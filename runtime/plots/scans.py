@@ -1,27 +1,37 @@
-"""Scans: what the robot saw around it, what was fitted to it, and where that leads."""
+"""Scans: what the robot saw and fitted, at a few times in panels, or as an animated gif."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
+import matplotlib
 import numpy as np
+from matplotlib.animation import PillowWriter
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from blocks.core import FloatArray
+from blocks.world import World
+from runtime.errors import UsageError
 from runtime.observation import PlotSpec, Recording, RunData
-from runtime.plots import style, walls
+from runtime.plots import map as maps
+from runtime.plots import style
 
 PANELS = 4
-AROUND = 1.0  # m, from the robot to the edges of a panel
+HALF_WIDTH = 1.0  # m, from the robot to the edges of a panel
 EMPTY = np.empty((0, 2))
+FRAMES, RATE = 100, 11  # frames, and frames per second: 9 s
+DPI, SIDE = 90, 5.0
+TRAIL = 2_000  # points at most
 
 
 class Scene:
-    """Scan, fitted wall, fitted path and robot in an axes, moved from moment to moment.
+    """Scan, fitted wall, fitted path and robot in an axes, as they were at a time.
 
     Parameters
     ----------
@@ -31,26 +41,26 @@ class Scene:
     """
 
     def __init__(self, axes: Axes, plot: PlotSpec, result: RunData) -> None:
-        self.roles = roles(plot, result)
+        self.recordings = recordings_by_kind(plot, result)
         low, high = plot.options.get("angles", (-math.pi, math.pi))
         self.angles = (float(low), float(high))
         self.lines: dict[str, Line2D] = {}
         for kind, label, how in (
-            ("Scan", "scan", {"linestyle": "none", "marker": ".", "color": walls.SCANNED}),
-            ("PointCloud", "fitted wall", {"color": walls.FITTED, "linewidth": 2.0}),
+            ("Scan", "scan", {"linestyle": "none", "marker": ".", "color": maps.SCANNED}),
+            ("PointCloud", "fitted wall", {"color": maps.FITTED, "linewidth": 2.0}),
             ("Path", "reference path", {"color": style.COLOURS[0], "linewidth": 1.5}),
         ):
-            if kind in self.roles:
+            if kind in self.recordings:
                 order = 2.2 + 0.2 * len(self.lines)
                 look: dict[str, Any] = {"markersize": 4.0, "markeredgewidth": 0.0, **how}
                 (self.lines[kind],) = axes.plot([], [], **look, label=label, zorder=order)
-        self.robot = walls.Robot(axes, plot.options.get("body_radius"))
+        self.robot = maps.Robot(axes, plot.options.get("body_radius"))
 
     def show(self, t: float) -> FloatArray | None:
-        """Move everything to what was known at time ``t``; returns the robot's pose."""
-        rows = {kind: walls.row_at(recorded, t) for kind, recorded in self.roles.items()}
+        """Show the last values up to time ``t``; returns the robot's pose."""
+        rows = {kind: maps.row_at(recorded, t) for kind, recorded in self.recordings.items()}
         pose = rows["Pose"]
-        self.robot.put(pose)
+        self.robot.move(pose)
         for kind, line in self.lines.items():
             row = rows[kind]
             if row is None:
@@ -59,41 +69,41 @@ class Scene:
             if kind == "Scan":
                 points = self._scan(row, t)
             elif kind == "PointCloud":
-                points = walls.broken(points)
+                points = maps.split_curves(points)
             line.set_data(*points.T)
         return pose
 
     def _scan(self, scan: FloatArray, t: float) -> FloatArray:
-        """Where the beams ended, from where the robot was when it scanned."""
-        taken = self.roles["Scan"]
-        pose = walls.row_at(self.roles["Pose"], float(taken.t[walls.seen(taken, t)]))
-        return EMPTY if pose is None else walls.scan_points(scan, pose, self.angles)
+        """The end points of the beams, from the pose at the time of the scan."""
+        scans = self.recordings["Scan"]
+        pose = maps.row_at(self.recordings["Pose"], float(scans.t[maps.row_index(scans, t)]))
+        return EMPTY if pose is None else maps.scan_points(scan, pose, self.angles)
 
 
-def roles(plot: PlotSpec, result: RunData) -> Mapping[str, Recording]:
-    """The recordings of a plot of scans, by the kind of their signal."""
+def recordings_by_kind(plot: PlotSpec, result: RunData) -> Mapping[str, Recording]:
+    """The recordings of a plot of scans, by the type of their signal."""
     return {result.probes[name].kinds[0]: result.probes[name] for name in plot.of}
 
 
-def moments(plot: PlotSpec, result: RunData) -> list[float]:
-    """The times (s) to show: those of ``at``, else some evenly spread over the following."""
+def panel_times(plot: PlotSpec, result: RunData) -> list[float]:
+    """The times (s) to show: those of ``at``, else evenly spaced from when following begins."""
     end = style.run_end(result)
     at = plot.options.get("at")
     if at is not None:
         wanted = [float(t) for t in (at if isinstance(at, list) else [at])]
-        # Of a run that broke off: what it came to.
+        # A run that was interrupted has only the earlier ones.
         return [t for t in wanted if t <= end] or [end]
-    since = walls.engagement(plot, result) or 0.0
+    since = maps.engagement_time(plot, result) or 0.0
     return [since + (end - since) * (i + 0.5) / PANELS for i in range(PANELS)]
 
 
 def draw_scans(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
-    """Draw what the robot saw and fitted at a few moments, a panel each.
+    """Draw what the robot saw and fitted at a few times, one panel each.
 
     Parameters
     ----------
     figure : what to draw on.
-    plot : its options: ``at`` (s), by default four moments after ``engaged``; ``distance``;
+    plot : its options: ``at`` (s), by default four times after ``engaged``; ``distance``;
         ``angles`` of the scan's first and last beam.
     result : the run, with its world.
 
@@ -105,8 +115,8 @@ def draw_scans(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
     ------
     UsageError : the run has no world.
     """
-    walls.world_of(plot, result)
-    times = moments(plot, result)
+    maps.world_of(plot, result)
+    times = panel_times(plot, result)
     columns = min(len(times), 2 if len(times) <= 4 else 3)
     rows = -(-len(times) // columns)
     side = style.WIDTH / max(2, columns)
@@ -127,15 +137,119 @@ def draw_scans(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
 
 
 def _panel(axes: Axes, plot: PlotSpec, result: RunData, t: float) -> None:
-    """One moment, with the robot in the middle."""
-    world = walls.world_of(plot, result)
-    walls.draw_world(axes, world)
-    walls.draw_contour(axes, world, plot)
+    """Draw one time, with the robot in the middle."""
+    world = maps.world_of(plot, result)
+    maps.draw_world(axes, world)
+    maps.draw_contour(axes, world, plot)
     pose = Scene(axes, plot, result).show(t)
     x, y = (0.0, 0.0) if pose is None else pose[:2].tolist()
-    axes.set(xlim=(x - AROUND, x + AROUND), ylim=(y - AROUND, y + AROUND))
+    axes.set(xlim=(x - HALF_WIDTH, x + HALF_WIDTH), ylim=(y - HALF_WIDTH, y + HALF_WIDTH))
     axes.set_aspect("equal")
     axes.locator_params(nbins=5)
     box: dict[str, Any] = {"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 2.0}
     where = axes.transAxes
     axes.text(0.03, 0.96, f"t = {t:.1f} s", transform=where, va="top", bbox=box, zorder=6.0)
+
+
+def animated(plots: Sequence[PlotSpec], world: World | None) -> PlotSpec:
+    """The plot that is animated: the first of kind ``scans``.
+
+    Parameters
+    ----------
+    plots : the plots of a graph.
+    world : its world.
+
+    Returns
+    -------
+    PlotSpec : the plot to animate.
+
+    Raises
+    ------
+    UsageError : there is no such plot, or no world.
+    """
+    if world is None:
+        raise UsageError("nothing to animate: the graph has no world; give it a world: section")
+    for plot in plots:
+        if plot.kind == "scans":
+            return plot
+    message = "nothing to animate: the graph has no plot of kind scans; add one, as in "
+    raise UsageError(message + "'plots: {scans: {kind: scans, of: [plant.pose, lidar.scan]}}'")
+
+
+def animate(result: RunData, file: str | Path) -> Path:
+    """Write a run as a gif of about nine seconds.
+
+    Parameters
+    ----------
+    result : the run, with a world and a plot of kind ``scans``; an interrupted run is shown up to
+        where it ended.
+    file : the file to write; its folder is created if it does not exist.
+
+    Returns
+    -------
+    Path : the file.
+
+    Raises
+    ------
+    UsageError : no world, no such plot, nothing recorded, or the file cannot be written.
+    """
+    file = Path(file)
+    plot = animated(result.plots, result.world)
+    missing = [name for name in plot.of if name not in result.probes]
+    if missing:
+        raise UsageError(f"plot '{plot.name}' shows '{missing[0]}', which was not recorded")
+    end = style.run_end(result)
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with matplotlib.rc_context(style.STYLE):
+            _write(plot, result, file, np.linspace(0.0, end, FRAMES if end > 0.0 else 1).tolist())
+    except OSError as error:
+        raise UsageError(f"cannot write '{file}': {error.strerror or error}") from None
+    return file
+
+
+def _write(plot: PlotSpec, result: RunData, file: Path, times: list[float]) -> None:
+    """Draw and write frame by frame."""
+    figure = Figure(layout="constrained", dpi=DPI)
+    canvas = FigureCanvasAgg(figure)
+    axes = _world_axes(figure, plot, result)
+    (trail,) = axes.plot(
+        [], [], color=maps.TRAJECTORY, linewidth=1.3, label="trajectory", zorder=2.1
+    )
+    scene = Scene(axes, plot, result)
+    clock = axes.set_title(" ", loc="right", fontweight="normal", fontsize=9.0)
+    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    # The layout is computed once; computing it again would double the cost of a frame.
+    canvas.draw()  # type: ignore[no-untyped-call]
+    figure.set_layout_engine("none")
+    writer = PillowWriter(fps=RATE)
+    robot = scene.recordings["Pose"]
+    with writer.saving(figure, str(file), DPI):
+        for t in times:
+            scene.show(t)
+            trail.set_data(*_trail(robot, t).T)
+            clock.set_text(f"t = {t:5.1f} s")
+            writer.grab_frame()
+
+
+def _world_axes(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
+    """The axes of an animation: the world without the robot."""
+    world = maps.world_of(plot, result)
+    robot = result.probes[next(n for n in plot.of if result.probes[n].kinds[0] == "Pose")]
+    low, high = maps.view_limits(world, np.concatenate((np.zeros((0, 2)), robot.values[:, :2])))
+    ratio = min(2.2, max(0.6, float((high[0] - low[0]) / (high[1] - low[1]))))
+    figure.set_size_inches(SIDE * math.sqrt(ratio), SIDE / math.sqrt(ratio) + 0.6)
+    axes = figure.subplots()
+    axes.set(xlabel="x [m]", ylabel="y [m]", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    axes.set_aspect("equal")
+    axes.set_title(style.subtitle(result), fontsize=9.0)
+    maps.draw_world(axes, world)
+    maps.draw_contour(axes, world, plot)
+    return axes
+
+
+def _trail(robot: Recording, t: float) -> FloatArray:
+    """The trajectory up to time ``t``, of at most :data:`TRAIL` points."""
+    rows = robot.values[: int(np.searchsorted(robot.t, t + 1e-9, side="right")), :2]
+    thinned = rows[:: -(-len(rows) // TRAIL) or 1]
+    return np.vstack((thinned, rows[-1:]))

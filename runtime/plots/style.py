@@ -1,4 +1,4 @@
-"""How all pictures look: colours, titles, names of axes, and how much of a series a page shows."""
+"""The common look of all figures: colours, titles, labels of axes, thinned series."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
 WIDTH = 6.5  # inches, the text width of a one-column paper
 GREY = "0.4"
-LONG_NAME = 20  # letters, about what fits beside the lowest axes
-# Okabe and Ito's palette, told apart by colour-blind eyes too; its yellow is too pale for lines.
+LONG_NAME = 20  # characters, about what fits beside the lowest axes
+# Okabe and Ito's palette for colour-blind readers, without its yellow, too pale for lines.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 LINESTYLES = ("-", "--", ":", "-.")
 # Any: the names of the settings are a literal type in some versions of matplotlib only.
@@ -61,16 +61,16 @@ STYLE: Any = {
 }
 
 
-def look(i: int) -> dict[str, Any]:
+def line_style(i: int) -> dict[str, Any]:
     """Colour and dashes of the i-th line of an axes."""
     dashes = LINESTYLES[i // len(COLOURS) % len(LINESTYLES)]
     return {"color": COLOURS[i % len(COLOURS)], "linestyle": dashes}
 
 
-def literal(figure: Figure) -> None:
-    """Show every text of a figure as it is written: names and titles are no formulas.
+def disable_math(figure: Figure) -> None:
+    """Show names and titles as they are written, not as formulas.
 
-    Numbers along an axis stay formulas, since theirs are matplotlib's own.
+    Tick labels of numbers stay formulas, since matplotlib writes them.
     """
     for text in figure.findobj(Text):
         text.set_parse_math(False)
@@ -84,15 +84,15 @@ def literal(figure: Figure) -> None:
 
 
 def set_title(axes: Axes, title: str, result: RunData) -> None:
-    """Write a plot's title, and below it in small what was run."""
-    head(axes, title, subtitle(result))
+    """Write a plot's title, and the subtitle of the run."""
+    write_title(axes, title, subtitle(result))
 
 
-def head(axes: Axes, title: str, small: str) -> None:
-    """Write a title above an axes, and a line in small between the two."""
+def write_title(axes: Axes, title: str, subtitle: str) -> None:
+    """Write a title and a subtitle above an axes."""
     axes.set_title(title, pad=17.0)
     axes.annotate(
-        small,
+        subtitle,
         xy=(0.0, 1.0),
         xytext=(0.0, 6.0),
         xycoords="axes fraction",
@@ -104,26 +104,26 @@ def head(axes: Axes, title: str, small: str) -> None:
 
 
 def subtitle(result: RunData) -> str:
-    """What was run, in one line: the graph, what was taken out of it, where it broke off."""
+    """One line on the run: the graph, its removed blocks, and where it ended if it did early."""
     removed: dict[str, str] = result.manifest.get("removed", {})
     overrides = [Override.parse(str(text)) for text in result.manifest.get("overrides", [])]
     parts = [result.title]
     for how, message in (("without", "without"), ("bypass", "bypassing")):
         names = [name for name, way in removed.items() if way == how]
-        asked = [override.target for override in overrides if override.kind == how]
+        given = [override.target for override in overrides if override.kind == how]
         if names:
-            parts.append(f"{message} {_listed(_grouped(names, asked))}")
+            parts.append(f"{message} {_listed(_grouped(names, given))}")
     status = result.manifest.get("status", "complete")
     if status != "complete":
         parts.append(f"{status} at {run_end(result):.4g} s")
     return "  ·  ".join(parts)
 
 
-def _grouped(names: list[str], asked: list[str]) -> list[str]:
-    """Names of blocks as they were asked for: a part stands for the blocks inside it."""
+def _grouped(names: list[str], given: list[str]) -> list[str]:
+    """Names of blocks as the user gave them: a part in place of the blocks inside it."""
     found: dict[str, None] = {}
     for name in names:
-        whole = (part for part in asked if name == part or name.startswith(f"{part}."))
+        whole = (part for part in given if name == part or name.startswith(f"{part}."))
         found[next(whole, name)] = None
     return list(found)
 
@@ -134,26 +134,26 @@ def _listed(names: list[str], most: int = 3) -> str:
 
 
 def run_end(result: RunData) -> float:
-    """The time (s) up to which the run came."""
+    """The time (s) at which the run ended."""
     return float(result.manifest.get("ticks", 0) * result.manifest.get("dt", 0.0))
 
 
-def spacing(t: FloatArray, otherwise: float = 1.0) -> float:
-    """Seconds from one row to the next; ``otherwise`` where one row stands for all."""
-    return float(t[1] - t[0]) if len(t) > 1 else (otherwise or 1.0)
+def row_spacing(t: FloatArray, default: float = 1.0) -> float:
+    """Seconds from one row to the next; ``default`` if there is only one row."""
+    return float(t[1] - t[0]) if len(t) > 1 else (default or 1.0)
 
 
 def time_axis(column: Sequence[Axes], recordings: Sequence[Recording], end: float) -> None:
-    """Label the time axis that a column of axes shares, up to where the last row ceases to hold."""
-    ends = [float(r.t[-1]) + spacing(r.t, end) for r in recordings if len(r.t)]
+    """Label the time axis that a column of axes shares, up to the end of the last row's step."""
+    ends = [float(r.t[-1]) + row_spacing(r.t, end) for r in recordings if len(r.t)]
     starts = [float(r.t[0]) for r in recordings if len(r.t)]
     column[-1].set_xlim(min(starts, default=0.0), max(ends, default=end) or 1.0)
     column[-1].xaxis.set_major_locator(MaxNLocator(nbins=10, steps=[1, 2, 5, 10]))
     column[-1].set_xlabel("time [s]")
 
 
-def say(axes: Axes, text: str = "nothing recorded") -> None:
-    """Say in an empty axes why it is empty; ticks would measure nothing."""
+def explain_empty(axes: Axes, text: str = "nothing recorded") -> None:
+    """Write into an empty axes why it is empty, and remove its ticks."""
     axes.set_yticks([])
     axes.grid(False)
     axes.text(
@@ -166,8 +166,8 @@ def say(axes: Axes, text: str = "nothing recorded") -> None:
     )
 
 
-def note(axes: Axes, text: str) -> None:
-    """Write a small remark above the right end of an axes."""
+def write_note(axes: Axes, text: str) -> None:
+    """Write a small note above the right end of an axes."""
     axes.annotate(
         text,
         xy=(1.0, 1.0),
@@ -180,8 +180,8 @@ def note(axes: Axes, text: str) -> None:
     )
 
 
-def legend(axes: Axes) -> None:
-    """Name the lines of an axes beside it, where it hides nothing; one line needs no legend."""
+def add_legend(axes: Axes) -> None:
+    """Add a legend beside an axes that has more than one line."""
     handles, labels = axes.get_legend_handles_labels()
     if len(handles) > 1:
         axes.legend(
@@ -189,25 +189,25 @@ def legend(axes: Axes) -> None:
         )
 
 
-def stack(figure: Figure, count: int, ratios: Sequence[float] | None = None) -> list[Axes]:
-    """Axes above each other that share their time axis."""
+def stacked_axes(figure: Figure, count: int, ratios: Sequence[float] | None = None) -> list[Axes]:
+    """A column of axes that share their time axis."""
     count = max(1, count)
     column = figure.subplots(count, sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
     for axes in column:
-        # The axis' power of ten: left of the subtitle, which it would overprint.
+        # The axis' power of ten is placed left of the subtitle, which it would overlap.
         axes.yaxis.get_offset_text().set(x=-0.01, horizontalalignment="right")
     return list(column)
 
 
-def base(label: str) -> str:
-    """The signal that a column's label belongs to: plant.pose of plant.pose.x, a.w of a.w[0]."""
+def signal_of(label: str) -> str:
+    """The signal of a column's label: plant.pose for plant.pose.x, a.w for a.w[0]."""
     return re.sub(r"(\[\d+\]|\.[^.\[\]]+)$", "", label)
 
 
 def short_labels(labels: Sequence[str]) -> list[str]:
-    """Labels without what all have in common at the front and at the back.
+    """Labels without the parts that all have in common at the front and at the back.
 
-    A label that stands alone keeps its last two parts, and a bare number keeps its name.
+    A single label keeps its last two parts, and a number keeps the name before it.
     """
     parts = [label.split(".") for label in labels]
     if len(set(labels)) < 2:
@@ -225,7 +225,7 @@ def short_labels(labels: Sequence[str]) -> list[str]:
 
 
 def signal_name(labels: Sequence[str]) -> str:
-    """The signal that all labels belong to, by its last two parts; empty if there is none."""
+    """The last two parts of the signal that all labels belong to; empty if there is none."""
     for cut in (r"\[\d+\]$", r"\.[^.]+$"):
         found = {re.sub(cut, "", label) for label in labels}
         if len(found) == 1:
@@ -233,8 +233,8 @@ def signal_name(labels: Sequence[str]) -> str:
     return ""
 
 
-def axis_name(labels: Sequence[str], unit: str) -> str:
-    """What an axis says: names while they are few, else the signal they share; and the unit."""
+def axis_label(labels: Sequence[str], unit: str) -> str:
+    """The label of an axis: a few names, or else the signal that they share; and the unit."""
     names = list(dict.fromkeys(labels))
     text = ", ".join(names)
     if len(names) > 3 or (len(names) > 1 and len(text) > LONG_NAME):
@@ -244,29 +244,29 @@ def axis_name(labels: Sequence[str], unit: str) -> str:
 
 
 def thin(t: FloatArray, y: FloatArray, most: int) -> tuple[FloatArray, FloatArray]:
-    """A series of about ``most`` points that keeps the extremes of every stretch, and both ends."""
+    """A series of about ``most`` points that keeps the extremes of each block, and both ends."""
     if len(y) <= most:
         return t, y
     size = -(-2 * len(y) // most)
     full = len(y) // size * size
     starts = np.arange(0, full, size)
-    stretches = y[:full].reshape(-1, size)
-    keep = [starts + stretches.argmin(axis=1), starts + stretches.argmax(axis=1), [0, len(y) - 1]]
+    blocks = y[:full].reshape(-1, size)
+    keep = [starts + blocks.argmin(axis=1), starts + blocks.argmax(axis=1), [0, len(y) - 1]]
     if full < len(y):
         keep.append([full + y[full:].argmin(), full + y[full:].argmax()])
     index = np.unique(np.concatenate(keep))
     return t[index], y[index]
 
 
-def pool(values: FloatArray, size: int) -> FloatArray:
-    """Means over each ``size`` rows, of what is finite; NaN where nothing is."""
+def block_means(values: FloatArray, size: int) -> FloatArray:
+    """Means over blocks of ``size`` rows, of the finite values; NaN where there are none."""
     full = len(values) // size * size
     blocks = [values[:full].reshape(-1, size, values.shape[1]), values[None, full:]]
     return np.concatenate([_means(block) for block in blocks if block.size])
 
 
 def _means(blocks: FloatArray) -> FloatArray:
-    """Means over the middle one of three axes."""
+    """Means of the finite values over the second of three axes."""
     finite = np.isfinite(blocks)
     if finite.all():
         means: FloatArray = blocks.mean(axis=1)

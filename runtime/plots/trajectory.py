@@ -1,4 +1,4 @@
-"""Trajectories: the way that poses went over the plane, beside paths and clouds of points."""
+"""Trajectories of poses in the plane, with paths and point clouds."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from runtime.plots import style
 
 ARROWS = 14
 MARGIN = 0.06  # of the longer side
-STILL = 0.5  # m, shown around a robot that never moves
-FLATTEST, TALLEST = 4.5, 0.55  # width over height of the axes; what is longer gets more margin
+STATIONARY = 0.5  # m, shown around a robot that never moves
+FLATTEST, TALLEST = 4.5, 0.55  # width over height of the axes
 MATCHED, PATH_POINTS = 400, 5_000
 DASHES = ((0, (5, 2)), (0, (1, 1.5)), (0, (6, 2, 1, 2)))
 CLOUD: dict[str, Any] = {"marker": ".", "markersize": 2.0, "color": "0.6", "linestyle": "none"}
@@ -27,7 +27,7 @@ CLOUD: dict[str, Any] = {"marker": ".", "markersize": 2.0, "color": "0.6", "line
 
 @dataclass(frozen=True)
 class _Track:
-    """A signal of the plane: rows of (x, y, theta) over time, or the points of a path or cloud."""
+    """A signal in the plane: rows of (x, y, theta) over time, or the points of a path or cloud."""
 
     name: str
     kind: str
@@ -39,16 +39,15 @@ class _Track:
 
 
 def draw_trajectory(figure: Figure, recordings: Sequence[Recording], end: float) -> Axes:
-    """Draw ways gone, with headings, over the paths that they follow.
+    """Draw trajectories, with headings, over the paths that they follow.
 
-    The view holds all poses and the part of each path that is nearest to them; a path may go
-    on beyond.
+    The view shows all poses and the part of each path that is nearest to them.
 
     Parameters
     ----------
     figure : what to draw on.
-    recordings : of poses, paths and point clouds; other signals are passed over.
-    end : when the run ended (s).
+    recordings : of poses, paths and point clouds; other signals are ignored.
+    end : end of the run (s).
 
     Returns
     -------
@@ -61,11 +60,11 @@ def draw_trajectory(figure: Figure, recordings: Sequence[Recording], end: float)
     wide = ratio > 1.3
     # Room for the labels, the title, and the legend: below a wide picture, beside a tall one.
     figure.set_size_inches(width + (0.8 if wide else 2.0), width / ratio + (1.3 if wide else 1.0))
-    axes = style.stack(figure, 1)[0]
+    axes = style.stacked_axes(figure, 1)[0]
     axes.set(xlabel="x [m]", ylabel="y [m]", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     handles = _draw(axes, tracks)
     if not handles:
-        style.say(axes)
+        style.explain_empty(axes)
         axes.set_xticks([])
     elif wide:
         figure.legend(handles=handles, loc="outside lower center", ncols=min(5, len(handles)))
@@ -75,10 +74,10 @@ def draw_trajectory(figure: Figure, recordings: Sequence[Recording], end: float)
 
 
 def equal_scales(figure: Figure, axes: Axes) -> None:
-    """Let a metre be as long upwards as sideways, and widen the view until it fills its axes.
+    """Give both axes the same scale by widening the limits of one of them.
 
-    Called last, since titles and legends take room; matplotlib's own way overrides limits at
-    every drawing, and warns that it does.
+    Called last, since the size of the axes depends on titles and legends. Matplotlib's own
+    ``adjustable="datalim"`` overrides the limits at every drawing, with a warning.
     """
     figure.draw_without_rendering()
     box = axes.get_window_extent()
@@ -92,61 +91,61 @@ def equal_scales(figure: Figure, axes: Axes) -> None:
 
 
 def _tracks(recorded: Recording) -> list[_Track]:
-    """The signals of a recording that lie in the plane."""
+    """The signals of a recording that are poses, paths or point clouds."""
     found = []
     spans = recorded.addresses.values() or [(0, len(recorded.labels))]
     for kind, (start, stop) in zip(recorded.kinds, spans, strict=False):
         if kind == "Pose":
             points = recorded.values[:, start:stop]
         elif kind in ("Path", "PointCloud"):
-            # The last row: a cloud moves, and a path is what it was when the run ended.
+            # Paths and clouds change over time; the last row is shown.
             points = recorded.values[-1] if len(recorded.values) else np.empty((0, 2))
         else:
             continue
-        seen = points[np.isfinite(points).all(axis=1)]
-        found.append(_Track(style.base(recorded.labels[start]), kind, seen))
+        finite = points[np.isfinite(points).all(axis=1)]
+        found.append(_Track(style.signal_of(recorded.labels[start]), kind, finite))
     return found
 
 
 def _view(tracks: Sequence[_Track]) -> tuple[FloatArray, FloatArray]:
-    """The lower left and the upper right corner of what to show."""
+    """The lower left and the upper right corner of the view."""
     shown = [track.xy for track in tracks if track.kind == "Pose" and len(track.xy)]
     others = [track for track in tracks if track.kind != "Pose" and len(track.xy)]
     if not shown:
         shown = [track.xy for track in others] or [np.zeros((1, 2))]
         others = []
-    went = np.concatenate(shown)
-    reach = max(STILL, float(np.ptp(went, axis=0).max()))
+    poses = np.concatenate(shown)
+    reach = max(STATIONARY, float(np.ptp(poses, axis=0).max()))
     for track in others:
         if track.kind == "Path":
-            shown.append(_nearest(went, track.xy))
+            shown.append(_nearest(poses, track.xy))
         else:
-            inside = np.abs(track.xy - went.mean(axis=0)).max(axis=1) < reach
+            inside = np.abs(track.xy - poses.mean(axis=0)).max(axis=1) < reach
             shown.append(track.xy[inside])
     everything = np.concatenate(shown)
     low, high = everything.min(axis=0), everything.max(axis=0)
     span = float((high - low).max())
-    margin = MARGIN * span if span > 0.0 else STILL
+    margin = MARGIN * span if span > 0.0 else STATIONARY
     return low - margin, high + margin
 
 
-def _nearest(went: FloatArray, path: FloatArray) -> FloatArray:
-    """The points of a path that are nearest to some of the poses."""
-    some = went[:: -(-len(went) // MATCHED)]
+def _nearest(poses: FloatArray, path: FloatArray) -> FloatArray:
+    """The points of a path that are nearest to the poses, of which some are looked at."""
+    some = poses[:: -(-len(poses) // MATCHED)]
     path = path[:: -(-len(path) // PATH_POINTS)]
-    apart = np.hypot(*(some[:, None, :] - path[None, :, :]).transpose(2, 0, 1))
-    nearest: FloatArray = path[apart.argmin(axis=1)]
+    distances = np.hypot(*(some[:, None, :] - path[None, :, :]).transpose(2, 0, 1))
+    nearest: FloatArray = path[distances.argmin(axis=1)]
     return nearest
 
 
 def _draw(axes: Axes, tracks: Sequence[_Track]) -> list[Line2D]:
-    """Draw all that holds points; returns what the legend shows."""
+    """Draw all tracks that have points; returns the entries of the legend."""
     filled = [track for track in tracks if len(track.points)]
     handles: list[Line2D] = []
     paths = poses = 0
     for track in filled:
         if track.kind == "Pose":
-            handles += _way(axes, track, style.COLOURS[poses % len(style.COLOURS)])
+            handles += _pose_track(axes, track, style.COLOURS[poses % len(style.COLOURS)])
             poses += 1
         elif track.kind == "Path":
             how: dict[str, Any] = {"linestyle": DASHES[paths % len(DASHES)], "color": "0.35"}
@@ -175,15 +174,15 @@ def _mark(xy: FloatArray, label: str, colour: str = "0.35") -> Line2D:
     )
 
 
-def _way(axes: Axes, track: _Track, colour: str) -> list[Line2D]:
-    """Draw one pose's way, with triangles that point where it heads."""
+def _pose_track(axes: Axes, track: _Track, colour: str) -> list[Line2D]:
+    """Draw one pose's trajectory, with triangles that point along its heading."""
     x, y = track.xy.T
     lines = axes.plot(x, y, color=colour, label=track.name, linewidth=1.4, zorder=2.5)
     axes.add_line(_mark(track.xy[:1], "start", colour))
     axes.add_line(_mark(track.xy[-1:], "end", colour))
-    gone = np.concatenate([[0.0], np.hypot(np.diff(x), np.diff(y)).cumsum()])
-    # Even along the way; over time for a robot that only turns.
-    measure = gone if gone[-1] > 0.0 else np.arange(len(x), dtype=np.float64)
+    travelled = np.concatenate([[0.0], np.hypot(np.diff(x), np.diff(y)).cumsum()])
+    # Evenly spaced along the path; in time for a robot that only turns.
+    measure = travelled if travelled[-1] > 0.0 else np.arange(len(x), dtype=np.float64)
     even = np.linspace(0.0, measure[-1], ARROWS + 2)[1:-1]
     at = np.unique(np.searchsorted(measure, even).clip(max=len(x) - 1))
     _triangles(axes, track.points[at], colour, 0.1)
@@ -194,7 +193,7 @@ def _way(axes: Axes, track: _Track, colour: str) -> list[Line2D]:
 def _triangles(
     axes: Axes, poses: FloatArray, colour: str, size: float, pivot: Literal["mid", "tail"] = "mid"
 ) -> None:
-    """Triangles of ``size`` inches at poses: arrows that are all head."""
+    """Draw triangles of ``size`` inches at poses, as arrows without a shaft."""
     x, y, theta = poses.T
     head: dict[str, Any] = {"headlength": 3.0, "headaxislength": 3.0, "headwidth": 2.2}
     axes.quiver(

@@ -1,6 +1,5 @@
-"""Pictures and films of a robot with physics, from the states that its run recorded."""
+"""Pictures and films of a robot with physics, from its recorded states, drawn with OpenGL."""
 
-from runtime.rendering.process import render
-from runtime.rendering.request import VIEWS, RenderRequest
+from runtime.rendering.process import VIEWS, RenderRequest, render
 
 __all__ = ["VIEWS", "RenderRequest", "render"]

@@ -1,4 +1,4 @@
-"""What a run recorded of a robot with physics: all that a picture of it needs."""
+"""The recorded states of a robot with physics, read from a run folder."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def recorded_motion(path: str | Path, name: str = "") -> Motion:
     Parameters
     ----------
     path : a run folder.
-    name : the block; may be left out where there is one of its kind.
+    name : the block; optional if the graph has only one robot.
 
     Raises
     ------
@@ -50,14 +50,14 @@ def recorded_motion(path: str | Path, name: str = "") -> Motion:
     chosen = _chosen(robots, name, folder)
     address = f"{chosen}.{STATE}"
     if result.world is None or address not in result or not len(result[address]):
-        message = f"'{folder}' has no states of '{chosen}' to draw; record them with probes: "
+        message = f"'{folder}' has no recorded states of '{chosen}'; record them with probes: "
         raise UsageError(f"{message}{{{STATE}: {{of: {address}, every: 50}}}}, and run it again")
     states = result[address]
     return Motion(result.title, robots[chosen], result.world, result.time(address), states)
 
 
 def _robots(result: RunData, file: str) -> dict[str, MujocoVacuum]:
-    """The graph's robots, made from its text alone: viewing a run imports no module."""
+    """The graph's robots, from its text: reading a run does not import its modules."""
     problems = Problems()
     scope, _ = expand(parse_yaml(result.texts[RESOLVED], file), problems)
     problems.raise_any()

@@ -1,4 +1,4 @@
-"""Starts the process that draws, with the first OpenGL library that works."""
+"""Renders a run in a child process, with the first OpenGL library that works."""
 
 from __future__ import annotations
 
@@ -7,33 +7,57 @@ import os
 import signal
 import subprocess
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from blocks.core import extras, require
 from runtime.errors import MissingExtraError, MissingLibraryError, UsageError
 from runtime.rendering.motion import recorded_motion
-from runtime.rendering.request import RenderRequest
 
+VIEWS = ("top", "perspective")
 MODULES = ("mujoco", "OpenGL", "imageio_ffmpeg")
 CHOICE = "MUJOCO_GL"
-MEND = (
-    "no OpenGL library draws without a screen here ({tried}); on Debian and Ubuntu: "
+NO_LIBRARY = (
+    "no OpenGL library can draw without a screen here ({tried}); on Debian and Ubuntu: "
     "apt-get install libegl1 libgl1 libgl1-mesa-dri"
 )
 
 
+@dataclass(frozen=True)
+class RenderRequest:
+    """The options for a picture and a film of one run, sent to the process that draws them.
+
+    run : its folder. folder : of the files to write. block : the robot's name; '' if there is only
+    one. views : names of views. at : time of the picture (s); None is the end. height,
+    film_height : pixels. film : whether to make one. speed : simulated seconds per film second.
+    fps : pictures per film second. begin, end : time span of the film (s).
+    """
+
+    run: str
+    folder: str
+    block: str = ""
+    views: tuple[str, ...] = VIEWS
+    at: float | None = None
+    height: int = 900
+    film_height: int = 480
+    film: bool = True
+    speed: float = 5.0
+    fps: int = 15
+    begin: float = 0.0
+    end: float | None = None
+
+
 def render(request: RenderRequest) -> list[Path]:
-    """Make a picture and a film of a run, in a process of their own; returns the files.
+    """Make a picture and a film of a run in a child process; returns the files.
 
     Raises
     ------
     UsageError : the run has nothing to draw, or the folder cannot be written.
-    MissingExtraError, MissingLibraryError : what drawing needs is not installed.
+    MissingExtraError, MissingLibraryError : a package or library is not installed.
     """
     libraries = _libraries()
-    # Drawing heeds it, in a process of its own; importing mujoco here must not fail over it.
+    # Only the child process uses it; importing mujoco here must not fail because of it.
     os.environ.pop(CHOICE, None)
     try:
         for name in MODULES:
@@ -43,27 +67,27 @@ def render(request: RenderRequest) -> list[Path]:
     last = float(recorded_motion(request.run, request.block).t[-1])
     if request.film and request.begin >= min(last, request.end or last):
         raise UsageError(
-            f"no film begins at {request.begin:g} s: the run was recorded to {last:g} s"
+            f"the film cannot begin at {request.begin:g} s: the recording ends at {last:g} s"
         )
     tried = []
     for library in libraries:
-        answer = _ask(request, library)
+        answer = _run_worker(request, library)
         if "files" in answer:
             return [Path(path) for path in answer["files"]]
         tried.append(f"{library or 'default'}: {answer['missing']}")
-    raise MissingLibraryError(MEND.format(tried="; ".join(tried)))
+    raise MissingLibraryError(NO_LIBRARY.format(tried="; ".join(tried)))
 
 
 def _libraries() -> tuple[str, ...]:
-    """Values of MUJOCO_GL to try: the user's, or those that need no screen."""
+    """Values of MUJOCO_GL to try: the user's, or those that do not need a screen."""
     chosen = os.environ.get(CHOICE, "")
     if chosen:
         return (chosen,)
     return ("egl", "osmesa") if sys.platform.startswith("linux") else ("",)
 
 
-def _ask(request: RenderRequest, library: str) -> dict[str, Any]:
-    """Let a process draw; what it answers, or what became of it."""
+def _run_worker(request: RenderRequest, library: str) -> dict[str, Any]:
+    """Run the child process; returns its answer, or the signal that ended it."""
     environment = {key: value for key, value in os.environ.items() if key != "PYOPENGL_PLATFORM"}
     environment[CHOICE] = library
     done = subprocess.run(

@@ -1,4 +1,4 @@
-"""What a picture shows: from where, how large, and what is drawn into the scene."""
+"""Cameras, and the trail and the hits of beams that are added to a scene."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from blocks.world import World
 
 MARGIN = 0.15
 # Width over height of a view.
-SHAPES = {"top": 1.0, "perspective": 4.0 / 3.0}
+ASPECTS = {"top": 1.0, "perspective": 4.0 / 3.0}
 OPENING = 45.0
-# Lines come out twice as bright as their colour.
+# Lines are rendered twice as bright as their colour.
 TRAIL = (0.0, 0.27, 0.2, 1.0)
 HIT = (0.9, 0.15, 0.1, 1.0)
 TRAIL_SEGMENTS = 1500
@@ -28,16 +28,16 @@ GLOW = 0.4
 
 @dataclass(frozen=True)
 class Extent:
-    """Where the middle of a scene is, and how far it reaches from there (m)."""
+    """The centre of a scene and half the side of the square around it (m)."""
 
     x: float
     y: float
     reach: float
 
 
-def extent_of(world: World, way: FloatArray) -> Extent:
-    """The square that holds the walls and the way, (n, 2) in m."""
-    shapes = [way, *world.obstacles, *([] if world.room is None else [world.room])]
+def extent_of(world: World, path: FloatArray) -> Extent:
+    """The square around the walls and a path, (n, 2) in m."""
+    shapes = [path, *world.obstacles, *([] if world.room is None else [world.room])]
     shapes += [np.array([[x - r, y - r], [x + r, y + r]]) for x, y, r in world.circles.tolist()]
     points = np.concatenate(shapes)
     low, high = points.min(axis=0), points.max(axis=0)
@@ -45,10 +45,10 @@ def extent_of(world: World, way: FloatArray) -> Extent:
     return Extent(float(x), float(y), float(0.5 * np.max(high - low)) + MARGIN)
 
 
-def place(camera: Any, view: str, extent: Extent) -> float:
-    """Put a free camera where a view is taken from.
+def place_camera(camera: Any, view: str, extent: Extent) -> float:
+    """Set the position of a free camera for a view.
 
-    Returns its vertical opening, as MuJoCo wants it: degrees, or m for the parallel rays from
+    Returns its vertical field of view for MuJoCo: degrees, or m for the orthographic view from
     above.
     """
     x, y, reach = extent.x, extent.y, extent.reach
@@ -57,37 +57,37 @@ def place(camera: Any, view: str, extent: Extent) -> float:
         camera.lookat[:] = x, y, 0.0
         camera.azimuth, camera.elevation, camera.orthographic = 90.0, -90.0, 1
         return 2.0 * reach
-    # What is near looks large: the middle of the picture is nearer than that of the room.
+    # Near objects look larger, so the camera looks at a point before the middle of the room.
     camera.lookat[:] = x - 0.04 * reach, y - 0.12 * reach, 0.0
     camera.azimuth, camera.elevation = 70.0, -50.0
     camera.distance *= 1.25
     return OPENING
 
 
-def draw_trail(mujoco: Any, scene: Any, way: FloatArray) -> None:
-    """Draw the way gone so far, (n, 2) in m, as a line on the floor."""
-    stride = max(1, -(-len(way) // TRAIL_SEGMENTS))
-    corners = np.concatenate((way[:-1:stride], way[-1:]))
+def draw_trail(mujoco: Any, scene: Any, path: FloatArray) -> None:
+    """Draw the trajectory so far, (n, 2) in m, as a line on the floor."""
+    stride = max(1, -(-len(path) // TRAIL_SEGMENTS))
+    corners = np.concatenate((path[:-1:stride], path[-1:]))
     level = np.full((len(corners), 1), TRAIL_HEIGHT)
     points = np.hstack((corners, level))
     line = mujoco.mjtGeom.mjGEOM_LINE
     for start, end in pairwise(points):
-        shape = _next(mujoco, scene, line, np.zeros(3), np.zeros(3), TRAIL)
+        shape = _add_geom(mujoco, scene, line, np.zeros(3), np.zeros(3), TRAIL)
         if shape is None:
             return
         mujoco.mjv_connector(shape, line, TRAIL_PIXELS, start, end)
 
 
 def draw_hits(mujoco: Any, scene: Any, points: FloatArray) -> None:
-    """Mark where beams hit, (n, 3) in m."""
+    """Mark the points that beams hit, (n, 3) in m."""
     for point in points:
-        _next(mujoco, scene, mujoco.mjtGeom.mjGEOM_BOX, np.full(3, HIT_SIZE), point, HIT)
+        _add_geom(mujoco, scene, mujoco.mjtGeom.mjGEOM_BOX, np.full(3, HIT_SIZE), point, HIT)
 
 
-def _next(
+def _add_geom(
     mujoco: Any, scene: Any, kind: int, size: FloatArray, at: FloatArray, colour: tuple[float, ...]
 ) -> Any:
-    """A new decorative shape of the scene; None if there is no room for more."""
+    """Add a decorative geom to the scene; None if the scene is full."""
     if scene.ngeom >= scene.maxgeom:
         return None
     shape = scene.geoms[scene.ngeom]

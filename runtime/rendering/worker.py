@@ -1,21 +1,22 @@
-"""The process that draws: reads a wish from stdin, tells files or what is missing on stdout.
+"""The process that draws: reads a render request from stdin, writes the files' names to stdout.
 
-It is started with MUJOCO_GL set. OpenGL libraries can take a process down with them; this one is
-there to be lost.
+It is a process of its own since MUJOCO_GL must be set before mujoco is imported, and since OpenGL
+libraries may crash it. If none works, it writes what is missing instead.
 """
 
 from __future__ import annotations
 
 import json
 import sys
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from runtime.files import own_file
+from runtime.files import own_file, write_whole
 from runtime.rendering.motion import recorded_motion
-from runtime.rendering.request import RenderRequest
+from runtime.rendering.process import RenderRequest
 from runtime.terminal import Progress
 
 PICTURE = "render.png"
@@ -24,39 +25,41 @@ FILM = "render.mp4"
 
 def make(request: RenderRequest) -> list[Path]:
     """Draw the picture and the film; returns the files."""
-    from runtime.rendering.stage import SceneRenderer
+    from runtime.rendering.scene import SceneRenderer
 
     motion = recorded_motion(request.run, request.block)
     folder = Path(request.folder)
     folder.mkdir(parents=True, exist_ok=True)
-    stage = SceneRenderer(motion, request.views, request.height)
-    files = [own_file(folder / PICTURE)]
+    renderer = SceneRenderer(motion, request.views, request.height)
+    files = [folder / PICTURE]
     last = float(motion.t[-1])
-    _save(stage.picture(stage.row_at(last if request.at is None else request.at)), files[0])
-    stage.close()
+    _save(renderer.picture(renderer.row_at(last if request.at is None else request.at)), files[0])
+    renderer.close()
     if request.film:
         files.append(folder / FILM)
-        stage = SceneRenderer(motion, request.views, request.film_height, shadows=1024)
-        _film(stage, request, min(last, last if request.end is None else request.end), files[1])
-        stage.close()
+        renderer = SceneRenderer(motion, request.views, request.film_height, shadows=1024)
+        _film(renderer, request, min(last, last if request.end is None else request.end), files[1])
+        renderer.close()
     return files
 
 
 def _save(pixels: Any, path: Path) -> None:
     from PIL import Image
 
-    Image.fromarray(pixels).save(path, optimize=True)
+    content = BytesIO()
+    Image.fromarray(pixels).save(content, format="png", optimize=True)
+    write_whole(path, content.getvalue())
 
 
-def _film(stage: Any, request: RenderRequest, end: float, path: Path) -> None:
+def _film(renderer: Any, request: RenderRequest, end: float, path: Path) -> None:
     """Write an H.264 film in a mp4 file."""
     import imageio_ffmpeg
 
-    rows = [stage.row_at(t) for t in np.arange(request.begin, end, request.speed / request.fps)]
-    first = stage.picture(rows[0])
+    rows = [renderer.row_at(t) for t in np.arange(request.begin, end, request.speed / request.fps)]
+    first = renderer.picture(rows[0])
     height, width, _ = first.shape
     partial = own_file(path.with_name(f".{path.name}"))
-    # yuv420p is what every player takes; it needs even sizes.
+    # All players support yuv420p; it needs even sizes.
     sink = imageio_ffmpeg.write_frames(
         str(partial),
         (width, height),
@@ -70,7 +73,7 @@ def _film(stage: Any, request: RenderRequest, end: float, path: Path) -> None:
     try:
         sink.send(None)
         for done, row in enumerate(rows):
-            sink.send(np.ascontiguousarray(stage.picture(row)))
+            sink.send(np.ascontiguousarray(renderer.picture(row)))
             progress(done + 1, len(rows))
         sink.close()
         partial.replace(path)
@@ -80,17 +83,17 @@ def _film(stage: Any, request: RenderRequest, end: float, path: Path) -> None:
 
 
 def main() -> None:
-    """Draw what stdin asks for."""
-    # What libraries print must not end up between the answer's lines.
+    """Read the request, draw, and write the answer."""
+    # Output of libraries must not be mixed with the answer.
     answer = sys.stdout
     sys.stdout = sys.stderr
-    asked = json.load(sys.stdin)
-    request = RenderRequest(**{**asked, "views": tuple(asked["views"])})
+    options = json.load(sys.stdin)
+    request = RenderRequest(**{**options, "views": tuple(options["views"])})
     try:
         import mujoco
 
         mujoco.GLContext(16, 16).make_current()
-    except Exception as error:  # noqa: BLE001 -- a missing library shows in many ways
+    except Exception as error:  # noqa: BLE001 -- a missing library raises various exceptions
         json.dump({"missing": f"{type(error).__name__}: {error}".splitlines()[0]}, answer)
         return
     json.dump({"files": [str(path) for path in make(request)]}, answer)

@@ -1,5 +1,5 @@
-"""Reports: a run, a sweep or an ablation as one HTML page that needs nothing else."""
+"""Reports of runs, sweeps and ablations as self-contained HTML pages."""
 
-from runtime.reports.report import report
+from runtime.reports.dispatch import report
 
 __all__ = ["report"]

@@ -1,4 +1,4 @@
-"""The report of an ablation: what each variant changes, and whether that is real."""
+"""The report of an ablation: the effect of each variant, and its significance."""
 
 from __future__ import annotations
 
@@ -6,13 +6,43 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from runtime.errors import UsageError
 from runtime.experiments.analysis import LEVEL
-from runtime.experiments.analysis.ablation_plots import ablation_figure
-from runtime.experiments.execution import DIAGRAMS, GRAPH, read_plan
+from runtime.experiments.analysis.ablation_plots import ablation_figure, read_facts
+from runtime.experiments.execution import (
+    DIAGRAMS,
+    GRAPH,
+    INDEX,
+    TABLE,
+    Columns,
+    read_plan,
+    read_rows,
+)
 from runtime.reports import pieces
-from runtime.reports.ablation_data import read_ablation
-from runtime.reports.html import Html, element, facts, grouped_table, join, table
-from runtime.reports.page import page
+from runtime.reports.html import Html, element, facts, grouped_table, join, page, table
+from runtime.reports.schema import MAYBE_NUMBER, check
+
+_ESTIMATE = {"n": int, "mean": MAYBE_NUMBER, "low": MAYBE_NUMBER, "high": MAYBE_NUMBER}
+_DIFFERENCE = {
+    **_ESTIMATE,
+    "p": MAYBE_NUMBER,
+    "p_adjusted": MAYBE_NUMBER,
+    "p_presence": MAYBE_NUMBER,
+    "distinguishable": (bool, type(None)),
+}
+_LINE = {
+    **_ESTIMATE,
+    **{"variant": str, "metric": str, "runs": int, "recorded": bool},
+    "difference": (dict, type(None)),
+}
+_VARIANT = {
+    **{"name": str, "slug": str, "changes": [str], "notes": [str], "runs": int, "failed": int},
+    "reasons": [{"reason": str, "count": int}],
+}
+_FACTS = {
+    **{"experiment": str, "graph": str, "test": str, "correction": str, "essential": dict},
+    **{"seeds": [int], "metrics": [str], "variants": [_VARIANT], "table": [_LINE]},
+}
 
 
 def ablation_report(folder: Path) -> str:
@@ -24,16 +54,16 @@ def ablation_report(folder: Path) -> str:
 
     Raises
     ------
-    UsageError : it is not, or its files cannot be read.
+    UsageError : it is not complete, or its files cannot be read.
     """
-    found = read_ablation(folder)
+    found = _read(folder)
     plan = read_plan(folder)
     sections = {
         "Differences": _differences(found),
         "Figures": _figure(folder, found),
         "Variants": _variants(found),
         "Diagrams": join(*_diagrams(folder, found)),
-        "Graph": pieces.graph_file(folder / GRAPH, "The baseline, as it ran."),
+        "Graph": pieces.graph_file(folder / GRAPH, "The graph of the baseline."),
         "Provenance": pieces.plan_provenance(folder, plan),
     }
     lead = f"Ablation of {found['graph']}: the baseline and {_count(found)} on the same seeds."
@@ -65,20 +95,21 @@ def _facts(found: Mapping[str, Any], plan: Mapping[str, Any]) -> Html:
 
 def _differences(found: Mapping[str, Any]) -> Html:
     head = ["variant", "seeds", "mean", "95 % interval", "difference", "95 % interval"]
-    head += ["p, corrected", "distinguishable"]
+    head += ["p, corrected", "significant"]
     groups: dict[str, list[list[str]]] = {}
     for line in found["table"]:
         groups.setdefault(line["metric"], []).append(_line(line))
-    told = element(
+    note = element(
         "p",
-        f"Differences are to the baseline, paired by seed ({found['test']}). A difference is "
-        f"distinguishable where p < {LEVEL:.2g} after {found['correction']}'s correction for all "
-        "comparisons of the table. n/N: n of N seeds have a value (for a difference, one in "
-        "both), and means are over those; “in seeds” says that another share of them has one than "
-        "under the baseline. “gone”: what the metric measures was taken out.",
+        f"Differences are from the baseline, paired by seed ({found['test']}). A difference is "
+        f"significant if p < {LEVEL:.2g} after {found['correction']}'s correction for all "
+        "comparisons of the table. n/N: n of N seeds have a value (for a difference, in both "
+        "variants), and means are over those; “yes, in seeds”: the share of seeds with a value "
+        "differs significantly from the baseline's. “removed”: the variant does not have the "
+        "signal that the metric measures.",
         class_="soft small",
     )
-    return join(grouped_table(head, groups, range(1, 7), label="differences"), told)
+    return join(grouped_table(head, groups, range(1, 7), label="differences"), note)
 
 
 def _line(line: Mapping[str, Any]) -> list[str]:
@@ -89,37 +120,37 @@ def _line(line: Mapping[str, Any]) -> list[str]:
         pieces.number(line["mean"]),
         pieces.interval(line["low"], line["high"]),
     ]
-    apart = line["difference"]
-    if apart is None:
-        return [*cells, "", "", "", "" if line["recorded"] else "gone"]
-    mean = pieces.number(apart["mean"], signed=True)
-    if 0 < apart["n"] < line["runs"]:
-        share = element("span", f" {apart['n']}/{line['runs']}", class_="soft")
+    difference = line["difference"]
+    if difference is None:
+        return [*cells, "", "", "", "" if line["recorded"] else "removed"]
+    mean = pieces.number(difference["mean"], signed=True)
+    if 0 < difference["n"] < line["runs"]:
+        share = element("span", f" {difference['n']}/{line['runs']}", class_="soft")
         mean = join(mean, share)
-    verdict = _verdict(apart)
+    verdict = _verdict(difference)
     shown = element("strong", verdict) if verdict.startswith("yes") else verdict
     return [
         *cells,
         mean,
-        pieces.interval(apart["low"], apart["high"], signed=True),
-        pieces.probability(apart["p_adjusted"]),
+        pieces.interval(difference["low"], difference["high"], signed=True),
+        pieces.probability(difference["p_adjusted"]),
         shown,
     ]
 
 
-def _verdict(apart: Mapping[str, Any]) -> str:
-    """Whether a difference is real, in a word or two."""
-    if apart["p_presence"] is not None and apart["p_presence"] < LEVEL:
+def _verdict(difference: Mapping[str, Any]) -> str:
+    """Whether a difference is significant, in a word or two."""
+    if difference["p_presence"] is not None and difference["p_presence"] < LEVEL:
         return "yes, in seeds"
-    if apart["n"] and apart["mean"] == 0.0 and apart["p"] == 1.0:
+    if difference["n"] and difference["mean"] == 0.0 and difference["p"] == 1.0:
         return "equal"
-    return {True: "yes", False: "no", None: "–"}[apart["distinguishable"]]
+    return {True: "yes", False: "no", None: "–"}[difference["distinguishable"]]
 
 
 def _figure(folder: Path, found: Mapping[str, Any]) -> Html:
     caption = (
-        "Metrics by variant: means with their intervals, a dot for each seed; hollow where the "
-        "difference to the baseline is not distinguishable."
+        "Metrics by variant: means with their intervals, and a dot for each seed; hollow if the "
+        "difference from the baseline is not significant."
     )
     return pieces.plot(ablation_figure(folder), "figure-1", caption, wide=True)
 
@@ -138,16 +169,63 @@ def _variants(found: Mapping[str, Any]) -> Html:
     wraps = [i for i in range(len(titles)) if i not in (0, 2)]
     parts = [table(titles, shown, [2], label="variants", wraps=wraps)]
     if found["essential"]:
-        parts.append(element("h3", "Essential blocks, which cannot be taken out alone"))
+        parts.append(element("h3", "Essential blocks, which cannot be removed on their own"))
         essential = [[str(name), str(reason)] for name, reason in found["essential"].items()]
         parts.append(table(["block", "reason"], essential, label="essential blocks", wraps=[1]))
     return join(*parts)
 
 
 def _diagrams(folder: Path, found: Mapping[str, Any]) -> Iterator[Html]:
-    """The diagram of each variant, with what is gone greyed."""
+    """The diagram of each variant, with removed blocks in grey."""
     for variant in found["variants"]:
         name = str(variant["name"])
         yield element("h3", name)
         file = folder / DIAGRAMS / f"{variant['slug']}.json"
         yield pieces.diagram_file(file, f"diagram-{variant['slug']}", f"block diagram of {name}")
+
+
+def _read(folder: Path) -> dict[str, Any]:
+    """The content of ``ablation.json``.
+
+    Raises
+    ------
+    UsageError : the ablation is not complete, or its files are damaged.
+    """
+    path = folder / TABLE
+    if not path.is_file():
+        message = "it was interrupted or is still running; continue with 'runtime ablate --resume'"
+        raise UsageError(f"'{folder}' has an ablation without results: {message}")
+    facts = read_facts(folder)
+    try:
+        check(facts, _FACTS)
+        for i, line in enumerate(facts["table"]):
+            if line["difference"] is not None:
+                check(line["difference"], _DIFFERENCE, f"table[{i}].difference")
+        _check_whole(facts)
+    except ValueError as error:
+        raise UsageError(f"'{path}' is damaged: {error}") from None
+    _check_index(folder, facts)
+    return facts
+
+
+def _check_whole(facts: dict[str, Any]) -> None:
+    """Check that the table has a line for each metric and variant, and that slugs are names."""
+    names = [variant["name"] for variant in facts["variants"]]
+    expected = [(metric, name) for metric in facts["metrics"] for name in names]
+    if [(line["metric"], line["variant"]) for line in facts["table"]] != expected:
+        raise ValueError("table: expected a line for each metric and variant, in their order")
+    if not names or not facts["seeds"] or not facts["metrics"]:
+        raise ValueError("expected at least one variant, seed and metric")
+    for variant in facts["variants"]:
+        if Path(variant["slug"]).name != variant["slug"]:
+            raise ValueError(f"'{variant['slug']}' is not the name of a file")
+
+
+def _check_index(folder: Path, facts: dict[str, Any]) -> None:
+    path = folder / INDEX
+    known = {variant["name"] for variant in facts["variants"]}
+    for row in read_rows(path, Columns(("variant",), tuple(facts["metrics"]))):
+        if row.cells[0] not in known:
+            raise UsageError(
+                f"'{path}' belongs to a different plan, which has a variant '{row.cells[0]}'"
+            )

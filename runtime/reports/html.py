@@ -1,28 +1,31 @@
-"""HTML from Python: text is escaped wherever it comes from, markup is a type of its own."""
+"""HTML elements and pages; all text is escaped, and markup has its own type."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
+from importlib.resources import files
 
 VOID = ("br", "hr", "link", "meta")
 SPACES = "\n\t\u00a0\u202f"
+# A browser loads and runs nothing for a report, whatever the report contains.
+POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 
 
 class Html(str):
-    """Text that is markup already; every other text is escaped when it enters an element."""
+    """Text that is markup; any other text is escaped when it is put into an element."""
 
     __slots__ = ()
 
 
 def text(value: str) -> Html:
-    """Escaped text; letters that no page may hold become a replacement sign."""
+    """Escaped text; characters that are not printable become U+FFFD."""
     shown = "".join(c if c.isprintable() or c in SPACES else "\ufffd" for c in value)
     return Html(escape(shown))
 
 
 def join(*parts: str) -> Html:
-    """Parts one after the other, those escaped that are no markup yet."""
+    """The concatenation of parts, escaped unless they are markup."""
     return Html("".join(part if isinstance(part, Html) else text(part) for part in parts))
 
 
@@ -44,15 +47,15 @@ def table(
     label: str,
     wraps: Sequence[int] = (),
 ) -> Html:
-    """A table that scrolls by itself where it is wider than the page.
+    """A table that scrolls if it is wider than the page.
 
     Parameters
     ----------
-    head : a title a column.
-    rows : cells; the first one of a row names it.
-    numbers : columns that hold numbers, aligned at their right.
-    label : what the table shows, for those who cannot see it.
-    wraps : columns whose texts may take several lines.
+    head : a title per column.
+    rows : cells; the first one of a row is its header.
+    numbers : columns of numbers, aligned right.
+    label : a description for screen readers.
+    wraps : columns whose text may wrap.
     """
     kinds = _kinds(len(head), numbers, wraps)
     return _table(head, element("tbody", *_rows(rows, kinds)), kinds, label)
@@ -65,7 +68,7 @@ def grouped_table(
     *,
     label: str,
 ) -> Html:
-    """A table whose rows stand under the names of their groups."""
+    """A table with groups of rows, each below the name of the group."""
     kinds = _kinds(len(head), numbers, ())
     bodies = []
     for name, rows in groups.items():
@@ -96,13 +99,13 @@ def _table(head: Sequence[str], body: Html, kinds: Sequence[dict[str, str]], lab
 
 
 def scrolling(content: Html, label: str, kind: str = "") -> Html:
-    """A frame that scrolls sideways, by keys too, where its content is wider than the page."""
+    """A frame that scrolls sideways, also by keyboard, if its content is wider than the page."""
     name = f"scroll {kind}".strip()
     return element("div", content, class_=name, tabindex="0", role="region", aria_label=label)
 
 
 def facts(pairs: Iterable[tuple[str, str]], kind: str = "facts") -> Html:
-    """Short facts, each under its name."""
+    """Names with their values."""
     items = [element("div", element("dt", name), element("dd", value)) for name, value in pairs]
     return element("dl", *items, class_=kind)
 
@@ -111,3 +114,66 @@ def bullets(items: Iterable[str], kind: str = "") -> Html:
     """A list."""
     attributes = {"class_": kind} if kind else {}
     return element("ul", *(element("li", item) for item in items), **attributes)
+
+
+def page(
+    kind: str,
+    title: str,
+    lead: str,
+    facts: Html,
+    sections: Mapping[str, Html],
+    made_by: str,
+) -> str:
+    """A whole HTML document.
+
+    Parameters
+    ----------
+    kind : of the subject, in a word or two.
+    title, lead : the heading and a summary of one sentence.
+    facts : the few values at the top.
+    sections : contents by title, with links at the top; empty ones are left out.
+    made_by : the last line.
+    """
+    style = files("runtime.reports").joinpath("report.css").read_text(encoding="utf-8")
+    shown = {title: content for title, content in sections.items() if content}
+    links = [element("a", title, href=f"#{_anchor(title)}") for title in shown]
+    head = element(
+        "head",
+        element("meta", charset="utf-8"),
+        element("meta", name="viewport", content="width=device-width, initial-scale=1"),
+        element("meta", http_equiv="Content-Security-Policy", content=POLICY),
+        element("title", f"{title} · {kind}"),
+        # Without one, a browser asks the server for an icon.
+        element("link", rel="icon", href="data:,"),
+        Html(f"<style>\n{style}</style>"),
+    )
+    body = element(
+        "body",
+        element(
+            "header",
+            element("p", kind, class_="kind"),
+            element("h1", _breakable(title)),
+            element("p", lead, class_="lead"),
+            facts,
+            element("nav", *links, aria_label="contents"),
+        ),
+        "\n",
+        element("main", *(join(_section(*item), "\n") for item in shown.items())),
+        element("footer", element("p", made_by)),
+    )
+    return f'<!doctype html>\n<html lang="en">\n{head}\n{body}\n</html>\n'
+
+
+def _breakable(name: str) -> Html:
+    """A name that may be wrapped after each underscore."""
+    return Html(text(name).replace("_", "_<wbr>"))
+
+
+def _section(title: str, content: Html) -> Html:
+    name = _anchor(title)
+    heading = element("h2", title, id=f"{name}-title")
+    return element("section", heading, content, id=name, aria_labelledby=f"{name}-title")
+
+
+def _anchor(title: str) -> str:
+    return "".join(c if c.isalnum() else "-" for c in title.lower())

@@ -1,4 +1,4 @@
-"""What reports of all kinds share: figures, diagrams, graphs, numbers, where they come from."""
+"""Parts that all reports share: numbers, figures, diagrams, graphs, provenance."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from runtime.diagrams import TOO_LARGE, draw, read_picture, to_svg
-from runtime.files import read_text
+from runtime.files import read_text, slug
 from runtime.reports.html import Html, element, facts, join, scrolling, table
 from runtime.reports.svg import diagram_svg, figure_svg
 from runtime.runs import RESOLVED
@@ -18,13 +18,13 @@ from runtime.runs import RESOLVED
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-LEGIBLE = 0.62  # of a diagram's natural width: narrower, its letters are too small to read
-WIDE = 800.0  # pixels: a wider diagram stands out of the column of text
-BROAD = 1200.0  # pixels: a wider diagram is printed on a page of its own, lengthwise
+LEGIBLE = 0.62  # of a diagram's natural width: narrower, its text is too small to read
+WIDE = 800.0  # pixels: a wider diagram extends beyond the column of text
+BROAD = 1200.0  # pixels: a wider diagram is printed on its own page in landscape
 
 
 def number(value: float | None, *, signed: bool = False) -> Html:
-    """A number in four digits, all of them in its tooltip; a dash where there is none."""
+    """A number in four digits, with all digits in its tooltip; a dash if there is none."""
     if value is None or math.isnan(value):
         return element("span", "–", title="no value")
     return element("span", _digits(value, signed), title=repr(value))
@@ -36,42 +36,37 @@ def _digits(value: float, signed: bool) -> str:
 
 
 def interval(low: float | None, high: float | None, *, signed: bool = False) -> str:
-    """The ends of an interval; a dash where there is none."""
+    """The ends of an interval; a dash if there is none."""
     if low is None or high is None or math.isnan(low) or math.isnan(high):
         return "–"
     return f"[{_digits(low, signed)}, {_digits(high, signed)}]"
 
 
 def probability(p: float | None) -> str:
-    """A p value in two digits; those that are very small by a bound."""
+    """A p value in two digits; a bound for very small ones."""
     if p is None or math.isnan(p):
         return "–"
     return "< 0.0001" if p < 1e-4 else f"{p:.2g}"
 
 
 def plot(figure: Figure, name: str, caption: str, *, wide: bool = False) -> Html:
-    """A figure with what it shows below it; a wide one takes all of the page's width."""
-    drawn = figure_svg(figure, identifier(name), caption)
+    """A figure with its caption; a wide one takes the full width of the page."""
+    drawn = figure_svg(figure, name, caption)
     frame = scrolling(drawn, caption, "plot full" if wide else "plot")
     return element("figure", frame, element("figcaption", caption), id=name)
 
 
-def identifier(name: str) -> str:
-    """A name as an id may be."""
-    return re.sub(r"[^A-Za-z0-9_-]+", "_", name)
-
-
 def diagram_file(file: Path, name: str, label: str) -> Html:
-    """A block diagram, drawn from what a folder holds of it; a note where it holds nothing.
+    """A block diagram, drawn from its data in a folder; a note if there is none.
 
-    Neither is the graph built for it, which would import its modules, nor a drawing taken over.
+    The graph is not built, which would import its modules, and no drawing is embedded as it is.
     """
     try:
         drawn = to_svg(draw(read_picture(read_text(file))))
     except FileNotFoundError:
-        message = f"This folder holds no diagram: it is of an earlier version, or {TOO_LARGE}. "
+        message = f"This folder has no diagram: it is from an earlier version, or {TOO_LARGE}. "
         again = element("code", f"runtime draw {file.parent / RESOLVED}")
-        more = " draws it, and runs the Python files that the graph names."
+        more = " draws it, and imports the Python files that the graph names."
         return element("p", message, again, more, class_="soft")
     except (OSError, ValueError) as error:
         return element("p", f"The diagram cannot be read: {error}", class_="soft")
@@ -79,8 +74,8 @@ def diagram_file(file: Path, name: str, label: str) -> Html:
 
 
 def diagram_frame(drawn: str, name: str, label: str) -> Html:
-    """A diagram's SVG, as wide as the page where its letters stay legible."""
-    svg = diagram_svg(drawn, identifier(name), label)
+    """A diagram's SVG, scaled to the page as far as its text stays legible."""
+    svg = diagram_svg(drawn, slug(name, "diagram"), label)
     found = re.search(r'viewBox="0 0 ([\d.]+) ', svg)
     width = float(found.group(1)) if found else 0.0
     how = f"min-width: {LEGIBLE * width:.0f}px; max-width: {width:.0f}px"
@@ -106,7 +101,7 @@ def source(text: str, label: str) -> Html:
 
 
 def command(argv: Any) -> Html:
-    """A command line as it can be typed again."""
+    """A command line, quoted for a shell."""
     words = [str(word) for word in argv] if isinstance(argv, list) else []
     return element("code", shlex.join([Path(words[0]).name, *words[1:]])) if words else Html("")
 
@@ -119,12 +114,12 @@ def versions(found: Any) -> Html:
 
 
 def moment(stamp: str) -> str:
-    """A date and a time of day, out of an ISO time."""
+    """The date and the time of day of an ISO time."""
     return stamp[:16].replace("T", " ")
 
 
 def plan_provenance(folder: Path, plan: Mapping[str, Any]) -> Html:
-    """Where the numbers of a sweep or an ablation come from."""
+    """The provenance of a sweep's or an ablation's results."""
     found = plan.get("made")
     made = found if isinstance(found, Mapping) else {}
     changes = made.get("changes")
@@ -139,15 +134,15 @@ def plan_provenance(folder: Path, plan: Mapping[str, Any]) -> Html:
 
 
 def _sampling(plan: Mapping[str, Any]) -> str:
-    """How the settings of a sweep were chosen."""
+    """How the configurations of a sweep were chosen."""
     for method in ("random", "sobol"):
         if method in plan:
-            return f"{plan[method]} points, {method}, seed {plan.get('sampling_seed', 0)}"
+            return f"{plan[method]} configurations, {method}, seed {plan.get('sampling_seed', 0)}"
     return "all combinations" if plan.get("kind") == "sweep" else ""
 
 
 def provenance(made: Mapping[str, Any], more: Sequence[tuple[str, str]]) -> Html:
-    """Where numbers come from: the command, the commit, when, and what else is known."""
+    """The provenance of results: command, source, commit, time, further facts, versions."""
     pairs = [
         ("command", command(made.get("argv"))),
         ("source", str(made.get("source") or "built in Python")),

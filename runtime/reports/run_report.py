@@ -11,8 +11,7 @@ from runtime.document import parse_yaml
 from runtime.errors import UsageError
 from runtime.observation import Recording, RunData
 from runtime.reports import pieces
-from runtime.reports.html import Html, bullets, element, facts, join, table
-from runtime.reports.page import page
+from runtime.reports.html import Html, bullets, element, facts, join, page, table
 from runtime.runs import DIAGRAM, RESOLVED, read_run, run_folder
 
 STATUS = {"complete": "good", "interrupted": "warn", "failed": "bad"}
@@ -35,7 +34,7 @@ def run_report(path: Path) -> str:
         "Metrics": _metrics(folder, result),
         "Figures": join(*_figures(result)),
         "Diagram": _diagram(folder, result),
-        "Recording signals": _signals(result),
+        "Recorded signals": _signals(result),
         "Graph": _graph(folder, result),
         "Provenance": _provenance(folder, result),
     }
@@ -44,7 +43,7 @@ def run_report(path: Path) -> str:
 
 
 def _lead(result: RunData) -> str:
-    """What was run, when, and how it was changed."""
+    """The source of the graph, its changes, and when it ran."""
     manifest = result.manifest
     source = manifest.get("source")
     changes = [str(text) for text in manifest["overrides"]]
@@ -69,9 +68,9 @@ def _facts(result: RunData) -> Html:
 
 
 def _metrics(folder: Path, result: RunData) -> Html:
-    wrong = [str(result.manifest["error"])] if result.manifest.get("error") else []
-    wrong += result.failures
-    parts = [bullets(wrong, "notes failed")] if wrong else []
+    errors = [str(result.manifest["error"])] if result.manifest.get("error") else []
+    errors += result.failures
+    parts = [bullets(errors, "notes failed")] if errors else []
     if result.metrics:
         parts.append(_metrics_table(folder, result))
     else:
@@ -96,7 +95,7 @@ def _metrics_table(folder: Path, result: RunData) -> Html:
 
 
 def _metric_entries(text: str, file: str) -> dict[str, dict[str, Any]]:
-    """The section metrics of a resolved graph, its params filled in."""
+    """The metrics section of a resolved graph, with the values of its params."""
     plain = parse_yaml(text, file).plain()
     sections = plain if isinstance(plain, dict) else {}
     params, entries = (
@@ -133,7 +132,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _definition(entry: Mapping[str, Any]) -> str:
-    """A metric's kind and options as its graph has them."""
+    """A metric's kind and options as in its graph."""
     left = {k: v for k, v in entry.items() if k not in ("kind", "of", "below", "above")}
     message = [f"{entry.get('kind', '')} of {text_of(entry['of'])}" if "of" in entry else ""]
     if "of" not in entry:
@@ -183,9 +182,9 @@ def _signal(recorded: Recording) -> list[str]:
 
 
 def _graph(folder: Path, result: RunData) -> Html:
-    message = "As it ran, with everything it extends and all changes of the command line. "
+    message = "The graph of the run, with all that it extends and all changes of the command line. "
     again = element("code", f"runtime run {folder / RESOLVED}")
-    first = element("p", message, again, " gives the same bits.", class_="soft")
+    first = element("p", message, again, " reproduces the run bit by bit.", class_="soft")
     return join(first, pieces.source(result.texts[RESOLVED].rstrip(), "resolved graph"))
 
 
@@ -195,7 +194,7 @@ def _provenance(folder: Path, result: RunData) -> Html:
         ("seed", str(manifest["seed"])),
         ("changes", "; ".join(map(str, manifest["overrides"])) or "none"),
         ("engine", str(manifest.get("engine") or "")),
-        ("time a tick", f"{float(manifest['us_per_tick']):.3g} µs"),
+        ("time per tick", f"{float(manifest['us_per_tick']):.3g} µs"),
         ("folder", str(folder.resolve())),
     ]
     return join(pieces.provenance(manifest, more), *_hashes(manifest.get("hashes")))

@@ -1,12 +1,12 @@
-"""Plain data that was read from a file, held against the form that it should have."""
+"""Checks plain data that was read from a file against its expected form."""
 
 from __future__ import annotations
 
 from typing import Any
 
-LARGEST = 1e308  # that a float can hold, about
+LARGEST = 1e308  # about the largest float
 MAYBE_NUMBER = (int, float, type(None))
-_NAMES = {str: "a text", int: "a number", float: "a number", bool: "true or false"}
+_NAMES = {str: "a string", int: "a number", float: "a number", bool: "true or false"}
 _NAMES |= {list: "a list", dict: "an object", type(None): "null"}
 
 
@@ -16,13 +16,13 @@ def check(value: Any, form: Any, address: str = "") -> None:
     Parameters
     ----------
     value : of dicts, lists and scalars.
-    form : a type, or several; ``[form]`` for a list of such; ``{key: form}`` for a mapping that
-        has these keys, among others.
-    address : where the value stands, for the message.
+    form : a type or a tuple of types; ``[form]`` for a list; ``{key: form}`` for a mapping with at
+        least these keys.
+    address : of the value, for the message.
 
     Raises
     ------
-    ValueError : it has another one; the message says where, what was expected and got.
+    ValueError : it does not; the message gives the address, the expected types and the value.
     """
     if isinstance(form, dict):
         _expect(value, (dict,), address)
@@ -40,12 +40,12 @@ def check(value: Any, form: Any, address: str = "") -> None:
 
 
 def _expect(value: Any, types: tuple[type, ...], address: str) -> None:
-    is_fit = isinstance(value, types)
+    is_valid = isinstance(value, types)
     if isinstance(value, bool):
-        # A bool is an int to Python, and to nobody else.
-        is_fit = bool in types
+        # In Python, a bool is an int.
+        is_valid = bool in types
     elif isinstance(value, int):
-        is_fit = is_fit and abs(value) < LARGEST
-    if not is_fit:
+        is_valid = is_valid and abs(value) < LARGEST
+    if not is_valid:
         names = " or ".join(dict.fromkeys(_NAMES[t] for t in types))
-        raise ValueError(f"{address or 'it'}: expected {names}, got {str(value)[:40]!r}")
+        raise ValueError(f"{address or 'top level'}: expected {names}, got {str(value)[:40]!r}")

@@ -1,4 +1,4 @@
-"""Figures and diagrams as SVG inside a page, beside others without a clash."""
+"""Figures and diagrams as inline SVG, with ids that are unique within a page."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from matplotlib.lines import Line2D
 from runtime.reports.html import SPACES, Html
 
 SVG, XLINK = "http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"
-MANY_MARKS = 2_000  # from there on, marks are drawn as an image
+MANY_MARKS = 2_000  # more marks are drawn as an image
 IMAGE_DPI = 200
-# Verdana has the widths of DejaVu Sans, where that is not installed.
+# Verdana has the widths of DejaVu Sans, for systems without it.
 FONTS = "'DejaVu Sans', Verdana, sans-serif"
 # Any: the names of the settings are a literal type in some versions of matplotlib only.
 _SETTINGS: Any = {"svg.fonttype": "none", "svg.hashsalt": "report", "svg.image_inline": True}
@@ -30,8 +30,8 @@ def figure_svg(figure: Figure, name: str, label: str) -> Html:
     Parameters
     ----------
     figure : drawn by the functions that also make the pictures of a run.
-    name : put before all ids, so that figures of one page do not share any.
-    label : what the figure shows, for those who cannot see it.
+    name : prefix of all ids, so that they are unique within a page.
+    label : a description for screen readers.
     """
     for artist in figure.findobj(_is_dense):
         artist.set_rasterized(True)
@@ -44,7 +44,7 @@ def figure_svg(figure: Figure, name: str, label: str) -> Html:
             root.remove(child)
     for parent in root.iter(f"{{{SVG}}}defs"):
         for child in parent.findall(f"{{{SVG}}}style"):
-            # '*' would reach all that is on the page; what it says is inherited just as well.
+            # Its selector '*' would apply to the whole page; the root's style is inherited instead.
             parent.remove(child)
     root.set("style", "stroke-linejoin: round; stroke-linecap: butt")
     return _inline(root, name, label)
@@ -56,14 +56,14 @@ def diagram_svg(drawn: str, name: str, label: str) -> Html:
 
 
 def _parsed(drawn: str) -> ElementTree.Element:
-    """A drawing of ours as a tree; letters that a page may not hold become a replacement sign."""
+    """A drawing as a tree; characters that are not printable become U+FFFD."""
     if not drawn.isprintable():
         drawn = "".join(c if c.isprintable() or c in SPACES else "\ufffd" for c in drawn)
     return ElementTree.fromstring(drawn)
 
 
 def _is_dense(artist: object) -> bool:
-    """Whether an artist holds too many marks to be told apart, or to be worth their text."""
+    """Whether an artist has too many marks for an SVG."""
     if isinstance(artist, PathCollection):
         return len(artist.get_offsets()) > MANY_MARKS  # type: ignore[arg-type]
     if not isinstance(artist, Line2D) or artist.get_marker() in ("None", None, "", " "):

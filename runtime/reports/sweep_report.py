@@ -1,4 +1,4 @@
-"""The report of a sweep: the best settings, how each knob matters, and what failed."""
+"""The report of a sweep: the best configurations, the effect of each factor, and failures."""
 
 from __future__ import annotations
 
@@ -21,16 +21,15 @@ from runtime.experiments.analysis import (
 from runtime.experiments.analysis.sweep_plots import sweep_figures
 from runtime.experiments.execution import GRAPH, INDEX, SUMMARY, Columns, Row, read_plan, read_rows
 from runtime.reports import pieces
-from runtime.reports.html import Html, element, facts, join, table
-from runtime.reports.page import page
+from runtime.reports.html import Html, element, facts, join, page, table
 from runtime.runs import DIAGRAM
 
-FEW = 60  # settings that are all listed
+FEW = 60  # configurations that are all listed
 
 
 @dataclass(frozen=True)
 class _Sweep:
-    """A sweep as it is on disk: its plan, what figures show of it, and what was counted."""
+    """A sweep read from disk: its plan, its data for figures, and counts of its trials."""
 
     folder: Path
     plan: Mapping[str, Any]
@@ -44,12 +43,12 @@ class _Sweep:
 
     @property
     def metrics(self) -> list[str]:
-        """The metrics as the index has them."""
+        """The metrics in the order of the index."""
         return list(self.data.metrics)
 
     @property
     def shown(self) -> list[str]:
-        """The metrics as tables have them: the objective first."""
+        """The metrics in the order of tables, the objective first."""
         goal = self.data.objective
         return sorted(self.metrics, key=lambda name: goal is None or name != goal.metric)
 
@@ -75,14 +74,14 @@ def sweep_report(folder: Path) -> str:
     best = {ranked.cells: i for i, ranked in enumerate(swept.tally.best)}
     is_few = len(best) < configurations <= FEW
     sections = {
-        "Best settings": _settings(swept, best, "best settings") if best else Html(""),
+        "Best configurations": _table(swept, best, "best configurations") if best else Html(""),
         "Figures": join(*_figures(swept)),
-        "All settings": _settings(swept, None, "all settings") if is_few else Html(""),
-        "What did not end well": _failures(swept),
+        "All configurations": _table(swept, None, "all configurations") if is_few else Html(""),
+        "Failed trials": _failures(swept),
         "Diagram": pieces.diagram_file(
             folder / DIAGRAM, "diagram", f"block diagram of {swept.data.name}"
         ),
-        "Graph": pieces.graph_file(folder / GRAPH, "As it was before the knobs were turned."),
+        "Graph": pieces.graph_file(folder / GRAPH, "The graph before factors are set."),
         "Provenance": pieces.plan_provenance(folder, swept.plan),
     }
     made_by = f"Made by runtime report from {folder.resolve().name}."
@@ -104,7 +103,7 @@ def _read(folder: Path) -> _Sweep:
 
 
 def _lead(swept: _Sweep) -> str:
-    """The knobs with their ranges, and what is sought."""
+    """The factors with their ranges, and the objective."""
     vary, goal = swept.plan.get("vary"), swept.data.objective
     factors = vary.items() if isinstance(vary, Mapping) else ()
     ranges = [f"{path} = {v if isinstance(v, str) else text_of(v)}" for path, v in factors]
@@ -121,8 +120,8 @@ def _facts(swept: _Sweep, configurations: int) -> Html:
     bad = tally.done - tally.counts["ok"]
     return facts(
         [
-            ("points", status if is_whole else element("span", status, class_="warn")),
-            ("settings", str(configurations)),
+            ("trials", status if is_whole else element("span", status, class_="warn")),
+            ("configurations", str(configurations)),
             ("seeds", str(swept.plan.get("seeds", ""))),
             ("not ok", element("span", str(bad), class_="bad") if bad else "none"),
             ("sampling", swept.data.method),
@@ -132,7 +131,7 @@ def _facts(swept: _Sweep, configurations: int) -> Html:
 
 
 def _wall(folder: Path) -> str:
-    """How long the last part of the sweep took, if it came to its end."""
+    """The duration of the last session of the sweep, if it was completed."""
     try:
         seconds = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))["wall_s"]
         return f"{float(seconds):.3g} s"
@@ -140,8 +139,8 @@ def _wall(folder: Path) -> str:
         return "unknown"
 
 
-def _settings(swept: _Sweep, best: Mapping[tuple[str, ...], int] | None, label: str) -> Html:
-    """Settings with the mean and the interval of each metric; the best in their order, or all."""
+def _table(swept: _Sweep, best: Mapping[tuple[str, ...], int] | None, label: str) -> Html:
+    """A table of the best configurations or of all, with the mean and interval of each metric."""
     groups = gather(swept.rows(), swept.data.seeds)
     if best is None:
         chosen = sorted(groups, key=lambda group: group.number)
@@ -151,17 +150,17 @@ def _settings(swept: _Sweep, best: Mapping[tuple[str, ...], int] | None, label: 
     head = [*swept.factors, "ok"]
     for metric in swept.shown:
         head += [metric, "95 % interval"]
-    rows = [_setting(swept, group) for group in chosen]
+    rows = [_configuration(swept, group) for group in chosen]
     numbers = range(len(swept.factors), len(head))
-    told = element(
+    note = element(
         "p",
         "Means and intervals are over the seeds; n/N: only n of the N seeds have a value.",
         class_="soft small",
     )
-    return join(table(head, rows, numbers, label=label), told)
+    return join(table(head, rows, numbers, label=label), note)
 
 
-def _setting(swept: _Sweep, group: Group) -> list[str]:
+def _configuration(swept: _Sweep, group: Group) -> list[str]:
     ok = sum(row.status == "ok" for row in group.rows)
     cells = [*group.cells, f"{ok}/{swept.data.seeds}"]
     for metric in swept.shown:
@@ -171,7 +170,7 @@ def _setting(swept: _Sweep, group: Group) -> list[str]:
 
 
 def _mean(found: Estimate, runs: int) -> Html:
-    """A mean, and of how many runs where some have no value."""
+    """A mean, with the number of runs that have a value if not all have."""
     if 0 < found.n < runs:
         share = element("span", f" {found.n}/{runs}", class_="soft")
         return join(pieces.number(found.mean), share)
@@ -181,11 +180,11 @@ def _mean(found: Estimate, runs: int) -> Html:
 def _figures(swept: _Sweep) -> Iterator[Html]:
     seeds = "means over the seeds" if swept.data.seeds > 1 else "one seed"
     captions = {
-        "curves": f"Each metric along the knob: {seeds}, with 95 % intervals.",
-        "maps": f"Each metric over the two knobs: {seeds}.",
+        "curves": f"Each metric over the factor: {seeds}, with 95 % intervals.",
+        "maps": f"Each metric over the two factors: {seeds}.",
     }
     for i, (name, figure) in enumerate(sweep_figures(swept.folder)):
-        other = f"Each line is a setting: {name.removeprefix('parallel_')}, {seeds}."
+        other = f"Each line is a configuration: {name.removeprefix('parallel_')}, {seeds}."
         yield pieces.plot(figure, f"figure-{i + 1}", captions.get(name, other), wide=True)
 
 
@@ -194,9 +193,9 @@ def _failures(swept: _Sweep) -> Html:
     if counts["ok"] == swept.tally.done:
         return Html("")
     rows = [[status, str(count)] for status, count in sorted(counts.items())]
-    parts = [table(["status", "points"], rows, [1], label="points by status")]
-    reasons = [[str(told["reason"]), str(told["count"])] for told in swept.tally.top_reasons()]
+    parts = [table(["status", "trials"], rows, [1], label="trials by status")]
+    reasons = [[str(found["reason"]), str(found["count"])] for found in swept.tally.top_reasons()]
     if reasons:
         parts.append(element("h3", "Reasons, the most frequent first"))
-        parts.append(table(["reason", "points"], reasons, [1], label="reasons", wraps=[0]))
+        parts.append(table(["reason", "trials"], reasons, [1], label="reasons", wraps=[0]))
     return join(*parts)

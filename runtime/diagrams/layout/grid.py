@@ -1,4 +1,4 @@
-"""The grid of a layered layout: feedback set aside, cells in columns, long wires cut into hops."""
+"""The grid of a layered layout: feedback wires, cells in columns, long wires cut into hops."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ CANDIDATES = 40
 
 @dataclass
 class Cell:
-    """What a layout places: a block, a part, an end of a wire at a frame, or a wire's way past.
+    """A block, a part, an end of a wire at a frame, or the gap where a wire passes a column.
 
     ``inputs`` and ``outputs`` name the pins from top to bottom, ``input_ys`` and ``output_ys``
-    say how far below the cell's top they are. Pins change places unless the cell is ``fixed``.
+    their distances below the cell's top. Pins are reordered unless the cell is ``fixed``.
     ``edge`` keeps a cell in the first ("left") or last ("right") column; cells of ``stretch``
-    share the width of the widest one in their column.
+    get the width of the widest one in their column.
     """
 
     name: str
@@ -44,20 +44,20 @@ class Cell:
 class Link:
     """One output and all inputs that it drives.
 
-    ``holds`` says that the output comes from memory alone, so that a loop is best opened there;
-    ``label`` is the width of the text at the wire's beginning.
+    ``breaks_loop`` is true for an output without direct feedthrough, where a loop is best opened;
+    ``label`` is the width of the text at the start of the wire.
     """
 
     source: Pin
     targets: tuple[Pin, ...]
     weight: float = 1.0
-    holds: bool = False
+    breaks_loop: bool = False
     label: float = 0.0
 
 
 @dataclass
 class Hop:
-    """A link's way from one column to the next; ``channel`` counts the column on the right."""
+    """A link's step from one column to the next, which has the index ``channel``."""
 
     link: int
     channel: int
@@ -66,8 +66,8 @@ class Hop:
 
 
 @dataclass
-class Loop:
-    """A link's way back: from the column of its source to the columns of earlier targets."""
+class FeedbackWire:
+    """A link that runs back, from the column of its source to the columns of earlier targets."""
 
     link: int
     source: Pin
@@ -81,32 +81,32 @@ class Loop:
 
 @dataclass
 class Grid:
-    """Cells in columns, the hops between them, and the loops that run back below them."""
+    """Cells in columns, the hops between them, and the feedback wires that run below them."""
 
     cells: dict[str, Cell]
     links: Sequence[Link]
     columns: list[list[str]]
     hops: list[list[Hop]]
-    loops: list[Loop]
+    feedback: list[FeedbackWire]
     column_of: dict[str, int]
 
     def joins(self, channel: int) -> Iterator[tuple[Pin | None, Pin | None]]:
-        """The pins that a channel joins; None stands for what lies below the columns."""
+        """The pins that a channel joins; None is the end of a feedback wire below the columns."""
         for hop in self.hops[channel]:
             for right in hop.rights:
                 yield hop.left, right
-        for loop in self.loops:
-            if loop.column + 1 == channel:
-                yield loop.source, None
-            for right in loop.targets.get(channel, ()):
+        for wire in self.feedback:
+            if wire.column + 1 == channel:
+                yield wire.source, None
+            for right in wire.targets.get(channel, ()):
                 yield None, right
 
 
 def find_feedback(names: Sequence[str], links: Sequence[Link]) -> set[tuple[int, str]]:
-    """Choose the wires that run backwards, so that all others flow from left to right.
+    """Choose the wires that run backwards, so that all others run from left to right.
 
-    Loops are opened at outputs that come from memory, where one cut opens most of them, and
-    where the wire leads to a block that was written earlier.
+    Loops are opened preferably at outputs without direct feedthrough, where one cut opens most of
+    them, and where the wire leads to a block that was written earlier.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def find_feedback(names: Sequence[str], links: Sequence[Link]) -> set[tuple[int,
     """
     import networkx as nx
 
-    place = {name: i for i, name in enumerate(names)}
+    order = {name: i for i, name in enumerate(names)}
     graph = nx.MultiDiGraph()
     graph.add_nodes_from(names)
     for i, link in enumerate(links):
@@ -127,15 +127,15 @@ def find_feedback(names: Sequence[str], links: Sequence[Link]) -> set[tuple[int,
     back = {(i, v) for u, v, i in graph.edges(keys=True) if u == v}
     graph.remove_edges_from([(v, v, i) for i, v in back])
     opened: list[tuple[int, str]] = []
-    while knots := [k for k in nx.strongly_connected_components(graph) if len(k) > 1]:
-        for knot in sorted(knots, key=lambda k: min(map(place.__getitem__, k))):
-            inside = graph.subgraph(knot).copy()
-            best = _best_cut(inside, links, place)
+    while components := [k for k in nx.strongly_connected_components(graph) if len(k) > 1]:
+        for component in sorted(components, key=lambda k: min(map(order.__getitem__, k))):
+            inside = graph.subgraph(component).copy()
+            best = _best_cut(inside, links, order)
             cut = [(u, v, i) for u, v, i in inside.edges(keys=True) if i == best]
             graph.remove_edges_from(cut)
             opened += [(best, v) for _, v, _ in cut]
-    # Sorted, because graphs list what is inside a knot in an order that is not theirs.
-    for i, name in sorted(opened, key=lambda o: (o[0], place[o[1]])):
+    # Sorted, since the edges of a subgraph are listed in no particular order.
+    for i, name in sorted(opened, key=lambda o: (o[0], order[o[1]])):
         source = links[i].source[0]
         if nx.has_path(graph, name, source):
             back.add((i, name))
@@ -144,38 +144,38 @@ def find_feedback(names: Sequence[str], links: Sequence[Link]) -> set[tuple[int,
     return back
 
 
-def _best_cut(knot: Any, links: Sequence[Link], place: dict[str, int]) -> int:
+def _best_cut(component: Any, links: Sequence[Link], order: dict[str, int]) -> int:
     """The link whose removal opens most of the loops in a strongly connected graph."""
     import networkx as nx
 
     wires: dict[int, list[tuple[str, str, int]]] = defaultdict(list)
-    for u, v, i in knot.edges(keys=True):
+    for u, v, i in component.edges(keys=True):
         wires[i].append((u, v, i))
 
     def forwardness(i: int) -> tuple[bool, int, int]:
-        leap = min(place[v] for _, v, _ in wires[i]) - place[links[i].source[0]]
-        return not links[i].holds, leap, i
+        leap = min(order[v] for _, v, _ in wires[i]) - order[links[i].source[0]]
+        return not links[i].breaks_loop, leap, i
 
     def left_over(i: int) -> tuple[bool, int, int, tuple[bool, int, int]]:
-        knot.remove_edges_from(wires[i])
-        rest = sum(len(k) for k in nx.strongly_connected_components(knot) if len(k) > 1)
-        knot.add_edges_from(wires[i])
-        return not links[i].holds, rest, len(wires[i]), forwardness(i)
+        component.remove_edges_from(wires[i])
+        rest = sum(len(k) for k in nx.strongly_connected_components(component) if len(k) > 1)
+        component.add_edges_from(wires[i])
+        return not links[i].breaks_loop, rest, len(wires[i]), forwardness(i)
 
     return min(sorted(wires, key=forwardness)[:CANDIDATES], key=left_over)
 
 
 def _ranks(names: Sequence[str], wires: Sequence[tuple[str, str]]) -> dict[str, int]:
-    """The columns that make all wires together shortest; every wire leads to a later one.
+    """The columns that minimise the total length of the wires; each leads to a later column.
 
-    The linear programme has whole numbers at its corners, and the simplex method ends in one.
+    The vertices of the linear programme are integers, and the simplex method ends in one.
     """
     import numpy as np
     from scipy.optimize import linprog
     from scipy.sparse import csr_array
 
     index = {name: i for i, name in enumerate(names)}
-    # A little pull to the left settles what the wires leave open.
+    # A small cost per column moves cells to the left where the wires leave a choice.
     cost = np.full(len(names), 1e-3)
     rows, columns, values = [], [], []
     for row, (u, v) in enumerate(wires):
@@ -186,8 +186,8 @@ def _ranks(names: Sequence[str], wires: Sequence[tuple[str, str]]) -> dict[str, 
         values += [1.0, -1.0]
     if not wires:
         return dict.fromkeys(names, 0)
-    apart = csr_array((values, (rows, columns)), shape=(len(wires), len(names)))
-    found = linprog(cost, apart, -np.ones(len(wires)), method="highs-ds")
+    matrix = csr_array((values, (rows, columns)), shape=(len(wires), len(names)))
+    found = linprog(cost, matrix, -np.ones(len(wires)), method="highs-ds")
     return {name: round(found.x[i]) for name, i in index.items()}
 
 
@@ -220,7 +220,7 @@ def build_grid(cells: Sequence[Cell], links: Sequence[Link]) -> Grid:
 
 
 def _add_link(grid: Grid, i: int, link: Link, back: set[tuple[int, str]]) -> None:
-    """Cut a link into hops; where it passes a column, it takes a place of its own there."""
+    """Cut a link into hops, with a cell of its own in each column that it passes."""
     column = grid.column_of[link.source[0]]
     forward: dict[int, list[Pin]] = defaultdict(list)
     backward: dict[int, list[Pin]] = defaultdict(list)
@@ -228,7 +228,7 @@ def _add_link(grid: Grid, i: int, link: Link, back: set[tuple[int, str]]) -> Non
         side = backward if (i, target[0]) in back else forward
         side[grid.column_of[target[0]]].append(target)
     if backward:
-        grid.loops.append(Loop(i, link.source, column, dict(backward)))
+        grid.feedback.append(FeedbackWire(i, link.source, column, dict(backward)))
     left = link.source
     for channel in range(column + 1, max(forward, default=column) + 1):
         hop = Hop(i, channel, left, forward[channel])

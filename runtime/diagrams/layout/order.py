@@ -1,4 +1,4 @@
-"""The order within the columns of a grid, so that few wires cross: barycentre sweeps and swaps."""
+"""The order of cells within columns, by barycentre sweeps and swaps, so that few wires cross."""
 
 from __future__ import annotations
 
@@ -58,8 +58,8 @@ class _Sorter:
             self.grid.cells[name].inputs[:] = inputs
             self.grid.cells[name].outputs[:] = outputs
 
-    def places(self, column: int, outputs: bool) -> dict[Pin | None, float]:
-        """How far down each pin on one side of a column is; what lies below comes last."""
+    def pin_heights(self, column: int, outputs: bool) -> dict[Pin | None, float]:
+        """The height of each pin on one side of a column; None, below the column, is last."""
         if not 0 <= column < len(self.grid.columns):
             return {None: 0.0}
         names = self.grid.columns[column]
@@ -72,7 +72,7 @@ class _Sorter:
         return found
 
     def crossings(self, channel: int) -> int:
-        left, right = self.places(channel - 1, True), self.places(channel, False)
+        left, right = self.pin_heights(channel - 1, True), self.pin_heights(channel, False)
         seen: list[float] = []
         count = 0
         for _, end in sorted((left[a], right[b]) for a, b in self.joins[channel]):
@@ -84,18 +84,18 @@ class _Sorter:
         return sum(self.crossings(channel) for channel in range(len(self.joins)))
 
     def neighbours(self, column: int, leftwards: bool) -> dict[Pin, list[float]]:
-        """For each pin on one side of a column, how far down its partners are."""
+        """For each pin on one side of a column, the heights of the pins that it is wired to."""
         found: dict[Pin, list[float]] = defaultdict(list)
         if leftwards:
-            places = self.places(column - 1, True)
+            heights = self.pin_heights(column - 1, True)
             for a, b in self.joins[column]:
                 if b is not None:
-                    found[b].append(places[a])
+                    found[b].append(heights[a])
         else:
-            places = self.places(column + 1, False)
+            heights = self.pin_heights(column + 1, False)
             for a, b in self.joins[column + 1]:
                 if a is not None:
-                    found[a].append(places[b])
+                    found[a].append(heights[b])
         return found
 
     def sweep(self, rightwards: bool) -> None:
@@ -131,7 +131,7 @@ class _Sorter:
             self.sort_pins(column, leftwards=False)
 
     def swap(self) -> None:
-        """Swap neighbours in a column wherever that saves crossings."""
+        """Swap neighbours in a column if that reduces the crossings."""
         for column, names in enumerate(self.grid.columns):
             wires = len(self.joins[column]) + len(self.joins[column + 1])
             if len(names) * wires > MAX_SWAP_WORK:

@@ -1,4 +1,4 @@
-"""Wires in the channel between two columns: which runs up or down where, without overlaps."""
+"""The vertical tracks of wires in the channel between two columns, without overlaps."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ STRAIGHT = 0.05
 
 @dataclass
 class Track:
-    """A vertical run of one wire; it meets horizontal runs from the left and to the right.
+    """A vertical segment of one wire, between horizontal segments on its left and right.
 
-    ``slot`` counts the tracks of a channel from the left. A wire that would lie on top of
-    another is led over two tracks: ``then`` is its second one.
+    ``slot`` counts the tracks of a channel from the left. A wire that would overlap another one
+    takes two tracks: ``then`` is its second one.
     """
 
     lefts: list[float]
@@ -37,9 +37,9 @@ class Track:
 
 
 def assign_slots(tracks: Sequence[Track]) -> int:
-    """Give every track of a channel its slot; returns how many slots there are."""
+    """Assign a slot to every track of a channel; returns the number of slots."""
     bent = [track for track in tracks if not track.is_straight]
-    bent, rules = _without_circles(bent, [y for t in tracks for y in (*t.lefts, *t.rights)])
+    bent, rules = _without_cycles(bent, [y for t in tracks for y in (*t.lefts, *t.rights)])
     placed: list[int] = []
     for i in _in_order(bent, rules):
         track = bent[i]
@@ -55,7 +55,7 @@ def assign_slots(tracks: Sequence[Track]) -> int:
 
 
 def _rules(tracks: Sequence[Track]) -> set[tuple[int, int]]:
-    """Pairs (i, k) where i must be left of k, or their horizontal runs would overlap."""
+    """Pairs (i, k) where i must be left of k, or their horizontal segments would overlap."""
 
     def is_before(one: Track, other: Track) -> bool:
         if one.then is other or other.then is one:
@@ -70,22 +70,22 @@ def _rules(tracks: Sequence[Track]) -> set[tuple[int, int]]:
     }
 
 
-def _without_circles(
+def _without_cycles(
     tracks: list[Track], heights: list[float]
 ) -> tuple[list[Track], set[tuple[int, int]]]:
-    """Lead wires over two tracks until no track has to be left of itself."""
+    """Split wires over two tracks until the rules have no cycle."""
     import networkx as nx
 
     tracks, whole = list(tracks), set(range(len(tracks)))
     rules = _rules(tracks)
     while not nx.is_directed_acyclic_graph(nx.DiGraph(sorted(rules))):
-        circle = nx.find_cycle(nx.DiGraph(sorted(rules)))
-        able = [i for i, _ in circle if i in whole and tracks[i].lefts and tracks[i].rights]
-        if not able:
-            # Too tight for a detour: rather two lines that touch than none.
-            rules -= set(circle)
+        cycle = nx.find_cycle(nx.DiGraph(sorted(rules)))
+        splittable = [i for i, _ in cycle if i in whole and tracks[i].lefts and tracks[i].rights]
+        if not splittable:
+            # There is no room for a detour: two lines may touch.
+            rules -= set(cycle)
             continue
-        i = max(able, key=lambda i: (tracks[i].bottom - tracks[i].top, i))
+        i = max(splittable, key=lambda i: (tracks[i].bottom - tracks[i].top, i))
         whole.discard(i)
         first = tracks[i]
         middle = _free_height(first, heights)
@@ -98,7 +98,7 @@ def _without_circles(
 
 
 def _free_height(track: Track, heights: Sequence[float]) -> float:
-    """A height within a track's reach, near its middle, that stays clear of all others."""
+    """A height within a track's range, near its middle, that is clear of all others."""
     middle, reach = (track.top + track.bottom) / 2, (track.bottom - track.top) / 2
     tried = [middle]
     for step in range(1, int(reach) + 1):
@@ -108,14 +108,14 @@ def _free_height(track: Track, heights: Sequence[float]) -> float:
 
 
 def _crossings(left: Track, right: Track) -> int:
-    """How often two wires cross if the one's track is left of the other's."""
+    """The number of crossings of two wires if ``left`` is left of ``right``."""
     return sum(left.top < y < left.bottom for y in right.lefts) + sum(
         right.top < y < right.bottom for y in left.rights
     )
 
 
 def _in_order(tracks: Sequence[Track], rules: set[tuple[int, int]]) -> list[int]:
-    """Tracks from left to right: by the rules, and else so that few wires cross."""
+    """Indices of tracks from left to right, by the rules and so that few wires cross."""
     count = range(len(tracks))
     gain = [
         [_crossings(tracks[k], tracks[i]) - _crossings(tracks[i], tracks[k]) for k in count]
@@ -129,12 +129,12 @@ def _in_order(tracks: Sequence[Track], rules: set[tuple[int, int]]) -> list[int]
         chosen = max(ready, key=lambda i: (sum(gain[i][k] for k in rest), tracks[i].top, -i))
         order.append(chosen)
         rest.remove(chosen)
-    _settle(order, gain, rules)
+    _improve(order, gain, rules)
     return order
 
 
-def _settle(order: list[int], gain: list[list[int]], rules: set[tuple[int, int]]) -> None:
-    """Swap neighbours while that saves crossings and breaks no rule."""
+def _improve(order: list[int], gain: list[list[int]], rules: set[tuple[int, int]]) -> None:
+    """Swap neighbours while that reduces the crossings and violates no rule."""
     for _ in order:
         swapped = False
         for at, (i, k) in enumerate(pairwise(list(order))):

@@ -1,11 +1,11 @@
-"""Wires of a layout: tracks in the channels, ways back below the boxes, and the points between."""
+"""The wires of a layout: tracks in the channels, feedback below the boxes, and their corners."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from runtime.diagrams.layout.grid import Grid, Loop, Pin
+from runtime.diagrams.layout.grid import FeedbackWire, Grid, Pin
 from runtime.diagrams.layout.tracks import STRAIGHT, Track, assign_slots
 
 Point = tuple[float, float]
@@ -13,13 +13,13 @@ Point = tuple[float, float]
 LEAD = 12.0
 ARROW = 14.0
 TRACK_PITCH = 9.0
-LOOP_GAP = 16.0
-LOOP_PITCH = 10.0
+FEEDBACK_GAP = 16.0
+FEEDBACK_PITCH = 10.0
 
 
 @dataclass
 class Channel:
-    """The room left of a column: ``lead`` is kept free for texts, then come the tracks."""
+    """The space left of a column: ``lead`` is kept free for texts, then come the tracks."""
 
     tracks: dict[int, Track]
     lead: float
@@ -31,7 +31,7 @@ class Channel:
 
 
 class Wiring:
-    """The wires between cells whose heights are settled; it settles where the columns are.
+    """Routes the wires between cells of known heights, and sets the positions of the columns.
 
     Parameters
     ----------
@@ -41,8 +41,8 @@ class Wiring:
 
     def __init__(self, grid: Grid, tops: Mapping[str, float]) -> None:
         self.grid, self.tops = grid, tops
-        self.loops = {loop.link: loop for loop in grid.loops}
-        self.loop_ys = self._loop_heights()
+        self.feedback = {wire.link: wire for wire in grid.feedback}
+        self.feedback_ys = self._feedback_heights()
         self.widths = [max(grid.cells[n].width for n in column) for column in grid.columns]
         self.labels = self._label_widths()
         self.channels = [self._channel(c) for c in range(len(grid.columns) + 1)]
@@ -54,10 +54,10 @@ class Wiring:
             x += channel.width + width
         self.width = x
         lowest = [tops[name] + cell.height for name, cell in grid.cells.items()]
-        self.height = max([*lowest, *self.loop_ys.values()], default=0.0)
+        self.height = max([*lowest, *self.feedback_ys.values()], default=0.0)
 
     def left_of(self, name: str) -> float:
-        """The x of a cell's left edge: it stands in the middle of its column."""
+        """The x of a cell's left edge; cells are centred in their column."""
         column = self.grid.column_of[name]
         return self.xs[column] + (self.widths[column] - self.grid.cells[name].width) / 2
 
@@ -66,16 +66,16 @@ class Wiring:
         source = self.grid.links[i].source
         start = self.left_of(source[0]) + self.grid.cells[source[0]].width
         end = (self.left_of(target[0]), self._input_y(target))
-        loop = self.loops.get(i)
+        wire = self.feedback.get(i)
         column = self.grid.column_of[target[0]]
         points = [(start, self._output_y(source))]
-        if loop is not None and target in loop.targets.get(column, ()):
-            points += self._way_back(loop, column, points[0][1], end[1])
+        if wire is not None and target in wire.targets.get(column, ()):
+            points += self._feedback_corners(wire, column, points[0][1], end[1])
         else:
             y = points[0][1]
             for channel in range(self.grid.column_of[source[0]] + 1, column + 1):
                 goal = end[1] if channel == column else self.tops[f"{i}@{channel}"]
-                points += self._crossing_over(channel, i, y, goal)
+                points += self._channel_corners(channel, i, y, goal)
                 y = goal
         return simplified([*points, end])
 
@@ -85,26 +85,26 @@ class Wiring:
     def _input_y(self, pin: Pin) -> float:
         return self.tops[pin[0]] + self.grid.cells[pin[0]].input_y(pin[1])
 
-    def _loop_heights(self) -> dict[int, float]:
-        """How far down each loop runs back: clear of all between, short loops innermost."""
+    def _feedback_heights(self) -> dict[int, float]:
+        """The y of each feedback wire: below all cells between its ends, short wires innermost."""
         bottoms = [
             max(self.tops[name] + self.grid.cells[name].height for name in column)
             for column in self.grid.columns
         ]
         found: dict[int, float] = {}
         placed: list[tuple[int, int, float]] = []
-        for loop in sorted(self.grid.loops, key=lambda o: (o.column - o.first, o.link)):
-            first, last = loop.first, loop.column
-            y = max(bottoms[max(first - 1, 0) : last + 2]) + LOOP_GAP
+        for wire in sorted(self.grid.feedback, key=lambda o: (o.column - o.first, o.link)):
+            first, last = wire.first, wire.column
+            y = max(bottoms[max(first - 1, 0) : last + 2]) + FEEDBACK_GAP
             for other_first, other_last, other in placed:
                 if first <= other_last + 1 and other_first <= last + 1:
-                    y = max(y, other + LOOP_PITCH)
+                    y = max(y, other + FEEDBACK_PITCH)
             placed.append((first, last, y))
-            found[loop.link] = y
+            found[wire.link] = y
         return found
 
     def _label_widths(self) -> list[float]:
-        """The room that texts at the beginnings of wires need in each channel."""
+        """The width of the texts at the starts of wires in each channel."""
         found = [0.0] * (len(self.grid.columns) + 1)
         for link in self.grid.links:
             column = self.grid.column_of[link.source[0]]
@@ -117,15 +117,15 @@ class Wiring:
         for hop in self.grid.hops[c]:
             rights = [self._input_y(right) for right in hop.rights]
             tracks[hop.link] = Track([self._output_y(hop.left)], rights)
-        for loop in self.grid.loops:
-            y = self.loop_ys[loop.link]
-            if loop.column + 1 == c:
-                track = tracks.setdefault(loop.link, Track([self._output_y(loop.source)], []))
+        for wire in self.grid.feedback:
+            y = self.feedback_ys[wire.link]
+            if wire.column + 1 == c:
+                track = tracks.setdefault(wire.link, Track([self._output_y(wire.source)], []))
                 track.lefts.append(y)
-            if c in loop.targets:
-                lefts = [y] if loop.first < c else []
-                rights = [self._input_y(pin) for pin in loop.targets[c]]
-                tracks[loop.link] = Track(lefts, [*rights, y])
+            if c in wire.targets:
+                lefts = [y] if wire.first < c else []
+                rights = [self._input_y(pin) for pin in wire.targets[c]]
+                tracks[wire.link] = Track(lefts, [*rights, y])
         slots = assign_slots(list(tracks.values()))
         lead = max(LEAD, self.labels[c])
         room = max(slots - 1, 0) * TRACK_PITCH
@@ -133,8 +133,8 @@ class Wiring:
             return Channel(tracks, LEAD if c == 0 else lead, room + LEAD + lead if slots else 0.0)
         return Channel(tracks, lead, lead + room + ARROW)
 
-    def _crossing_over(self, c: int, link: int, start: float, end: float) -> list[Point]:
-        """The corners of a wire on its way through a channel."""
+    def _channel_corners(self, c: int, link: int, start: float, end: float) -> list[Point]:
+        """The corners of a wire within a channel."""
         channel = self.channels[c]
         track = channel.tracks[link]
         if track.is_straight:
@@ -145,16 +145,18 @@ class Wiring:
         then, middle = channel.track_x(track.then), track.then.lefts[0]
         return [(x, start), (x, middle), (then, middle), (then, end)]
 
-    def _way_back(self, loop: Loop, column: int, start: float, end: float) -> list[Point]:
-        y = self.loop_ys[loop.link]
-        leaves, enters = self.channels[loop.column + 1], self.channels[column]
-        out = leaves.track_x(leaves.tracks[loop.link])
-        back = enters.track_x(enters.tracks[loop.link])
+    def _feedback_corners(
+        self, wire: FeedbackWire, column: int, start: float, end: float
+    ) -> list[Point]:
+        y = self.feedback_ys[wire.link]
+        leaves, enters = self.channels[wire.column + 1], self.channels[column]
+        out = leaves.track_x(leaves.tracks[wire.link])
+        back = enters.track_x(enters.tracks[wire.link])
         return [(out, start), (out, y), (back, y), (back, end)]
 
 
 def simplified(points: list[Point]) -> list[Point]:
-    """The points without those that repeat their neighbour or lie on a straight line."""
+    """The points without repeated ones and those in the middle of a straight line."""
     kept: list[Point] = []
     for point in points:
         if kept and abs(kept[-1][0] - point[0]) + abs(kept[-1][1] - point[1]) < STRAIGHT:
@@ -166,7 +168,7 @@ def simplified(points: list[Point]) -> list[Point]:
 
 
 def _in_line(a: Point, b: Point, c: Point) -> bool:
-    """Whether a run goes on straight at ``b``; going back on itself is not straight."""
+    """Whether a line continues straight at ``b``; a reversal is not straight."""
     for k in (0, 1):
         same = abs(a[1 - k] - b[1 - k]) < STRAIGHT and abs(b[1 - k] - c[1 - k]) < STRAIGHT
         if same and (b[k] - a[k]) * (c[k] - b[k]) > 0:

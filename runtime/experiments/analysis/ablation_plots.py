@@ -28,7 +28,15 @@ from runtime.experiments.execution import (
 )
 from runtime.files import own_file, own_folder
 from runtime.observation import Recording, RunData
-from runtime.plots import GREY, style, walls
+from runtime.plots import (
+    COLOURS,
+    GREY,
+    LINESTYLES,
+    STYLE,
+    draw_world,
+    explain_empty,
+    view_limits,
+)
 from runtime.runs import read_run
 
 FILE = "plots/ablation.png"
@@ -70,7 +78,7 @@ def ablation_figure(folder: Path) -> Figure:
     rows = math.ceil(len(facts["metrics"]) / COLUMNS)
     above = rows * (0.75 + 0.23 * len(facts["variants"]))
     below = 4.2 if trajectories else 0.0
-    with matplotlib.rc_context(style.STYLE):
+    with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(WIDTH, above + below + 0.4), layout="constrained")
         seeds = f"{len(facts['seeds'])} seeds: means, 95 % intervals, a dot for each seed"
         hollow = "hollow: no significant difference to the baseline"
@@ -123,7 +131,7 @@ def _metric(
     axes: Axes, lines: Sequence[dict[str, Any]], values: Sequence[Sequence[float | None]]
 ) -> None:
     if all(line["mean"] is None for line in lines):
-        style.say(axes, "no run has a value")
+        explain_empty(axes, "no run has a value")
         return
     if lines[0]["mean"] is not None:
         look: dict[str, Any] = {"color": "0.5", "linewidth": 0.8, "linestyle": (0, (4, 2))}
@@ -166,13 +174,13 @@ def _estimate(axes: Axes, y: int, line: dict[str, Any]) -> None:
 
 def _colour(i: int) -> str:
     """Black for the baseline, and a colour for each variant; colours repeat when used up."""
-    return "black" if i == 0 else style.COLOURS[(i - 1) % (len(style.COLOURS) - 1)]
+    return "black" if i == 0 else COLOURS[(i - 1) % (len(COLOURS) - 1)]
 
 
 def _dashes(i: int) -> str:
     """A line style; when the colours are used up, they repeat with other dashes."""
-    turn = max(0, i - 1) // (len(style.COLOURS) - 1)
-    return style.LINESTYLES[turn % len(style.LINESTYLES)]
+    turn = max(0, i - 1) // (len(COLOURS) - 1)
+    return LINESTYLES[turn % len(LINESTYLES)]
 
 
 def _trajectories(
@@ -209,9 +217,9 @@ def _plane(
     low, high = everything.min(axis=0), everything.max(axis=0)
     margin = 0.06 * max(float((high - low).max()), 0.5)
     if result.world is not None:
-        low, high = walls.view(result.world, everything)
+        low, high = view_limits(result.world, everything)
         margin = 0.0
-        walls.draw_world(axes, result.world)
+        draw_world(axes, result.world)
     for i, name, _, xy in trajectories:
         # The baseline is below and wider, so that variants that coincide with it are visible.
         look: dict[str, Any] = {"color": _colour(i), "linewidth": 1.2 if i else 2.8}

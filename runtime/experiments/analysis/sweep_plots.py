@@ -21,7 +21,7 @@ from runtime.errors import UsageError
 from runtime.experiments.analysis.sweep_data import Axis, SweepData, read_sweep, spread
 from runtime.experiments.design import Objective
 from runtime.files import own_file, own_folder
-from runtime.plots import style
+from runtime.plots import COLOURS, GREY, STYLE
 
 DPI = 150
 WIDTH = 9.0  # inches
@@ -65,7 +65,7 @@ def sweep_figures(folder: Path) -> Iterator[tuple[str, Figure]]:
     shown = [name for name in data.metrics if np.isfinite(data.means(name)).any()]
     if not shown or not data.axes or not len(data.axes[0].positions):
         return
-    with matplotlib.rc_context(style.STYLE):
+    with matplotlib.rc_context(STYLE):
         if len(data.axes) == 1:
             yield "curves", _panels(data, shown, _curve)
         elif len(data.axes) == 2:
@@ -107,7 +107,7 @@ def _curve(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
     x = axis.positions[order]
     mean = np.array([estimate.mean for estimate in found])
     ends = np.array([spread(estimate) for estimate in found])
-    colour = style.COLOURS[0]
+    colour = COLOURS[0]
     if axis.names or len(x) <= CROWD:
         bars = np.abs(ends - mean[:, None]).T
         joined = "none" if axis.names else "-"
@@ -123,7 +123,7 @@ def _curve(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
     axes.update_datalim(np.column_stack([x, np.full(len(x), level)]))
     axes.autoscale_view()
     where: Any = ("data", "axes fraction")
-    small: dict[str, Any] = {"fontsize": 7.0, "va": "top", "ha": "center", "color": style.GREY}
+    small: dict[str, Any] = {"fontsize": 7.0, "va": "top", "ha": "center", "color": GREY}
     for place, estimate in zip(x, found, strict=True):
         if estimate.n < data.seeds and len(x) <= CROWD:
             axes.annotate(f"{estimate.n}/{data.seeds}", (place, 1.0), xycoords=where, **small)

@@ -21,7 +21,7 @@ from runtime.diagrams.paint import draw
 from runtime.diagrams.stored import MAX_BOXES, read_picture, stored_picture
 from runtime.diagrams.svg import to_svg
 from runtime.errors import GraphError, UsageError
-from runtime.reports.report import report
+from runtime.reports import report
 from runtime.runs.folder import DIAGRAM
 from runtime.runs.result import open_run
 from runtime.terminal import printable
@@ -132,7 +132,7 @@ def test_a_diagram_is_drawn_from_what_the_folder_holds(own: Path) -> None:
     again = to_svg(draw(read_picture(text)))
     assert again == runtime.load("line_actuator_failure").diagram()
     (own / DIAGRAM).unlink()
-    assert "This folder holds no diagram" in report(own).html
+    assert "This folder has no diagram" in report(own).html
 
 
 @pytest.fixture(scope="module")

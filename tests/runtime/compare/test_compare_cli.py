@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 import runtime
-from runtime.compare.comparison import compare
-from runtime.compare.runs import open_runs
+from runtime.compare import compare, open_runs
 from tests.conftest import Run
 
 GRAPH = """
@@ -36,7 +35,7 @@ from blocks import Block, Input, Output, Twist, param
 
 
 class Nudge(Block):
-    """Change a command by the smallest step there is, from a time on."""
+    """Change a command by one bit, from a time on."""
 
     command = Input(Twist)
     out = Output(Twist, through="command")
@@ -50,7 +49,7 @@ class Nudge(Block):
 
 @pytest.fixture
 def runs(cli: Run, tmp_path: Path) -> list[str]:
-    """The same graph as it is, nudged after 0.565 s."""
+    """The folders of a run and of the same graph with a change after 0.565 s."""
     (tmp_path / "nudge.py").write_text(NUDGE)
     (tmp_path / "nudged.yaml").write_text(GRAPH)
     graph = runtime.load(tmp_path / "nudged.yaml")
@@ -90,7 +89,7 @@ def test_exact_as_json(cli: Run, runs: list[str], tmp_path: Path) -> None:
     assert pose["rows_differing"] == int(rows.sum())
 
 
-def test_a_run_run_again_is_equal_to_the_bit(cli: Run, runs: list[str], tmp_path: Path) -> None:
+def test_a_repeated_run_has_the_same_bits(cli: Run, runs: list[str], tmp_path: Path) -> None:
     again = json.loads(cli("run", "a/graph.resolved.yaml", "--json", "--no-plots").stdout)["run"]
     done = cli("compare", "a", again, "--exact", "--no-plots")
     assert done.returncode == 0
@@ -101,7 +100,7 @@ def test_a_run_run_again_is_equal_to_the_bit(cli: Run, runs: list[str], tmp_path
     assert all(probes["identical"] for probes in found["probes"].values())
 
 
-def test_code_that_changed_is_told(runs: list[str], tmp_path: Path) -> None:
+def test_changed_code_is_reported(runs: list[str], tmp_path: Path) -> None:
     path = tmp_path / "nudge.py"
     path.write_text(NUDGE.replace("v, omega = command", "v, omega = 2.0 * command[0], command[1]"))
     runtime.load(tmp_path / "nudged.yaml").run().save(tmp_path / "c")
@@ -133,7 +132,7 @@ def test_by_tolerance(cli: Run, runs: list[str], tmp_path: Path) -> None:
     assert (latest / "way.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_three_runs_and_names_of_ones_own(cli: Run, runs: list[str]) -> None:
+def test_three_runs_with_given_labels(cli: Run, runs: list[str]) -> None:
     done = cli("compare", "a", "b", "a", "--labels", "one,two,three", "--no-plots")
     assert done.returncode == 0
     lines = done.stdout.splitlines()
@@ -143,7 +142,7 @@ def test_three_runs_and_names_of_ones_own(cli: Run, runs: list[str]) -> None:
     assert "three against one: 4 of 4 probes are equal" in done.stdout
 
 
-def test_a_run_that_broke_off_is_compared_as_far_as_it_came(
+def test_an_interrupted_run_is_compared_up_to_its_end(
     cli: Run, runs: list[str], tmp_path: Path
 ) -> None:
     graph = (
@@ -168,7 +167,7 @@ run: {until: 0.01}
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["a"], "expected two runs or more, got 1"),
+        (["a"], "expected two or more runs, got 1"),
         (["a", "nowhere"], "there is no 'nowhere'; expected a run folder"),
         (["a", "cut"], "'cut/probes.npz' is damaged"),
         (["a", "text"], "text/graph.resolved.yaml:1:10: not valid YAML"),
@@ -178,7 +177,7 @@ run: {until: 0.01}
         (["a", "b", "--out", "nudge.py"], "cannot write 'nudge.py/"),
     ],
 )
-def test_mistakes_end_with_2_and_one_line(
+def test_errors_end_with_2_and_one_line(
     cli: Run, runs: list[str], tmp_path: Path, arguments: list[str], message: str
 ) -> None:
     runtime.load(_written(tmp_path / "other.yaml", OTHER)).run().save(tmp_path / "other")

@@ -1,4 +1,4 @@
-"""Runs side by side: documents key by key, probes bit by bit and by tolerance, pictures."""
+"""Comparison of runs: documents by key, probes exactly and by tolerance, overlays."""
 
 from __future__ import annotations
 
@@ -13,11 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import runtime
-from runtime.compare.comparison import compare
+from runtime.compare import compare, open_runs
 from runtime.compare.documents import ABSENT, differences, same, text_of
 from runtime.compare.overlay import overlays
 from runtime.compare.probes import pair
-from runtime.compare.runs import open_runs
 from runtime.document.node import parse_yaml
 from runtime.errors import UsageError
 from runtime.observation.run_data import Recording
@@ -37,7 +36,7 @@ DOCUMENTS = st.dictionaries(KEYS, VALUES, max_size=4)
 
 
 def _set(document: Any, path: str, value: Any) -> None:
-    """Change one place of a document, as a difference says."""
+    """Apply a difference to a document."""
     keys = [
         int(k) if k.isdigit() else k for k in path.replace("[", ".").replace("]", "").split(".")
     ]
@@ -59,12 +58,12 @@ def test_differences_turn_one_document_into_the_other(a: Any, b: Any) -> None:
     for item in differences([a, b]):
         assert not same(*item.values)
         _set(turned, item.path, copy.deepcopy(item.values[1]))
-    # An empty section says as much as none.
+    # An empty section is the same as none.
     assert same(_without_empty_sections(turned), _without_empty_sections(b))
 
 
 @given(VALUES)
-def test_a_value_reads_back_from_its_text(value: Any) -> None:
+def test_the_text_of_a_value_is_its_yaml(value: Any) -> None:
     assert same(parse_yaml(text_of({"x": value})[1:-1], "x").plain()["x"], value)
 
 
@@ -106,7 +105,7 @@ def test_the_first_difference_is_found_to_the_bit() -> None:
     other[30:, 1] = np.nextafter(other[30:, 1], np.inf)
     other[44, 0] = 7.0
     found = pair(_recorded(values), _recorded(other), dt=0.001)
-    first = found.first()
+    first = found.first_difference
     assert first is not None
     assert (first.tick, first.column) == (300, "p.1")
     assert first.t == pytest.approx(0.3)
@@ -116,8 +115,8 @@ def test_the_first_difference_is_found_to_the_bit() -> None:
 
 
 def test_bits_count_where_equality_does_not() -> None:
-    assert pair(_recorded([0.0]), _recorded([-0.0]), 0.01).first() is not None
-    assert pair(_recorded([math.nan]), _recorded([math.nan]), 0.01).first() is None
+    assert pair(_recorded([0.0]), _recorded([-0.0]), 0.01).first_difference is not None
+    assert pair(_recorded([math.nan]), _recorded([math.nan]), 0.01).first_difference is None
 
 
 @given(
@@ -132,14 +131,14 @@ def test_columns_agree_with_numpy(rows: Any, rtol: float, atol: float) -> None:
     apart = np.abs(a - b)
     assert column.largest == apart.max()
     assert column.at == pytest.approx(0.01 * apart.argmax())
-    # Squares of the smallest differences vanish in this formula, not in ours.
+    # In this formula, the squares of the smallest differences underflow.
     assert column.rms == pytest.approx(np.sqrt(np.mean(apart**2)), rel=1e-9, abs=1e-150)
     close = np.isclose(b, a, rtol=rtol, atol=atol)
     assert column.beyond == np.count_nonzero(~close)
     assert (column.since is None) == bool(close.all())
 
 
-def test_what_is_no_number_is_beyond_every_tolerance() -> None:
+def test_nan_is_beyond_every_tolerance() -> None:
     inf, nan = math.inf, math.nan
     a, b = [1.0, inf, nan, inf, nan, -inf], [1.0, inf, nan, 1.0, 2.0, inf]
     (column,) = pair(_recorded(a), _recorded(b), 0.01).columns(1.0, 1e9)
@@ -150,16 +149,16 @@ def test_what_is_no_number_is_beyond_every_tolerance() -> None:
 def test_rows_are_matched_by_their_times() -> None:
     every = pair(_recorded(np.arange(10.0)), _recorded(np.arange(0.0, 10.0, 2.0), 0.02), 0.01)
     assert every.t == pytest.approx([0.0, 0.02, 0.04, 0.06, 0.08])
-    assert every.first() is None
+    assert every.first_difference is None
     assert not every.is_whole
     longer = pair(_recorded(np.arange(7.0)), _recorded(np.arange(4.0)), 0.01)
     assert (len(longer.t), longer.rows, longer.is_whole) == (4, (7, 4), False)
 
 
-def test_what_cannot_be_compared_says_why() -> None:
+def test_recordings_that_cannot_be_compared_have_a_reason() -> None:
     wide = pair(_recorded(np.zeros((4, 3))), _recorded(np.zeros((4, 2))), 0.01)
     assert wide.fault == "3 columns in one, 2 in the other"
-    assert wide.first() is None
+    assert wide.first_difference is None
     assert wide.columns(0.0, 0.0) == []
     units = pair(_recorded([0.0]), _recorded([1.0], units=("rad",)), 0.01)
     assert units.fault == "[m] in one, [rad] in the other"
@@ -195,7 +194,7 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     return {name: graph.run().save(root / name) for name, graph in graphs.items()}
 
 
-def test_runs_are_named_by_what_sets_them_apart(folders: dict[str, Path]) -> None:
+def test_runs_are_labelled_by_their_differences(folders: dict[str, Path]) -> None:
     def labels(*names: str) -> list[str]:
         return [run.label for run in open_runs([folders[name] for name in names])]
 
@@ -207,17 +206,17 @@ def test_runs_are_named_by_what_sets_them_apart(folders: dict[str, Path]) -> Non
     assert labels("base", "base") == ["base", "base (2)"]
 
 
-def test_labels_of_ones_own(folders: dict[str, Path]) -> None:
+def test_given_labels(folders: dict[str, Path]) -> None:
     both = [folders["base"], folders["fast"]]
     assert [run.label for run in open_runs(both, ["slow", "fast"])] == ["slow", "fast"]
     for labels in (["one"], ["same", "same"], ["", "b"]):
-        with pytest.raises(UsageError, match="labels? "):
+        with pytest.raises(UsageError, match="expected (a label|distinct and non-empty labels)"):
             open_runs(both, labels)
-    with pytest.raises(UsageError, match="two runs or more, got 1"):
+    with pytest.raises(UsageError, match="two or more runs, got 1"):
         open_runs(both[:1])
 
 
-def test_a_comparison_holds_everything(folders: dict[str, Path]) -> None:
+def test_a_comparison_has_all_differences(folders: dict[str, Path]) -> None:
     runs = open_runs([folders["base"], folders["fast"], folders["without"]])
     found = compare(runs)
     assert [(d.path, d.change) for d in found.graph] == [
@@ -228,11 +227,11 @@ def test_a_comparison_holds_everything(folders: dict[str, Path]) -> None:
     assert fast.missing == {}
     assert without.missing == {"seen": "without seen"}
     assert not fast.is_same
-    # theta is the same at either speed; the way begins to differ one tick after the start.
-    assert [(p.name, place.tick, place.column) for p, place in fast.places] == [
+    # theta is the same at either speed; the position differs from the second tick on.
+    assert [(p.name, at.tick, at.column) for p, at in fast.first_differences] == [
         *(("seen", 1, "seen.measured.x"), ("pose", 5, "plant.pose.x")),
     ]
-    assert without.places == []
+    assert without.first_differences == []
 
 
 def test_causes_come_first_where_ticks_are_equal(folders: dict[str, Path]) -> None:
@@ -249,7 +248,7 @@ def test_probes_can_be_chosen(folders: dict[str, Path]) -> None:
         compare(runs, ["poze"])
 
 
-def test_pictures_show_every_run(folders: dict[str, Path]) -> None:
+def test_overlays_show_every_run(folders: dict[str, Path]) -> None:
     runs = open_runs([folders["base"], folders["fast"]])
     figures = dict(overlays(runs, ["seen", "pose", "plant.pose.theta"]))
     assert set(figures) == {"way", "seen", "pose", "plant.pose.theta"}
@@ -265,7 +264,7 @@ def test_pictures_show_every_run(folders: dict[str, Path]) -> None:
         assert np.array_equal(ways[run.label].get_xydata(), run.result["pose"][:, :2])
 
 
-def test_spikes_and_wide_signals_have_one_course_a_run(tmp_path: Path) -> None:
+def test_spikes_and_wide_signals_have_one_line_per_run(tmp_path: Path) -> None:
     graph = runtime.load(
         {
             "graph": "wide",

@@ -1,4 +1,4 @@
-"""The block diagram: all is in it, nothing covers anything, and it never changes by itself."""
+"""Block diagrams are complete, have no overlaps, and are reproducible."""
 
 from __future__ import annotations
 
@@ -19,12 +19,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import runtime
-from runtime.diagrams.diagram import picture_of, rate_text
 from runtime.diagrams.formats import FORMATS, diagram
-from runtime.diagrams.layout.grid import Cell, Link, find_feedback
-from runtime.diagrams.layout.layout import Layout, arrange
+from runtime.diagrams.layout import Cell, Layout, Link, arrange, find_feedback
 from runtime.diagrams.layout.tracks import Track, assign_slots
-from runtime.diagrams.sheet import Place, Sheet, lay_out
+from runtime.diagrams.picture import picture_of, rate_text
+from runtime.diagrams.sheet import BoxPlacement, Sheet, lay_out
 from runtime.errors import UsageError
 from runtime.network.network import Network
 
@@ -105,7 +104,7 @@ CASES = ("full", "without", "bypass", "nested", "nested_out")
 
 
 def all_wires(net: Network) -> Counter[tuple[str, str, bool]]:
-    """What must be drawn, straight from the network: source, target, whether it is a ghost."""
+    """The wires of a network: source, target, whether it belongs to a removed block."""
     live = ((str(w.source), w.target, False) for w in net.wires)
     return Counter((*live, *((str(w.source), w.target, True) for w in net.removed_wires)))
 
@@ -201,7 +200,7 @@ def test_png_is_a_picture_of_the_same_form_as_the_svg(case: str) -> None:
         assert pixels[int(2 * y), int(2 * x + width), :3].mean() < 0.7
 
 
-def test_svg_stands_by_itself() -> None:
+def test_svg_is_self_contained() -> None:
     text = str(diagram(network("nested"), "svg"))
     root = ET.fromstring(text)
     assert root.get("viewBox") == f"0 0 {root.get('width')} {root.get('height')}"
@@ -224,7 +223,7 @@ def test_a_signal_type_is_written_once_per_output() -> None:
     assert by_name["adaptive.snn_v.output"] == "Vector(1)"
 
 
-def test_what_is_removed_says_so() -> None:
+def test_removed_blocks_are_marked() -> None:
     boxes = picture_of(network("without")).boxes
     assert {n for n, box in boxes.items() if box.fate == "removed"} == {
         *("adaptive.snn_v", "adaptive.snn_omega", "adaptive.join")
@@ -249,11 +248,11 @@ def test_what_is_removed_says_so() -> None:
         *((0.0, "constant"), (1e-4, "10 kHz"), (0.003, "333.3 Hz"), (0.0004, "2.5 kHz")),
     ],
 )
-def test_rates_read_as_people_say_them(period: float, text: str) -> None:
+def test_rates_as_text(period: float, text: str) -> None:
     assert rate_text(period) == text
 
 
-def test_boxes_say_their_rate_and_differ_in_tint() -> None:
+def test_boxes_show_their_rate_and_differ_in_tint() -> None:
     root = ET.fromstring(str(diagram(network("full"), "svg")))
     seen: dict[str, set[str]] = {}
     for group in root.findall(f".//{SVG}g[@data-kind='block']"):
@@ -269,7 +268,7 @@ def test_boxes_say_their_rate_and_differ_in_tint() -> None:
     assert {t.text for t in legend.iter(f"{SVG}text")} == seen.keys()
 
 
-def corners(place: Place) -> tuple[float, float, float, float]:
+def corners(place: BoxPlacement) -> tuple[float, float, float, float]:
     return place.x, place.y, place.x + place.width, place.y + place.height
 
 
@@ -335,7 +334,7 @@ def test_the_flow_reads_from_left_to_right(case: str) -> None:
     assert back == {(("plant", "pose"), (name, "pose")) for name in ("match", "error")}
 
 
-def test_a_part_is_opened_where_its_output_comes_from_memory() -> None:
+def test_a_loop_through_a_part_is_opened_at_an_output_without_feedthrough() -> None:
     sheet = sheet_of("nested")
     back = {
         (sheet.picture.nets[i].source, target)
@@ -349,7 +348,7 @@ def test_a_part_is_opened_where_its_output_comes_from_memory() -> None:
 
 
 def test_case_a_has_few_crossings() -> None:
-    """Two are forced: from below, error.pose and the way round of the pose cross one wire each."""
+    """Two are unavoidable: error.pose and the feedback of the pose cross one wire each."""
     sheet = sheet_of("full")
     runs = [(i, *run_box(a, b)) for (i, _), line in sheet.lines.items() for a, b in pairwise(line)]
     crossings = {
@@ -380,7 +379,9 @@ def graphs(draw: st.DrawFn) -> tuple[list[Cell], list[Link]]:
             if draw(st.integers(0, 4)):
                 wires.setdefault(draw(st.sampled_from(ends)), []).append((cell.name, pin))
     links = [
-        Link(source, tuple(targets), holds=draw(st.booleans()), label=draw(st.integers(0, 60)))
+        Link(
+            source, tuple(targets), breaks_loop=draw(st.booleans()), label=draw(st.integers(0, 60))
+        )
         for source, targets in wires.items()
     ]
     return cells, links
@@ -389,7 +390,7 @@ def graphs(draw: st.DrawFn) -> tuple[list[Cell], list[Link]]:
 def cell_boxes(cells: list[Cell], layout: Layout) -> dict[str, tuple[float, float, float, float]]:
     found = {}
     for cell in cells:
-        x, y = layout.places[cell.name]
+        x, y = layout.positions[cell.name]
         found[cell.name] = x, y, x + cell.width, y + cell.height
     return found
 
@@ -439,7 +440,7 @@ def test_wires_of_different_outputs_never_lie_on_each_other(
 
 @SLOW
 @given(graphs())
-def test_without_the_feedback_no_loop_is_left(graph: tuple[list[Cell], list[Link]]) -> None:
+def test_without_the_feedback_there_is_no_loop(graph: tuple[list[Cell], list[Link]]) -> None:
     import networkx as nx
 
     cells, links = graph
@@ -448,7 +449,7 @@ def test_without_the_feedback_no_loop_is_left(graph: tuple[list[Cell], list[Link
     forward = nx.DiGraph([(u, v) for u, v, i in wires if (i, v) not in back])
     assert nx.is_directed_acyclic_graph(forward)
     for i, name in back:
-        # Each of them closes a loop: none was turned back needlessly.
+        # Each of them closes a loop, so that none is reversed needlessly.
         source = links[i].source[0]
         assert source == name or nx.has_path(forward, name, source)
 
@@ -459,12 +460,13 @@ def pin_cell(name: str, ins: int, outs: int) -> Cell:
     return Cell(name, 80, 80, *pins, *ys)
 
 
-def test_a_loop_is_opened_behind_the_memory() -> None:
+def test_a_loop_is_opened_at_an_output_without_feedthrough() -> None:
     names = ["plant", "sensor", "law"]
     wires = [("plant", "sensor"), ("sensor", "law"), ("law", "plant")]
     for remembers in range(3):
         links = [
-            Link((u, "o"), ((v, "i"),), holds=k == remembers) for k, (u, v) in enumerate(wires)
+            Link((u, "o"), ((v, "i"),), breaks_loop=k == remembers)
+            for k, (u, v) in enumerate(wires)
         ]
         assert find_feedback(names, links) == {(remembers, wires[remembers][1])}
 
@@ -488,13 +490,13 @@ def test_boxes_are_ordered_so_that_trees_do_not_cross() -> None:
     links = [Link(("root", "o0"), tuple((f"m{k}", "i0") for k in range(3)))]
     links += [Link((f"m{k}", "o0"), ((f"leaf{k}", "i0"), (f"leaf{5 - k}", "i0"))) for k in range(3)]
     layout = arrange(cells, links)
-    heights = {name: y for name, (_, y) in layout.places.items()}
+    heights = {name: y for name, (_, y) in layout.positions.items()}
     parents = sorted(range(3), key=lambda k: heights[f"m{k}"])
     leaves = sorted(range(6), key=lambda k: heights[f"leaf{k}"])
     assert [min(k, 5 - k) for k in leaves] == [k for k in parents for _ in range(2)]
 
 
-def test_wires_that_swap_places_take_a_detour() -> None:
+def test_wires_that_exchange_heights_take_a_detour() -> None:
     one, other = Track([10.0], [50.0]), Track([50.0], [10.0])
     assert assign_slots([one, other]) == 3
     (detour,) = [track for track in (one, other) if track.then is not None]
@@ -509,10 +511,10 @@ def test_a_block_may_feed_itself() -> None:
     layout = arrange([cell], [Link(("alone", "o0"), (("alone", "i0"),))])
     (line,) = layout.routes.values()
     assert layout.feedback == {(0, ("alone", "i0"))}
-    assert max(y for _, y in line) > layout.places["alone"][1] + cell.height
+    assert max(y for _, y in line) > layout.positions["alone"][1] + cell.height
 
 
-def test_long_wires_are_straight_and_boxes_give_way() -> None:
+def test_long_wires_are_straight() -> None:
     cells = [pin_cell("a", 0, 2), *(pin_cell(f"b{k}", 1, 1) for k in range(4)), pin_cell("c", 2, 0)]
     links = [Link(("a", "o0"), (("b0", "i0"),)), Link(("b3", "o0"), (("c", "i0"),))]
     links += [Link((f"b{k}", "o0"), ((f"b{k + 1}", "i0"),)) for k in range(3)]
@@ -520,7 +522,7 @@ def test_long_wires_are_straight_and_boxes_give_way() -> None:
     layout = arrange(cells, links)
     long = layout.routes[len(links) - 1, ("c", "i1")]
     assert len(long) <= 6
-    xs = [layout.places[name][0] for name in ("a", "b0", "b1", "b2", "b3", "c")]
+    xs = [layout.positions[name][0] for name in ("a", "b0", "b1", "b2", "b3", "c")]
     assert xs == sorted(xs)
 
 

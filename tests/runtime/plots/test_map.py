@@ -1,4 +1,4 @@
-"""Pictures of a world show the walls and the data as they are; their options are checked."""
+"""Maps, wall distances and scans show the recorded data; their options are checked."""
 
 from __future__ import annotations
 
@@ -20,7 +20,8 @@ from blocks.world.world import World
 from runtime.errors import GraphError, UsageError
 from runtime.observation.reader import PlotSpec
 from runtime.observation.run_data import Recording
-from runtime.plots import animation, scans, walls
+from runtime.plots import animate, animated, scans
+from runtime.plots import map as maps
 from runtime.plots.figures import draw
 from runtime.runs.result import Result
 
@@ -45,7 +46,7 @@ PLOTS: dict[str, dict[str, Any]] = {
 
 
 def graph(**changes: Any) -> dict[str, Any]:
-    """A robot with a LiDAR that drives an arc past walls, whatever it sees."""
+    """A robot with a LiDAR that drives an arc past walls."""
     plain: dict[str, Any] = {
         "graph": "arc",
         "run": {"dt": 0.01, "until": 1.5, "seed": 0},
@@ -92,7 +93,7 @@ def picture(run: Result, name: str) -> Figure:
 
 
 def line(axes: Axes, label: str) -> FloatArray:
-    """What the line of that label shows, (points, 2)."""
+    """The points of the line with a label, (points, 2)."""
     (found,) = [item for item in axes.lines if item.get_label() == label]
     return np.asarray(found.get_xydata(), dtype=np.float64)
 
@@ -104,14 +105,14 @@ def body(axes: Axes) -> Circle:
 
 
 def problems(**plot: Any) -> list[str]:
-    """What is wrong with a graph whose only plot is this one."""
+    """The error of a graph whose only plot is this one."""
     with pytest.raises(GraphError) as caught:
         runtime.load(graph(plots={"p": plot})).check()
     return [f"{problem.address}: {problem.text}" for problem in caught.value.problems]
 
 
 class TestMap:
-    def test_shows_the_way_and_its_dots(self, run: Result) -> None:
+    def test_shows_the_trajectory_and_its_dots(self, run: Result) -> None:
         axes = picture(run, "room").axes[0]
         pose = run["pose"]
         np.testing.assert_array_equal(line(axes, "trajectory"), pose[:, :2])
@@ -144,7 +145,7 @@ class TestMap:
         ahead = [x + 0.1 * math.cos(theta), y + 0.1 * math.sin(theta)]
         assert any(np.allclose(item.get_xydata()[-1:], ahead) for item in axes.lines)
 
-    def test_same_scale_both_ways(self, run: Result) -> None:
+    def test_both_axes_have_the_same_scale(self, run: Result) -> None:
         assert picture(run, "room").axes[0].get_aspect() == 1.0
 
     def test_no_reference_points_before_engagement(self) -> None:
@@ -156,10 +157,10 @@ class TestMap:
     def test_obstacles_are_closed_and_in_view(self) -> None:
         axes = Figure().subplots()
         world = World({"obstacles": [[[1, 0], [2, 0], [2, 1], [1, 1]]]})
-        walls.draw_world(axes, world)
+        maps.draw_world(axes, world)
         corners = np.asarray(axes.patches[0].get_path().vertices)
         np.testing.assert_array_equal(corners[0], corners[-1])
-        low, high = walls.view(world, np.array([[0.0, 0.0], [np.nan, 1.0]]))
+        low, high = maps.view_limits(world, np.array([[0.0, 0.0], [np.nan, 1.0]]))
         assert (low < [0.0, 0.0]).all()
         assert (high > [2.0, 1.0]).all()
 
@@ -186,10 +187,10 @@ class TestScans:
             assert len(points) > 100
             assert np.abs(World(ROOM).distance(points)).max() < 0.06  # six sigma
 
-    def test_wall_and_path_of_that_moment(self, run: Result) -> None:
+    def test_wall_and_path_at_that_time(self, run: Result) -> None:
         plot = next(plot for plot in run.plots if plot.name == "scans")
         figure = picture(run, "scans")
-        for axes, t in zip(figure.axes, scans.moments(plot, run), strict=True):
+        for axes, t in zip(figure.axes, scans.panel_times(plot, run), strict=True):
             row = int((t + 1e-9) / 0.1)
             np.testing.assert_array_equal(
                 line(axes, "reference path"), run["fitter.path"][row, :, :2]
@@ -198,27 +199,27 @@ class TestScans:
             kept = wall[np.isfinite(wall).all(axis=1)]
             np.testing.assert_array_equal(kept, run["fitter.wall"][row])
 
-    def test_moments(self, run: Result) -> None:
+    def test_panel_times(self, run: Result) -> None:
         plot = PlotSpec("p", "scans", ("pose", "lidar.scan"), "P", {"at": [0.4, 0.9, 7.0]})
-        assert scans.moments(plot, run) == [0.4, 0.9]
+        assert scans.panel_times(plot, run) == [0.4, 0.9]
         assert len(draw(plot, run).axes) == 2
-        assert scans.moments(PlotSpec("p", "scans", ("pose",), "P", {"at": 9}), run) == [1.5]
+        assert scans.panel_times(PlotSpec("p", "scans", ("pose",), "P", {"at": 9}), run) == [1.5]
 
     def test_bearings_and_radius_come_from_the_blocks(self, run: Result) -> None:
         plot = next(plot for plot in run.plots if plot.name == "scans")
         assert plot.options["angles"] == [-2.0, 1.5]
         assert plot.options["body_radius"] == 0.1
 
-    def test_misses_are_left_out(self) -> None:
+    def test_beams_without_a_hit_are_left_out(self) -> None:
         scan = np.array([1.0, np.inf, np.nan, 2.0])
-        points = walls.scan_points(scan, np.array([1.0, 1.0, math.pi / 2.0]), (0.0, math.tau))
+        points = maps.scan_points(scan, np.array([1.0, 1.0, math.pi / 2.0]), (0.0, math.tau))
         np.testing.assert_allclose(points, [[1.0, 2.0], [3.0, 1.0]])
 
     def test_several_walls_are_not_joined(self) -> None:
         x = np.array([0.0, 0.1, 0.2, 2.0, 2.1])
-        broken = walls.broken(np.column_stack([x, x]))
+        broken = maps.split_curves(np.column_stack([x, x]))
         assert np.flatnonzero(np.isnan(broken[:, 0])).tolist() == [3]
-        assert len(walls.broken(np.ones((3, 2)))) == 3
+        assert len(maps.split_curves(np.ones((3, 2)))) == 3
 
 
 class TestOptions:
@@ -280,11 +281,11 @@ class TestOptions:
         (message,) = problems(kind="wall_distance", of=["pose", "match.reference"], distance=0.2)
         assert message == "plots.p.of: expected one Pose, got 2 signals"
 
-    def test_flat_pictures_take_none(self) -> None:
+    def test_other_plots_have_no_such_options(self) -> None:
         (message,) = problems(kind="timeseries", of="pose", distance=0.2)
         assert message == "plots.p.distance: unknown key; expected kind, of, title"
 
-    def test_what_is_gone_falls_away(self) -> None:
+    def test_removed_signals_are_left_out(self) -> None:
         cut = runtime.load(graph()).without("match", "fitter").run()
         assert [plot.of for plot in cut.plots] == [("pose",), ("pose",), ("pose", "lidar.scan")]
         assert all(isinstance(cut.plot(plot.name), Figure) for plot in cut.plots)
@@ -322,8 +323,8 @@ class TestAnimation:
     def test_is_a_gif_that_moves(
         self, run: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(animation, "FRAMES", 8)
-        file = animation.animate(run, tmp_path / "new" / "run.gif")
+        monkeypatch.setattr(scans, "FRAMES", 8)
+        file = animate(run, tmp_path / "new" / "run.gif")
         with Image.open(file) as gif:
             assert gif.format == "GIF"
             assert getattr(gif, "n_frames", 0) == 8
@@ -333,7 +334,7 @@ class TestAnimation:
         assert first.shape == last.shape
         assert np.abs(first - last).max() > 100
 
-    def test_of_a_run_that_never_began(self, run: Result, tmp_path: Path) -> None:
+    def test_of_a_run_without_ticks(self, run: Result, tmp_path: Path) -> None:
         none = {
             name: Recording(
                 name, r.t[:0], r.values[:0], r.labels, r.units, r.kinds, dict(r.addresses)
@@ -341,13 +342,13 @@ class TestAnimation:
             for name, r in run.probes.items()
         }
         failed = Result("f", none, {}, run.plots, {"ticks": 0, "status": "failed"}, world=run.world)
-        assert animation.animate(failed, tmp_path / "f.gif").exists()
+        assert animate(failed, tmp_path / "f.gif").exists()
 
-    def test_wants_a_plot_of_scans_and_a_world(self, run: Result) -> None:
+    def test_needs_a_plot_of_scans_and_a_world(self, run: Result) -> None:
         with pytest.raises(UsageError, match="no world; give it a world: section"):
-            animation.animated(run.plots, None)
+            animated(run.plots, None)
         with pytest.raises(UsageError, match=r"add one, as in 'plots: \{scans: \{kind: scans"):
-            animation.animated(run.plots[:2], run.world)
+            animated(run.plots[:2], run.world)
 
     def test_refused_before_the_run(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -367,7 +368,7 @@ class TestAnimation:
     ) -> None:
         from runtime.cli import run as cli
 
-        monkeypatch.setattr(animation, "FRAMES", 3)
+        monkeypatch.setattr(scans, "FRAMES", 3)
         run = ["run", "wall_following", "--until", "0.5", "--animate", "--no-plots", "-q"]
         assert cli([*run, "--out", str(tmp_path)]) == 0
         assert "plots/animation.gif" in capsys.readouterr().out
@@ -377,6 +378,6 @@ class TestAnimation:
 
 def test_robot_without_known_radius() -> None:
     axes = Figure().subplots()
-    walls.Robot(axes, None).put(np.array([1.0, 2.0, 0.0]))
+    maps.Robot(axes, None).move(np.array([1.0, 2.0, 0.0]))
     assert body(axes).get_center() == (1.0, 2.0)
     assert isinstance(axes.lines[0], Line2D)

@@ -1,4 +1,4 @@
-"""Pictures show the data that they were given, say what it is, and never fail for want of it."""
+"""Figures show and label the recorded data, and are drawn even when there is none."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def lines(axes: Axes) -> dict[str, Line2D]:
 
 
 def xy(line: Line2D) -> FloatArray:
-    """What a line shows, as (points, 2)."""
+    """The points of a line, (points, 2)."""
     return np.asarray(line.get_xydata(), dtype=np.float64)
 
 
@@ -151,7 +151,7 @@ class TestAllKinds:
         assert axes.get_title(loc="left") == "Errors"
         assert "demo  ·  without adaptive  ·  bypassing limit" in texts(axes)
 
-    def test_powers_of_ten_do_not_overprint_the_subtitle(self) -> None:
+    def test_powers_of_ten_do_not_overlap_the_subtitle(self) -> None:
         figure = picture("timeseries", vector("a", np.linspace(0.0, 3e-5, 20)[:, None]))
         rendered(figure)
         axes = figure.axes[0]
@@ -160,12 +160,12 @@ class TestAllKinds:
         assert "10^{-5}" in power.get_text().replace("\N{MINUS SIGN}", "-")
         assert not power.get_window_extent().overlaps(below.get_window_extent())
 
-    def test_subtitle_names_blocks_that_were_not_asked_for_as_a_part(self) -> None:
+    def test_subtitle_names_blocks_that_were_not_removed_as_a_part(self) -> None:
         removed = {f"part.b{i}": "without" for i in range(5)}
         message = style.subtitle(result(removed=removed))
         assert message == "demo  ·  without part.b0, part.b1, part.b2 and 2 more"
 
-    def test_subtitle_says_where_a_run_broke_off(self) -> None:
+    def test_subtitle_has_the_end_of_an_interrupted_run(self) -> None:
         message = style.subtitle(result(status="interrupted", ticks=1234))
         assert message == "demo  ·  interrupted at 1.234 s"
 
@@ -175,7 +175,7 @@ class TestAllKinds:
 
     @pytest.mark.parametrize("rows", [0, 1, 2])
     @pytest.mark.parametrize("kind", KINDS)
-    def test_runs_that_broke_off_early(self, kind: str, rows: int) -> None:
+    def test_runs_that_were_interrupted_early(self, kind: str, rows: int) -> None:
         probes = {
             "timeseries": vector("a", np.ones((rows, 3)), "m"),
             "trajectory": pose("p", np.ones((rows, 3))),
@@ -199,12 +199,12 @@ class TestAllKinds:
         with pytest.raises(UsageError, match="'gone', which was not recorded"):
             draw(PlotSpec("p", "heatmap", ("gone",), "P"), result(walk()))
 
-    def test_settings_of_others_stay_as_they_were(self) -> None:
+    def test_matplotlib_settings_are_not_changed(self) -> None:
         before = dict(matplotlib.rcParams)
         rendered(picture("trajectory", walk(), far_path()))
         assert dict(matplotlib.rcParams) == before
 
-    def test_pyplot_stays_out(self) -> None:
+    def test_pyplot_is_not_imported(self) -> None:
         script = (
             "import sys, tempfile, pathlib, runtime, runtime.plots.figures\n"
             "graph = runtime.Graph('g', dt=0.01, until=0.1)\n"
@@ -285,7 +285,7 @@ class TestTimeseries:
         np.testing.assert_array_equal(drawn, values)
         assert len({str(line.get_color()) for line in lines(axes).values()}) == 100
 
-    def test_ten_lines_can_be_told_apart(self) -> None:
+    def test_ten_lines_are_distinguishable(self) -> None:
         axes = picture("timeseries", vector("a", np.ones((5, 10)))).axes[0]
         looks = {(line.get_color(), line.get_linestyle()) for line in lines(axes).values()}
         assert len(looks) == 10
@@ -324,7 +324,7 @@ class TestTimeseries:
 
 
 class TestTrajectory:
-    def test_the_way_is_the_recorded_one(self, circle: Result) -> None:
+    def test_the_trajectory_is_the_recorded_one(self, circle: Result) -> None:
         axes = draw(circle.plots[0], circle).axes[0]
         assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [m]", "y [m]")
         assert axes.get_title(loc="left") == "Round"
@@ -340,7 +340,7 @@ class TestTrajectory:
         for name, row in (("start", way[0]), ("end", way[-1])):
             np.testing.assert_array_equal(xy(lines(axes)[name])[0], row)
 
-    def test_triangles_point_where_the_robot_heads(self) -> None:
+    def test_triangles_point_along_the_heading(self) -> None:
         rows = walk().values
         axes = picture("trajectory", walk()).axes[0]
         small, big = (c for c in axes.collections if isinstance(c, Quiver))
@@ -374,7 +374,7 @@ class TestTrajectory:
         assert (height > width) == turned
         assert min(width, height) > 2.0
 
-    def test_the_view_holds_the_poses_and_the_path_beside_them_alone(self) -> None:
+    def test_the_view_shows_the_poses_and_the_nearest_part_of_the_path(self) -> None:
         axes = picture("trajectory", walk(), far_path()).axes[0]
         (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
         assert left < 0.0 < 20.0 < right < 25.0
@@ -384,7 +384,7 @@ class TestTrajectory:
         axes = picture("trajectory", walk(), pose("odometry.pose", walk().values + 0.1)).axes[0]
         assert lines(axes)["plant.pose"].get_color() != lines(axes)["odometry.pose"].get_color()
 
-    def test_a_moving_path_is_drawn_as_it_was_last(self) -> None:
+    def test_the_last_row_of_a_moving_path_is_drawn(self) -> None:
         first, last = np.zeros((6, 2)), np.arange(12.0).reshape(6, 2)
         axes = picture("trajectory", path("plan", first, first, last)).axes[0]
         np.testing.assert_array_equal(xy(lines(axes)["plan"]), last)
@@ -421,7 +421,7 @@ class TestRaster:
         assert (below.get_ylabel(), below.get_xlabel()) == ("mean rate [Hz]", "time [s]")
         assert above.get_xlim() == below.get_xlim()
 
-    def test_neurons_of_opposite_encoders_end_up_at_opposite_ends(self) -> None:
+    def test_neurons_of_opposite_encoders_are_at_opposite_ends(self) -> None:
         early = np.arange(1000) < 500
         kind = np.random.default_rng(2).permutation(np.repeat([True, False], 10))
         firing = early[:, None] == kind[None, :]
@@ -452,12 +452,12 @@ class TestRaster:
         (line,) = lines(below).values()
         np.testing.assert_allclose(xy(line)[:, 1], 100.0)
 
-    def test_silence(self) -> None:
+    def test_no_spikes(self) -> None:
         figure = picture("raster", spikes("s", np.zeros((100, 5))))
         assert rendered(figure)
         assert "no spikes" in texts(figure.axes[0])
 
-    def test_ticks_that_were_not_recorded_are_owned_up_to(self) -> None:
+    def test_ticks_that_were_not_recorded_are_noted(self) -> None:
         values = 1000.0 * (np.random.default_rng(4).random((200, 5)) < 0.2)
         figure = picture("raster", spikes("s", values, dt=10 * DT))
         assert any("1 tick in 10 recorded" in text for text in texts(figure.axes[-1]))
@@ -491,12 +491,12 @@ class TestRaster:
         (marks,), (rate,) = lines(above).values(), lines(below).values()
         assert len(xy(marks)) == np.count_nonzero(run["snn.spikes"])
         assert np.isfinite(xy(rate)).all()
-        # Boxcar means keep the whole, but for the ends of the run.
+        # A moving mean keeps the total, except at the ends of the run.
         assert xy(rate)[:, 1].mean() == pytest.approx(run["snn.spikes"].mean(), rel=0.1)
 
 
 class TestHeatmap:
-    def test_both_signs_diverge_about_zero(self) -> None:
+    def test_values_of_both_signs_have_a_diverging_colour_map(self) -> None:
         values = np.random.default_rng(6).normal(size=(50, 30)) + 0.5
         axes, bar = picture("heatmap", vector("snn.w", values, "V")).axes
         (image,) = axes.images
@@ -511,7 +511,7 @@ class TestHeatmap:
         )
         np.testing.assert_allclose(image.get_extent(), (0.0, 0.05, -0.5, 29.5))
 
-    def test_one_sign_is_sequential(self) -> None:
+    def test_values_of_one_sign_have_a_sequential_colour_map(self) -> None:
         values = np.linspace(1.0, 2.0, 60).reshape(20, 3)
         (image,) = picture("heatmap", vector("w", values)).axes[0].images
         assert image.get_cmap().name == "viridis"
@@ -593,8 +593,8 @@ class TestNames:
             (["a_rather_long_name.of_it"], "rad/s", "a_rather_long_name.of_it\n[rad/s]"),
         ],
     )
-    def test_axis_name(self, labels: list[str], unit: str, expected: str) -> None:
-        assert style.axis_name(labels, unit) == expected
+    def test_axis_label(self, labels: list[str], unit: str, expected: str) -> None:
+        assert style.axis_label(labels, unit) == expected
 
 
 @given(
@@ -612,7 +612,7 @@ def test_thinning_keeps_points_ends_and_extremes(y: Any, most: int) -> None:
 
 
 @given(st.integers(1, 60), st.integers(1, 20))
-def test_pooling_takes_means_of_equal_stretches(rows: int, size: int) -> None:
+def test_block_means_are_means_of_equal_blocks(rows: int, size: int) -> None:
     values = np.random.default_rng(rows).normal(size=(rows, 3))
     expected = [values[i : i + size].mean(axis=0) for i in range(0, rows, size)]
-    np.testing.assert_allclose(style.pool(values, size), expected)
+    np.testing.assert_allclose(style.block_means(values, size), expected)

@@ -1,4 +1,4 @@
-"""Pictures and films of a run: what is where in them, and what is said when there are none."""
+"""Pictures and films of a run: positions in them, and the errors when there are none."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def drawn(script: Path, run_folder: Path, tmp_path_factory: pytest.TempPathFacto
 
 
 def pixel(motion: Motion, x: float, y: float) -> tuple[int, int]:
-    """Row and column of a place in a picture from above."""
+    """Row and column of a position in a picture from above."""
     extent = extent_of(motion.world, motion.states[:, 1:3])
     scale = HEIGHT / (2.0 * extent.reach)
     return round(HEIGHT / 2 - (y - extent.y) * scale), round(HEIGHT / 2 + (x - extent.x) * scale)
@@ -60,7 +60,7 @@ def around(image: np.ndarray, at: tuple[int, int], half: int = 3) -> np.ndarray:
     return image[row - half : row + half + 1, column - half : column + half + 1].reshape(-1, 3)
 
 
-def test_robot_way_and_hits_are_where_they_were(drawn: Path, run_folder: Path) -> None:
+def test_robot_trail_and_hits_are_in_their_positions(drawn: Path, run_folder: Path) -> None:
     motion = recorded_motion(run_folder)
     with Image.open(drawn / "render.png") as opened:
         image = np.asarray(opened).astype(int)
@@ -73,12 +73,12 @@ def test_robot_way_and_hits_are_where_they_were(drawn: Path, run_folder: Path) -
     for angle in np.arange(4) * 0.5 * math.pi + 0.7:
         beside = way[-1] + 0.1 * np.array([math.cos(angle), math.sin(angle)])
         assert around(image, pixel(motion, *beside)).mean() < 80
-    # The way is green, as far as the hull does not cover it.
+    # The trail is green where the hull does not cover it.
     shown = way[np.hypot(*(way - way[-1]).T) > 0.2]
     greens = [(around(image, pixel(motion, *p)) @ (-1, 2, -1)).max() > 60 for p in shown]
     assert len(shown) > 20
     assert np.mean(greens) > 0.95
-    # Red marks lie on surfaces: nowhere else.
+    # Red marks are only on surfaces.
     marks = np.argwhere((red > 180) & (green < 100) & (blue < 100))
     extent = extent_of(motion.world, way)
     scale = 2.0 * extent.reach / HEIGHT
@@ -93,7 +93,7 @@ def test_robot_way_and_hits_are_where_they_were(drawn: Path, run_folder: Path) -
     assert np.abs(motion.world.distance(places[from_robot])).max() < 0.04
 
 
-def test_the_film_has_its_pictures(drawn: Path) -> None:
+def test_the_film_has_all_frames(drawn: Path) -> None:
     decode = (imageio_ffmpeg.get_ffmpeg_exe(), "-loglevel", "error", "-i")
     raw = ("-f", "rawvideo", "-pix_fmt", "rgb24", "-")
     done = subprocess.run([*decode, str(drawn / "render.mp4"), *raw], capture_output=True)
@@ -124,7 +124,7 @@ def test_the_motion_is_what_was_recorded(run_folder: Path) -> None:
     assert motion.robot.body_radius == 0.17
 
 
-def test_an_extent_holds_everything() -> None:
+def test_an_extent_covers_everything() -> None:
     world = World({"circles": [[1.0, 0.0, 0.5]]})
     extent = extent_of(world, np.array([[-2.0, 0.0], [0.0, 1.0]]))
     assert (extent.x, extent.y) == (-0.25, 0.25)
@@ -144,7 +144,7 @@ def test_runs_with_nothing_to_draw(cli: Run, run_folder: Path, tmp_path: Path) -
     assert "record them with probes: {physics: {of: plant.physics, every: 50}}" in done.stderr
     done = cli("render", str(run_folder), "--from", "4")
     assert done.returncode == 2
-    assert done.stderr == "no film begins at 4 s: the run was recorded to 3.95 s\n"
+    assert done.stderr == "the film cannot begin at 4 s: the recording ends at 3.95 s\n"
     done = cli("render", str(tmp_path / "nowhere"))
     assert done.returncode == 2
     assert "expected a run folder" in done.stderr
@@ -152,7 +152,7 @@ def test_runs_with_nothing_to_draw(cli: Run, run_folder: Path, tmp_path: Path) -
         recorded_motion(run_folder, "plnt")
 
 
-def test_what_is_missing_is_named(cli: Run, run_folder: Path, tmp_path: Path) -> None:
+def test_missing_libraries_are_named(cli: Run, run_folder: Path, tmp_path: Path) -> None:
     package = tmp_path / "hidden" / "imageio_ffmpeg"
     package.mkdir(parents=True)
     (package / "__init__.py").write_text("raise ImportError('not here')", encoding="utf-8")
@@ -178,7 +178,7 @@ def test_what_is_missing_is_named(cli: Run, run_folder: Path, tmp_path: Path) ->
         (("--view", "below"), "invalid choice: 'below'"),
     ],
 )
-def test_options_that_cannot_be(cli: Run, arguments: tuple[str, str], message: str) -> None:
+def test_invalid_options(cli: Run, arguments: tuple[str, str], message: str) -> None:
     done = cli("render", "nowhere", *arguments)
     assert done.returncode == 2
     assert message in done.stderr

@@ -1,4 +1,4 @@
-"""Reports of sweeps and ablations: the numbers of their indexes, computed anew here."""
+"""Reports of sweeps and ablations show the statistics of their indexes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import pytest
 from scipy import stats
 
 from runtime.errors import UsageError
-from runtime.reports.report import report
+from runtime.reports import report
 from runtime.reports.schema import check
 from tests.browser import elements, find, load, measure, rows
 from tests.runtime.experiments.graphs import MODULE
@@ -41,7 +41,7 @@ metrics:
 
 @pytest.fixture(scope="module")
 def folders(script: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """An ablation, and sweeps over one knob and over three, half of whose points fail."""
+    """An ablation, and sweeps over one factor and over three, half of whose trials fail."""
     root = tmp_path_factory.mktemp("experiments")
     (root / "own.py").write_text(MODULE)
     (root / "draw.yaml").write_text(GRAPH)
@@ -84,7 +84,7 @@ def _interval(text: str) -> list[float]:
     return [_number(end) for end in text.strip("[]").split(", ")]
 
 
-def test_pages_load_without_a_word_and_fit_a_phone(pages: dict[str, Path]) -> None:
+def test_pages_load_without_messages_and_fit_a_phone(pages: dict[str, Path]) -> None:
     for page in (pages["ablation"], pages["three"]):
         loaded = load(page)
         assert loaded.console == []
@@ -94,7 +94,7 @@ def test_pages_load_without_a_word_and_fit_a_phone(pages: dict[str, Path]) -> No
     assert found["wide"] == []
 
 
-def test_an_ablations_table_says_what_its_index_says(
+def test_the_table_of_an_ablation_agrees_with_its_index(
     folders: dict[str, Path], pages: dict[str, Path]
 ) -> None:
     index = _index(folders["ablation"])
@@ -119,7 +119,7 @@ def test_an_ablations_table_says_what_its_index_says(
         low, high = stats.t.interval(0.95, SEEDS - 1, apart.mean(), stats.sem(apart))
         assert _number(row[4]) == pytest.approx(apart.mean(), rel=1e-3)
         assert _interval(row[5]) == pytest.approx([low, high], rel=1e-3)
-    # What is drawn does not hang on what comes after it.
+    # The blocks after it do not affect it.
     assert {row[7] for row in table[1:3]} == {"equal"}
     groups = [e.text for e in find(html, "th", scope="rowgroup")]
     assert groups == ["drawn", "total", "above_two"]
@@ -141,7 +141,7 @@ def test_an_ablation_shows_its_figure_and_a_diagram_for_each_variant(
     assert len(ids) == len(set(ids))
 
 
-def test_a_sweeps_tables_say_what_its_index_says(
+def test_the_tables_of_a_sweep_agree_with_its_index(
     folders: dict[str, Path], pages: dict[str, Path]
 ) -> None:
     index = _index(folders["one"])
@@ -150,7 +150,7 @@ def test_a_sweeps_tables_say_what_its_index_says(
         level: np.mean([float(r["total"]) for r in index if float(r["draw.level"]) == level])
         for level in (-1.0, 0.5, 2.0)
     }
-    best = rows(html, "best settings")
+    best = rows(html, "best configurations")
     assert [float(row[0]) for row in best] == sorted(means, key=lambda v: -means[v])
     heads = [e.text for e in find(html, "th", scope="col")]
     # The objective comes first.
@@ -162,34 +162,34 @@ def test_a_sweeps_tables_say_what_its_index_says(
         assert _number(row[2]) == pytest.approx(means[float(row[0])], rel=1e-3)
         assert _interval(row[3]) == pytest.approx([low, high], rel=1e-3)
     facts = dict(zip(*[[e.text for e in find(html, tag)] for tag in ("dt", "dd")], strict=True))
-    assert (facts["points"], facts["settings"], facts["seeds"]) == ("12", "3", "0..3")
+    assert (facts["trials"], facts["configurations"], facts["seeds"]) == ("12", "3", "0..3")
 
 
-def test_points_that_failed_are_counted_with_their_reason(pages: dict[str, Path]) -> None:
+def test_failed_trials_are_counted_by_reason(pages: dict[str, Path]) -> None:
     html = pages["three"].read_text(encoding="utf-8")
     (lead,) = find(html, "p", class_="lead")
     assert lead.text.endswith("draw.how = [fine, raise], to minimize drawn.")
-    assert rows(html, "points by status") == [["failed", "24"], ["ok", "24"]]
+    assert rows(html, "trials by status") == [["failed", "24"], ["ok", "24"]]
     reasons = rows(html, "reasons")
     assert all("it broke, on purpose" in reason for reason, _ in reasons)
     assert sum(int(count) for _, count in reasons) == 24
-    every = rows(html, "all settings")
+    every = rows(html, "all configurations")
     assert len(every) == 12
     assert [row[3] for row in every if row[2] == "raise"] == [f"0/{SEEDS}"] * 6
     assert {row[4] for row in every if row[2] == "raise"} == {"–"}
 
 
-def test_figures_of_a_sweep_hang_on_its_number_of_knobs(pages: dict[str, Path]) -> None:
+def test_figures_of_a_sweep_depend_on_its_number_of_factors(pages: dict[str, Path]) -> None:
     one, three = (pages[name].read_text(encoding="utf-8") for name in ("one", "three"))
     (caption,) = find(one, "figcaption")
-    assert "along the knob" in caption.text
+    assert "over the factor" in caption.text
     captions = [e.text for e in find(three, "figcaption")]
     assert [text.split(":")[1].split(",")[0] for text in captions] == [
         *(" drawn", " total", " above_two"),
     ]
 
 
-def test_a_sweep_that_is_not_complete_is_reported_as_far_as_it_came(
+def test_a_sweep_that_is_not_complete_is_reported_up_to_where_it_ended(
     folders: dict[str, Path], tmp_path: Path
 ) -> None:
     folder = Path(shutil.copytree(folders["one"], tmp_path / "one"))
@@ -198,7 +198,7 @@ def test_a_sweep_that_is_not_complete_is_reported_as_far_as_it_came(
     (folder / "summary.json").unlink()
     html = report(folder).html
     facts = dict(zip(*[[e.text for e in find(html, tag)] for tag in ("dt", "dd")], strict=True))
-    assert facts["points"] == "5 of 12"
+    assert facts["trials"] == "5 of 12"
     assert facts["wall time"] == "unknown"
     (folder / "index.csv").write_text(lines[0])
     assert "0 of 12" in report(folder).html
@@ -210,7 +210,7 @@ def test_an_ablation_without_results_is_refused(folders: dict[str, Path], tmp_pa
     for change, message in (
         ({"table": facts["table"][1:]}, "expected a line for each metric and variant"),
         ({"seeds": ["x"]}, r"seeds\[0\]: expected a number, got 'x'"),
-        ({"variants": [{**facts["variants"][0], "slug": "../x"}]}, "expected a line|no name"),
+        ({"variants": [{**facts["variants"][0], "slug": "../x"}]}, "expected a line|not the name"),
         ({"metrics": None}, "metrics: expected a list, got 'None'"),
     ):
         (folder / "ablation.json").write_text(json.dumps({**facts, **change}))
@@ -223,23 +223,21 @@ def test_an_ablation_without_results_is_refused(folders: dict[str, Path], tmp_pa
         report(tmp_path)
 
 
-def test_a_diagram_that_is_gone_is_told_in_its_place(
-    folders: dict[str, Path], tmp_path: Path
-) -> None:
+def test_a_missing_diagram_is_replaced_by_a_note(folders: dict[str, Path], tmp_path: Path) -> None:
     folder = Path(shutil.copytree(folders["ablation"], tmp_path / "x"))
     drawn = sorted((folder / "diagrams").glob("*.json"))
     drawn[0].unlink()
     drawn[1].write_text("{")
     html = report(folder).html
     assert len(re.findall("The diagram cannot be read", html)) == 1
-    assert len(re.findall("This folder holds no diagram", html)) == 1
+    assert len(re.findall("This folder has no diagram", html)) == 1
 
 
 def test_forms_of_plain_data() -> None:
     form = {"a": [{"b": (int, type(None))}], "c": float, "d": bool}
     check({"a": [{"b": 1}, {"b": None, "x": 0}], "c": 0.5, "d": True}, form)
     for value, message in (
-        ([], "it: expected an object"),
+        ([], "top level: expected an object"),
         ({"a": [], "c": 0.5}, "d is missing"),
         ({"a": [{"b": True}], "c": 0.5, "d": True}, r"a\[0\].b: expected a number or null"),
         ({"a": [{"b": 10**400}], "c": 0.5, "d": True}, r"a\[0\].b: expected"),

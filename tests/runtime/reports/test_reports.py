@@ -1,4 +1,4 @@
-"""Reports: one page that needs nothing else, holds every row and curve, and lets no text act."""
+"""Reports are self-contained pages with all tables and curves; all text is escaped."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ import pytest
 
 import runtime
 from blocks.core.signals import FloatArray
+from runtime.reports import report
 from runtime.reports.html import Html, element, join, table, text
-from runtime.reports.report import report
 from runtime.reports.svg import figure_svg
 from tests.browser import Element, elements, find, load, measure, rows
 from tests.conftest import Run
@@ -76,13 +76,13 @@ def test_a_table_has_its_cells() -> None:
     assert [e.text for e in find(made, "td", class_="number")] == ["1", "2"]
 
 
-def test_a_browser_loads_it_without_a_word(page: Path) -> None:
+def test_a_browser_loads_it_without_messages(page: Path) -> None:
     loaded = load(page)
     assert loaded.console == []
     assert not find(loaded.html, "script")
     titles = [e.text for e in find(loaded.html, "h2")]
     assert titles == [
-        *("Metrics", "Figures", "Diagram", "Recording signals", "Graph", "Provenance"),
+        *("Metrics", "Figures", "Diagram", "Recorded signals", "Graph", "Provenance"),
     ]
     (title,) = find(loaded.html, "h1")
     assert title.text == "small <b>&amp; robust_</b><script>alert(1)</script>"
@@ -103,7 +103,7 @@ def test_a_browser_loads_it_without_a_word(page: Path) -> None:
     assert versions["numpy"] == np.__version__
 
 
-def test_a_browser_says_what_is_wrong_with_a_page(tmp_path: Path) -> None:
+def test_a_browser_reports_errors_of_a_page(tmp_path: Path) -> None:
     page = tmp_path / "wrong.html"
     page.write_text(
         '<p style="width: 900px">x</p><script>console.error("broken")</script>', encoding="utf-8"
@@ -121,7 +121,7 @@ def test_it_fits_a_phone_and_a_desk(page: Path) -> None:
         assert found["wide"] == []
 
 
-def test_nothing_comes_from_elsewhere(page: Path) -> None:
+def test_nothing_is_loaded_from_elsewhere(page: Path) -> None:
     html = page.read_text(encoding="utf-8")
     for item in elements(html):
         for key, value in item.attributes.items():
@@ -133,7 +133,7 @@ def test_nothing_comes_from_elsewhere(page: Path) -> None:
     assert policy.attributes["content"].startswith("default-src 'none'")
 
 
-def test_every_id_is_its_own_and_every_link_has_its_end(page: Path) -> None:
+def test_ids_are_unique_and_links_have_targets(page: Path) -> None:
     every = elements(page.read_text(encoding="utf-8"))
     ids = [e.attributes["id"] for e in every if "id" in e.attributes]
     assert len(ids) == len(set(ids))
@@ -163,10 +163,10 @@ def test_figures_show_the_data(run: Path, page: Path) -> None:
     way = [e for e in every if e.inside("figure", id="figure-1")]
     x, y = result["pose"][:, :2].T
     drawn = max(_curves(way), key=len).T
-    # One scale for both axes, y downwards, and no point far from the way that was gone.
+    # One scale for both axes, y downwards, and no point far from the trajectory.
     scale = np.ptp(drawn[0]) / np.ptp(x)
-    gone = np.stack([drawn[0][0] + scale * (x - x[0]), drawn[1][0] - scale * (y - y[0])])
-    apart = np.hypot(*(drawn[:, :, None] - gone[:, None, :])).min(axis=1)
+    expected = np.stack([drawn[0][0] + scale * (x - x[0]), drawn[1][0] - scale * (y - y[0])])
+    apart = np.hypot(*(drawn[:, :, None] - expected[:, None, :])).min(axis=1)
     assert apart.max() < 0.5
     seen = [e for e in every if e.inside("figure", id="figure-2")]
     t, columns = result.time("seen"), result["seen"].T
@@ -190,15 +190,15 @@ def test_the_diagram_shows_every_block(page: Path) -> None:
         e.attributes["data-name"] for e in shown if "block" in e.attributes.get("data-kind", "")
     }
     assert names == {"go", "limit", "plant", "noise"}
-    (gone,) = [e for e in shown if e.attributes.get("data-kind") == "removed block"]
-    assert gone.attributes["data-name"] == "limit"
+    (removed,) = [e for e in shown if e.attributes.get("data-kind") == "removed block"]
+    assert removed.attributes["data-name"] == "limit"
 
 
 def test_the_same_run_gives_the_same_bytes(run: Path) -> None:
-    code = "import sys; from runtime.reports.report import report\n"
+    code = "import sys; from runtime.reports import report\n"
     code += "sys.stdout.buffer.write(report(sys.argv[1]).html.encode())"
     command = [sys.executable, "-c", code, str(run)]
-    # Each in a process of its own: matplotlib's text sizes hang on what it drew before.
+    # Each in its own process, since matplotlib's text sizes depend on earlier drawings.
     pages = {
         subprocess.run(
             command,
@@ -258,7 +258,7 @@ def broken(tmp_path: Path) -> Path:
     return raised.value.result.save(tmp_path / "run")
 
 
-def test_a_run_that_failed_says_so(broken: Path) -> None:
+def test_a_failed_run_is_marked(broken: Path) -> None:
     html = report(broken).html
     (failed,) = find(html, "ul", class_="notes failed")
     assert "block 'x' at tick 5" in failed.text
@@ -266,7 +266,7 @@ def test_a_run_that_failed_says_so(broken: Path) -> None:
     assert [e.text for e in find(html, "span", class_="bad")] == ["failed", "failed"]
 
 
-def test_a_report_needs_no_module_and_says_that_it_is_gone(broken: Path) -> None:
+def test_a_report_needs_no_module_and_notes_that_it_is_missing(broken: Path) -> None:
     (broken / "own.py").unlink()
     html = report(broken).html
     shown = [e for e in elements(html) if e.attributes.get("data-kind") == "block"]
@@ -289,7 +289,9 @@ def test_through_the_console_script(cli: Run, broken: Path, tmp_path: Path) -> N
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
-def test_a_report_that_does_not_fit_is_told(cli: Run, broken: Path, tmp_path: Path) -> None:
+def test_a_report_that_cannot_be_written_is_an_error(
+    cli: Run, broken: Path, tmp_path: Path
+) -> None:
     done = cli("report", "run", "-o", "/dev/full")
     assert done.returncode == 2
     assert done.stderr == "cannot write '/dev/full': No space left on device\n"
@@ -305,7 +307,7 @@ def test_a_report_that_does_not_fit_is_told(cli: Run, broken: Path, tmp_path: Pa
         (["run", "-o", "no/such/r.html"], "cannot write 'no/such/r.html': No such file"),
     ],
 )
-def test_mistakes_end_with_2_and_one_line(
+def test_errors_end_with_2_and_one_line(
     cli: Run, broken: Path, arguments: list[str], message: str
 ) -> None:
     done = cli("report", *arguments)

@@ -1,4 +1,4 @@
-"""Draws a robot's recorded states with OpenGL; lives in the process that MUJOCO_GL was set for."""
+"""Draws a robot's recorded states with OpenGL; imported only in the worker process."""
 
 from __future__ import annotations
 
@@ -16,10 +16,17 @@ from blocks.core import FloatArray
 from blocks.mujoco import POSITION, SEEN_GROUP, Beams, model_of, state_parts
 from blocks.world import bearings
 from runtime.rendering.motion import Motion
-from runtime.rendering.views import SHAPES, TRAIL_SEGMENTS, draw_hits, draw_trail, extent_of, place
+from runtime.rendering.views import (
+    ASPECTS,
+    TRAIL_SEGMENTS,
+    draw_hits,
+    draw_trail,
+    extent_of,
+    place_camera,
+)
 
 Picture = npt.NDArray[np.uint8]
-SHAPES_OF_MODEL = 500
+MODEL_GEOMS = 500
 FONT = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
 
 
@@ -31,7 +38,7 @@ class SceneRenderer:
     motion : what to draw.
     views : names of views.
     height : of a picture (pixels); even.
-    shadows : size of the map that shadows are drawn from (pixels); most of the time goes there.
+    shadows : size of the shadow map (pixels), which takes most of the time.
     """
 
     def __init__(
@@ -42,22 +49,22 @@ class SceneRenderer:
         self.model, self.data = model, mujoco.MjData(model)
         model.vis.quality.shadowsize = shadows
         self.parts = state_parts(mujoco)
-        around = bearings(robot.beams, -math.pi, math.pi)
-        self.beams = Beams(mujoco, model, self.data, around, SEEN_GROUP, robot.range_max)
-        self.way = motion.states[:, POSITION][:, :2]
-        room = SHAPES_OF_MODEL + TRAIL_SEGMENTS + robot.beams + model.ngeom
-        extent = extent_of(motion.world, self.way)
+        beam_angles = bearings(robot.beams, -math.pi, math.pi)
+        self.beams = Beams(mujoco, model, self.data, beam_angles, SEEN_GROUP, robot.range_max)
+        self.path = motion.states[:, POSITION][:, :2]
+        room = MODEL_GEOMS + TRAIL_SEGMENTS + robot.beams + model.ngeom
+        extent = extent_of(motion.world, self.path)
         self.renderers, self.cameras, self.openings = [], [], []
         for view in views:
-            width = 2 * round(0.5 * SHAPES[view] * height)
+            width = 2 * round(0.5 * ASPECTS[view] * height)
             self.renderers.append(mujoco.Renderer(model, height, width, max_geom=room))
             camera = mujoco.MjvCamera()
-            self.openings.append(place(camera, view, extent))
+            self.openings.append(place_camera(camera, view, extent))
             self.cameras.append(camera)
         self.font = ImageFont.truetype(str(FONT), max(10, height // 32))
 
     def row_at(self, t: float) -> int:
-        """The row of the last state that was recorded up to a time (s)."""
+        """The row of the last state recorded up to a time (s)."""
         return max(0, int(np.searchsorted(self.motion.t, t + 1e-9, side="right")) - 1)
 
     def picture(self, row: int) -> Picture:
@@ -71,14 +78,14 @@ class SceneRenderer:
         ):
             self.model.vis.global_.fovy = opening
             renderer.update_scene(self.data, camera)
-            draw_trail(mujoco, renderer.scene, self.way[: row + 1])
+            draw_trail(mujoco, renderer.scene, self.path[: row + 1])
             draw_hits(mujoco, renderer.scene, hits)
             shown.append(renderer.render())
         shown[-1] = self._labelled(shown[-1], f"t = {self.motion.t[row]:.1f} s")
         return np.hstack(shown)
 
     def _hits(self) -> FloatArray:
-        """Where the beams end on something, (n, 3) in m."""
+        """The points that the beams hit, (n, 3) in m."""
         ranges = self.beams.cast()
         seen = np.isfinite(ranges)
         hits: FloatArray = self.beams.site.xpos + ranges[seen, None] * self.beams.ways()[seen]
@@ -91,6 +98,6 @@ class SceneRenderer:
         return np.asarray(image)
 
     def close(self) -> None:
-        """Free what OpenGL holds."""
+        """Free the resources of OpenGL."""
         for renderer in self.renderers:
             renderer.close()

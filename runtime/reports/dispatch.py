@@ -1,4 +1,4 @@
-"""The report of whatever lies in a folder."""
+"""Reports on a folder according to its content: a run, a sweep or an ablation."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _PLAN = {"kind": str, "experiment": str, "points": int, "metrics": [str]}
 
 @dataclass(frozen=True)
 class Report:
-    """A page, the kind of what it is about, and the folder that holds that."""
+    """A page, the kind of its subject ("run", "sweep", "ablation"), and the subject's folder."""
 
     kind: str
     folder: Path
@@ -27,17 +27,17 @@ def report(path: str | Path) -> Report:
 
     Parameters
     ----------
-    path : the folder, a link to it, or one of the files that say what it is.
+    path : the folder, a link to it, or its manifest or plan.
 
     Raises
     ------
-    UsageError : there is none of them, or its files are missing or damaged.
+    UsageError : the folder has none of them, or its files are missing or damaged.
     """
     folder = Path(path)
     if folder.name in (MANIFEST, PLAN):
         folder = folder.parent
     if not (folder / PLAN).is_file():
-        return _of_run(folder)
+        return _run(folder)
     plan = read_plan(folder)
     try:
         check(plan, _PLAN)
@@ -55,13 +55,13 @@ def report(path: str | Path) -> Report:
     raise UsageError(f"'{folder / PLAN}': expected the kind sweep or ablation, got {kind!r}")
 
 
-def _of_run(folder: Path) -> Report:
+def _run(folder: Path) -> Report:
     from runtime.reports.run_report import run_report
 
     inside = sorted(plan.parent for plan in folder.glob(f"*/{PLAN}"))
     if inside and not (folder / MANIFEST).is_file():
         found = folder / "latest" if folder / "latest" in inside else inside[-1]
-        message = "holds no run, sweep or ablation itself"
+        message = "is not the folder of a run, sweep or ablation"
         raise UsageError(f"'{folder}' {message}; did you mean '{found}'?")
     found = run_folder(folder)
     return Report("run", found, run_report(found))

@@ -1,4 +1,4 @@
-"""The block diagram of a network as data: what is shown, whatever the format."""
+"""The block diagram of a network as data, independent of the format in which it is drawn."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ FATES = {"without": "removed", "bypass": "bypassed"}
 
 @dataclass
 class Box:
-    """A block as it is shown; ``period`` is its step (s), 0 where it is evaluated only once.
+    """A block in a diagram; ``period`` is its step (s), 0 if it is evaluated only once.
 
-    ``fate`` is "removed" or "bypassed" for a block that is out of the run; ``part`` is the full
-    name of the part that it belongs to. ``inputs`` and ``outputs`` are the wired ports.
+    ``fate`` is "removed" or "bypassed" for a block that does not run, else empty; ``part`` is the
+    full name of the part that it belongs to. ``inputs`` and ``outputs`` are the wired ports.
     """
 
     name: str
@@ -38,10 +38,10 @@ class Box:
 
 @dataclass(frozen=True)
 class Net:
-    """An output with all wires that leave it; ``is_ghost`` where they are out of the run.
+    """An output with all its wires; ``is_ghost`` if they belong to a removed block.
 
     ``needs`` are the block's inputs that the output depends on in the same tick: none for an
-    output that comes from memory alone.
+    output without direct feedthrough.
     """
 
     source: tuple[str, str]
@@ -62,7 +62,7 @@ class Part:
 
 @dataclass
 class Picture:
-    """All that a diagram shows, whatever the format."""
+    """All that a diagram shows."""
 
     title: str
     boxes: dict[str, Box]
@@ -71,27 +71,27 @@ class Picture:
 
     @cached_property
     def drivers(self) -> dict[tuple[str, str], list[Net]]:
-        """The nets that drive each input, all terms of an input that takes many together."""
+        """The nets that drive each input; those of a variadic input together."""
         found: dict[tuple[str, str], list[Net]] = {}
         for net in self.nets:
             for name, port in net.targets:
                 found.setdefault((name, port.partition("[")[0]), []).append(net)
         return found
 
-    def holds(self, net: Net, part: str = "") -> bool:
-        """Whether an output comes from memory alone, so that a loop is best opened there.
+    def breaks_loop(self, net: Net, part: str = "") -> bool:
+        """Whether an output has no direct feedthrough, so that a loop is best opened there.
 
-        With a part, what counts is whether any input of that part gets through to the output in
-        the same tick, by whatever way inside.
+        With a part, whether no input of that part reaches the output in the same tick, by any
+        path inside the part.
         """
         if not part:
             return not net.needs
         seen = {net.source}
         waiting = [net]
         while waiting:
-            now = waiting.pop()
-            for port in now.needs:
-                for before in self.drivers.get((now.source[0], port), ()):
+            current = waiting.pop()
+            for port in current.needs:
+                for before in self.drivers.get((current.source[0], port), ()):
                     if not f"{self.boxes[before.source[0]].part}.".startswith(f"{part}."):
                         return False
                     if before.source not in seen:
@@ -100,13 +100,13 @@ class Picture:
         return True
 
     def is_out(self, part: str) -> bool:
-        """Whether all blocks of a part are out of the run."""
+        """Whether all blocks of a part are removed or bypassed."""
         inside = (box for box in self.boxes.values() if f"{box.part}.".startswith(f"{part}."))
         return all(box.fate for box in inside)
 
 
 def picture_of(network: Network) -> Picture:
-    """Collect what a network's diagram shows; removed blocks keep their place in the order."""
+    """Collect what a network's diagram shows; removed blocks keep their position in the order."""
     entries = {**network.entries, **network.removed_entries}
     scopes = list(network.scope.walk())
     written = [scope.prefix + name for scope in scopes for name in scope.blocks]
@@ -123,9 +123,9 @@ def picture_of(network: Network) -> Picture:
         *_nets(network, entries, network.removed_wires, is_ghost=True),
     ]
     for net in nets:
-        _note(boxes[net.source[0]].outputs, net.source[1])
+        _add_port(boxes[net.source[0]].outputs, net.source[1])
         for name, port in net.targets:
-            _note(boxes[name].inputs, port)
+            _add_port(boxes[name].inputs, port)
     for name, box in boxes.items():
         spec = entries[name].cls.spec
         box.inputs.sort(key=_as_declared(spec.inputs))
@@ -134,7 +134,7 @@ def picture_of(network: Network) -> Picture:
 
 
 def rate_text(period: float) -> str:
-    """A rate as people say it: "1 kHz", "100 Hz"; "constant" for what never changes."""
+    """A rate as text, "1 kHz" or "100 Hz"; "constant" for a period of 0."""
     if not period:
         return CONSTANT
     rate = 1.0 / period
@@ -156,7 +156,7 @@ def _box(network: Network, entry: Entry) -> Box:
 def _nets(
     network: Network, entries: dict[str, Entry], wires: Iterable[Wire], is_ghost: bool
 ) -> list[Net]:
-    """Wires of one output together, in the order in which they were written."""
+    """The wires, grouped by output, in the order in which they were written."""
     found: dict[Endpoint, list[Wire]] = {}
     for wire in wires:
         found.setdefault(wire.source, []).append(wire)
@@ -164,9 +164,9 @@ def _nets(
     for end, out in found.items():
         port = f"{end.port}.{end.component}" if end.component else end.port
         spec = entries[end.block].cls.spec
-        made_by = next((e for e in spec.evaluations if end.port in e.outputs), None)
+        evaluation = next((e for e in spec.evaluations if end.port in e.outputs), None)
         targets = tuple((wire.block, wire.target.removeprefix(f"{wire.block}.")) for wire in out)
-        needs = made_by.needs if made_by is not None else ()
+        needs = evaluation.needs if evaluation is not None else ()
         kind = _type_text(network, entries, end, out)
         nets.append(Net((end.block, port), targets, kind, is_ghost, needs))
     return nets
@@ -175,7 +175,7 @@ def _nets(
 def _type_text(
     network: Network, entries: dict[str, Entry], end: Endpoint, wires: list[Wire]
 ) -> str:
-    """The type that a wire carries; a removed block's is that of the port it was wired to."""
+    """The type of a wire; for a removed block, that of the port that it was wired to."""
     kind = network.types.get((end.block, end.port))
     if kind is not None:
         return str(component_type(kind, end) or kind)
@@ -190,7 +190,7 @@ def _short(text: str) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def _note(ports: list[str], port: str) -> None:
+def _add_port(ports: list[str], port: str) -> None:
     if port not in ports:
         ports.append(port)
 
@@ -198,9 +198,9 @@ def _note(ports: list[str], port: str) -> None:
 def _as_declared(ports: Iterable[str]) -> Callable[[str], tuple[int, int]]:
     order = {name: i for i, name in enumerate(ports)}
 
-    def place(port: str) -> tuple[int, int]:
+    def position(port: str) -> tuple[int, int]:
         base, _, term = port.replace(".", "[").partition("[")
         number = term.rstrip("]")
         return order[base], int(number) if number.isdigit() else 0
 
-    return place
+    return position

@@ -1,7 +1,7 @@
-"""A layered layout of boxes and wires: from left to right, as control engineers draw it.
+"""The layered layout of boxes and wires, from left to right as control engineers draw it.
 
-The steps are Sugiyama's: open the loops, put the boxes into columns, order each column so that
-few wires cross, settle the heights so that most wires are straight, lead the wires through the
+The steps are Sugiyama's: open the loops, assign the boxes to columns, order each column so that
+few wires cross, choose heights so that most wires are straight, and route the wires through the
 channels between the columns.
 """
 
@@ -22,15 +22,15 @@ PASSING_WEIGHT = 8.0
 
 @dataclass
 class Layout:
-    """Where everything is: the left top corner of each cell, and the corners of each wire.
+    """The positions of all cells (their left top corners) and the corners of all wires.
 
     ``routes`` maps a link's index and one of its targets to the points from its source;
-    ``feedback`` holds those among them that run backwards.
+    ``feedback`` are those of them that run backwards.
     """
 
     width: float
     height: float
-    places: dict[str, Point]
+    positions: dict[str, Point]
     routes: dict[tuple[int, Pin], list[Point]]
     feedback: set[tuple[int, Pin]]
 
@@ -38,13 +38,13 @@ class Layout:
 def arrange(cells: Sequence[Cell], links: Sequence[Link]) -> Layout:
     """Lay out cells and the links between them.
 
-    The pins of cells that are not ``fixed`` are put in order, in place, and cells of ``stretch``
-    take the width of their column.
+    The pins of cells that are not ``fixed`` are sorted in place, and cells of ``stretch`` get the
+    width of their column.
 
     Parameters
     ----------
-    cells : what is placed, in the order in which it was written.
-    links : who drives whom.
+    cells : in the order in which they were written.
+    links : the wires between their pins.
     """
     if not cells:
         return Layout(0.0, 0.0, {}, {}, set())
@@ -53,19 +53,19 @@ def arrange(cells: Sequence[Cell], links: Sequence[Link]) -> Layout:
     _stretch(grid)
     tops = _heights(grid)
     wiring = Wiring(grid, tops)
-    places = {cell.name: (wiring.left_of(cell.name), tops[cell.name]) for cell in cells}
+    positions = {cell.name: (wiring.left_of(cell.name), tops[cell.name]) for cell in cells}
     routes = {
         (i, target): wiring.route(i, target)
         for i, link in enumerate(links)
         for target in dict.fromkeys(link.targets)
     }
     feedback = {
-        (loop.link, target)
-        for loop in grid.loops
-        for pins in loop.targets.values()
+        (wire.link, target)
+        for wire in grid.feedback
+        for pins in wire.targets.values()
         for target in pins
     }
-    return Layout(wiring.width, wiring.height, places, routes, feedback)
+    return Layout(wiring.width, wiring.height, positions, routes, feedback)
 
 
 def _stretch(grid: Grid) -> None:
@@ -80,11 +80,11 @@ def _gap(above: Cell, below: Cell) -> float:
 
 
 def _heights(grid: Grid) -> dict[str, float]:
-    """The tops that bend the wires least.
+    """The tops of all cells that bend the wires least.
 
-    A linear programme: each hop costs the height that it climbs, more where it only passes by,
-    so that long wires are straight; cells of a column keep their order and distance. Of equal
-    solutions the one is taken in which boxes are level with those that they are wired to.
+    A linear programme: the cost of a hop is its change in height, with a higher weight where it
+    only passes a column, so that long wires are straight; cells of a column keep their order and
+    distance. Among equal solutions, boxes are centred on those that they are wired to.
     """
     import numpy as np
     from scipy.optimize import linprog
@@ -108,19 +108,19 @@ def _heights(grid: Grid) -> dict[str, float]:
     cost[count] = 1e-3
     for column in grid.columns:
         for above, below in pairwise(grid.cells[name] for name in column):
-            apart = above.height + _gap(above, below)
-            at_most(-apart, (index[above.name], 1.0), (index[below.name], -1.0))
+            distance = above.height + _gap(above, below)
+            at_most(-distance, (index[above.name], 1.0), (index[below.name], -1.0))
         last = grid.cells[column[-1]]
         at_most(-last.height, (index[last.name], 1.0), (count, -1.0))
     rows, columns, values = zip(*entries, strict=True)
     matrix = csr_array((values, (rows, columns)), shape=(len(bounds), count + 1))
     found = linprog(cost, matrix, bounds, method="highs-ds").x
-    # All distances are multiples of a half, and so are the corners of the linear programme.
+    # All distances are multiples of a half, and so are the vertices of the linear programme.
     return {name: round(2.0 * float(found[i])) / 2.0 for name, i in index.items()}
 
 
 def _pulls(grid: Grid) -> list[tuple[str, str, float, float]]:
-    """Pairs of cells that want to be level: names, how far apart their pins are, and how much."""
+    """Pairs of cells to align: both names, the height between their pins, and the weight."""
     pulls = []
     for hop in (hop for hops in grid.hops for hop in hops):
         left = grid.cells[hop.left[0]]
