@@ -132,7 +132,7 @@ def test_more_configurations_than_a_page_shows(
     monkeypatch.setattr(sweep_data, "MOST", 4)
     assert here(*SWEEP, "--vary", "draw.level=0..9:10").returncode == 0
     data = read_sweep(folder)
-    assert data.axes[0].places.tolist() == [0.0, 4.0, 8.0]
+    assert data.axes[0].positions.tolist() == [0.0, 4.0, 8.0]
     assert data.skipped == 7
 
 

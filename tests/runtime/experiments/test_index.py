@@ -202,9 +202,12 @@ def test_rows_of_another_plan_are_refused(index: Index, rows: list[Row], message
     [
         ("", "belongs to a different plan: expected the columns point, a.b"),
         ("point,x,seed\n", "got point, x, seed"),
-        (csv_line(COLUMNS.header) + "1,2\n", "index.csv:2: no row of this plan: expected 9 fields"),
-        (csv_line(COLUMNS.header) + "x,1,2,0,ok,,1,2,3\n", "index.csv:2: no row of this plan"),
-        (csv_line(COLUMNS.header) + "1,1,2,0,ok,,1,y,3\n", "index.csv:2: no row of this plan"),
+        (
+            csv_line(COLUMNS.header) + "1,2\n",
+            "index.csv:2: not a row of this plan: expected 9 fields",
+        ),
+        (csv_line(COLUMNS.header) + "x,1,2,0,ok,,1,2,3\n", "index.csv:2: not a row of this plan"),
+        (csv_line(COLUMNS.header) + "1,1,2,0,ok,,1,y,3\n", "index.csv:2: not a row of this plan"),
     ],
 )
 def test_what_is_no_index(path: Path, text: str, message: str) -> None:
