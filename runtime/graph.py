@@ -192,7 +192,7 @@ class Graph:
         value: Any = source
         wires = self._document.get("wires") or Node({})
         old = (wires.get(block) or Node({})).get(port)
-        if declared is not None and declared.many:
+        if declared is not None and declared.variadic:
             value = [*(old.plain() if old is not None else []), source]
         elif old is not None:
             raise UsageError(

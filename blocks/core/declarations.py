@@ -17,21 +17,21 @@ class DeclarationError(TypeError):
 class Input:
     """An input port.
 
-    ``absent`` is the value of every component when nothing is wired to it, in the form of the
+    ``default`` is the value of every component when nothing is wired to it, in the form of the
     port's type; without one it must be wired.
-    ``many`` takes any number of wires (none included) and hands a tuple to the block.
+    ``variadic`` takes any number of wires (none included) and hands a tuple to the block.
     """
 
     type: PortType
     doc: str = ""
     unit: str = ""
-    absent: float | None = None
-    many: bool = False
+    default: float | None = None
+    variadic: bool = False
     name: str = ""
 
     @property
     def optional(self) -> bool:
-        return self.many or self.absent is not None
+        return self.variadic or self.default is not None
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import importlib
 from types import ModuleType
 
 
-class MissingExtraError(ImportError):
+class MissingPackageError(ImportError):
     """A block needs a package of an optional extra that is not there.
 
     feature : what needs it. extra : the extra's name in the project's packaging.
@@ -22,9 +22,9 @@ def require(module: str, feature: str, extra: str) -> ModuleType:
 
     Raises
     ------
-    MissingExtraError : it is not installed.
+    MissingPackageError : it is not installed.
     """
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        raise MissingExtraError(feature, extra) from error
+        raise MissingPackageError(feature, extra) from error

@@ -15,7 +15,7 @@ from blocks.core.signals import Same, SignalType
 
 RESERVED_PARAMETERS = ("type", "module", "dt")
 STATED = "_signal"
-RESERVED_STATES = ("setting", "dt", "seed", "rng", "_declared")
+RESERVED_STATES = ("context", "dt", "seed", "rng", "_declared")
 
 
 def read_declarations(cls: type, own_sizes: bool = False, own_variables: bool = False) -> BlockSpec:
@@ -164,8 +164,8 @@ def _check_ports(cls: type, spec: BlockSpec) -> None:
                 f"{cls.__name__}.{name}: through='{output.through}' is no input"
                 f"{hint(output.through, spec.inputs)}"
             )
-        if source is not None and (source.type != output.type or source.many):
-            many = "many wires of " if source.many else ""
+        if source is not None and (source.type != output.type or source.variadic):
+            many = "many wires of " if source.variadic else ""
             raise DeclarationError(
                 f"{cls.__name__}.{name}: through='{output.through}' takes {many}{source.type}, "
                 f"which cannot stand in for {output.type}"

@@ -26,6 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.intp]
 BoolArray = npt.NDArray[np.bool_]
 TwistValue = tuple[float, float]
 PoseValue = tuple[float, float, float]

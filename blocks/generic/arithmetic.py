@@ -66,7 +66,7 @@ class Sum(Block):
     as zero and takes its sign along; with no term at all, out is zero.
     """
 
-    terms = Input(Same("T"), many=True, doc="what to add; absent: zero")
+    terms = Input(Same("T"), variadic=True, doc="what to add; none: zero")
     out = Output(Same("T"), doc="the sum")
 
     signs: FloatArray | None = param(None, shape=(None,), doc="+1 or -1 per term; default all +1")
@@ -147,8 +147,8 @@ class Mux(Block):
     v, omega ─▶ [ Mux ] ─▶ out
     """
 
-    v = Input(Scalar, unit="m/s", absent=0.0, doc="speed; absent: 0")
-    omega = Input(Scalar, unit="rad/s", absent=0.0, doc="turn rate; absent: 0")
+    v = Input(Scalar, unit="m/s", default=0.0, doc="speed")
+    omega = Input(Scalar, unit="rad/s", default=0.0, doc="turn rate")
     out = Output(Twist, doc="[v, omega]")
 
     def output(self, state: BlockState, t: float, v: float, omega: float) -> TwistValue:

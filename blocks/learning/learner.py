@@ -28,7 +28,7 @@ class Learner(Block, ABC):
 
     x = Input(Vector("d"), name="input", doc="what the neurons represent, the paper's a")
     error = Input(Vector("k"), doc="what learning descends; positive lowers the output")
-    learn = Input(Scalar, absent=1.0, doc="factor on the error: 0 pauses learning")
+    learn = Input(Scalar, default=1.0, doc="factor on the error: 0 pauses learning")
 
     learnt = Output(Vector("k"), name="output", doc="what was learnt")
 

@@ -64,7 +64,7 @@ def engine(feature: str = "MujocoVacuum") -> Any:
 
     Raises
     ------
-    MissingExtraError : it is not installed.
+    MissingPackageError : it is not installed.
     ParameterError : it does not load.
     """
     try:

@@ -28,7 +28,7 @@ class Bench:
     block: Block
     context: BlockContext
     ticks: int
-    absent: bool = False
+    open_inputs: bool = False
     attributes: dict[str, Any] = field(default_factory=dict)
 
     def run(
@@ -90,7 +90,7 @@ class Bench:
             )
             for name, declared in spec.states.items()
         }
-        if self.absent:
+        if self.open_inputs:
             none = {name: (False,) * len(flags) for name, flags in context.terms.items()}
             context = replace(context, terms=none)
         state = BlockState(context, np.random.SeedSequence(seed), arrays)
@@ -101,9 +101,11 @@ class Bench:
         values: dict[str, Any] = {}
         for name, port in self.block.spec.inputs.items():
             kind, flags = self.context.types[name], self.context.terms.get(name, ())
-            if self.absent and port.optional:
-                values[name] = () if port.many or port.absent is None else kind.filled(port.absent)
-            elif port.many:
+            if self.open_inputs and port.optional:
+                values[name] = (
+                    () if port.variadic or port.default is None else kind.filled(port.default)
+                )
+            elif port.variadic:
                 values[name] = tuple(random_value(kind, draw, self.context.dt) for _ in flags)
             else:
                 values[name] = random_value(kind, draw, self.context.dt)

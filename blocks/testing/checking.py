@@ -68,7 +68,7 @@ def check_block(
     resumed = bench.run(seed=0, resumed=True)
     _compare(first, resumed, f"{name}: a run that goes on from its declared states differs")
     if any(port.optional for port in block.spec.inputs.values()):
-        list(replace(bench, ticks=1, absent=True).run(seed=0, careful=True))
+        list(replace(bench, ticks=1, open_inputs=True).run(seed=0, careful=True))
 
 
 def _check_parameters(block: Block) -> None:
@@ -120,10 +120,10 @@ def settle(
     for name, kind in given.items():
         if types[name] != (kind.sized(types[name].length) if kind.symbol else kind):
             raise ValueError(f"{type(block).__name__}.{name} takes {types[name]}, not {kind}")
-    many = [name for name, port in spec.inputs.items() if port.many]
+    variadic = [name for name, port in spec.inputs.items() if port.variadic]
     refusals = []
-    for count in TERMS if many else (0,):
-        context = BlockContext(dt, types, dict.fromkeys(many, (True,) * count), world)
+    for count in TERMS if variadic else (0,):
+        context = BlockContext(dt, types, dict.fromkeys(variadic, (True,) * count), world)
         try:
             block.validate_in(context)
         except ParameterError as error:

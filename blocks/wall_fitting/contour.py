@@ -12,10 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from blocks.core import FloatArray, arctan2, directions, sin
-
-IntArray = npt.NDArray[np.intp]
-BoolArray = npt.NDArray[np.bool_]
+from blocks.core import BoolArray, FloatArray, IntArray, arctan2, directions, sin
 
 LONGEST_LINK = 0.25
 MEDIAN = 9

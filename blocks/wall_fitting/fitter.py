@@ -12,6 +12,7 @@ from blocks.core import (
     BlockState,
     FloatArray,
     Input,
+    IntArray,
     Output,
     ParameterError,
     Path,
@@ -26,7 +27,7 @@ from blocks.core import (
     product,
 )
 from blocks.wall_fitting.bspline import Samples, control_points, fit_even, projection, way_along
-from blocks.wall_fitting.contour import Beams, IntArray, Returns, chain
+from blocks.wall_fitting.contour import Beams, Returns, chain
 from blocks.wall_fitting.curves import STEP, Curve, offset_pieces, wall_curves
 from blocks.wall_fitting.kernels.bspline import (
     banded_matrices,

@@ -11,9 +11,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from blocks.core import FloatArray, directions
+from blocks.core import BoolArray, FloatArray, directions
 from blocks.wall_fitting.bspline import interpolate, way_along
-from blocks.wall_fitting.contour import BoolArray
 
 JOINT = 0.1
 SHARPEST = math.cos(math.radians(100.0))

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from blocks.core import FloatArray, ParameterError, hint, show
+from blocks.core import BoolArray, FloatArray, ParameterError, hint, show
 
 # Distances are exact to about 1e-9 m only while coordinates are no larger than that (m).
 FARTHEST = 1e4
@@ -164,11 +163,11 @@ def _misdrawn(address: str, corners: FloatArray) -> Problems:
     return [(address, f"the edges from corners {i} and {j} cross") for i, j in crossing][:1]
 
 
-def _crossings(corners: FloatArray, edges: FloatArray) -> npt.NDArray[np.bool_]:
+def _crossings(corners: FloatArray, edges: FloatArray) -> BoolArray:
     """Which pairs of edges cross in their insides, (n, n)."""
     x, y = corners.T
     side = edges[:, :1] * (y - y[:, None]) - edges[:, 1:] * (x - x[:, None])
-    straddles: npt.NDArray[np.bool_] = side * np.roll(side, -1, axis=1) < 0.0
+    straddles: BoolArray = side * np.roll(side, -1, axis=1) < 0.0
     return np.logical_and(straddles, straddles.T)
 
 

@@ -7,14 +7,12 @@ from collections.abc import Iterable
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-from blocks.core import FloatArray, kernel_of
+from blocks.core import FloatArray, IntArray, kernel_of
 from blocks.world.curves import Curve, Line, wrapped
 from blocks.world.rays import OVERHANG
 
 Edge = tuple[float, float, float, float, float, float]
-IntArray = npt.NDArray[np.int64]
 # Edges (e, 6), see World; what each edge ends (e,), see below; circles (c, 3); curves (s, 6).
 Surfaces = tuple[FloatArray, IntArray, FloatArray, FloatArray]
 Nearest = tuple[float, float, float]

@@ -7,8 +7,16 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from blocks.core import TYPES, Block, ParameterError, SignalType, beyond_a_turn, hint, signal_type
-from blocks.core import MissingExtraError as MissingPackageError
+from blocks.core import (
+    TYPES,
+    Block,
+    MissingPackageError,
+    ParameterError,
+    SignalType,
+    beyond_a_turn,
+    hint,
+    signal_type,
+)
 from blocks.world import World
 from runtime.document import MAX_TICKS, Node, meant, read_run, seconds, section
 from runtime.errors import MissingExtraError, Problems

@@ -11,9 +11,8 @@ import math
 
 import numpy as np
 
-from blocks.core import FloatArray
+from blocks.core import FloatArray, IntArray
 from blocks.wall_fitting.bspline import RIDGE, basis_matrices
-from blocks.wall_fitting.contour import IntArray
 
 
 def banded_matrices(points: int, degree: int, samples: int) -> tuple[IntArray, FloatArray]:

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from blocks.core import FloatArray
-from blocks.wall_fitting.contour import FARTHEST, LONGEST_LINK, MEDIAN, BoolArray, IntArray
+from blocks.core import BoolArray, FloatArray, IntArray
+from blocks.wall_fitting.contour import FARTHEST, LONGEST_LINK, MEDIAN
 
 
 def returned(

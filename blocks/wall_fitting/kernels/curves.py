@@ -6,9 +6,8 @@ import math
 
 import numpy as np
 
-from blocks.core import FloatArray
+from blocks.core import BoolArray, FloatArray, IntArray
 from blocks.wall_fitting.bspline import control_points
-from blocks.wall_fitting.contour import BoolArray, IntArray
 from blocks.wall_fitting.curves import CALM, MOST, SMOOTHING, STEP
 from blocks.wall_fitting.kernels.bspline import even_basis, loop_fit, positions, spread
 from blocks.wall_fitting.kernels.offset import loop_cap, loop_nearest, loop_tangents, unit

@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 
-from blocks.core import FloatArray
-from blocks.wall_fitting.contour import IntArray
+from blocks.core import FloatArray, IntArray
 from blocks.wall_fitting.kernels.bspline import loop_interpolate
 from blocks.wall_fitting.offset import BLUR, END, JOINT, REACH, SHARPEST
 

@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 def test_what_a_class_declares() -> None:
     class Plant(Block):
         command = Input(Twist, doc="what to do")
-        gust = Input(Scalar, absent=0.5)
-        terms = Input(Scalar, many=True)
+        gust = Input(Scalar, default=0.5)
+        terms = Input(Scalar, variadic=True)
         pose = Output(Pose)
         speed = Output(Scalar, name="v")
         heading = Output(Scalar)
@@ -171,7 +171,7 @@ def no_time() -> Any:
 
 def star() -> Any:
     class Bad(Block):
-        terms = Input(Scalar, many=True)
+        terms = Input(Scalar, variadic=True)
         out = Output(Scalar)
 
         def output(self, state: Any, t: float, *terms: float) -> float:
@@ -213,7 +213,7 @@ def through_another_type() -> Any:
 
 def through_many() -> Any:
     class Bad(Block):
-        terms = Input(Twist, many=True)
+        terms = Input(Twist, variadic=True)
         out = Output(Twist, through="terms")
 
         def output(self, state: Any, t: float) -> Any: ...

@@ -431,8 +431,8 @@ class FalseMemo(Good):
 class OptionalForm(Block):
     """Returns an int where nothing is wired."""
 
-    u = Input(Scalar, absent=0.0)
-    terms = Input(Scalar, many=True)
+    u = Input(Scalar, default=0.0)
+    terms = Input(Scalar, variadic=True)
     out = Output(Scalar)
 
     def output(self, state: Any, t: float, u: float, terms: tuple[float, ...]) -> float:
@@ -615,8 +615,8 @@ def test_terms_are_there_and_then_not() -> None:
         """Looks at how many terms come in."""
 
         u = Input(Scalar)
-        w = Input(Scalar, absent=-7.0)
-        terms = Input(Scalar, many=True)
+        w = Input(Scalar, default=-7.0)
+        terms = Input(Scalar, variadic=True)
 
         def update(self, state: Any, t: float, u: float, w: float, terms: Any) -> None:
             assert isinstance(u, float)

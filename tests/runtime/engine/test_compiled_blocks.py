@@ -235,7 +235,7 @@ class Run:
     def __init__(self, case: Case, seed: int) -> None:
         self.case = case
         context = settle(case.block, case.types, case.dt, case.world)
-        self.bench = Bench(case.block, context, 1, absent=case.absent)
+        self.bench = Bench(case.block, context, 1, open_inputs=case.absent)
         self.state = self.bench._state(seed)
         case.block.start(self.state)
 
