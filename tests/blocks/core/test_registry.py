@@ -83,5 +83,5 @@ def test_what_is_no_python_file(tmp_path: Path) -> None:
         blocks_of_module(tmp_path / "none.py")
     text = tmp_path / "notes.txt"
     text.write_text("", encoding="utf-8")
-    with pytest.raises(ImportError, match="is no Python file"):
+    with pytest.raises(ImportError, match="is not a Python file"):
         blocks_of_module(text)
