@@ -7,9 +7,12 @@ from functools import cached_property
 
 import numpy as np
 
-from blocks.control.riccati import feedback_gain as loop_gain
-from blocks.control.riccati import refined, turned
-from blocks.control.riccati import riccati as loop_riccati
+from blocks.control.riccati import (
+    feedback_gain_kernel,
+    refined_kernel,
+    riccati_kernel,
+    turned,
+)
 from blocks.control.tracking import offsets
 from blocks.core import (
     Block,
@@ -237,9 +240,9 @@ class LQR(Block):
         if self.solver == "dare":
             p = self._dare(a, b, q, r)
         else:
-            p = loop_riccati(a, b, q, r, self.tolerance, self.max_iterations)
-            p = refined(a, b, q, r, p)
-        gain = loop_gain(a, b, r, p)
+            p = riccati_kernel(a, b, q, r, self.tolerance, self.max_iterations)
+            p = refined_kernel(a, b, q, r, p)
+        gain = feedback_gain_kernel(a, b, r, p)
         for j in range(3):
             for i in range(3):
                 state.cost_to_go[i, j] = p[i, j]

@@ -17,7 +17,7 @@ def turned(q: FloatArray, heading: float) -> FloatArray:
     return product(product(transposed(turn), q), turn)
 
 
-def riccati(
+def riccati_kernel(
     a: FloatArray,
     b: FloatArray,
     q: FloatArray,
@@ -50,11 +50,11 @@ def riccati(
     raise ValueError("the Riccati equation has not settled at this heading")
 
 
-def refined(
+def refined_kernel(
     a: FloatArray, b: FloatArray, q: FloatArray, r: FloatArray, p: FloatArray
 ) -> FloatArray:
     n = len(a)
-    k = feedback_gain(a, b, r, p)
+    k = feedback_gain_kernel(a, b, r, p)
     bk = product(b, k)
     f = np.empty((n, n))
     for i in range(n):
@@ -82,7 +82,7 @@ def refined(
     return better
 
 
-def feedback_gain(a: FloatArray, b: FloatArray, r: FloatArray, p: FloatArray) -> FloatArray:
+def feedback_gain_kernel(a: FloatArray, b: FloatArray, r: FloatArray, p: FloatArray) -> FloatArray:
     back = product(transposed(b), p)
     k = product(back, a)
     eliminate(total(r, product(back, b)), k)

@@ -1,8 +1,9 @@
-"""Neurons that learn online with the PES rule, spiking and not (paper, section III-D)."""
+"""Ensembles of neurons that learn online by PES, spiking and not (paper, section III-D)."""
 
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from typing import final
 
 import numpy as np
@@ -18,8 +19,125 @@ from blocks.core import (
     param,
     portable,
 )
-from blocks.learning.ensemble import LearningEnsemble
-from blocks.learning.lif import lif_rate
+from blocks.learning.learner import Learner, decode, gain_and_bias, lif_rate, pes
+
+
+class LearningEnsemble(Learner):
+    """A population whose decoders learn by PES; which neurons it is made of, a subclass says.
+
+        input, error, learn ─▶ [ LearningEnsemble ] ─▶ output
+
+    Encoding  J = gain * (encoders @ input) / radius + bias
+    Decoding  output = W s, each component within +-limit
+    PES       W(t_k+1) = exp(-leak dt) W(t_k) - (kappa dt / neurons) error(t_k) s'
+
+    A subclass turns J into the post-synaptic current s (:meth:`_respond`). What is drawn comes
+    from the run's seed and the block's name, in one order for all subclasses, so that one kind
+    of neuron can take another's place.
+    """
+
+    neurons: int = param(100, at_least=1, doc="number of neurons")
+    tau_syn: float = param(0.01, unit="s", above=0.0, doc="time constant of the synapse")
+    radius: float = param(1.0, above=0.0, doc="largest input that is represented well")
+    gain: FloatArray | None = param(None, shape=("neurons",), doc="gains, in place of drawn ones")
+    bias: FloatArray | None = param(None, shape=("neurons",), doc="biases, in place of drawn ones")
+    encoders: FloatArray | None = param(
+        None, shape=[("neurons",), ("neurons", None)], doc="encoders, in place of drawn ones"
+    )
+
+    current = State("neurons", doc="input current J")
+    activity = State("neurons", unit="1/s", doc="post-synaptic current s")
+    weights = State("k", "neurons", doc="decoding weights W")
+    scaled_encoders = State("neurons", "d", doc="gain * encoders / radius")
+    offset = State("neurons", doc="bias current")
+
+    def validate(self) -> None:
+        problems = []
+        if (self.gain is None) != (self.bias is None):
+            missing = "bias" if self.bias is None else "gain"
+            problems.append((missing, "gain and bias go together; give both or neither"))
+        try:
+            super().validate()
+        except ParameterError as error:
+            problems += error.problems
+        if problems:
+            raise ParameterError(problems)
+
+    def validate_in(self, context: BlockContext) -> None:
+        d = context.types["input"].shape[0]
+        if self.encoders is not None and self.encoders.size != self.neurons * d:
+            message = f"expected {self.neurons}x{d} numbers for the input that is wired"
+            message = f"{message}, got an array of shape {self.encoders.shape}"
+            raise ParameterError([("encoders", message)])
+
+    def start(self, state: BlockState) -> None:
+        n, d = state.scaled_encoders.shape
+        # Always drawn, in this order, so that fixing one quantity leaves the others as they were.
+        low, high = self.max_rates.tolist()
+        rates = state.rng.uniform(low, high, n)
+        low, high = self.intercepts.tolist()
+        intercepts = state.rng.uniform(low, high, n)
+        directions = state.rng.standard_normal((n, d))
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+
+        gain, bias = gain_and_bias(rates, intercepts, self.tau_rc, self.tau_ref)
+        gain = gain if self.gain is None else self.gain
+        encoders = directions if self.encoders is None else self.encoders.reshape(n, d)
+        state.scaled_encoders[:] = gain[:, None] * encoders / self.radius
+        state.offset[:] = bias if self.bias is None else self.bias
+        state.pass_on = -math.expm1(-state.dt / self.tau_syn)
+        state.keep = math.exp(-self.leak * state.dt)
+        state.gamma = self.learning_rate * state.dt / n
+        state.fade = 1.0 - state.pass_on
+        state.scratch = np.empty(n)
+        state.encoder_rows = np.ascontiguousarray(state.scaled_encoders.T)
+        state.further = range(1, d)
+
+    def watch(self, state: BlockState) -> float:
+        """The size of the weights."""
+        return float(np.linalg.norm(state.weights))
+
+    def gain_of_a_step(self, state: BlockState) -> float:
+        """gamma times the squared size of the activity."""
+        return float(state.gamma * np.square(state.activity).sum())
+
+    def output(self, state: BlockState, t: float) -> FloatArray:
+        return decode(state.weights, state.activity, self.limit)
+
+    def update(
+        self, state: BlockState, t: float, input: FloatArray, error: FloatArray, learn: float
+    ) -> None:
+        current = state.current
+        np.multiply(state.encoder_rows[0], input[0], out=current)
+        for j in state.further:
+            np.multiply(state.encoder_rows[j], input[j], out=state.scratch)
+            current += state.scratch
+        current += state.offset
+        self._respond(state)
+        gamma = state.gamma * learn
+        pes(state.weights, state.activity, error, gamma, state.keep, state.scratch)
+
+    @kernel_of(update)
+    def _update_kernel(
+        self, state: BlockState, t: float, input: FloatArray, error: FloatArray, learn: float
+    ) -> None:
+        current, offset = state.current, state.offset
+        first = state.encoder_rows[0]
+        for i in range(len(current)):
+            current[i] = first[i] * input[0]
+        for j in range(1, len(input)):
+            encoder = state.encoder_rows[j]
+            for i in range(len(current)):
+                current[i] += encoder[i] * input[j]
+        for i in range(len(current)):
+            current[i] += offset[i]
+        self._respond(state)
+        gamma = state.gamma * learn
+        pes(state.weights, state.activity, error, gamma, state.keep, state.scratch)
+
+    @abstractmethod
+    def _respond(self, state: BlockState) -> None:
+        """Advance neurons and synapses by one step: ``current`` in, ``activity`` out."""
 
 
 @final

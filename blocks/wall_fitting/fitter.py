@@ -32,19 +32,19 @@ from blocks.wall_fitting.curves import STEP, Curve, offset_pieces, wall_curves
 from blocks.wall_fitting.kernels.bspline import (
     banded_matrices,
     even_basis,
-    loop_fit,
-    loop_sampled_evenly,
-    loop_way_along,
+    fit_kernel,
     positions,
     projected,
+    sampled_evenly_kernel,
+    way_along_kernel,
 )
-from blocks.wall_fitting.kernels.contour import loop_averages, loop_chain, loop_way, returned
+from blocks.wall_fitting.kernels.contour import averages_kernel, chain_kernel, returned, way_kernel
 from blocks.wall_fitting.kernels.curves import (
     coarseness,
     fitted_points,
-    loop_offset_pieces,
-    loop_wall_curves,
+    offset_pieces_kernel,
     offset_rows,
+    wall_curves_kernel,
 )
 from blocks.wall_fitting.kernels.fitter import (
     ahead,
@@ -56,10 +56,10 @@ from blocks.wall_fitting.kernels.fitter import (
     sound,
 )
 from blocks.wall_fitting.kernels.offset import (
-    loop_filleted,
-    loop_followed,
-    loop_onward,
-    loop_stretch,
+    filleted_kernel,
+    followed_kernel,
+    onward_kernel,
+    stretch_kernel,
 )
 from blocks.wall_fitting.offset import filleted, followed, onward, resampled, stretch
 
@@ -293,10 +293,10 @@ class WallFitter(Block):
         self, state: BlockState, t: float, scan: FloatArray, pose: PoseValue
     ) -> tuple[FloatArray, FloatArray, float]:
         returns = returned(scan, state.order, state.bearing, state.direction)
-        kept, bounds, edges = loop_chain(
+        kept, bounds, edges = chain_kernel(
             returns, state.bearing, self.reach, self.sigma, state.limit
         )
-        arc = loop_way(kept, bounds)
+        arc = way_kernel(kept, bounds)
         step = coarseness(arc, bounds)
         shortest = 1.5 * max(self.bin, 2.0 * step)
         if self.form == "least_squares":
@@ -306,14 +306,14 @@ class WallFitter(Block):
             each = max(2, round(self.wall_spacing / step))
         else:
             gap = max(self.bin, 2.0 * step) if self.bin > 0.0 else 0.0
-            control, first = loop_averages(kept, bounds, arc, gap)
+            control, first = averages_kernel(kept, bounds, arc, gap)
             each = max(2, round(self.bin / step))
-        curves, ends = loop_wall_curves(
+        curves, ends = wall_curves_kernel(
             control, first, kept, bounds, arc, self.degree, each, shortest
         )
         rows, stops = offset_rows(curves, ends, edges, self.distance)
         closest = self.distance - self.trim
-        pieces = loop_offset_pieces(rows, stops, curves, ends, returns, closest, state.limit)
+        pieces = offset_pieces_kernel(rows, stops, curves, ends, returns, closest, state.limit)
         path = self._reference_rows(state, self._line_rows(rows, pieces))
         mirror = -1.0 if self.side == "left" else 1.0
         if len(path) > 0:
@@ -325,24 +325,24 @@ class WallFitter(Block):
 
     def _line_rows(self, rows: FloatArray, pieces: IntArray) -> FloatArray:
         """Join the pieces (first and past-the-last of the rows) into a line; empty if too short."""
-        line = loop_onward(loop_followed(rows, pieces, self.bridge))
-        arc = loop_way_along(line)
+        line = onward_kernel(followed_kernel(rows, pieces, self.bridge))
+        arc = way_along_kernel(line)
         here = arc[nearest_row(line)] if len(line) > 0 else 0.0
         onward = self.samples * self.step - self.behind
         line = between(line, arc, here - self.behind - BEYOND, here + onward + BEYOND)
-        arc = loop_way_along(line)
+        arc = way_along_kernel(line)
         length = arc[-1] if len(line) > 0 else 0.0
         if length < self.shortest:
             return line[:0]
         room = 2.0 * self.fillet
         length += 2.0 * room
         n = 4 * math.ceil(control_points(length, CALM, self.degree) / 4)
-        even = loop_stretch(line, arc, -room, length, 5 * n)
+        even = stretch_kernel(line, arc, -room, length, 5 * n)
         first, values = even_basis(n, self.degree, 5 * n)
-        calm = positions(first, values, loop_fit(first, values, even, n, 0.0))
-        arc = loop_way_along(calm)
-        even = loop_stretch(calm, arc, 0.0, arc[-1], max(4, round(length / STEP)))
-        return loop_filleted(even, self.fillet, STEP, FLAT)
+        calm = positions(first, values, fit_kernel(first, values, even, n, 0.0))
+        arc = way_along_kernel(calm)
+        even = stretch_kernel(calm, arc, 0.0, arc[-1], max(4, round(length / STEP)))
+        return filleted_kernel(even, self.fillet, STEP, FLAT)
 
     def _reference_rows(self, state: BlockState, line: FloatArray) -> FloatArray:
         """Rows of the reference spline along a line; none if little is left of it."""
@@ -350,11 +350,11 @@ class WallFitter(Block):
         for _ in range(3):
             if len(line) == 0:
                 break
-            arc = loop_way_along(line)
+            arc = way_along_kernel(line)
             start = arc[nearest_row(line)] - self.behind - MARGIN
-            data = loop_stretch(line, arc, start, self._length, state.projection.shape[1])
+            data = stretch_kernel(line, arc, start, self._length, state.projection.shape[1])
             points = projected(state.projection, data)
-            rows = loop_sampled_evenly(
+            rows = sampled_evenly_kernel(
                 state.first, state.bands, points, self.step, self.samples, MARGIN
             )
             low, high = sound(rows, self.step, SHARP / self.spacing, nearby, CLEAR)

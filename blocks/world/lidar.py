@@ -21,7 +21,7 @@ from blocks.core import (
     kernel_of,
     param,
 )
-from blocks.world.surfaces import loop_cast
+from blocks.world.surfaces import cast_kernel
 from blocks.world.world import World, world_of
 
 FULL_TURN = 2.0 * math.pi
@@ -127,7 +127,7 @@ class Lidar(Block):
 
     @kernel_of(output)
     def _output_kernel(self, state: BlockState, t: float, pose: PoseValue) -> FloatArray:
-        ranges = loop_cast(state.surfaces, pose[0], pose[1], pose[2], state.bearings)
+        ranges = cast_kernel(state.surfaces, pose[0], pose[1], pose[2], state.bearings)
         for i in range(len(ranges)):
             found = ranges[i] + state.noise[i]
             miss = found < self.range_min or found > self.range_max or state.lost[i] > 0.0

@@ -30,7 +30,7 @@ def as_arrays(
     circles: FloatArray,
     curves: Iterable[Curve],
 ) -> Surfaces:
-    """The surfaces that :func:`loop_nearest` and :func:`loop_cast` take.
+    """The surfaces that :func:`nearest_kernel` and :func:`cast_kernel` take.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def nearest(world: _Nearby, x: float, y: float) -> Nearest:
 
 
 @kernel_of(nearest)
-def loop_nearest(world: Surfaces, x: float, y: float) -> Nearest:
+def nearest_kernel(world: Surfaces, x: float, y: float) -> Nearest:
     """:func:`nearest` by :attr:`World.arrays` in place of the world itself."""
     edges, ends, circles, curves = world
     square, bx, by, solid, inside = math.inf, 0.0, 0.0, False, False
@@ -163,7 +163,7 @@ def foot_on(
     return cx + radius * c, cy + radius * s, -turn * s, turn * c, goes_on, comes
 
 
-def loop_cast(
+def cast_kernel(
     surfaces: Surfaces, x: float, y: float, theta: float, bearings: FloatArray
 ) -> FloatArray:
     """Range (m) from (x, y) along each ray to the first surface: :meth:`World.cast` in loops.

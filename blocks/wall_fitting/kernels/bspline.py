@@ -77,7 +77,7 @@ def positions(first: IntArray, values: FloatArray, points: FloatArray) -> FloatA
     return result
 
 
-def loop_fit(
+def fit_kernel(
     first: IntArray, values: FloatArray, data: FloatArray, points: int, bend: float
 ) -> FloatArray:
     """Control points (n, 2) nearest to data (m, 2); ``bend`` weighs the squared bends, 0 for none.
@@ -137,7 +137,7 @@ def solve(band: FloatArray, right: FloatArray) -> None:
             right[i, c] = total / band[i, 0]
 
 
-def loop_way_along(line: FloatArray) -> FloatArray:
+def way_along_kernel(line: FloatArray) -> FloatArray:
     """Arc length (m) at each point of a polyline, (n,)."""
     arc = np.zeros(len(line))
     for i in range(1, len(line)):
@@ -146,7 +146,7 @@ def loop_way_along(line: FloatArray) -> FloatArray:
     return arc
 
 
-def loop_interpolate(
+def interpolate_kernel(
     start: float, stop: float, samples: int, at: FloatArray, values: FloatArray
 ) -> FloatArray:
     """Columns of ``values`` (n, c), given at rising ``at`` (n,), at even places, (samples, c)."""
@@ -177,7 +177,7 @@ def projected(matrix: FloatArray, data: FloatArray) -> FloatArray:
     return result
 
 
-def loop_sampled_evenly(
+def sampled_evenly_kernel(
     first: IntArray,
     bands: FloatArray,
     points: FloatArray,
@@ -196,11 +196,11 @@ def loop_sampled_evenly(
             for d in range(3):
                 dense[i, 2 * d] += bands[d, i, k] * x
                 dense[i, 2 * d + 1] += bands[d, i, k] * y
-    arc = loop_way_along(dense)
+    arc = way_along_kernel(dense)
     total = arc[len(arc) - 1]
     length = (samples - 1) * spacing
     start = min(start, max(0.0, total - length))
-    return directed(loop_interpolate(start, min(start + length, total), samples, arc, dense))
+    return directed(interpolate_kernel(start, min(start + length, total), samples, arc, dense))
 
 
 def directed(samples: FloatArray) -> FloatArray:

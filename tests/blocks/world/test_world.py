@@ -11,7 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from blocks.core.signals import FloatArray
-from blocks.world.surfaces import loop_nearest
+from blocks.world.surfaces import nearest_kernel
 from blocks.world.world import World
 from tests.blocks.worlds import OVERLAPPING, SHIPPED, SQUARE, brute_distance, is_free, worlds
 
@@ -129,7 +129,7 @@ def check_corners(world: World) -> None:
         fastest = world.distance(np.add((x, y), around)).max() / step
         found = world.distance(np.array([[x + step * nx, y + step * ny]]))[0] / step
         assert found >= fastest - 1e-4
-        assert loop_nearest(surfaces, x, y) == (distance, nx, ny)
+        assert nearest_kernel(surfaces, x, y) == (distance, nx, ny)
 
 
 @settings(deadline=None)
