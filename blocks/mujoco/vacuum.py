@@ -24,8 +24,7 @@ from blocks.core import (
     WheelSpeeds,
     param,
 )
-from blocks.mujoco.lidar import Beams
-from blocks.mujoco.model import SEEN_GROUP, VacuumBody, engine, model_of
+from blocks.mujoco.model import SEEN_GROUP, Beams, VacuumBody, engine, model_of
 from blocks.mujoco.solid_walls import wall_pieces
 from blocks.vehicle import INTEGRATORS
 from blocks.world import bearings, required_world

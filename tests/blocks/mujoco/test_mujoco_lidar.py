@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from blocks import ParameterError, World
 from blocks.core.signals import FloatArray
-from blocks.mujoco.lidar import Beams
-from blocks.mujoco.model import SEEN_GROUP, WALL_HEIGHT, model_of, model_text
+from blocks.mujoco.model import SEEN_GROUP, WALL_HEIGHT, Beams, model_of, model_text
 from blocks.mujoco.vacuum import MujocoVacuum
 from blocks.world.lidar import bearings
 from tests.blocks.told import told
