@@ -23,7 +23,7 @@ from blocks.core import (
     solve,
 )
 
-Curve = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
+CurveFunction = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
 OVERSAMPLING = 20
 FINEST = 20_000
 
@@ -42,7 +42,9 @@ def curvature(first: FloatArray, second: FloatArray) -> FloatArray:
     return kappa
 
 
-def sample_evenly(curve: Curve, start: float, stop: float, n: int, closed: bool) -> FloatArray:
+def sample_evenly(
+    curve: CurveFunction, start: float, stop: float, n: int, closed: bool
+) -> FloatArray:
     """Sample a parametric curve at ``n`` points evenly spaced along its arc length.
 
     Parameters

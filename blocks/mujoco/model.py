@@ -230,7 +230,7 @@ def _motor(robot: VacuumBody, name: str) -> str:
 GROUPS = 6
 
 
-class Beams:
+class BeamCaster:
     """Casts all beams of a scan at once.
 
     Parameters

@@ -24,10 +24,10 @@ from blocks.core import (
     WheelSpeeds,
     param,
 )
-from blocks.mujoco.model import SEEN_GROUP, Beams, VacuumBody, engine, model_of
+from blocks.mujoco.model import SEEN_GROUP, BeamCaster, VacuumBody, engine, model_of
 from blocks.mujoco.solid_walls import wall_pieces
 from blocks.vehicle import INTEGRATORS
-from blocks.world import bearings, required_world
+from blocks.world import bearings, misplaced, required_world
 
 # Where MuJoCo's numbers are in the state: time, then position and quaternion of the body and the
 # wheels' angles (9), their velocities (8), and the accelerations that its solver starts from (8).
@@ -138,11 +138,8 @@ class MujocoVacuum(VacuumBody):
                 message = f"must be {what} of the block's step, dt: {context.dt:g}"
                 problems.append((name, f"{message}; got {self.value(name):g} s"))
         x, y, _ = self.x0.tolist()
-        distance = world.nearest(x, y)[0]
-        if distance < self.body_radius:
-            message = f"a hull of radius {self.body_radius:g} m does not fit at ({x:g}, {y:g})"
-            message += f": the nearest surface is {distance:.3g} m away" if distance > 0.0 else ""
-            problems.append(("x0", message))
+        message = misplaced(world, "hull", x, y, self.body_radius)
+        problems += [("x0", message)] if message else []
         if problems:
             raise ParameterError(problems)
         engine()
@@ -159,7 +156,7 @@ class MujocoVacuum(VacuumBody):
         state.scan_ticks = round(self.scan_period / state.dt)
         state.tyres = [model.geom(name).id for name in ("left", "right")]
         around = bearings(self.beams, -math.pi, math.pi)
-        state.lidar = Beams(mujoco, model, data, around, SEEN_GROUP, self.range_max)
+        state.lidar = BeamCaster(mujoco, model, data, around, SEEN_GROUP, self.range_max)
         mujoco.mj_getState(model, data, state.physics, state.parts)
         state.heading[0] = self.x0[2]
         state.reckoned[:] = self.x0

@@ -20,12 +20,12 @@ STRIDE = 0.25
 TRIES = 64
 PUSHES = 8
 
-Place = tuple[float, float, float]
+BodyPosition = tuple[float, float, float]
 
 
 def slide(
     world: World, x: float, y: float, gap: float, dx: float, dy: float, radius: float
-) -> Place:
+) -> BodyPosition:
     """Move a body from a free place by (dx, dy), sliding without friction along surfaces.
 
     It goes in strides of which each ends in free space: where one would end in a surface, the
@@ -66,7 +66,7 @@ def slide(
 
 def _free_place(
     world: World, x: float, y: float, to_x: float, to_y: float, radius: float
-) -> Place | None:
+) -> BodyPosition | None:
     """The free place that pushing the body out of surfaces leads to, and its gap; None if none."""
     for pushes in range(PUSHES + 1):
         distance, nx, ny = nearest(world, to_x, to_y)

@@ -24,7 +24,7 @@ from blocks.core import (
     param,
 )
 from blocks.vehicle.contact import TOUCH, slide
-from blocks.world import Surfaces, World, nearest, world_of
+from blocks.world import Surfaces, World, misplaced, nearest, world_of
 
 # What is nearest where there is nothing (m): signals are finite.
 NOTHING_NEAR = 1000.0
@@ -106,10 +106,8 @@ class DifferentialDrive(Block):
             message = "a body needs something to touch: the graph has no world: section"
             raise ParameterError([("body_radius", message)])
         x, y, _ = self.x0.tolist()
-        distance = world.nearest(x, y)[0]
-        if distance < self.body_radius:
-            message = f"a body of radius {self.body_radius:g} m does not fit at ({x:g}, {y:g})"
-            message += f": the nearest surface is {distance:.3g} m away" if distance > 0.0 else ""
+        message = misplaced(world, "body", x, y, self.body_radius)
+        if message:
             raise ParameterError([("x0", message)])
 
     def start(self, state: BlockState) -> None:

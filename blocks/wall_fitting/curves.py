@@ -18,7 +18,7 @@ CALM = 4  # samples either way from which a curve's tangents are taken
 
 
 @dataclass(frozen=True)
-class Curve:
+class WallCurve:
     """A stretch of wall, sampled about every centimetre.
 
     position : m, (n, 2).  tangent : unit vectors, (n, 2).
@@ -30,7 +30,7 @@ class Curve:
 
 def wall_curves(
     chains: Chains, degree: int, bin_length: float, spacing: float | None
-) -> list[Curve]:
+) -> list[WallCurve]:
     """Fit a spline to each chain.
 
     Parameters
@@ -53,7 +53,7 @@ def wall_curves(
         if length < shortest:
             # A post: its direction is noise, so it stands square to the beam.
             post = points[a:b].mean(axis=0)[None]
-            curves.append(Curve(post, unit(left(post))))
+            curves.append(WallCurve(post, unit(left(post))))
             continue
         if spacing is None:
             spline = BSpline(means[c:d], min(degree, d - c - 1))
@@ -64,12 +64,12 @@ def wall_curves(
         each = max(2, round((bin_length if spacing is None else spacing) / step))
         position = spline.positions(each * len(spline.points))
         # Noise turns the curve's own tangents most of all, and with them the offset.
-        curves.append(Curve(position, tangents(position, CALM)))
+        curves.append(WallCurve(position, tangents(position, CALM)))
     return curves
 
 
 def offset_pieces(
-    curves: list[Curve],
+    curves: list[WallCurve],
     chains: Chains,
     returns: Returns,
     distance: float,

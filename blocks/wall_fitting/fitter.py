@@ -28,7 +28,7 @@ from blocks.core import (
 )
 from blocks.wall_fitting.bspline import Samples, control_points, fit_even, projection, way_along
 from blocks.wall_fitting.contour import Beams, Returns, chain
-from blocks.wall_fitting.curves import STEP, Curve, offset_pieces, wall_curves
+from blocks.wall_fitting.curves import STEP, WallCurve, offset_pieces, wall_curves
 from blocks.wall_fitting.kernels.bspline import (
     banded_matrices,
     even_basis,
@@ -195,7 +195,7 @@ class WallFitter(Block):
             state.last_wall[:] = wall
             state.fitted[0] = 1.0
 
-    def survey(self, scan: FloatArray, beams: Beams) -> tuple[list[Curve], Samples | None]:
+    def survey(self, scan: FloatArray, beams: Beams) -> tuple[list[WallCurve], Samples | None]:
         """The walls of a scan, and the path along them, in the robot's (mirrored) frame.
 
         Parameters

@@ -110,7 +110,7 @@ class Arc:
         return replace(self, radius=self.radius + (by if self.sweep < 0.0 else -by))
 
 
-Curve = Line | Arc
+LineOrArc = Line | Arc
 
 
 def wrapped(angle: float) -> float:
@@ -118,7 +118,7 @@ def wrapped(angle: float) -> float:
     return math.remainder(angle, 2.0 * math.pi)
 
 
-def foot(curve: Curve, points: ComplexArray) -> ComplexArray:
+def foot(curve: LineOrArc, points: ComplexArray) -> ComplexArray:
     """The point of the curve nearest to each of ``points``, in an array of the same shape."""
     if isinstance(curve, Line):
         s = ((points - curve.start) * np.conj(curve.along)).real
@@ -130,7 +130,7 @@ def foot(curve: Curve, points: ComplexArray) -> ComplexArray:
     return curve.at(np.clip(s, 0.0, curve.length))
 
 
-def meetings(a: Curve, b: Curve) -> list[complex]:
+def meetings(a: LineOrArc, b: LineOrArc) -> list[complex]:
     """Where two carriers meet: up to two points, none for parallel lines or equal circles."""
     if isinstance(a, Line) and isinstance(b, Line):
         sine = (a.along.conjugate() * b.along).imag

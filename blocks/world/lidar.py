@@ -22,7 +22,7 @@ from blocks.core import (
     param,
 )
 from blocks.world.surfaces import cast_kernel
-from blocks.world.world import World, world_of
+from blocks.world.world import required_world
 
 FULL_TURN = 2.0 * math.pi
 
@@ -44,20 +44,6 @@ def window_problems(angle_min: float, angle_max: float) -> list[tuple[str, str]]
         message = f"from angle_min = {angle_min:g} to {angle_max:g} rad is more than a full turn"
         return [("angle_max", message)]
     return []
-
-
-def required_world(context: BlockContext) -> World:
-    """The world that a block cannot do without.
-
-    Raises
-    ------
-    ParameterError : the graph has none.
-    """
-    world = world_of(context)
-    if world is None:
-        message = "needs a world: section in the graph, such as world: {circles: [[2.0, 0.0, 0.5]]}"
-        raise ParameterError([("world", message)])
-    return world
 
 
 class Lidar(Block):

@@ -10,12 +10,19 @@ from typing import Any
 import numpy as np
 
 from blocks.core import BlockContext, BoolArray, FloatArray, ParameterError, directions
-from blocks.world.curves import Curve, foot
-from blocks.world.fillet import deviation
-from blocks.world.level_set import kinks, level_set, loops, sampled
-from blocks.world.rays import to_circles, to_edges
+from blocks.world.curves import LineOrArc, foot
+from blocks.world.level_set import deviation, kinks, level_set, loops, sampled
 from blocks.world.reader import Shapes, read_shapes
-from blocks.world.surfaces import TOUCHING, Edge, Nearest, Surfaces, as_arrays, from_surface
+from blocks.world.surfaces import (
+    TOUCHING,
+    Edge,
+    Nearest,
+    Surfaces,
+    as_arrays,
+    from_surface,
+    to_circles,
+    to_edges,
+)
 
 Polygon = tuple[bool, tuple[Edge, ...], FloatArray, FloatArray]
 
@@ -49,7 +56,7 @@ class World:
     room: FloatArray | None
     obstacles: tuple[FloatArray, ...]
     circles: FloatArray
-    surfaces: tuple[Curve, ...]
+    surfaces: tuple[LineOrArc, ...]
 
     _shapes: Shapes
     _corner: FloatArray
@@ -192,7 +199,7 @@ class World:
         """
         return [sampled(loop, spacing) for loop in self._loops(d)]
 
-    def _loops(self, d: float) -> list[list[Curve]]:
+    def _loops(self, d: float) -> list[list[LineOrArc]]:
         if not d > 0.0:
             raise ValueError(f"expected a distance above 0 m, got {d}")
         return loops(level_set(self._shapes, self.gap, d))
@@ -265,6 +272,29 @@ def world_of(context: BlockContext) -> World | None:
     return context.world if isinstance(context.world, World) else None
 
 
+def required_world(context: BlockContext) -> World:
+    """The world of a block that needs one.
+
+    Raises
+    ------
+    ParameterError : the graph has none.
+    """
+    world = world_of(context)
+    if world is None:
+        message = "needs a world: section in the graph, such as world: {circles: [[2.0, 0.0, 0.5]]}"
+        raise ParameterError([("world", message)])
+    return world
+
+
+def misplaced(world: World, body: str, x: float, y: float, radius: float) -> str:
+    """Why a round body does not fit at a point; empty if it does."""
+    distance = world.nearest(x, y)[0]
+    if distance >= radius:
+        return ""
+    message = f"a {body} of radius {radius:g} m does not fit at ({x:g}, {y:g})"
+    return message + (f": the nearest surface is {distance:.3g} m away" if distance > 0.0 else "")
+
+
 def _edges(corners: FloatArray) -> tuple[Edge, ...]:
     """Per edge: its corner's x and y, the way to the next, one over its square, the next's y."""
     (ax, ay), (bx, by) = corners.T, np.roll(corners, -1, axis=0).T
@@ -273,5 +303,5 @@ def _edges(corners: FloatArray) -> tuple[Edge, ...]:
     return tuple((r[0], r[1], r[2], r[3], r[4], r[5]) for r in rows.tolist())
 
 
-def _apart(loop: list[Curve], point: complex) -> float:
+def _apart(loop: list[LineOrArc], point: complex) -> float:
     return min(float(np.abs(foot(curve, np.array([point])) - point)[0]) for curve in loop)

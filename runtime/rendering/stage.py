@@ -13,7 +13,7 @@ import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
 from blocks.core import FloatArray
-from blocks.mujoco import POSITION, SEEN_GROUP, Beams, model_of, state_parts
+from blocks.mujoco import POSITION, SEEN_GROUP, BeamCaster, model_of, state_parts
 from blocks.world import bearings
 from runtime.rendering.motion import Motion
 from runtime.rendering.views import SHAPES, TRAIL_SEGMENTS, draw_hits, draw_trail, extent_of, place
@@ -43,7 +43,7 @@ class SceneRenderer:
         model.vis.quality.shadowsize = shadows
         self.parts = state_parts(mujoco)
         around = bearings(robot.beams, -math.pi, math.pi)
-        self.beams = Beams(mujoco, model, self.data, around, SEEN_GROUP, robot.range_max)
+        self.beams = BeamCaster(mujoco, model, self.data, around, SEEN_GROUP, robot.range_max)
         self.way = motion.states[:, POSITION][:, :2]
         room = SHAPES_OF_MODEL + TRAIL_SEGMENTS + robot.beams + model.ngeom
         extent = extent_of(motion.world, self.way)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from blocks import ParameterError, World
 from blocks.core.signals import FloatArray
-from blocks.mujoco.model import SEEN_GROUP, WALL_HEIGHT, Beams, model_of, model_text
+from blocks.mujoco.model import SEEN_GROUP, WALL_HEIGHT, BeamCaster, model_of, model_text
 from blocks.mujoco.vacuum import MujocoVacuum
 from blocks.world.lidar import bearings
 from tests.blocks.told import told
@@ -64,7 +64,7 @@ def test_any_world_looks_as_it_does_in_the_plane(world: World, x: float, y: floa
         raise
     data = mujoco.MjData(model)
     data.qpos[:2] = x, y
-    found = Beams(mujoco, model, data, AROUND, SEEN_GROUP, 100.0).cast()
+    found = BeamCaster(mujoco, model, data, AROUND, SEEN_GROUP, 100.0).cast()
     assert between(world, np.array([x, y, 0.0]), found, 1e-4).all()
 
 
@@ -107,7 +107,7 @@ def test_a_tilted_robot_sees_the_floor() -> None:
     data = mujoco.MjData(model)
     pitch = math.radians(2.0)  # nose down; beams back stay below the top of the wall
     data.qpos[3:7] = math.cos(pitch / 2), 0.0, math.sin(pitch / 2), 0.0
-    ranges = Beams(mujoco, model, data, np.array([0.0, math.pi]), SEEN_GROUP, 12.0).cast()
+    ranges = BeamCaster(mujoco, model, data, np.array([0.0, math.pi]), SEEN_GROUP, 12.0).cast()
     up = robot.lidar_height - robot.wheel_radius
     height = robot.wheel_radius + up * math.cos(pitch)
     assert ranges[0] == pytest.approx(height / math.sin(pitch))
