@@ -33,7 +33,7 @@ def curvature(first: FloatArray, second: FloatArray) -> FloatArray:
 
     kappa = (x' y'' - x'' y') / (x'^2 + y'^2)^(3/2): the paper's equation (section III-C)
     without its absolute value. ``first`` and ``second`` are derivatives of shape (n, 2); kappa
-    is 0 where the curve stands still.
+    is 0 where the speed is 0.
     """
     speed = np.hypot(first[:, 0], first[:, 1])
     cross = first[:, 0] * second[:, 1] - second[:, 0] * first[:, 1]
@@ -70,7 +70,7 @@ def sample_evenly(
 def interpolating_spline(u: FloatArray, points: FloatArray, degree: int, periodic: bool) -> Any:
     """The spline of ``scipy.interpolate.make_interp_spline``, on its knots.
 
-    Its coefficients are found anew, since SciPy's come from LAPACK.
+    Its coefficients are recomputed, since SciPy's come from LAPACK.
 
     Parameters
     ----------

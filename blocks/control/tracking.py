@@ -73,7 +73,7 @@ class MatchingPoint(Block):
 
     m_r = argmin_m (x - x_m)^2 + (y - y_m)^2, over the samples within ``window`` of the last one
     (over the whole path on the first tick; around the end of a closed path). u_f = [v_r, alpha
-    kappa]. When the path itself changes, the search goes on from the sample of the new path that
+    kappa]. When the path itself changes, the search continues from the sample of the new path that
     is nearest to the last reference point.
     """
 
@@ -84,9 +84,11 @@ class MatchingPoint(Block):
     feedforward = Output(Twist, doc="u_f = [v_r, alpha kappa]")
     kappa = Output(Scalar, unit="1/m", name="curvature", doc="curvature at the matching point")
     index = Output(Scalar, doc="number of the matching sample")
-    progress = Output(Scalar, unit="m", doc="way gone along the path since the first tick")
+    progress = Output(
+        Scalar, unit="m", doc="distance travelled along the path since the first tick"
+    )
 
-    window: float = param(2.0, unit="m", above=0.0, doc="how far to search either way")
+    window: float = param(2.0, unit="m", above=0.0, doc="how far to search in either direction")
     v_r: float = param(1.0, unit="m/s", doc="reference speed")
     alpha: float = param(0.06, unit="m/s", doc="feedforward turn rate per curvature; v_r is exact")
     sign: str = param(
@@ -98,7 +100,7 @@ class MatchingPoint(Block):
 
     last = State(1, name="last_index", doc="the sample matched last")
     anchor = State(2, unit="m", doc="the matched sample's x and y; NaN before the first")
-    way = State(1, unit="m", doc="way gone along the path")
+    way = State(1, unit="m", doc="distance travelled along the path")
 
     def start(self, state: BlockState) -> None:
         state.anchor[:] = math.nan

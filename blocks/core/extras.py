@@ -1,4 +1,4 @@
-"""Packages that only some blocks need: imported on first use, missed with the pip line."""
+"""Optional packages, imported on first use; the error names the pip command."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from types import ModuleType
 
 
 class MissingPackageError(ImportError):
-    """A block needs a package of an optional extra that is not there.
+    """A package of an optional extra is not installed.
 
-    feature : what needs it. extra : the extra's name in the project's packaging.
+    feature : what needs the package. extra : the extra that installs it.
     """
 
     def __init__(self, feature: str, extra: str) -> None:

@@ -1,4 +1,4 @@
-"""Signal types: what flows along a wire, with the names and units of its components.
+"""Signal types: what a wire carries, with the names and units of its components.
 
 A signal's Python value depends on its form alone, and every block may rely on it:
 
@@ -11,8 +11,8 @@ array      Vector, Scan, Spikes (n,);          a float64 ``ndarray``
            Path (n, 4), PointCloud (n, 2)
 =========  ==================================  =======================================
 
-Scalars and records are plain Python numbers because a 3-vector through numpy costs five
-times as much as three floats.
+Scalars and records are plain Python numbers because a numpy array of three costs five times as
+much as three floats.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class SignalType:
     Parameters
     ----------
     name : the type's name in graphs and messages.
-    form : how a value is held in Python, see the module.
+    form : the Python form of a value, see the module.
     components : names of a record's fields or of a table's columns.
     units : one unit per component.
     length : number of rows of an array; a string is a symbol that a block's parameter or a
@@ -103,14 +103,14 @@ class SignalType:
 
     @property
     def numbers(self) -> str:
-        """What a person writes for a value: ``a number``, ``3 numbers``, ``4x2 numbers``."""
+        """How a value is written: ``a number``, ``3 numbers``, ``4x2 numbers``."""
         if self.symbol:
             return "a table of numbers" if self.components else "a list of numbers"
         return "x".join(map(str, self.shape)) + " numbers" if self.shape else "a number"
 
     @property
     def held_as(self) -> str:
-        """How a value is held in Python, in words."""
+        """A description of the value's Python form."""
         if self.form == "scalar":
             return "a float"
         if self.form == "record":
@@ -118,7 +118,7 @@ class SignalType:
         return f"a float64 array of shape {self.shape}"
 
     def holds(self, value: Any) -> bool:
-        """Whether a value is held as this type's form says."""
+        """Whether a value has this type's Python form."""
         if self.form == "scalar":
             return isinstance(value, float)
         if self.form == "record":
@@ -133,9 +133,9 @@ class SignalType:
 
 @dataclass(frozen=True)
 class Same:
-    """A type variable: every port of a block that says ``Same("T")`` has one common type.
+    """A type variable: all ports of a block with ``Same("T")`` have one common type.
 
-    They have one common unit as well, but for those with ``own_unit``, such as a Gain's output.
+    They share one unit as well, except those with ``own_unit``, such as a Gain's output.
     """
 
     variable: str = "T"
@@ -190,7 +190,7 @@ def signal_type(
 ) -> SignalType:
     """Read a type as people write it: ``Pose``, ``Vector(3)``; ``Vector`` leaves the length open.
 
-    ``own`` are types beside the library's, by name.
+    ``own`` are additional types, by name.
 
     Raises
     ------

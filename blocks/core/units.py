@@ -6,14 +6,14 @@ import re
 from collections import Counter
 from functools import cache
 
-# In terms of others; an angle in radians has no dimension, as in SI.
+# Derived units; an angle in radians has no dimension, as in SI.
 _DERIVED = {"rad": "", "Hz": "1/s", "N": "kg m/s^2", "J": "kg m^2/s^2", "W": "kg m^2/s^3"}
 _FACTOR = re.compile(r"([A-Za-z%]+)(?:\^(-?\d+))?|1")
 
 
 @cache
 def dimension(unit: str) -> frozenset[tuple[str, int]] | None:
-    """The powers of the base units in a unit; None for a text that is no product of powers.
+    """The powers of the base units in a unit; None for a text that is not a product of powers.
 
     ``kg m/s^2`` is read from left to right: each factor after a ``/`` divides. Units of other
     scales (deg, km) count as base units of their own.

@@ -63,7 +63,7 @@ class Sum(Block):
         terms[0], terms[1], ... ─▶ [ Sum ] ─▶ out
 
     out = sum of sign_i * terms_i, in the order written. A term whose block was removed counts
-    as zero and takes its sign along; with no term at all, out is zero.
+    as zero and its sign is skipped; with no terms, out is zero.
     """
 
     terms = Input(Same("T"), variadic=True, doc="what to add; none: zero")
@@ -129,7 +129,7 @@ class Gain(Block):
         input ─▶ [ Gain ] ─▶ out
 
     out = gain * input, each component. The gain may have a unit, so that of ``out`` is free: a
-    Gain lets signals of different units meet on purpose.
+    Gain converts between units.
     """
 
     signal = Input(Same("T"), name="input", doc="what to scale")
@@ -161,10 +161,10 @@ class Switch(Block):
         select, off, on ─▶ [ Switch ] ─▶ out
 
     out = on where select > 0.5, off elsewhere. Both signals are computed all the time. Under
-    ``bypass``, ``on`` takes its place.
+    ``bypass``, ``on`` replaces the block.
     """
 
-    select = Input(Scalar, doc="which one")
+    select = Input(Scalar, doc="which signal")
     off = Input(Same("T"), doc="passed on while select is 0.5 or less")
     on = Input(Same("T"), doc="passed on while select is above 0.5")
     out = Output(Same("T"), through="on", doc="the selected signal")

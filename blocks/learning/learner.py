@@ -33,16 +33,16 @@ GROWING, GROWTH = 4, 1.5
 
 
 class Learner(Block, ABC):
-    """The ports and parameters by which one kind of learner can take another's place."""
+    """The common ports and parameters, by which one kind of learner can replace another."""
 
     x = Input(Vector("d"), name="input", doc="what the neurons represent, the paper's a")
-    error = Input(Vector("k"), doc="what learning descends; positive lowers the output")
+    error = Input(Vector("k"), doc="the error to reduce; positive lowers the output")
     learn = Input(Scalar, default=1.0, doc="factor on the error: 0 pauses learning")
 
     learnt = Output(Vector("k"), name="output", doc="what was learnt")
 
     learning_rate: float = param(1e-4, at_least=0.0, doc="kappa of PES, as Nengo scales it")
-    leak: float = param(0.0, unit="1/s", at_least=0.0, doc="rate at which what was learnt decays")
+    leak: float = param(0.0, unit="1/s", at_least=0.0, doc="rate at which the learnt output decays")
     limit: float = param(
         math.inf, above=0.0, finite=False, doc="largest size of each component of the output"
     )
@@ -69,10 +69,10 @@ class Learner(Block, ABC):
             raise ParameterError(problems)
 
     def diagnose(self, state: BlockState, ticks: int, watched: tuple[float, ...]) -> Iterable[str]:
-        """Steps that overshoot, and growth that does not end.
+        """Report steps that overshoot, and unbounded growth.
 
         With an error that is the output's own, one step of the rule multiplies it by 1 - g, where
-        g is :meth:`gain_of_a_step`; above 2 it grows on each tick (Haykin, Adaptive Filter
+        g is :meth:`gain_of_a_step`; for g above 2 it grows on each tick (Haykin, Adaptive Filter
         Theory: the bound on the step of LMS). Growth without bound is growth by half or more
         in each of the last four eighths of a run: faster than the cube of time.
         """
@@ -212,17 +212,16 @@ class AdaptiveBias(Learner):
     output = b, each component within +-limit
     b(t_k+1) = exp(-leak dt) b(t_k) - kappa power dt error(t_k)
 
-    kappa is ``learning_rate``. An ensemble under PES whose input stays at 0 does just this, late
-    by its synapse, where ``power`` is the mean square of its neurons' rates. By default that is
-    worked out for very many neurons with these rates, intercepts and time constants, so that an
-    integrator in the place of an ensemble learns as fast as that one does about 0, and what
-    differs between the two is what the ensemble makes of its input. With a power of 1 it is a
-    plain integrator of gain kappa. ``input`` is not read. The output depends on the state alone,
-    so the block breaks loops.
+    kappa is ``learning_rate``. An ensemble under PES with input 0 does the same, delayed by its
+    synapse, with ``power`` the mean square of its neurons' rates. The default is computed for very
+    many neurons with these rates, intercepts and time constants, so that the integrator learns as
+    fast as the ensemble that it replaces does about 0, and the two differ only by the ensemble's
+    response to its input. With a power of 1 it is a plain integrator of gain kappa. ``input`` is
+    not read. The output depends on the state alone, so the block breaks loops.
     """
 
     power: float | None = param(
-        None, unit="Hz^2", above=0.0, doc="mean squared rate, in place of the one worked out"
+        None, unit="Hz^2", above=0.0, doc="mean squared rate, instead of the computed one"
     )
 
     bias = State("k", doc="what was learnt")

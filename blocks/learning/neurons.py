@@ -23,7 +23,7 @@ from blocks.learning.learner import Learner, decode, gain_and_bias, lif_rate, pe
 
 
 class LearningEnsemble(Learner):
-    """A population whose decoders learn by PES; which neurons it is made of, a subclass says.
+    """A population whose decoders learn by PES; a subclass defines its neurons.
 
         input, error, learn ─▶ [ LearningEnsemble ] ─▶ output
 
@@ -31,9 +31,9 @@ class LearningEnsemble(Learner):
     Decoding  output = W s, each component within +-limit
     PES       W(t_k+1) = exp(-leak dt) W(t_k) - (kappa dt / neurons) error(t_k) s'
 
-    A subclass turns J into the post-synaptic current s (:meth:`_respond`). What is drawn comes
-    from the run's seed and the block's name, in one order for all subclasses, so that one kind
-    of neuron can take another's place.
+    A subclass turns J into the post-synaptic current s (:meth:`_respond`). What is drawn depends
+    on the run's seed and the block's name only, in one order for all subclasses, so that one kind
+    of neuron can replace another.
     """
 
     neurons: int = param(100, at_least=1, doc="number of neurons")
@@ -72,7 +72,7 @@ class LearningEnsemble(Learner):
 
     def start(self, state: BlockState) -> None:
         n, d = state.scaled_encoders.shape
-        # Always drawn, in this order, so that fixing one quantity leaves the others as they were.
+        # Always drawn, in this order, so that fixing one quantity does not change the others.
         low, high = self.max_rates.tolist()
         rates = state.rng.uniform(low, high, n)
         low, high = self.intercepts.tolist()
@@ -94,7 +94,7 @@ class LearningEnsemble(Learner):
         state.further = range(1, d)
 
     def watch(self, state: BlockState) -> float:
-        """The size of the weights."""
+        """The norm of the weights."""
         return float(np.linalg.norm(state.weights))
 
     def gain_of_a_step(self, state: BlockState) -> float:
@@ -156,10 +156,10 @@ class AdaptiveEnsemble(LearningEnsemble):
     of its own tick. The arithmetic, spike times between steps included, is Nengo's, and a test
     holds the two equal spike for spike. The output depends on the state alone, so the block
     breaks loops. Probes: row k of ``spikes`` holds the spikes of tick k, row k of ``weights`` and
-    ``activity`` what the output of tick k was made of.
+    ``activity`` what the output of tick k was computed from.
 
-    The drawn quantities come from the run's seed and the block's name; ``gain`` with ``bias``,
-    ``encoders`` and ``voltage`` put arrays in their place.
+    The drawn quantities depend on the run's seed and the block's name; ``gain`` with ``bias``,
+    ``encoders`` and ``voltage`` replace them.
     """
 
     voltage: FloatArray | None = param(
@@ -206,8 +206,8 @@ class AdaptiveEnsemble(LearningEnsemble):
     def _respond(self, state: BlockState) -> None:
         """LIF neurons and their synapses.
 
-        Constants are arrays and results go where they are needed: with a hundred neurons, what
-        numpy spends on a number beside an array is as much as the arithmetic.
+        Constants are arrays, and results are written in place: with a hundred neurons numpy's
+        overhead for a scalar operand costs as much as the arithmetic.
         """
         current, voltage, refractory = state.current, state.voltage, state.refractory
         awake, step = state.scratch, state.step
@@ -239,14 +239,14 @@ class AdaptiveEnsemble(LearningEnsemble):
         activity *= state.fade
         activity[spiking] += state.kick
 
-    # Its start adds to that of LearningEnsemble, and leaves what this relies on as it is.
+    # Its start extends that of LearningEnsemble without changing what this kernel depends on.
     _update_kernel = kernel_of(LearningEnsemble.update)(LearningEnsemble._update_kernel)
 
     @kernel_of(_respond)
     def _respond_kernel(self, state: BlockState) -> None:
         voltage, refractory, activity = state.voltage, state.refractory, state.activity
         current, dt = state.current, state.dt
-        # First what most neurons do, without a branch: to be awake, or asleep, for the whole step.
+        # First, without a branch, the common cases: awake or refractory for the whole step.
         full = math.expm1(-dt / self.tau_rc)
         for i in range(len(voltage)):
             refractory[i] -= dt
@@ -254,7 +254,7 @@ class AdaptiveEnsemble(LearningEnsemble):
             voltage[i] = max(voltage[i] - (current[i] - voltage[i]) * rise, 0.0)
             activity[i] *= state.fade
             state.spikes[i] = 0.0
-        # Then the few that wake up or spike in it, listed without a branch, too.
+        # Then the few that wake up or spike in it, also listed without a branch.
         few, count = state.few, 0
         for i in range(len(voltage)):
             few[count] = i
@@ -274,7 +274,7 @@ class AdaptiveEnsemble(LearningEnsemble):
 
 @final
 class RateEnsemble(LearningEnsemble):
-    """The network of an AdaptiveEnsemble with neurons that give their rate in place of spikes.
+    """The network of an AdaptiveEnsemble with neurons that output rates instead of spikes.
 
         input, error ─▶ [ RateEnsemble ] ─▶ output
 
@@ -284,10 +284,10 @@ class RateEnsemble(LearningEnsemble):
     Decoding  output = W s, each component within +-limit
     PES       W(t_k+1) = exp(-leak dt) W(t_k) - (kappa dt / neurons) error(t_k) s'
 
-    Put in the place of an AdaptiveEnsemble, under its name, it has the same gains, biases and
-    encoders, and what differs between the two runs is what spikes do. The equations are Nengo's
-    LIFRate with PES, and a test holds the two equal. Rates have no phase to lose, so any step
-    will do. The output depends on the state alone, so the block breaks loops.
+    In place of an AdaptiveEnsemble, under its name, it has the same gains, biases and encoders, so
+    that two such runs differ only by the effect of spikes. The equations are Nengo's LIFRate with
+    PES, and a test holds the two equal. Any step is valid for rates. The output depends on the
+    state alone, so the block breaks loops.
     """
 
     rates = State("neurons", event=True, unit="1/s", doc="firing rates r")

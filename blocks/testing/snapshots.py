@@ -1,4 +1,4 @@
-"""Values as immutable records of their bits, to see later whether they were changed."""
+"""Immutable records of values, to detect later changes bit by bit."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ _BY_IDENTITY = (
 def snapshot(value: Any, seen: frozenset[int] = frozenset()) -> Hashable:
     """A record that is equal exactly when two values hold the same bits in the same structure.
 
-    Arrays, numbers, containers and generators are recorded with all they hold, other objects
-    with their attributes; functions, classes and modules count as themselves. NaN equals NaN.
+    Arrays, numbers, containers and generators are recorded by content, other objects by their
+    attributes; functions, classes and modules by identity. NaN equals NaN.
     """
     if id(value) in seen:
         return "a cycle"

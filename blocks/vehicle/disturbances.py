@@ -32,11 +32,11 @@ class Saturator(Block):
         command ─▶ [ Saturator ] ─▶ limited, saturated
 
     limited = s * command with s = min(1, omega_max / |omega|); saturated is 1 where s < 1. A run
-    in which it was that on at least 95 % of the ticks says so in a note.
+    in which that is so on at least 95 % of the ticks reports it in a note.
     """
 
     command = Input(Twist, doc="what the controller wants")
-    limited = Output(Twist, through="command", doc="what the motors are asked for")
+    limited = Output(Twist, through="command", doc="the motors' command")
     saturated = Output(Scalar, doc="1 while the turn rate is limited, else 0")
 
     omega_max: float = param(unit="rad/s", above=0.0, doc="largest turn rate")
@@ -51,8 +51,8 @@ class Saturator(Block):
         if share >= NEARLY_ALWAYS:
             yield (
                 f"the turn rate was limited to omega_max = {self.omega_max:g} rad/s on "
-                f"{100.0 * share:.3g} % of the ticks, so that what the controller asked for "
-                "hardly mattered"
+                f"{100.0 * share:.3g} % of the ticks, so that the controller had little "
+                "influence"
             )
 
     def output(self, state: BlockState, t: float, command: TwistValue) -> tuple[TwistValue, float]:
@@ -70,13 +70,13 @@ class ActuatorFault(Block):
     actual = gain * command + bias for start <= t < stop, and command elsewhere.
     """
 
-    command = Input(Twist, doc="what the motors are asked for")
-    actual = Output(Twist, through="command", doc="what they do")
+    command = Input(Twist, doc="the motors' command")
+    actual = Output(Twist, through="command", doc="the actual motion")
 
     gain: FloatArray = param((1.0, 1.0), shape=(2,), doc="factors on v and omega")
     bias: FloatArray = param((0.0, 0.0), shape=(2,), doc="shifts of v (m/s) and omega (rad/s)")
     begin: float = param(0.0, name="start", unit="s", doc="when the fault sets in")
-    end: float = param(math.inf, name="stop", unit="s", finite=False, doc="when it is over")
+    end: float = param(math.inf, name="stop", unit="s", finite=False, doc="when it ends")
 
     def validate(self) -> None:
         if self.end <= self.begin:
@@ -99,7 +99,7 @@ class ActuatorFault(Block):
 
 
 class ActuatorLag(Block):
-    """Motors that approach what they are asked for like a first-order lag.
+    """Motors that follow the command with a first-order lag.
 
         command ─▶ [ ActuatorLag ] ─▶ actual
 
@@ -107,8 +107,8 @@ class ActuatorLag(Block):
     ``actual`` depends on the state alone: it breaks loops.
     """
 
-    command = Input(Twist, doc="what the motors are asked for")
-    actual = Output(Twist, through="command", doc="what they do")
+    command = Input(Twist, doc="the motors' command")
+    actual = Output(Twist, through="command", doc="the actual motion")
 
     tau: float = param(unit="s", above=0.0, doc="time constant")
 
@@ -131,7 +131,7 @@ class ActuatorLag(Block):
 
 
 class ActuatorDelay(Block):
-    """Motors that do what they were asked for a while ago.
+    """Motors that execute each command after a delay.
 
         command ─▶ [ ActuatorDelay ] ─▶ actual
 
@@ -140,14 +140,14 @@ class ActuatorDelay(Block):
     the state alone: it breaks loops.
     """
 
-    command = Input(Twist, doc="what the motors are asked for")
-    actual = Output(Twist, through="command", doc="what they do")
+    command = Input(Twist, doc="the motors' command")
+    actual = Output(Twist, through="command", doc="the actual motion")
 
-    delay: float = param(unit="s", above=0.0, doc="how long a command is under way")
+    delay: float = param(unit="s", above=0.0, doc="time from a command to its execution")
     capacity: int = param(1000, at_least=1, doc="how many steps the delay may be, at most")
 
-    ring = State("capacity", 2, doc="commands under way: m/s, rad/s")
-    head = State(1, doc="the row that comes out next")
+    ring = State("capacity", 2, doc="delayed commands: m/s, rad/s")
+    head = State(1, doc="the row of the next output")
 
     def validate_in(self, context: BlockContext) -> None:
         steps = self.delay / context.dt
@@ -190,7 +190,7 @@ class WheelSlip(Block):
     its autocorrelation is exp(-|t| / correlation_time) at any step.
     """
 
-    command = Input(Twist, doc="what the motors are asked for")
+    command = Input(Twist, doc="the motors' command")
     actual = Output(Twist, through="command", doc="how the robot moves")
 
     slip: float = param(0.1, at_least=0.0, at_most=1.0, doc="largest share of speed that is lost")
@@ -211,8 +211,8 @@ class WheelSlip(Block):
         return 0.5 * (left + right), (right - left) / self.wheel_base
 
     def update(self, state: BlockState, t: float) -> None:
-        # As many numbers on every tick, whether they are needed or not: one wheel's fortune must
-        # not change the other's.
+        # The same count of numbers on every tick, so that the wheels' random sequences are
+        # independent.
         chance_left, chance_right, left, right = state.rng.random(4).tolist()
         if chance_left < state.chance:
             state.share[0] = self.slip * left
@@ -221,7 +221,7 @@ class WheelSlip(Block):
 
 
 class PoseNoise(Block):
-    """Add white Gaussian noise to a pose, anew on each tick (paper, case B).
+    """Add white Gaussian noise to a pose, independent on each tick (paper, case B).
 
         pose ─▶ [ PoseNoise ] ─▶ measured
 

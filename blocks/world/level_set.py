@@ -24,9 +24,9 @@ Gap = Callable[[FloatArray, FloatArray], tuple[FloatArray, BoolArray]]
 
 # How far (m) a point may be from the distance it should have.
 TOLERANCE = 1e-8
-# On which side of a surface itself there is free space is asked so far (m) away from it.
+# How far (m) from a surface its free side is tested.
 AWAY = 1e-6
-# Ends nearer than this (m) are one point; where curves touch, meetings are that inexact.
+# Ends nearer than this (m) are one point; where curves touch, intersections are that inexact.
 JOINED = 1e-5
 # A joint that turns less (rad) is smooth.
 SMOOTH = 1e-5
@@ -49,7 +49,7 @@ def level_set(shapes: Shapes, gap_at: Gap, d: float) -> list[LineOrArc]:
 
 
 def _distinct(pieces: list[LineOrArc], middles: ComplexArray) -> list[LineOrArc]:
-    """One of each: solids that are flush with each other have pieces in common."""
+    """Pieces without duplicates: solids that are flush with each other share pieces."""
     lengths = np.array([piece.length for piece in pieces])
     same = np.abs(middles - middles[:, None]) < TOLERANCE
     same &= np.abs(lengths - lengths[:, None]) < TOLERANCE
@@ -58,7 +58,7 @@ def _distinct(pieces: list[LineOrArc], middles: ComplexArray) -> list[LineOrArc]
 
 
 def _offsets(shapes: Shapes, d: float) -> Iterator[LineOrArc]:
-    """Every curve on which the level set may lie."""
+    """All curves on which the level set may lie."""
     polygons = (*(() if shapes.room is None else (shapes.room,)), *shapes.obstacles)
     for corners in polygons:
         points = [complex(x, y) for x, y in corners.tolist()]
@@ -73,7 +73,7 @@ def _offsets(shapes: Shapes, d: float) -> Iterator[LineOrArc]:
 
 
 def _cut(curves: list[LineOrArc]) -> list[LineOrArc]:
-    """Cut curves where they meet, and where one that lies on another's carrier ends."""
+    """Cut curves where they meet, and at the ends of curves that share their carrier."""
     places: list[list[float]] = [[0.0, curve.length] for curve in curves]
     for i, j in _close_pairs(curves):
         a, b = curves[i], curves[j]
@@ -90,7 +90,7 @@ def _cut(curves: list[LineOrArc]) -> list[LineOrArc]:
 
 
 def _close_pairs(curves: list[LineOrArc]) -> Iterator[tuple[int, int]]:
-    """Pairs that may meet: a curve is nowhere farther from its middle than half its length."""
+    """Pairs that may meet: no point of a curve is farther from its middle than half its length."""
     lengths = np.array([curve.length for curve in curves])
     middles = np.array([complex(c.at(np.array(0.5 * c.length))) for c in curves])
     apart = np.abs(middles - middles[:, None])
@@ -160,7 +160,7 @@ Span = tuple[float, float]
 def filleted(loop: list[LineOrArc], rho: float) -> list[LineOrArc] | None:
     """Round the concave kinks of a closed loop by arcs of radius ``rho`` (m).
 
-    A piece that is too short for the arcs at its ends is left out, and an arc joins its
+    A piece that is too short for the arcs at its ends is removed, and an arc joins its
     neighbours. None where no such arc exists.
     """
     ring = list(loop)
@@ -190,7 +190,7 @@ def _fillet(before: LineOrArc, after: LineOrArc, corner: complex, rho: float) ->
             complex(curve.tangent(np.array(curve.locate(centre)))) for curve in (before, after)
         )
         sweep = cmath.phase(leave / enter)
-        # Where the carriers meet once more, they do so the other way round.
+        # At their other intersection the carriers turn right.
         if sweep > 0.0:
             arcs.append(Arc(centre, rho, cmath.phase(-1j * enter), sweep))
     return min(arcs, key=lambda arc: abs(arc.centre - corner), default=None)
@@ -208,11 +208,11 @@ def _spans(ring: list[LineOrArc], arcs: list[Arc | None]) -> list[Span]:
 
 
 def _assembled(ring: list[LineOrArc], arcs: list[Arc | None], spans: list[Span]) -> list[LineOrArc]:
-    way: list[LineOrArc] = []
+    path: list[LineOrArc] = []
     for piece, arc, (begin, end) in zip(ring, arcs, spans, strict=True):
-        way += [] if arc is None else [arc]
-        way += [piece.cut(begin, end)] if end - begin > ROUNDING else []
-    return way
+        path += [] if arc is None else [arc]
+        path += [piece.cut(begin, end)] if end - begin > ROUNDING else []
+    return path
 
 
 def deviation(
@@ -222,12 +222,12 @@ def deviation(
 
     nan where there is no loop, or one cannot be rounded.
     """
-    ways = [filleted(loop, rho) for loop in found]
+    paths = [filleted(loop, rho) for loop in found]
     points, weights = [], []
-    for way in ways:
-        if way is None:
+    for path in paths:
+        if path is None:
             return math.nan
-        for piece in way:
+        for piece in path:
             n = math.ceil(piece.length / STEP)
             step = piece.length / n
             points.append(piece.at(np.linspace(0.5 * step, piece.length - 0.5 * step, n)))

@@ -31,7 +31,7 @@ def bearings(beams: int, angle_min: float, angle_max: float) -> FloatArray:
     """Directions of a scan's beams (rad, 0 is ahead, left is positive), (beams,).
 
     Beam i points to ``angle_min + i (angle_max - angle_min) / beams``: evenly spaced, and
-    ``angle_max`` itself is left out, so that a full turn has no beam twice.
+    ``angle_max`` itself is excluded, so that a full turn has no duplicate beam.
     """
     return np.linspace(angle_min, angle_max, beams, endpoint=False)
 
@@ -65,10 +65,12 @@ class Lidar(Block):
     beams: int = param(360, at_least=1, doc="number of beams")
     sigma: float = param(0.01, unit="m", at_least=0.0, doc="standard deviation of a range")
     range_min: float = param(0.05, unit="m", at_least=0.0, doc="nearer returns are misses")
-    range_max: float = param(12.0, unit="m", above=0.0, finite=False, doc="farther ones, too")
+    range_max: float = param(
+        12.0, unit="m", above=0.0, finite=False, doc="farther returns are misses"
+    )
     dropout: float = param(0.0, at_least=0.0, at_most=1.0, doc="probability that a beam is lost")
     angle_min: float = param(-math.pi, unit="rad", doc="bearing of the first beam")
-    angle_max: float = param(math.pi, unit="rad", doc="bearing where one beam more would be")
+    angle_max: float = param(math.pi, unit="rad", doc="bearing past the last beam")
 
     noise = State("beams", unit="m", doc="what the coming scan adds to the ranges")
     lost = State("beams", doc="1 where the coming scan loses the beam")
@@ -91,7 +93,7 @@ class Lidar(Block):
         self._draw(state)
 
     def _draw(self, state: BlockState) -> None:
-        # Both are always drawn, so that one's parameter leaves the other's numbers as they were.
+        # Both are always drawn, so that changing one parameter leaves the other numbers unchanged.
         state.rng.standard_normal(out=state.noise)
         state.noise *= self.sigma
         state.lost[:] = state.rng.random(self.beams) < self.dropout

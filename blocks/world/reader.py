@@ -1,4 +1,4 @@
-"""Reads the description of a world: a mapping with polygons and circles, checked entry by entry."""
+"""Reads and checks the description of a world: a mapping with polygons and circles."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Problems = list[tuple[str, str]]
 
 @dataclass(frozen=True)
 class Shapes:
-    """What a world is made of.
+    """The shapes of a world.
 
     room : corners of the outer polygon, (k, 2), counterclockwise; None outdoors.
     obstacles : corners of the solid polygons, each (k, 2), clockwise.
@@ -95,7 +95,7 @@ def _list(description: Mapping[Any, Any], section: str, problems: Problems) -> l
 
 
 def _numbers(address: str, value: Any, names: str, problems: Problems) -> list[float] | None:
-    """The numbers of a point or circle; None, and a problem, where they are not."""
+    """The numbers of a point or circle; None, and a problem, if they are invalid."""
     count = names.count(",") + 1
     right = isinstance(value, (list, tuple)) and len(value) == count
     if right and all(
@@ -122,7 +122,7 @@ def _circle(address: str, value: Any, problems: Problems) -> list[float]:
 
 
 def _polygon(address: str, value: Any, problems: Problems) -> FloatArray:
-    """A polygon's corners, counterclockwise; what is wrong with it goes to ``problems``."""
+    """A polygon's corners, counterclockwise; errors are added to ``problems``."""
     nothing = np.empty((0, 2))
     if not isinstance(value, (list, tuple)):
         message = f"expected a list of corners [x, y], got {show(value)}"
@@ -144,7 +144,7 @@ def _polygon(address: str, value: Any, problems: Problems) -> FloatArray:
 
 
 def _misdrawn(address: str, corners: FloatArray) -> Problems:
-    """Edges without length, or else edges that cross."""
+    """Edges without length; if there are none, edges that cross."""
     n = len(corners)
     edges = np.roll(corners, -1, axis=0) - corners
     same = [
@@ -164,7 +164,7 @@ def _misdrawn(address: str, corners: FloatArray) -> Problems:
 
 
 def _crossings(corners: FloatArray, edges: FloatArray) -> BoolArray:
-    """Which pairs of edges cross in their insides, (n, n)."""
+    """Which pairs of edges cross at interior points, (n, n)."""
     x, y = corners.T
     side = edges[:, :1] * (y - y[:, None]) - edges[:, 1:] * (x - x[:, None])
     straddles: BoolArray = side * np.roll(side, -1, axis=1) < 0.0

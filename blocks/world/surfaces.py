@@ -20,11 +20,11 @@ Edge = tuple[float, float, float, float, float, float]
 Surfaces = tuple[FloatArray, IntArray, FloatArray, FloatArray]
 Nearest = tuple[float, float, float]
 
-# Nearer than this (m), the direction to a surface says nothing about the side.
+# Nearer than this (m), the direction to a surface does not determine the side.
 TOUCHING = 1e-9
 # Angles (rad) smaller than this are rounding.
 CUSP = 1e-9
-# What an edge ends: nothing, being followed by the next one of its polygon, an obstacle, the room.
+# What ends with an edge: nothing, since its polygon continues; an obstacle; the room.
 FOLLOWED, OBSTACLE, ROOM = 0, 1, 2
 
 
@@ -33,7 +33,7 @@ def as_arrays(
     circles: FloatArray,
     curves: Iterable[LineOrArc],
 ) -> Surfaces:
-    """The surfaces that :func:`nearest_kernel` and :func:`cast_kernel` take.
+    """The surfaces as arguments of :func:`nearest_kernel` and :func:`cast_kernel`.
 
     Parameters
     ----------
@@ -169,9 +169,9 @@ def foot_on(
 def cast_kernel(
     surfaces: Surfaces, x: float, y: float, theta: float, bearings: FloatArray
 ) -> FloatArray:
-    """Range (m) from (x, y) along each ray to the first surface: :meth:`World.cast` in loops.
+    """Range (m) from (x, y) along each ray to the first surface: the kernel of :meth:`World.cast`.
 
-    The equations are those of :mod:`blocks.world.rays`.
+    The equations are those of :func:`to_edges` and :func:`to_circles`.
 
     Parameters
     ----------
@@ -198,8 +198,8 @@ def cast_kernel(
             along, across = ux * cx + uy * cy, ux * cy - uy * cx
             square = r * r - across * across
             if square >= 0.0:
-                way = math.sqrt(square)
-                hit = along + way if cx * cx + cy * cy < r * r else along - way
+                half = math.sqrt(square)
+                hit = along + half if cx * cx + cy * cy < r * r else along - half
                 if hit >= 0.0:
                     first = min(first, hit)
         ranges[i] = first
@@ -224,7 +224,7 @@ def to_edges(
     Parameters
     ----------
     units : the rays' unit vectors, (2, n).
-    corner, edge : where each edge begins, and the way to its end (m), (2, s).
+    corner, edge : where each edge begins, and the vector to its end (m), (2, s).
     """
     ex, ey = edge
     ax, ay = corner[0] - x, corner[1] - y
@@ -252,7 +252,7 @@ def to_circles(x: float, y: float, units: FloatArray, circles: FloatArray) -> Fl
     cx, cy, r = circles[0] - x, circles[1] - y, circles[2]
     rows = np.concatenate(((cx, cy), (cy, -cx)), axis=1).T
     along, across = product(rows, units).reshape(2, -1, units.shape[1])
-    # From inside of a circle, the way out is the only one there is.
+    # From inside a circle, only the exit lies ahead.
     side = np.where(cx * cx + cy * cy < r * r, -1.0, 1.0)
     with np.errstate(invalid="ignore"):
         t = along - side[:, None] * np.sqrt((r * r)[:, None] - across * across)

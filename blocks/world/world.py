@@ -28,7 +28,7 @@ Polygon = tuple[bool, tuple[Edge, ...], FloatArray, FloatArray]
 
 
 class World:
-    """Walls and obstacles of the plane; never changes after construction.
+    """Walls and obstacles of the plane; immutable.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class World:
     obstacles : corners of the solid polygons, each (k, 2), clockwise.
     circles : x, y, r of the solid circles, (c, 3).
     surfaces : the boundary of free space, as unordered lines and arcs with free space on their
-        left; what is buried in another solid is not part of it.
+        left; what lies inside another solid is not part of it.
 
     Raises
     ------
@@ -88,7 +88,7 @@ class World:
 
     @cached_property
     def arrays(self) -> Surfaces:
-        """All that :meth:`nearest` and :meth:`cast` know, for their forms in loops."""
+        """The data of :meth:`nearest` and :meth:`cast` for their kernels."""
         polygons = [(is_room, edges) for is_room, edges, _, _ in self._polygons]
         return as_arrays(polygons, self.circles, self.surfaces)
 
@@ -96,7 +96,7 @@ class World:
         """Signed distance to the nearest surface (m), (m,).
 
         Positive in free space, negative inside of a wall or obstacle and outside of the room. It
-        is the true one everywhere: a surface buried in another solid does not count.
+        is exact everywhere: a surface inside another solid does not count.
 
         Parameters
         ----------
@@ -140,7 +140,7 @@ class World:
         return solid
 
     def nearest(self, x: float, y: float) -> Nearest:
-        """Signed distance to the nearest surface (m), and the unit normal that leads from there
+        """Signed distance to the nearest surface (m), and the unit normal there, which points
         into free space: :meth:`distance` for one point, on plain floats.
 
         Where several surfaces meet, the normal is the bisector of the widest free sector between
@@ -187,7 +187,7 @@ class World:
         return ranges
 
     def offset_contour(self, d: float, spacing: float = 0.01) -> list[FloatArray]:
-        """Where the distance to the nearest surface is ``d``: closed loops, each (k, 2) in m.
+        """The contour at distance ``d`` from the surfaces: closed loops, each (k, 2) in m.
 
         The wall is to the right of the direction in which a loop runs; its last row repeats the
         first. Loops come longest first; the list is empty where no free space is that wide.
@@ -222,8 +222,8 @@ class World:
         """Mean of ``|distance - d|`` (m) of a robot that follows the contour at ``d`` without any
         error and rounds its concave kinks by arcs of radius ``rho``.
 
-        No robot with that turning radius does much better: swinging wide before each kink gains
-        about a tenth.
+        This is close to the optimum for that turning radius: swinging wide before each kink
+        improves it by about a tenth.
 
         Parameters
         ----------
@@ -249,7 +249,7 @@ class World:
 
     @property
     def description(self) -> dict[str, Any]:
-        """The mapping that makes this world again."""
+        """The mapping that describes this world."""
         plain: dict[str, Any] = {} if self.room is None else {"room": self.room.tolist()}
         if self.obstacles:
             plain["obstacles"] = [corners.tolist() for corners in self.obstacles]
@@ -296,7 +296,7 @@ def misplaced(world: World, body: str, x: float, y: float, radius: float) -> str
 
 
 def _edges(corners: FloatArray) -> tuple[Edge, ...]:
-    """Per edge: its corner's x and y, the way to the next, one over its square, the next's y."""
+    """Per edge: its corner's x and y, the vector to the next corner, 1 / length^2, the next's y."""
     (ax, ay), (bx, by) = corners.T, np.roll(corners, -1, axis=0).T
     ex, ey = bx - ax, by - ay
     rows = np.column_stack((ax, ay, ex, ey, 1.0 / (ex * ex + ey * ey), by))
