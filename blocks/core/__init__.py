@@ -1,4 +1,4 @@
-"""blocks.core."""
+"""What a block is: ports, parameters, state, signal types, kernels, and portable arithmetic."""
 
 from blocks.core import portable
 from blocks.core.block import (

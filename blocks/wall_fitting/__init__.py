@@ -1,4 +1,4 @@
-"""blocks.wall_fitting."""
+"""Wall fitting: from a LiDAR scan to a reference path beside the wall (paper, section III-A)."""
 
 from blocks.wall_fitting.fitter import WallFitter
 

@@ -26,19 +26,24 @@ from blocks.core import (
     param,
     product,
 )
-from blocks.wall_fitting.bspline import Samples, control_points, fit_even, projection, way_along
+from blocks.wall_fitting.bspline import Samples, arc_length, control_points, fit_even, projection
 from blocks.wall_fitting.contour import Beams, Returns, chain
 from blocks.wall_fitting.curves import STEP, WallCurve, offset_pieces, wall_curves
 from blocks.wall_fitting.kernels.bspline import (
+    arc_length_kernel,
     banded_matrices,
     even_basis,
     fit_kernel,
     positions,
     projected,
     sampled_evenly_kernel,
-    way_along_kernel,
 )
-from blocks.wall_fitting.kernels.contour import averages_kernel, chain_kernel, returned, way_kernel
+from blocks.wall_fitting.kernels.contour import (
+    averages_kernel,
+    chain_arcs_kernel,
+    chain_kernel,
+    returned,
+)
 from blocks.wall_fitting.kernels.curves import (
     coarseness,
     fitted_points,
@@ -63,16 +68,16 @@ from blocks.wall_fitting.kernels.offset import (
 )
 from blocks.wall_fitting.offset import filleted, followed, onward, resampled, stretch
 
-CALM = 0.05  # m between control points that calm the offset before its kinks are rounded
-FLAT = 0.003  # m that the calmed offset may still waver without counting as a kink
+CALM = 0.05  # m between control points that smooth the offset before its kinks are rounded
+FLAT = 0.003  # m by which the smoothed offset may vary without counting as a kink
 MARGIN = 0.05  # m by which the path's spline is longer than the path, at each end
-SHARP = 3.0  # times 1 / spacing: curvature that the path's control points can hardly mean
+SHARP = 3.0  # times 1 / spacing: largest curvature that the path's control points can represent
 CLEAR = 5  # rows to leave out around a place that is too sharp
 BEYOND = 0.5  # m of offset used beyond the path's ends
 
 
 class WallFitter(Block):
-    """Fit B-splines to the walls of a scan and lay a path beside them (paper, section III-A).
+    """Fit B-splines to the walls of a scan and compute a path beside them (paper, section III-A).
 
         scan, pose ─▶ [ WallFitter ] ─▶ path, wall, valid
 
@@ -83,16 +88,18 @@ class WallFitter(Block):
 
     The path (rows of x, y in m, theta in rad, kappa in 1/m, signed, left positive) is this curve
     moved by ``distance`` to the robot's side. Points nearer than that to any wall, or behind
-    one, are dropped; where a wall ends and beams go on, the curve goes round the edge; gaps are
+    one, are dropped; where beams pass the end of a wall, the curve goes round the edge; gaps are
     bridged; what does not link to the part nearest to the robot is left out; turns off the wall
     tighter than ``fillet`` are rounded; and another spline is fitted to that. Rows are ``step``
-    apart, in the direction of travel, with straight ends where nothing was seen.
+    apart, in the direction of travel, with straight ends where there were no returns.
 
-    A scan that gives no path leaves the last one standing and ``valid`` 0. Before the first one
+    A scan that gives no path keeps the last one, with ``valid`` 0. Before the first one
     the path runs straight ahead through the robot, and the wall's points are at the robot.
     """
 
-    scan = Input(Scan("beams"), doc="ranges; what is not finite and positive is no return")
+    scan = Input(
+        Scan("beams"), doc="ranges; values that are not finite and positive are not returns"
+    )
     pose = Input(Pose, doc="the estimate of the pose at which the scan was taken")
 
     path = Output(Path("samples"), doc="the reference path, in the direction of travel")
@@ -123,10 +130,12 @@ class WallFitter(Block):
     incidence: float = param(
         0.14, unit="rad", above=0.0, below=1.5, doc="flattest beam at which walls are linked"
     )
-    trim: float = param(0.01, unit="m", at_least=0.0, doc="how much nearer than d is no matter")
+    trim: float = param(0.01, unit="m", at_least=0.0, doc="by how much points may be nearer than d")
     bridge: float = param(0.5, unit="m", at_least=0.0, doc="longest gap that the path bridges")
     shortest: float = param(0.15, unit="m", above=0.0, doc="shortest path that counts as valid")
-    behind: float = param(0.3, unit="m", at_least=0.0, doc="way from the path's begin to the robot")
+    behind: float = param(
+        0.3, unit="m", at_least=0.0, doc="distance from the path's beginning to the robot"
+    )
     step: float = param(0.01, unit="m", at_least=0.001, doc="distance of the path's rows")
     samples: int = param(150, at_least=4, doc="number of the path's rows")
     wall_points: int = param(100, at_least=1, doc="number of the wall's points")
@@ -157,7 +166,7 @@ class WallFitter(Block):
     def start(self, state: BlockState) -> None:
         beams = self.beams(state.context)
         state.beams = beams
-        # What the loops take: of the beams, and of the reference spline, whose length is given.
+        # What the kernels need: the beams, and the reference spline, whose length is fixed.
         state.order, state.bearing, state.direction = beams.order, beams.bearing, beams.direction
         state.limit = beams.incidence(self.incidence)
         n = control_points(self._length, self.spacing, self.degree)
@@ -223,18 +232,18 @@ class WallFitter(Block):
     def _line(self, pieces: list[FloatArray]) -> FloatArray | None:
         """Join the pieces to follow into a line near the robot, smooth and fillet it."""
         line = onward(followed(pieces, self.bridge))
-        arc = way_along(line)
+        arc = arc_length(line)
         here = arc[int(np.einsum("ij,ij->i", line, line).argmin())]
         ahead = self.samples * self.step - self.behind
         line = line[(arc > here - self.behind - BEYOND) & (arc < here + ahead + BEYOND)]
-        length = float(way_along(line)[-1])
+        length = float(arc_length(line)[-1])
         if length < self.shortest:
             return None
-        # Straight ends, so that a kink has room for its fillet even where the wall behind it has
-        # left the window already.
+        # Straight ends, so that a kink has room for its fillet even if the wall behind it is no
+        # longer in the window.
         room = 2.0 * self.fillet
         length += 2.0 * room
-        # In steps of four, for the sake of the cache of matrices.
+        # In steps of four, so that matrices are cached.
         n = 4 * math.ceil(control_points(length, CALM, self.degree) / 4)
         even = stretch(line, -room, length, 5 * n)
         calm = fit_even(even, n, self.degree).positions(5 * n)
@@ -250,7 +259,7 @@ class WallFitter(Block):
         length = self._length
         n = control_points(length, self.spacing, self.degree)
         for _ in range(3):
-            here = way_along(line)[int(np.einsum("ij,ij->i", line, line).argmin())]
+            here = arc_length(line)[int(np.einsum("ij,ij->i", line, line).argmin())]
             data = stretch(line, float(here) - self.behind - MARGIN, length, 6 * n)
             spline = fit_even(data, n, self.degree)
             sampled = spline.sampled_evenly(self.step, self.samples, MARGIN, 2 * self.samples)
@@ -296,7 +305,7 @@ class WallFitter(Block):
         kept, bounds, edges = chain_kernel(
             returns, state.bearing, self.reach, self.sigma, state.limit
         )
-        arc = way_kernel(kept, bounds)
+        arc = chain_arcs_kernel(kept, bounds)
         step = coarseness(arc, bounds)
         shortest = 1.5 * max(self.bin, 2.0 * step)
         if self.form == "least_squares":
@@ -326,11 +335,11 @@ class WallFitter(Block):
     def _line_rows(self, rows: FloatArray, pieces: IntArray) -> FloatArray:
         """Join the pieces (first and past-the-last of the rows) into a line; empty if too short."""
         line = onward_kernel(followed_kernel(rows, pieces, self.bridge))
-        arc = way_along_kernel(line)
+        arc = arc_length_kernel(line)
         here = arc[nearest_row(line)] if len(line) > 0 else 0.0
         onward = self.samples * self.step - self.behind
         line = between(line, arc, here - self.behind - BEYOND, here + onward + BEYOND)
-        arc = way_along_kernel(line)
+        arc = arc_length_kernel(line)
         length = arc[-1] if len(line) > 0 else 0.0
         if length < self.shortest:
             return line[:0]
@@ -340,7 +349,7 @@ class WallFitter(Block):
         even = stretch_kernel(line, arc, -room, length, 5 * n)
         first, values = even_basis(n, self.degree, 5 * n)
         calm = positions(first, values, fit_kernel(first, values, even, n, 0.0))
-        arc = way_along_kernel(calm)
+        arc = arc_length_kernel(calm)
         even = stretch_kernel(calm, arc, 0.0, arc[-1], max(4, round(length / STEP)))
         return filleted_kernel(even, self.fillet, STEP, FLAT)
 
@@ -350,7 +359,7 @@ class WallFitter(Block):
         for _ in range(3):
             if len(line) == 0:
                 break
-            arc = way_along_kernel(line)
+            arc = arc_length_kernel(line)
             start = arc[nearest_row(line)] - self.behind - MARGIN
             data = stretch_kernel(line, arc, start, self._length, state.projection.shape[1])
             points = projected(state.projection, data)

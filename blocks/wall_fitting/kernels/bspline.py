@@ -1,4 +1,4 @@
-"""B-splines in loops; see :mod:`blocks.wall_fitting.bspline`.
+"""Kernels of :mod:`blocks.wall_fitting.bspline`.
 
 Of the basis, only the ``degree + 1`` functions that are not 0 at a parameter are found and kept:
 ``first`` (m,) is the number of the first of them at each of m parameters, ``values``
@@ -137,7 +137,7 @@ def solve(band: FloatArray, right: FloatArray) -> None:
             right[i, c] = total / band[i, 0]
 
 
-def way_along_kernel(line: FloatArray) -> FloatArray:
+def arc_length_kernel(line: FloatArray) -> FloatArray:
     """Arc length (m) at each point of a polyline, (n,)."""
     arc = np.zeros(len(line))
     for i in range(1, len(line)):
@@ -196,7 +196,7 @@ def sampled_evenly_kernel(
             for d in range(3):
                 dense[i, 2 * d] += bands[d, i, k] * x
                 dense[i, 2 * d + 1] += bands[d, i, k] * y
-    arc = way_along_kernel(dense)
+    arc = arc_length_kernel(dense)
     total = arc[len(arc) - 1]
     length = (samples - 1) * spacing
     start = min(start, max(0.0, total - length))

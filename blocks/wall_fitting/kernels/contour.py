@@ -1,4 +1,4 @@
-"""From a scan to chains of returns, in loops; see :mod:`blocks.wall_fitting.contour`."""
+"""Kernels of :mod:`blocks.wall_fitting.contour`."""
 
 from __future__ import annotations
 
@@ -100,7 +100,7 @@ def passed(
     return bool(apart[max(i, other)] and (far or returns[other, 0] > returns[i, 0]))
 
 
-def way_kernel(returns: FloatArray, bounds: IntArray) -> FloatArray:
+def chain_arcs_kernel(returns: FloatArray, bounds: IntArray) -> FloatArray:
     """Arc length (m) from the begin of each chain, (m,), on median-filtered ranges."""
     arc = np.empty(len(returns))
     window = np.empty(MEDIAN)
@@ -119,9 +119,9 @@ def way_kernel(returns: FloatArray, bounds: IntArray) -> FloatArray:
 
 
 def median(returns: FloatArray, i: int, low: int, high: int, window: FloatArray) -> float:
-    """The median of the ranges around a return; beyond ``low`` and ``high`` those count again.
+    """The median of the ranges around a return; beyond ``low`` and ``high`` these are repeated.
 
-    ``window`` is overwritten: the ranges in order. Its length says how many.
+    ``window``, whose length is the number of ranges, is overwritten with them in order.
     """
     half = len(window) // 2
     for k in range(len(window)):

@@ -1,4 +1,4 @@
-"""Splines through the chains of a scan, in loops; see :mod:`blocks.wall_fitting.curves`."""
+"""Kernels of :mod:`blocks.wall_fitting.curves`."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ def post(returns: FloatArray, begin: int, stop: int, curves: FloatArray, row: in
 def offset_rows(
     curves: FloatArray, bounds: IntArray, edges: BoolArray, distance: float
 ) -> tuple[FloatArray, IntArray]:
-    """Curves moved to the left, edges gone round: points (m, 2) and the curves' bounds."""
+    """Curves moved to the left and continued around edges: points (m, 2) and the curves' bounds."""
     room = math.ceil(math.pi * distance / (2.0 * STEP))
     rows = np.empty((len(curves) + 2 * len(edges) * room, 2))
     ends = np.zeros(len(bounds), np.int64)

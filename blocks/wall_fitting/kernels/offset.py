@@ -1,4 +1,4 @@
-"""From wall curves to a line to follow, in loops; see :mod:`blocks.wall_fitting.offset`."""
+"""Kernels of :mod:`blocks.wall_fitting.offset`."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def nearest_kernel(points: FloatArray, others: FloatArray) -> FloatArray:
     x, y, least = points[:, 0].copy(), points[:, 1].copy(), np.full(len(points), math.inf)
     for k in range(len(others)):
         ox, oy = others[k, 0], others[k, 1]
-        # Over the points, not the others: this is the loop that runs four at a time.
+        # The inner loop is over the points, since that one is vectorised.
         for i in range(len(x)):
             dx, dy = x[i] - ox, y[i] - oy
             square = dx * dx + dy * dy
@@ -72,11 +72,11 @@ def followed_kernel(rows: FloatArray, pieces: IntArray, bridge: float) -> FloatA
         return np.empty((0, 2))
     main = main_piece(rows, pieces)
     chosen = np.zeros(len(pieces), np.bool_)
-    for way in (1, -1):
+    for side in (1, -1):
         at = main
         while at >= 0:
             chosen[at] = True
-            at = next_piece(rows, pieces, at, way, bridge)
+            at = next_piece(rows, pieces, at, side, bridge)
     total = 0
     for p in range(len(pieces)):
         total += pieces[p, 1] - pieces[p, 0] if chosen[p] else 0
@@ -103,11 +103,11 @@ def main_piece(rows: FloatArray, pieces: IntArray) -> int:
     return found
 
 
-def next_piece(rows: FloatArray, pieces: IntArray, at: int, way: int, bridge: float) -> int:
-    """The piece at the smallest gap after (``way`` 1) or before (-1) a piece; -1 for none."""
+def next_piece(rows: FloatArray, pieces: IntArray, at: int, side: int, bridge: float) -> int:
+    """The piece at the smallest gap after (``side`` 1) or before (-1) a piece; -1 for none."""
     found, least = -1, math.inf
-    for p in range(at + 1 if way > 0 else 0, len(pieces) if way > 0 else at):
-        first, second = (at, p) if way > 0 else (p, at)
+    for p in range(at + 1 if side > 0 else 0, len(pieces) if side > 0 else at):
+        first, second = (at, p) if side > 0 else (p, at)
         width = gap_kernel(rows, pieces[first], pieces[second], bridge)
         if width < least:
             found, least = p, width
@@ -229,7 +229,7 @@ def stretch_kernel(
 ) -> FloatArray:
     """``samples`` even points of the ``length`` (m) of a line from arc length ``start`` (m).
 
-    ``arc`` is that of the line's points. It goes on straight where it does not reach.
+    ``arc`` is that of the line's points. Beyond its ends it is continued straight.
     """
     total = arc[-1]
     result = interpolate_kernel(start, start + length, samples, arc, line)

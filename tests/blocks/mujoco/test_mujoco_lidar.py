@@ -15,7 +15,7 @@ from blocks.core.signals import FloatArray
 from blocks.mujoco.model import SEEN_GROUP, WALL_HEIGHT, BeamCaster, model_of, model_text
 from blocks.mujoco.vacuum import MujocoVacuum
 from blocks.world.lidar import bearings
-from tests.blocks.told import told
+from tests.blocks.outputs import outputs
 from tests.blocks.worlds import OVERLAPPING, SHIPPED, is_free, started, worlds
 
 DT = 0.01
@@ -48,8 +48,8 @@ def test_a_moving_robot_scans_from_where_it_is(name: str) -> None:
     for k in range(150):
         robot.update(state, k * DT, (0.3, 0.8))
         if k % 10 == 9:
-            pose = np.array(told(robot, state).pose)
-            assert between(world, pose, told(robot, state).scan, 2e-4).all()
+            pose = np.array(outputs(robot, state).pose)
+            assert between(world, pose, outputs(robot, state).scan, 2e-4).all()
 
 
 @settings(max_examples=40)
@@ -75,7 +75,7 @@ def test_noise_has_its_deviation_and_limits_hold() -> None:
     exact = world.cast(0.0, 0.0, AROUND)
     scans = []
     for k in range(60):
-        scans.append(told(robot, state).scan)
+        scans.append(outputs(robot, state).scan)
         robot.update(state, k * DT, (0.0, 0.0))
     found = np.array(scans)
     clear = (exact > 3.2) & (exact < 3.8)
@@ -93,7 +93,7 @@ def test_a_scan_holds_until_the_next_one() -> None:
     state = started(robot, World(SHIPPED["paper_room"]), dt=DT)
     scans = []
     for k in range(20):
-        scans.append(told(robot, state).scan.tobytes())
+        scans.append(outputs(robot, state).scan.tobytes())
         robot.update(state, k * DT, (0.3, 0.5))
     for k, scan in enumerate(scans):
         assert scan == scans[k - k % 5]

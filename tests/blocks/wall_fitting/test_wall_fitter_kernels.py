@@ -186,7 +186,7 @@ def lines(draw: st.DrawFn) -> np.ndarray:
 def test_lines(line: np.ndarray, reach: int) -> None:
     same(offset_kernels.tangents_kernel(line, reach), offset.tangents(line, reach), 1e-12)
     same(offset_kernels.onward_kernel(line), offset.onward(line))
-    same(bspline_kernels.way_along_kernel(line), bspline.way_along(line))
+    same(bspline_kernels.arc_length_kernel(line), bspline.arc_length(line))
     assert fitter_kernels.nearest_row(line) == np.einsum("ij,ij->i", line, line).argmin()
     others = line[::2] + np.array([0.1, 0.05])
     same(offset_kernels.nearest_kernel(line, others), offset.nearest(line, others), 1e-12)
@@ -199,14 +199,14 @@ def test_lines(line: np.ndarray, reach: int) -> None:
     samples=st.integers(1, 50),
 )
 def test_stretch(line: np.ndarray, start: float, length: float, samples: int) -> None:
-    arc = bspline.way_along(line)
+    arc = bspline.arc_length(line)
     found = offset_kernels.stretch_kernel(line, arc, start, length, samples)
     same(found, offset.stretch(line, start, length, samples), 1e-12)
 
 
 @given(line=lines(), radius=st.sampled_from([0.0, 0.05, 0.15]))
 def test_fillets(line: np.ndarray, radius: float) -> None:
-    even = offset.resampled(line, max(2, round(float(bspline.way_along(line)[-1]) / 0.01)))
+    even = offset.resampled(line, max(2, round(float(bspline.arc_length(line)[-1]) / 0.01)))
     found = offset_kernels.filleted_kernel(even, radius, 0.01, 0.003)
     same(found, offset.filleted(even, radius, 0.01, 0.003), 1e-12)
 
@@ -258,8 +258,8 @@ def test_chains(scan: np.ndarray, reach: float, spacing: float) -> None:
     np.testing.assert_array_equal(kept[:, 2:], chains.returns.points)
     np.testing.assert_array_equal(bounds, chains.bounds)
     np.testing.assert_array_equal(edges, chains.edges)
-    arc = contour.way(chains)
-    same(contour_kernels.way_kernel(kept, bounds), arc)
+    arc = contour.chain_arcs(chains)
+    same(contour_kernels.chain_arcs_kernel(kept, bounds), arc)
     means, first = contour_kernels.averages_kernel(kept, bounds, arc, spacing)
     expected_means, expected_first = contour.averages(chains, arc, spacing)
     np.testing.assert_array_equal(first, expected_first)
