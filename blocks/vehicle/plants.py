@@ -103,7 +103,7 @@ class DifferentialDrive(Block):
             return
         world = world_of(context)
         if world is None:
-            message = "a body needs a world: the graph has no world: section"
+            message = "a body needs a world, but the graph has no world: section"
             raise ParameterError([("body_radius", message)])
         x, y, _ = self.x0.tolist()
         message = misplaced(world, "body", x, y, self.body_radius)
