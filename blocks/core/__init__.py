@@ -37,9 +37,9 @@ from blocks.core.signals import (
     TwistValue,
     Vector,
     WheelSpeeds,
+    differ,
     signal_type,
 )
-from blocks.core.units import differ
 
 __all__ = [
     "TYPES",

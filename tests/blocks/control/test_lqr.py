@@ -416,7 +416,10 @@ def test_definiteness_does_not_see_units() -> None:
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
-        ({"max_iterations": 4}, "lqr.max_iterations: the Riccati equation has not converged after 4"),
+        (
+            {"max_iterations": 4},
+            "lqr.max_iterations: the Riccati equation has not converged after 4",
+        ),
         ({"v_r": 1e-9}, "the closer v_r = 1e-09 m/s is to 0, the longer it takes"),
         ({"q": [0, 0, 1], "solver": "dare"}, "'riccati' takes a q that leaves states out"),
     ],
