@@ -109,9 +109,9 @@ def test_on_a_slippery_patch_it_starts_as_fast_as_friction_lets_it() -> None:
     mu, seconds = 0.02, 1.0
     robot = MujocoVacuum(patch=[0.0, 0.0, 0.5], patch_friction=mu)
     state = driven(robot, during(seconds, 0.6, 0.0))
-    way, counted = outputs(robot, state).pose[0], outputs(robot, state).odometry[0]
+    distance, counted = outputs(robot, state).pose[0], outputs(robot, state).odometry[0]
     fraction = 1.0 - robot.centre_of_mass / robot.caster
-    assert way == pytest.approx(0.5 * mu * fraction * G * seconds**2, rel=0.05)
+    assert distance == pytest.approx(0.5 * mu * fraction * G * seconds**2, rel=0.05)
     assert counted == pytest.approx(0.6 * seconds - 0.5 * 0.6**2, rel=0.05)
 
 
@@ -120,8 +120,8 @@ def test_beside_the_patch_and_before_its_time_wheels_hold() -> None:
     later = MujocoVacuum(patch=[0.0, 0.0, 0.5], patch_friction=0.02, start=2.0)
     for robot in (aside, later):
         state = driven(robot, during(1.0, 0.3, 0.0))
-        way, counted = outputs(robot, state).pose[0], outputs(robot, state).odometry[0]
-        assert way == pytest.approx(counted, abs=2e-3)
+        distance, counted = outputs(robot, state).pose[0], outputs(robot, state).odometry[0]
+        assert distance == pytest.approx(counted, abs=2e-3)
 
 
 @pytest.mark.parametrize(
@@ -217,7 +217,7 @@ def test_a_simulation_that_breaks_down_says_so(tmp_path: Path, monkeypatch: Any)
     ],
 )
 def test_it_keeps_the_rules_of_blocks(parameters: dict[str, Any]) -> None:
-    """Among them: a run that goes on from its declared states goes on the same, to the bit."""
+    """Among them: a run that resumes from its declared states continues bit-identically."""
     check_block(MujocoVacuum(**parameters), world=World(SHIPPED["paper_room"]), ticks=30)
 
 
