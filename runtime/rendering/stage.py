@@ -81,7 +81,7 @@ class SceneRenderer:
         """Where the beams end on something, (n, 3) in m."""
         ranges = self.beams.cast()
         seen = np.isfinite(ranges)
-        hits: FloatArray = self.beams.site.xpos + ranges[seen, None] * self.beams.ways()[seen]
+        hits: FloatArray = self.beams.site.xpos + ranges[seen, None] * self.beams.directions()[seen]
         return hits
 
     def _labelled(self, pixels: Picture, text: str) -> Picture:

@@ -110,7 +110,7 @@ def test_a_crossing_does_not_catch_the_window() -> None:
 @pytest.mark.parametrize("clockwise", [False, True])
 @pytest.mark.parametrize("samples", [400, 401, 7])
 def test_distance_travelled_over_several_laps(turn: float, clockwise: bool, samples: int) -> None:
-    """Three laps across the seam, in both directions: the distance is the arc length, to a sample."""
+    """Three laps across the seam, in both directions: the distance is the arc, to a sample."""
     path = blocks.CirclePath(radius=2.0, samples=samples, clockwise=clockwise).sampled
     walk = Walk(window=4.0)
     spacing = math.hypot(*(path[1, :2] - path[0, :2]))
