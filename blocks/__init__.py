@@ -1,17 +1,10 @@
-"""Typed blocks: what a block is, and every block of the library."""
+"""Typed blocks: what a block is, and every block of the library.
 
-from blocks.control import (
-    LQR,
-    PID,
-    CirclePath,
-    LinePath,
-    MatchingPoint,
-    PurePursuit,
-    SinePath,
-    Stanley,
-    TrackingError,
-    WaypointPath,
-)
+Each room's blocks are what its ``__all__`` holds; :data:`blocks.registry.BUILTIN` is made of them.
+"""
+
+from blocks import control, generic, learning, mujoco, vehicle, wall_fitting, world
+from blocks.control import *
 from blocks.core import (
     Block,
     BlockContext,
@@ -37,79 +30,22 @@ from blocks.core import (
     kernel_of,
     param,
 )
-from blocks.generic import Constant, Gain, Lowpass, Mux, Sum, Switch, UnitDelay
-from blocks.learning import AdaptiveBias, AdaptiveEnsemble, RateEnsemble
-from blocks.mujoco import MujocoVacuum
+from blocks.generic import *
+from blocks.learning import *
+from blocks.mujoco import *
 from blocks.testing import CheckError, check_block
-from blocks.vehicle import (
-    ActuatorDelay,
-    ActuatorFault,
-    ActuatorLag,
-    DifferentialDrive,
-    Explorer,
-    PoseNoise,
-    Saturator,
-    WheelSlip,
-)
-from blocks.wall_fitting import WallFitter
-from blocks.world import Lidar, World
+from blocks.vehicle import *
+from blocks.wall_fitting import *
+from blocks.world import *
 
-__all__ = [
-    "LQR",
-    "PID",
-    "ActuatorDelay",
-    "ActuatorFault",
-    "ActuatorLag",
-    "AdaptiveBias",
-    "AdaptiveEnsemble",
-    "Block",
-    "BlockContext",
-    "BlockState",
-    "CheckError",
-    "CirclePath",
-    "Constant",
-    "DeclarationError",
-    "DifferentialDrive",
-    "Explorer",
-    "FloatArray",
-    "Gain",
-    "Input",
-    "Lidar",
-    "LinePath",
-    "Lowpass",
-    "MatchingPoint",
-    "MujocoVacuum",
-    "Mux",
-    "Output",
-    "ParameterError",
-    "Path",
-    "PointCloud",
-    "Pose",
-    "PoseNoise",
-    "PurePursuit",
-    "RateEnsemble",
-    "Same",
-    "Saturator",
-    "Scalar",
-    "Scan",
-    "SignalType",
-    "SinePath",
-    "Spikes",
-    "Stanley",
-    "State",
-    "Sum",
-    "Switch",
-    "TrackingError",
-    "TrackingState",
-    "Twist",
-    "UnitDelay",
-    "Vector",
-    "WallFitter",
-    "WaypointPath",
-    "WheelSlip",
-    "WheelSpeeds",
-    "World",
-    "check_block",
-    "kernel_of",
-    "param",
-]
+__all__ = ["Block", "BlockContext", "BlockState", "CheckError", "DeclarationError", "FloatArray"]
+__all__ += ["Input", "Output", "ParameterError", "Path", "PointCloud", "Pose", "Same", "Scalar"]
+__all__ += ["Scan", "SignalType", "Spikes", "State", "TrackingState", "Twist", "Vector"]
+__all__ += ["WheelSpeeds", "check_block", "kernel_of", "param"]
+__all__ += control.__all__
+__all__ += generic.__all__
+__all__ += learning.__all__
+__all__ += mujoco.__all__
+__all__ += vehicle.__all__
+__all__ += wall_fitting.__all__
+__all__ += world.__all__

@@ -1,4 +1,4 @@
-"""The registry: which block types exist, and where users' own come from."""
+"""Which block types exist: the library's, those of installed packages, those of a Python file."""
 
 from __future__ import annotations
 
@@ -13,51 +13,20 @@ from functools import cache
 from pathlib import Path as FilePath
 from types import ModuleType
 
-from blocks.control import (
-    LQR,
-    PID,
-    CirclePath,
-    LinePath,
-    MatchingPoint,
-    PurePursuit,
-    SinePath,
-    Stanley,
-    TrackingError,
-    WaypointPath,
-)
+from blocks import control, generic, learning, mujoco, vehicle, wall_fitting, world
 from blocks.core import Block, SignalType
-from blocks.generic import Constant, Gain, Lowpass, Mux, Sum, Switch, UnitDelay
-from blocks.learning import AdaptiveBias, AdaptiveEnsemble, RateEnsemble
-from blocks.mujoco import MujocoVacuum
-from blocks.vehicle import (
-    ActuatorDelay,
-    ActuatorFault,
-    ActuatorLag,
-    DifferentialDrive,
-    Explorer,
-    PoseNoise,
-    Saturator,
-    WheelSlip,
-)
-from blocks.wall_fitting import WallFitter
-from blocks.world import Lidar
 
 ENTRY_POINTS = "spikeblocks.blocks"
-# A module is registered before its text has run: another thread must not look into it till then.
+# A module is registered before its code has run: other threads must not see it until then.
 _LOADING = threading.RLock()
 _CONTENT = "__spikeblocks_content__"
 
+ROOMS = (control, learning, world, wall_fitting, vehicle, generic, mujoco)
 BUILTIN: Mapping[str, type[Block]] = {
-    block.__name__: block
-    for block in (
-        *(LinePath, SinePath, CirclePath, WaypointPath),
-        *(MatchingPoint, TrackingError, LQR, PID, PurePursuit, Stanley),
-        *(AdaptiveEnsemble, RateEnsemble, AdaptiveBias),
-        *(Lidar, WallFitter, Explorer),
-        *(Constant, Sum, Mux, Gain, Switch, UnitDelay, Lowpass),
-        *(Saturator, ActuatorFault, ActuatorLag, ActuatorDelay, WheelSlip),
-        *(PoseNoise, DifferentialDrive, MujocoVacuum),
-    )
+    name: value
+    for room in ROOMS
+    for name in room.__all__
+    if isinstance(value := getattr(room, name), type) and issubclass(value, Block)
 }
 
 
@@ -71,8 +40,8 @@ def installed() -> dict[str, type[Block]]:
 def blocks_of_module(file: FilePath) -> dict[str, type[Block]]:
     """Block types that a Python file defines; the file is run once per process and version.
 
-    What runs is what the file held when it was read here, also where its text is looked at later
-    (by the compiled engine, by a traceback, by a run's folder).
+    The content that ran is also what the compiled engine, tracebacks and run folders see, even if
+    the file changes later.
 
     Raises
     ------
@@ -111,14 +80,14 @@ def _loaded(file: FilePath) -> ModuleType:
     if module is None:
         spec = importlib.util.spec_from_file_location(name, file)
         if spec is None or spec.loader is None:
-            raise ImportError(f"{file} is no Python file")
+            raise ImportError(f"{file} is not a Python file")
         module = importlib.util.module_from_spec(spec)
         setattr(module, _CONTENT, {where: data})
         sys.modules[name] = module
         try:
             code = compile(data, str(file), "exec", dont_inherit=True)
             lines = importlib.util.decode_source(data).splitlines(keepends=True)
-            # Without a time of change, which lets linecache keep it whatever the file becomes.
+            # Without a modification time linecache keeps the entry even if the file changes.
             linecache.cache[str(file)] = (len(data), None, lines, str(file))
             exec(code, vars(module))
         except BaseException:

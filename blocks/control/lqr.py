@@ -7,9 +7,12 @@ from functools import cached_property
 
 import numpy as np
 
-from blocks.control.riccati import feedback_gain as loop_gain
-from blocks.control.riccati import refined, turned
-from blocks.control.riccati import riccati as loop_riccati
+from blocks.control.riccati import (
+    feedback_gain_kernel,
+    refined_kernel,
+    riccati_kernel,
+    turned,
+)
 from blocks.control.tracking import offsets
 from blocks.core import (
     Block,
@@ -58,13 +61,13 @@ def riccati(
     tolerance: float = 1e-13,
     max_iterations: int = 2**40,
 ) -> FloatArray:
-    """Iterate the paper's Riccati equation from P_0 = 0 until it stands still.
+    """Iterate the paper's Riccati equation from P_0 = 0 until it converges.
 
     P_{n+1} = Q + A'P_n A - A'P_n B (R + B'P_n B)^-1 B'P_n A. One step of the structured doubling
-    algorithm (Chu, Fan, Lin and Wang, 2004) takes P_n to P_2n, so that what takes thousands of
-    plain iterations at soft weights and short steps takes about fifteen. A Newton step at the end
-    removes the rounding that they gathered: where the poles crowd at the unit circle P is good to
-    1e-7 without it, and to 1e-11 with it.
+    algorithm (Chu, Fan, Lin and Wang, 2004) takes P_n to P_2n, so that about fifteen steps replace
+    thousands of plain iterations at soft weights and short steps. A final Newton step
+    removes the accumulated rounding error: with poles near the unit circle P is accurate to 1e-7
+    without it, and to 1e-11 with it.
 
     Parameters
     ----------
@@ -78,14 +81,14 @@ def riccati(
 
     Raises
     ------
-    ValueError : if P has not settled after ``max_iterations``.
+    ValueError : if P has not converged after ``max_iterations``.
     """
     eye = np.eye(len(a))
     power, g = a, product(b, solve(r, b.T))
     p: FloatArray = np.array(q, dtype=np.float64)
     iterations = 1
     while iterations < max_iterations:
-        with np.errstate(all="ignore"):  # what overflows has not settled
+        with np.errstate(all="ignore"):  # an overflow is detected as divergence
             w = solve(eye + product(g, p), eye)
             pw = product(power, w)
             change = product(product(product(power.T, p), w), power)
@@ -97,7 +100,7 @@ def riccati(
             break
         if np.abs(change).max() <= tolerance * np.abs(p).max():
             return _refined(a, b, q, r, p)
-    raise ValueError(f"the Riccati equation has not settled after {iterations} iterations")
+    raise ValueError(f"the Riccati equation has not converged after {iterations} iterations")
 
 
 def _refined(
@@ -116,9 +119,9 @@ def _refined(
     try:
         step = solve(operator, -residual.reshape(-1, 1)).reshape(p.shape)
     except np.linalg.LinAlgError:
-        return p  # a state without weight does not decay: nothing to solve for
+        return p  # a state without weight does not decay: singular
     if np.abs(step).max() > 1e-6 * np.abs(p).max():
-        return p  # more than rounding: such a state, all but hidden from Q
+        return p  # more than rounding: such a state, almost unweighted
     return np.asarray(p + 0.5 * (step + step.T), dtype=np.float64)
 
 
@@ -131,7 +134,7 @@ def feedback_gain(a: FloatArray, b: FloatArray, r: FloatArray, p: FloatArray) ->
 def definiteness(weight: FloatArray) -> float:
     """Smallest eigenvalue of a symmetric matrix whose diagonal was scaled to 1.
 
-    The components of a state have units and sizes of their own; this number does not see them.
+    The scaling makes it independent of the units and magnitudes of the components.
     """
     size = np.sqrt(np.abs(np.diag(weight)))
     size[size == 0.0] = 1.0
@@ -160,12 +163,12 @@ class LQR(Block):
     v_r: float = param(1.0, unit="m/s", doc="reference speed; not 0, where y is uncontrollable")
     model: str = param("paper", choices=("paper", "exact"), doc="second-order term of B, see there")
     solver: str = param("riccati", choices=("riccati", "dare"), doc="dare: scipy's direct solver")
-    tolerance: float = param(1e-13, above=0.0, doc="relative change of P that counts as settled")
+    tolerance: float = param(1e-13, above=0.0, doc="relative change of P that counts as converged")
     max_iterations: int = param(2**40, at_least=1, doc="iterations before giving up")
 
-    gain = State(2, 3, memo=True, doc="K_ss in the reference's frame (along, lateral, heading)")
-    cost_to_go = State(3, 3, memo=True, doc="P_ss in the reference's frame")
-    solved_at = State(1, memo=True, unit="rad", doc="the heading that the gain was found for")
+    gain = State(2, 3, cached=True, doc="K_ss in the reference's frame (along, lateral, heading)")
+    cost_to_go = State(3, 3, cached=True, doc="P_ss in the reference's frame")
+    solved_at = State(1, cached=True, unit="rad", doc="the heading that the gain was found for")
 
     def validate(self) -> None:
         problems = []
@@ -188,7 +191,7 @@ class LQR(Block):
 
     @cached_property
     def isotropic(self) -> bool:
-        """Whether Q looks the same from every heading."""
+        """Whether Q is the same in frames of every heading."""
         q = self.weights[0]
         return bool(q[0, 0] == q[1, 1] and q[0, 1] == 0.0 and not q[:2, 2].any())
 
@@ -237,9 +240,9 @@ class LQR(Block):
         if self.solver == "dare":
             p = self._dare(a, b, q, r)
         else:
-            p = loop_riccati(a, b, q, r, self.tolerance, self.max_iterations)
-            p = refined(a, b, q, r, p)
-        gain = loop_gain(a, b, r, p)
+            p = riccati_kernel(a, b, q, r, self.tolerance, self.max_iterations)
+            p = refined_kernel(a, b, q, r, p)
+        gain = feedback_gain_kernel(a, b, r, p)
         for j in range(3):
             for i in range(3):
                 state.cost_to_go[i, j] = p[i, j]

@@ -23,7 +23,7 @@ from blocks.core import (
     solve,
 )
 
-Curve = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
+CurveFunction = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
 OVERSAMPLING = 20
 FINEST = 20_000
 
@@ -33,7 +33,7 @@ def curvature(first: FloatArray, second: FloatArray) -> FloatArray:
 
     kappa = (x' y'' - x'' y') / (x'^2 + y'^2)^(3/2): the paper's equation (section III-C)
     without its absolute value. ``first`` and ``second`` are derivatives of shape (n, 2); kappa
-    is 0 where the curve stands still.
+    is 0 where the speed is 0.
     """
     speed = np.hypot(first[:, 0], first[:, 1])
     cross = first[:, 0] * second[:, 1] - second[:, 0] * first[:, 1]
@@ -42,7 +42,9 @@ def curvature(first: FloatArray, second: FloatArray) -> FloatArray:
     return kappa
 
 
-def sample_evenly(curve: Curve, start: float, stop: float, n: int, closed: bool) -> FloatArray:
+def sample_evenly(
+    curve: CurveFunction, start: float, stop: float, n: int, closed: bool
+) -> FloatArray:
     """Sample a parametric curve at ``n`` points evenly spaced along its arc length.
 
     Parameters
@@ -68,7 +70,7 @@ def sample_evenly(curve: Curve, start: float, stop: float, n: int, closed: bool)
 def interpolating_spline(u: FloatArray, points: FloatArray, degree: int, periodic: bool) -> Any:
     """The spline of ``scipy.interpolate.make_interp_spline``, on its knots.
 
-    Its coefficients are found anew, since SciPy's come from LAPACK.
+    Its coefficients are recomputed, since SciPy's come from LAPACK.
 
     Parameters
     ----------

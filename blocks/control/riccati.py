@@ -1,4 +1,4 @@
-"""The Riccati equation of :mod:`blocks.control.lqr` in loops over small matrices."""
+"""The Riccati equation of :mod:`blocks.control.lqr` as kernels for small matrices."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def turned(q: FloatArray, heading: float) -> FloatArray:
     return product(product(transposed(turn), q), turn)
 
 
-def riccati(
+def riccati_kernel(
     a: FloatArray,
     b: FloatArray,
     q: FloatArray,
@@ -42,19 +42,19 @@ def riccati(
             for j in range(n):
                 p[i, j] += 0.5 * (change[i, j] + change[j, i])
                 if not math.isfinite(p[i, j]):
-                    raise ValueError("the Riccati equation has overflown at this heading")
+                    raise ValueError("the Riccati equation has overflowed at this heading")
                 grown = max(grown, abs(change[i, j]))
         iterations *= 2
         if grown <= tolerance * greatest(p):
             return p
-    raise ValueError("the Riccati equation has not settled at this heading")
+    raise ValueError("the Riccati equation has not converged at this heading")
 
 
-def refined(
+def refined_kernel(
     a: FloatArray, b: FloatArray, q: FloatArray, r: FloatArray, p: FloatArray
 ) -> FloatArray:
     n = len(a)
-    k = feedback_gain(a, b, r, p)
+    k = feedback_gain_kernel(a, b, r, p)
     bk = product(b, k)
     f = np.empty((n, n))
     for i in range(n):
@@ -82,7 +82,7 @@ def refined(
     return better
 
 
-def feedback_gain(a: FloatArray, b: FloatArray, r: FloatArray, p: FloatArray) -> FloatArray:
+def feedback_gain_kernel(a: FloatArray, b: FloatArray, r: FloatArray, p: FloatArray) -> FloatArray:
     back = product(transposed(b), p)
     k = product(back, a)
     eliminate(total(r, product(back, b)), k)
@@ -90,11 +90,11 @@ def feedback_gain(a: FloatArray, b: FloatArray, r: FloatArray, p: FloatArray) ->
 
 
 def eliminate(matrix: FloatArray, sides: FloatArray) -> bool:
-    """Solve matrix x = sides (n, m) by Gauss and Jordan; x takes the place of sides.
+    """Solve matrix x = sides (n, m) by Gauss-Jordan elimination; x replaces sides.
 
     Returns
     -------
-    bool : False if the matrix is singular; neither array is then worth anything.
+    bool : False if the matrix is singular; both arrays are then invalid.
     """
     n = len(matrix)
     for column in range(n):

@@ -1,4 +1,4 @@
-"""Path trackers of the textbooks, each with the ports of the LQR whose place it can take.
+"""Textbook path trackers, each with the ports of the LQR, which it can replace.
 
 Like the LQR's, their command corrects the feedforward [v_r, v_r kappa]: on the path, looking along
 it, it is zero.
@@ -35,13 +35,13 @@ class PID(Block):
         error, reference ─▶ [ PID ] ─▶ command
 
     The point lies v_r * lookahead_time along the tangent from where the robot is beside it, and
-    epsilon = wrap(e_theta + atan(e / (v_r lookahead_time))) is how far the robot looks past it
-    (line-of-sight guidance; Fossen, Breivik and Skjetne, 2003). command = [0, omega] with
-    omega = -(kp epsilon + ki (sum of epsilon dt) + kd d), within +-limit.
+    epsilon = wrap(e_theta + atan(e / (v_r lookahead_time))) is the deviation of the
+    heading from its direction (line-of-sight guidance; Fossen, Breivik and Skjetne, 2003).
+    command = [0, omega] with omega = -(kp epsilon + ki (sum of epsilon dt) + kd d), within +-limit.
 
     d is the rate of epsilon behind a lowpass of time constant ``tau``, and 0 on the first tick:
     d = (a / dt) wrap(epsilon - s), s += a wrap(epsilon - s), a = 1 - exp(-dt / tau), which is
-    exact on steps and ramps. At the limit, the sum takes in only what leads away from it
+    exact on steps and ramps. At the limit, only errors that lead away from it are integrated
     (conditional integration; Åström and Hägglund, PID Controllers, 1995). Near a straight path
     kp alone gives s^2 + kp s + kp / lookahead_time, whatever the speed.
     """
@@ -107,13 +107,13 @@ class PurePursuit(Block):
 
     The arc from the robot, tangent to its heading, through a point at distance L and bearing
     alpha has the curvature kappa = 2 sin(alpha) / L; command = [0, v_r kappa]. The point lies
-    v_r * lookahead_time ahead of the reference on its tangent: how the path bends is for the
-    feedforward to say, which adds v_r times its curvature. A point behind the robot is turned to
-    as fast as one abeam.
+    v_r * lookahead_time ahead of the reference on its tangent: the path's
+    curvature is left to the feedforward, which adds v_r times it. The robot turns towards a point
+    behind it as fast as towards one abeam.
 
     Near a straight path the error decays with damping 1 / sqrt(2) and natural frequency sqrt(2) /
     lookahead_time. (CMU-RI-TR-92-01 takes the point of the path at a given L; this one exists
-    however far away the path is.)
+    at any distance from the path.)
     """
 
     error = Input(TrackingState, doc="pose minus reference")

@@ -1,10 +1,28 @@
-"""The paper's error computation: how far the robot is from its reference, and to which side."""
+"""The point of a path to follow, and how far the robot is from it, to which side."""
 
 from __future__ import annotations
 
 import math
 
-from blocks.core import Block, BlockState, Input, Output, Pose, PoseValue, Scalar, TrackingState
+import numpy as np
+
+from blocks.core import (
+    Block,
+    BlockState,
+    FloatArray,
+    Input,
+    Output,
+    Path,
+    Pose,
+    PoseValue,
+    Scalar,
+    State,
+    TrackingState,
+    Twist,
+    TwistValue,
+    kernel_of,
+    param,
+)
 
 
 def wrap(angle: float) -> float:
@@ -46,3 +64,146 @@ class TrackingError(Block):
         error = (dx, dy, wrap(pose[2] - reference[2]))
         along, lateral = offsets(error, reference[2])
         return error, math.hypot(dx, dy), error[2], lateral, along
+
+
+class MatchingPoint(Block):
+    """Find the path sample nearest to the robot, and its feedforward (paper, section III-C).
+
+        pose, path ─▶ [ MatchingPoint ] ─▶ reference, feedforward, curvature, index, progress
+
+    m_r = argmin_m (x - x_m)^2 + (y - y_m)^2, over the samples within ``window`` of the last one
+    (over the whole path on the first tick; around the end of a closed path). u_f = [v_r, alpha
+    kappa]. When the path itself changes, the search continues from the sample of the new path that
+    is nearest to the last reference point.
+    """
+
+    pose = Input(Pose, doc="where the robot believes it is")
+    path = Input(Path("n"), doc="the path to follow")
+
+    reference = Output(Pose, doc="the matching point x_r, y_r, theta_r")
+    feedforward = Output(Twist, doc="u_f = [v_r, alpha kappa]")
+    kappa = Output(Scalar, unit="1/m", name="curvature", doc="curvature at the matching point")
+    index = Output(Scalar, doc="number of the matching sample")
+    progress = Output(
+        Scalar, unit="m", doc="distance travelled along the path since the first tick"
+    )
+
+    window: float = param(2.0, unit="m", above=0.0, doc="how far to search in either direction")
+    v_r: float = param(1.0, unit="m/s", doc="reference speed")
+    alpha: float = param(0.06, unit="m/s", doc="feedforward turn rate per curvature; v_r is exact")
+    sign: str = param(
+        "signed",
+        choices=("signed", "unsigned"),
+        name="curvature",
+        doc="unsigned: the paper's |kappa|, which feeds every bend forward to the left",
+    )
+
+    last = State(1, name="last_index", doc="the sample matched last")
+    anchor = State(2, unit="m", doc="the matched sample's x and y; NaN before the first")
+    way = State(1, unit="m", doc="distance travelled along the path")
+
+    def start(self, state: BlockState) -> None:
+        state.anchor[:] = math.nan
+
+    def output(
+        self, state: BlockState, t: float, pose: PoseValue, path: FloatArray
+    ) -> tuple[PoseValue, TwistValue, float, float, float]:
+        n = len(path)
+        closed, spacing = _geometry(path)
+        begin = self._begin(state, pose, path)
+        reach = max(1, round(self.window / spacing))
+        if closed:
+            window = np.arange(begin - reach, begin + reach + 1) % n if 2 * reach < n else slice(n)
+            low = 0
+        else:
+            low = max(0, begin - reach)
+            window = slice(low, begin + reach + 1)
+        near = path[window]
+        found = _nearest(near, pose[0], pose[1])
+        index = low + found if isinstance(window, slice) else int(window[found])
+        return self._matched(state, path, begin, index)
+
+    def _matched(
+        self, state: BlockState, path: FloatArray, begin: int, index: int
+    ) -> tuple[PoseValue, TwistValue, float, float, float]:
+        """The outputs at a sample, having searched around another one."""
+        n = len(path)
+        closed, spacing = _geometry(path)
+        step = index - begin
+        if closed and abs(step) > n // 2:
+            step -= int(math.copysign(n, step))
+        x, y, theta, kappa = path[index].tolist()
+        if self.sign == "unsigned":
+            kappa = abs(kappa)
+        progress = float(state.way[0]) + step * spacing
+        return (x, y, theta), (self.v_r, self.alpha * kappa), kappa, float(index), progress
+
+    @kernel_of(output)
+    def _output_kernel(
+        self, state: BlockState, t: float, pose: PoseValue, path: FloatArray
+    ) -> tuple[PoseValue, TwistValue, float, float, float]:
+        n = len(path)
+        closed, spacing = _geometry(path)
+        begin = self._begin(state, pose, path)
+        reach = max(1, round(self.window / spacing))
+        first, last = max(0, begin - reach), min(n, begin + reach + 1)
+        if closed:
+            first, last = (0, n) if 2 * reach >= n else (begin - reach, begin + reach + 1)
+        index, least = first, math.inf
+        for i in range(first, last):
+            dx, dy = path[i % n, 0] - pose[0], path[i % n, 1] - pose[1]
+            square = dx * dx + dy * dy
+            if square < least:
+                index, least = i % n, square
+        return self._matched(state, path, begin, index)
+
+    def _begin(self, state: BlockState, pose: PoseValue, path: FloatArray) -> int:
+        """The sample around which to search."""
+        x, y = state.anchor.tolist()
+        if math.isnan(x):
+            return _nearest(path, pose[0], pose[1])
+        last = int(state.last_index[0])
+        if last < len(path) and path[last, 0] == x and path[last, 1] == y:
+            return last
+        return _nearest(path, x, y)
+
+    def update(
+        self, state: BlockState, t: float, reference: PoseValue, index: float, progress: float
+    ) -> None:
+        state.anchor[0], state.anchor[1] = reference[0], reference[1]
+        state.last_index[0] = index
+        state.way[0] = progress
+
+
+def _nearest(path: FloatArray, x: float, y: float) -> int:
+    dx = path[:, 0] - x
+    dy = path[:, 1] - y
+    dx *= dx
+    dy *= dy
+    dx += dy
+    return int(dx.argmin())
+
+
+@kernel_of(_nearest)
+def _nearest_kernel(path: FloatArray, x: float, y: float) -> int:
+    index, least = 0, math.inf
+    for i in range(len(path)):
+        dx, dy = path[i, 0] - x, path[i, 1] - y
+        square = dx * dx + dy * dy
+        if square < least:
+            index, least = i, square
+    return index
+
+
+def _geometry(path: FloatArray) -> tuple[bool, float]:
+    """Whether the path closes on itself, and the spacing of its samples (m)."""
+    (x0, y0), (x1, y1), (xn, yn) = path[0, :2].tolist(), path[1, :2].tolist(), path[-1, :2].tolist()
+    spacing = math.hypot(x1 - x0, y1 - y0)
+    return len(path) > 3 and math.hypot(xn - x0, yn - y0) < 1.5 * spacing, spacing
+
+
+@kernel_of(_geometry)
+def _geometry_kernel(path: FloatArray) -> tuple[bool, float]:
+    spacing = math.hypot(path[1, 0] - path[0, 0], path[1, 1] - path[0, 1])
+    apart = math.hypot(path[-1, 0] - path[0, 0], path[-1, 1] - path[0, 1])
+    return len(path) > 3 and apart < 1.5 * spacing, spacing

@@ -1,6 +1,6 @@
-"""blocks.core."""
+"""What a block is: ports, parameters, state, signal types, kernels, and portable arithmetic."""
 
-from blocks.core import extras, portable
+from blocks.core import portable
 from blocks.core.block import (
     Block,
     BlockContext,
@@ -12,7 +12,7 @@ from blocks.core.block import (
     State,
 )
 from blocks.core.declarations import BlockSpec
-from blocks.core.extras import MissingExtraError, require
+from blocks.core.extras import MissingPackageError, require
 from blocks.core.kernels import function_kernel, has_kernels, kernel_for, kernel_of
 from blocks.core.options import Options
 from blocks.core.params import Param, ParameterError, beyond_a_turn, hint, param, plain, show
@@ -21,6 +21,7 @@ from blocks.core.signals import (
     TYPES,
     BoolArray,
     FloatArray,
+    IntArray,
     Path,
     PointCloud,
     PortType,
@@ -36,9 +37,9 @@ from blocks.core.signals import (
     TwistValue,
     Vector,
     WheelSpeeds,
+    differ,
     signal_type,
 )
-from blocks.core.units import differ
 
 __all__ = [
     "TYPES",
@@ -51,7 +52,8 @@ __all__ = [
     "Evaluation",
     "FloatArray",
     "Input",
-    "MissingExtraError",
+    "IntArray",
+    "MissingPackageError",
     "Options",
     "Output",
     "Param",
@@ -77,7 +79,6 @@ __all__ = [
     "cos",
     "differ",
     "directions",
-    "extras",
     "function_kernel",
     "has_kernels",
     "hint",

@@ -11,15 +11,15 @@ A block is written as a class::
             ...
 
 * The parameters of ``output`` after ``state, t`` name the inputs it needs *in this tick*: that is
-  the block's direct feedthrough. An output that needs none breaks a loop. Where outputs differ in
-  what they need, ``output_<port>`` computes that port alone and ``output`` the rest.
+  the block's direct feedthrough. An output that needs none breaks a loop. Where outputs need
+  different inputs, ``output_<port>`` computes that port alone and ``output`` the rest.
 * ``update(self, state, t, ...)`` names inputs, or the block's own outputs of this tick, and writes
-  into ``state`` in place. Arrays that come in are read-only; what goes out is a copy where it
-  shares memory with the state.
+  into ``state`` in place. Input arrays are read-only; the engine copies output
+  arrays that share memory with the state.
 * ``start(self, state)`` fills the state before the first tick.
 
-Each of them is called exactly once per tick of the block. A block never changes after it was
-made: all that moves lives in the :class:`BlockState` that the engine owns.
+Each of them is called exactly once per tick of the block. A block is immutable: everything that
+changes is in the :class:`BlockState` that the engine owns.
 """
 
 from __future__ import annotations
@@ -51,12 +51,12 @@ __all__ = [
 
 @dataclass(frozen=True)
 class BlockContext:
-    """Where a block finds itself in a graph, once the graph is built.
+    """The surroundings of a block in a built graph.
 
     dt : the block's own step (s).
     types : the resolved signal type of each port.
-    terms : for each input that takes many wires, one flag per term as written: whether it is
-        still connected (a removed block takes its wires along).
+    terms : for each variadic input, one flag per term as written: whether it is still connected
+        (removing a block removes its wires).
     world : the :class:`blocks.World` of the graph's ``world:`` section; None without one.
     """
 
@@ -67,15 +67,14 @@ class BlockContext:
 
 
 class BlockState:
-    """What moves during a run, for one block; made by the engine.
+    """The data of one block that change during a run; created by the engine.
 
     The arrays that the block declares are attributes; an assignment to one of them writes into
-    it, so that probes and both engines see it. Beside them: ``context``, its step ``dt``, and
-    ``rng``, the block's own generator. What ``start`` derives once from parameters may be kept
-    here too.
+    it, so that probes and both engines see it. Further attributes: ``context``, its step ``dt``,
+    and ``rng``, the block's own generator. ``start`` may add what it derives from parameters.
 
-    Every array is kept as a view: an output that is one of them, or a part of one, has a ``base``,
-    by which the engine sees that it must be copied.
+    Every array is stored as a view: an output that is one of them, or a part of one, has a
+    ``base``, from which the engine sees that it must be copied.
     """
 
     def __init__(
@@ -166,16 +165,16 @@ class Block:
         ]
 
     def validate(self) -> None:
-        """Check what involves several parameters; raise :class:`ParameterError`."""
+        """Check conditions on several parameters; raise :class:`ParameterError`."""
 
     def validate_in(self, context: BlockContext) -> None:
-        """Check that the block can run in this setting; raise :class:`ParameterError`."""
+        """Check that the block can run in this context; raise :class:`ParameterError`."""
 
     def start(self, state: BlockState) -> None:
         """Fill the state, which is all zeros, before the first tick."""
 
     def watch(self, state: BlockState) -> float:
-        """A size that :meth:`diagnose` is shown, as it was at eight even moments of a run."""
+        """A magnitude that :meth:`diagnose` receives as of eight evenly spaced times of a run."""
         return 0.0
 
     def diagnose(self, state: BlockState, ticks: int, watched: tuple[float, ...]) -> Iterable[str]:
@@ -188,7 +187,7 @@ class Block:
 
     @property
     def variables(self) -> dict[str, SignalType]:
-        """Type variables that the block's own parameters settle."""
+        """Type variables that the block's own parameters determine."""
         stated = self.__dict__.get(STATED)
         return {} if stated is None else {self.spec.generic: stated}
 
@@ -216,7 +215,7 @@ class Block:
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError(
             f"{type(self).__name__} cannot change after construction; make another one, "
-            f"and keep what moves in a State (attribute '{name}')"
+            f"and keep what changes in a State (attribute '{name}')"
         )
 
     def __delattr__(self, name: str) -> None:

@@ -1,4 +1,4 @@
-"""What a block class declares: its ports, its states, and the two together with parameters."""
+"""What a block class declares: ports, states, and a specification of both with parameters."""
 
 from __future__ import annotations
 
@@ -10,36 +10,36 @@ from blocks.core.signals import PortType, Same, SignalType
 
 
 class DeclarationError(TypeError):
-    """A block class contradicts itself; the message names the class and what to change."""
+    """A block class is inconsistent; the message names the class and what to change."""
 
 
 @dataclass(frozen=True)
 class Input:
     """An input port.
 
-    ``absent`` is the value of every component when nothing is wired to it, in the form of the
-    port's type; without one it must be wired.
-    ``many`` takes any number of wires (none included) and hands a tuple to the block.
+    ``default`` is the value of every component of an input that is not wired; an input without a
+    default must be wired. A ``variadic`` input takes any number of wires, none included; the block
+    receives a tuple.
     """
 
     type: PortType
     doc: str = ""
     unit: str = ""
-    absent: float | None = None
-    many: bool = False
+    default: float | None = None
+    variadic: bool = False
     name: str = ""
 
     @property
     def optional(self) -> bool:
-        return self.many or self.absent is not None
+        return self.variadic or self.default is not None
 
 
 @dataclass(frozen=True)
 class Output:
     """An output port.
 
-    ``through`` names the input that takes its place under ``bypass``. ``constant`` says that it
-    never changes during a run: it is then computed and recorded once.
+    ``through`` names the input that replaces it under ``bypass``. A ``constant`` output never
+    changes during a run: it is computed and recorded once.
     """
 
     type: PortType
@@ -52,13 +52,13 @@ class Output:
 
 @dataclass(frozen=True, init=False)
 class State:
-    """An array that the engine keeps for the block and that a probe may watch.
+    """An array that the engine owns on behalf of the block and that a probe may record.
 
-    The shape is made of numbers, names of integer parameters and length symbols of ports;
-    ``like`` takes the shape of a port's signal instead. A probe shows a state as it stands at the
-    tick's time, before the update; an ``event`` is what happened in the tick, and is shown after.
-    A ``memo`` is what an output has worked out and keeps to save work: it may be written by
-    outputs, and what comes out must be the same without it.
+    The shape consists of numbers, names of integer parameters and length symbols of ports;
+    ``like`` takes the shape of a port's signal instead. A probe records a state before the tick's
+    update; an ``event``, which is what happened in the tick, after it.
+    A ``cached`` state saves an output from repeating a computation: outputs may write it, and must
+    return the same values without it.
     """
 
     shape: tuple[int | str, ...]
@@ -68,7 +68,7 @@ class State:
     name: str = ""
     signal: SignalType | None = None
     event: bool = False
-    memo: bool = False
+    cached: bool = False
 
     def __init__(
         self,
@@ -78,20 +78,11 @@ class State:
         unit: str = "",
         signal: SignalType | None = None,
         event: bool = False,
-        memo: bool = False,
+        cached: bool = False,
         name: str = "",
     ) -> None:
-        for key, value in (
-            ("shape", shape),
-            ("like", like),
-            ("doc", doc),
-            ("unit", unit),
-            ("signal", signal),
-            ("event", event),
-            ("memo", memo),
-            ("name", name),
-        ):
-            object.__setattr__(self, key, value)
+        self.__dict__.update(shape=shape, like=like, doc=doc, unit=unit, name=name)
+        self.__dict__.update(signal=signal, event=event, cached=cached)
 
 
 @dataclass(frozen=True)
@@ -105,7 +96,7 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class BlockSpec:
-    """All that a block class declares, by name, in the order of declaration."""
+    """Everything that a block class declares, by name, in the order of declaration."""
 
     inputs: Mapping[str, Input] = field(default_factory=dict)
     outputs: Mapping[str, Output] = field(default_factory=dict)
@@ -117,12 +108,12 @@ class BlockSpec:
 
     @property
     def through(self) -> tuple[str, str] | None:
-        """(input, output) of the declared through-pair, which ``bypass`` wires straight."""
+        """(input, output) of the declared pass-through pair, which ``bypass`` connects."""
         pairs = [(port.through, name) for name, port in self.outputs.items() if port.through]
         return pairs[0] if pairs else None
 
     def is_constant(self, evaluation: Evaluation) -> bool:
-        """Whether an evaluation is done once, before the first tick."""
+        """Whether an evaluation is performed once, before the first tick."""
         return all(self.outputs[port].constant for port in evaluation.outputs)
 
     @property

@@ -1,4 +1,4 @@
-"""Packages that only some blocks need: imported on first use, missed with the pip line."""
+"""Optional packages, imported on first use; the error names the pip command."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import importlib
 from types import ModuleType
 
 
-class MissingExtraError(ImportError):
-    """A block needs a package of an optional extra that is not there.
+class MissingPackageError(ImportError):
+    """A package of an optional extra is not installed.
 
-    feature : what needs it. extra : the extra's name in the project's packaging.
+    feature : what needs the package. extra : the extra that installs it.
     """
 
     def __init__(self, feature: str, extra: str) -> None:
@@ -22,9 +22,9 @@ def require(module: str, feature: str, extra: str) -> ModuleType:
 
     Raises
     ------
-    MissingExtraError : it is not installed.
+    MissingPackageError : it is not installed.
     """
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        raise MissingExtraError(feature, extra) from error
+        raise MissingPackageError(feature, extra) from error

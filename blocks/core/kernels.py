@@ -1,7 +1,7 @@
-"""Kernels: the same arithmetic as a method's, written as loops for the compiled engine.
+"""Kernels: a method's arithmetic written as loops, for the compiled engine.
 
-Array expressions run well in Python, and compile slowly or run slowly once compiled. Such a method
-has a kernel declared beside it::
+Array expressions are fast in Python, but slow to compile or to run once compiled. A method that
+uses them has a kernel declared beside it::
 
     def update(self, state, t, command):
         state.reached -= state.share * (state.reached - command)
@@ -11,11 +11,11 @@ has a kernel declared beside it::
         for i in range(2):
             state.reached[i] -= state.share * (state.reached[i] - command[i])
 
-The kernel stands for that very function object. A class that overrides ``update`` has another
-function there, and no kernel. A class that overrides something that only one of the two relies on
-(a helper that the kernel spells out, or the ``start`` that prepares a table for it) loses the
-kernel, too: :func:`kernel_for` decides. A kernel of a module's function is declared in the module
-of that function in the same way.
+The kernel replaces exactly that function object. A class that overrides ``update`` has another
+function, without a kernel. A class that overrides something that only one of the two depends on
+(a helper that the kernel writes out, or the ``start`` that prepares a table for it) loses the
+kernel as well: :func:`kernel_for` decides. A kernel of a module-level function is declared in the
+same module in the same way.
 """
 
 from __future__ import annotations
@@ -64,16 +64,16 @@ def has_kernels(cls: type) -> bool:
 def kernel_for(
     cls: type, method: types.FunctionType, kept: Collection[str] = ()
 ) -> types.FunctionType | None:
-    """The kernel that stands for a method in a class; None if there is none that holds there.
+    """The kernel that replaces a method in a class; None if none is valid there.
 
-    A kernel holds where all that only one of the two, method and kernel, relies on is still what
-    it is in the class that declares the kernel. What both rely on may differ: they follow it alike.
+    A kernel is valid where everything that only one of the two, method and kernel, depends on is
+    unchanged since the class that declares the kernel. What both depend on may be overridden.
 
     Parameters
     ----------
-    cls : the block's class; ``method`` is what it has under the method's name.
-    kept : names of the attributes that a started state of the block has. Where only one of the two
-        relies on one of them, ``start`` with all that it relies on counts as well.
+    cls, method : the block's class, and its method.
+    kept : names of the attributes of the block's started state. If only one of the two depends on
+        one of them, then ``start`` and everything that it depends on counts as well.
     """
     for owner in cls.__mro__:
         kernel = _declared(vars(owner), method)
@@ -98,7 +98,7 @@ def _differences(
     kernel: types.FunctionType,
     kept: Collection[str],
 ) -> set[str]:
-    """Names of which ``cls`` makes something else than ``owner``, to one of the two alone."""
+    """Names that only one of the two depends on and that ``cls`` redefines."""
     alone = _relied_on(owner, method) ^ _relied_on(owner, kernel)
     if not alone.isdisjoint(kept):
         alone |= {"start"} | _relied_on(owner, *_defined(owner, "start"))
@@ -110,7 +110,7 @@ def _differences(
 
 
 def _relied_on(owner: type, *functions: Any) -> set[str]:
-    """All attributes that functions name, and the class's own methods among them in turn."""
+    """All attributes that functions and, recursively, the methods among them name."""
     found: set[str] = set()
     waiting = list(functions)
     while waiting:
@@ -121,7 +121,7 @@ def _relied_on(owner: type, *functions: Any) -> set[str]:
 
 
 def _defined(owner: type, name: str) -> list[Any]:
-    """What a class and those that it inherits from, which ``super`` may reach, define."""
+    """All definitions of a name in a class and its bases, which ``super`` may reach."""
     return [vars(base)[name] for base in owner.__mro__ if name in vars(base)]
 
 

@@ -1,4 +1,4 @@
-"""Options of what is no block, such as a metric: declared as a block declares its parameters."""
+"""Options of metrics and plots, declared as a block declares its parameters."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class Options:
     """A set of options; a subclass declares each with :func:`blocks.core.params.param`::
 
     class Level(Options):
-        level: float = param(0.5, doc="what the signal is held against")
+        level: float = param(0.5, doc="what the signal is compared with")
     """
 
     declared: ClassVar[Mapping[str, Param]] = {}
@@ -30,7 +30,7 @@ class Options:
     ) -> Iterator[tuple[str, str]]:
         """Everything wrong with written options, as (name, text).
 
-        ``sizes`` are those of the symbols in the declared shapes, as far as they are known.
+        ``sizes`` are the known sizes of the symbols in the declared shapes.
         """
         known = dict(sizes or {})
         for name, declared in cls.declared.items():
@@ -51,7 +51,7 @@ class Options:
 
     @classmethod
     def read(cls, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Checked options as they are used: numbers and arrays, defaults filled in."""
+        """Checked options as numbers and arrays, with defaults filled in."""
         return {
             name: declared.convert(values.get(name, declared.default))
             for name, declared in cls.declared.items()

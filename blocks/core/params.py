@@ -31,8 +31,8 @@ KINDS: dict[object, Kind] = {
     SignalType: "signal",
 }
 _DEGREES = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?) ?deg(.*)", re.ASCII)
-# Suggestions: how alike names must be (0 to 1), how many names are looked at closely, the length
-# that is compared, and the classes that letters are counted in.
+# Suggestions: the least similarity (0 to 1), the number of names that are compared in full, the
+# length that is compared, and the number of classes in which letters are counted.
 ALIKE, CANDIDATES, LONGEST, LETTERS = 0.6, 32, 100, 64
 Shape = tuple[int | str | None, ...]
 
@@ -40,7 +40,7 @@ Shape = tuple[int | str | None, ...]
 class ParameterError(ValueError):
     """One or more parameters are unknown, missing, of the wrong type or out of bounds.
 
-    ``problems`` holds (parameter name, what is wrong and how to mend it).
+    ``problems`` holds (parameter name, what is wrong, and a suggested fix).
     """
 
     def __init__(self, problems: Sequence[tuple[str, str]], block: str = "") -> None:
@@ -78,7 +78,7 @@ class Param:
     def describe(self, sizes: Mapping[str, int] | None = None) -> str:
         """What a value must be, in words: ``a number above 0 rad/s``.
 
-        ``sizes`` are those of the symbols in its shapes, as far as they are known.
+        ``sizes`` are the known sizes of the symbols in its shapes.
         """
         if self.choices:
             return "one of " + ", ".join(self.choices)
@@ -109,7 +109,7 @@ class Param:
         return " ".join([noun, " and ".join(bounds), self.unit]).replace("  ", " ").strip()
 
     def bound(self, name: str, kind: Kind) -> Param:
-        """The declaration, completed with what the class body says: name and annotation."""
+        """The declaration, completed by its name and annotation in the class body."""
         return replace(self, name=self.name or name, kind=kind)
 
     def convert(self, value: Any) -> Any:
@@ -117,7 +117,7 @@ class Param:
 
         Raises
         ------
-        ValueError : the message says what was expected and what came.
+        ValueError : the message says what was expected and what was given.
         """
         if value is None and self.default is None:
             return None
@@ -182,15 +182,15 @@ def param(
     Parameters
     ----------
     default : left out, the parameter is required; None makes "not given" a legal value.
-    doc : one line for people.
+    doc : one line of documentation.
     unit : SI unit, as plots and messages print it; one per column, as in ``m, m, rad``. Where it
         begins with rad, graphs may write degrees: ``90deg``, ``30deg/s``.
     above, at_least, below, at_most : bounds; of every element, for an array.
     choices : the allowed texts.
-    shape : an array's shape, or several allowed ones; a string stands for a size that an integer
-        parameter of the same name gives, None for any.
-    finite : False lets ``inf`` pass.
-    name : the name in graphs, where it differs from the attribute's.
+    shape : an array's shape, or several allowed ones; a string is the size given by the integer
+        parameter of that name, None any size.
+    finite : False accepts ``inf``.
+    name : the name in graphs, if it differs from the attribute's.
     """
     shapes: tuple[Shape, ...] = ()
     if shape:
@@ -212,9 +212,9 @@ def param(
 
 
 def in_radians(value: Any, units: Sequence[str]) -> Any:
-    """A value in which ``90deg``, written where radians are asked for, is a number of them.
+    """A value with texts such as ``90deg`` converted to radians, where the unit is radians.
 
-    ``units`` are one for all numbers, or one per item of the list; other texts stay as they are.
+    ``units`` are one for all numbers, or one per item of the list; other texts stay unchanged.
     """
     if isinstance(value, str) and len(units) == 1 and units[0].startswith("rad"):
         match = _DEGREES.fullmatch(value.strip())
@@ -227,7 +227,7 @@ def in_radians(value: Any, units: Sequence[str]) -> Any:
 
 
 def beyond_a_turn(value: Any, units: Sequence[str]) -> list[float]:
-    """The numbers in radians that are larger than a whole turn, as if they were degrees."""
+    """The numbers in radians that exceed a full turn, and so may be degrees."""
     if isinstance(value, (list, tuple)):
         each = [units] * len(value) if len(units) != len(value) else [(unit,) for unit in units]
         pairs = zip(value, each, strict=True)
@@ -239,7 +239,7 @@ def beyond_a_turn(value: Any, units: Sequence[str]) -> list[float]:
 
 
 def plain(value: Any) -> Any:
-    """A parameter's value as graphs write it; a signal type of one's own stays what it is."""
+    """A parameter's value as graphs write it; a user's own signal type stays as it is."""
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, SignalType) and TYPES.get(value.name) == value.sized(None):
@@ -248,7 +248,7 @@ def plain(value: Any) -> Any:
 
 
 def show(value: Any) -> str:
-    """A value as an error message quotes it: what kind of thing it is, shortened."""
+    """A value as an error message quotes it: its kind, shortened."""
     if value is None:
         return "nothing (null)"
     if isinstance(value, bool):
@@ -276,9 +276,9 @@ def hint(name: Any, known: Iterable[str]) -> str:
 
 
 def _likely(name: str, known: tuple[str, ...]) -> list[str]:
-    """The few of many names that share most letters with one, all of them where they are few.
+    """The names that share most letters with one; all of them if there are few.
 
-    Letters in common bound difflib's ratio, whose own work grows as length times length.
+    The number of shared letters bounds difflib's ratio, which is expensive to compute.
     """
     if len(known) <= CANDIDATES:
         return [entry for entry in known if len(entry) <= LONGEST]
@@ -304,7 +304,7 @@ def _letter_counts(names: tuple[str, ...]) -> npt.NDArray[np.int16]:
 
 
 def _number(value: Any) -> Any:
-    """A value that is a number, out of an array of no dimensions if need be."""
+    """A value that is a number, taken out of a zero-dimensional array if necessary."""
     if isinstance(value, np.ndarray) and value.ndim == 0:
         value = value[()]
     if isinstance(value, bool) or not isinstance(value, numbers.Real):

@@ -1,8 +1,8 @@
-"""Arithmetic whose bits do not depend on the processor, nor on how many threads there are.
+"""Arithmetic whose bits depend neither on the processor nor on the number of threads.
 
-BLAS and LAPACK add up in an order of their own for each kind of processor and number of threads,
-and NumPy takes the functions below from one library where it finds AVX-512 and from another where
-it does not. Whatever feeds back into a simulation, or into a metric, uses these in their place.
+The order of summation in BLAS and LAPACK depends on the processor and the number of threads, and
+NumPy takes the functions below from different libraries with and without AVX-512. Whatever enters
+a simulation or a metric uses this module instead.
 """
 
 from __future__ import annotations
@@ -19,8 +19,7 @@ from blocks.core.signals import FloatArray
 def product(a: FloatArray, b: FloatArray) -> FloatArray:
     """The matrix product of (..., m, k) and (..., k, n), an array (..., m, n).
 
-    Where ``einsum`` is not asked to optimise, it adds up in NumPy's own loops, which are compiled
-    once for all processors.
+    Without optimisation ``einsum`` sums in NumPy's own loops, compiled once for all processors.
     """
     return np.asarray(np.einsum("...ij,...jk->...ik", a, b))
 
@@ -71,7 +70,7 @@ def exp(x: FloatArray) -> FloatArray:
 
 
 def __getattr__(name: str) -> Any:
-    """``expm1`` and ``log1p``: SciPy's, as fast as NumPy's and one text for all processors."""
+    """``expm1`` and ``log1p``: SciPy's, as fast as NumPy's and the same on all processors."""
     if name not in ("expm1", "log1p"):
         raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
     from scipy import special  # scipy stays off the start-up path

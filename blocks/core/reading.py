@@ -1,4 +1,4 @@
-"""Reads a block class: collects what it declares, and finds where it contradicts itself."""
+"""Reads a block class: collects its declarations and checks that they are consistent."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from blocks.core.signals import Same, SignalType
 
 RESERVED_PARAMETERS = ("type", "module", "dt")
 STATED = "_signal"
-RESERVED_STATES = ("setting", "dt", "seed", "rng", "_declared")
+RESERVED_STATES = ("context", "dt", "seed", "rng", "_declared")
 
 
 def read_declarations(cls: type, own_sizes: bool = False, own_variables: bool = False) -> BlockSpec:
     """Collect ports, states and parameters of a class, inherited ones first.
 
-    ``own_sizes`` says that the class gives lengths beyond those of its integer parameters,
-    ``own_variables`` that it settles its type variables itself. Every other block with one type
-    variable has a parameter ``signal`` that states the type where wires do not tell it.
+    With ``own_sizes`` the class provides lengths beyond its integer parameters; with
+    ``own_variables`` it resolves its type variables itself. Every other block with one type
+    variable gets a parameter ``signal`` for the type, for use where wires do not determine it.
 
     Raises
     ------
-    DeclarationError : at the first contradiction.
+    DeclarationError : at the first inconsistency.
     """
     found: dict[type, dict[str, Any]] = {Input: {}, Output: {}, State: {}, Param: {}}
     attributes: dict[str, str] = {}
@@ -70,7 +70,7 @@ def read_params(cls: type) -> dict[str, Param]:
 
     Raises
     ------
-    DeclarationError : at the first contradiction.
+    DeclarationError : at the first inconsistency.
     """
     hints = _annotations(cls)
     found = {
@@ -91,7 +91,7 @@ def _signal_param() -> Param:
 
 
 def _declared(cls: type, kinds: Container[type]) -> Iterator[tuple[str, Any]]:
-    """Declarations by attribute; a class takes the place of what it inherits."""
+    """Declarations by attribute; a class overrides what it inherits."""
     merged: dict[str, Any] = {}
     for base in reversed(cls.__mro__):
         for attribute, value in vars(base).items():
@@ -116,18 +116,18 @@ def _check_name(cls: type, attribute: str, name: str, kind: type, origins: dict[
     """Ports and states share one namespace, that of addresses; parameters have their own."""
     label = f"{cls.__name__}.{attribute}"
     if not name.isidentifier():
-        raise DeclarationError(f"{label}: '{name}' is no name; use letters, digits and _")
+        raise DeclarationError(f"{label}: '{name}' is not a valid name; use letters, digits and _")
     base = next(c for c in reversed(cls.__mro__) if "spec" in vars(c))
     if attribute in vars(base):
-        suggestion = f"call it something else, with name='{name}' if graphs should know it as that"
+        suggestion = f"rename it, with name='{name}' if graphs should use that name"
         raise DeclarationError(f"{label}: hides {base.__name__}.{attribute}; {suggestion}")
     if kind is Param:
         if name in RESERVED_PARAMETERS:
-            raise DeclarationError(f"{label}: every graph gives '{name}' a meaning; rename it")
+            raise DeclarationError(f"{label}: '{name}' is reserved in graphs; rename it")
         key = f"parameter {name}"
     else:
         if kind is State and name in RESERVED_STATES:
-            raise DeclarationError(f"{label}: every state has a '{name}' already; rename it")
+            raise DeclarationError(f"{label}: '{name}' is reserved in states; rename it")
         key = name
     if origins.setdefault(key, attribute) != attribute:
         raise DeclarationError(
@@ -161,14 +161,14 @@ def _check_ports(cls: type, spec: BlockSpec) -> None:
         source = spec.inputs.get(output.through)
         if output.through and source is None:
             raise DeclarationError(
-                f"{cls.__name__}.{name}: through='{output.through}' is no input"
+                f"{cls.__name__}.{name}: through='{output.through}' is not an input"
                 f"{hint(output.through, spec.inputs)}"
             )
-        if source is not None and (source.type != output.type or source.many):
-            many = "many wires of " if source.many else ""
+        if source is not None and (source.type != output.type or source.variadic):
+            many = "many wires of " if source.variadic else ""
             raise DeclarationError(
                 f"{cls.__name__}.{name}: through='{output.through}' takes {many}{source.type}, "
-                f"which cannot stand in for {output.type}"
+                f"which cannot replace {output.type}"
             )
     for evaluation in spec.evaluations:
         constant = [name for name in evaluation.outputs if spec.outputs[name].constant]
@@ -186,7 +186,7 @@ def _check_states(cls: type, spec: BlockSpec, own_sizes: bool) -> None:
     for name, state in spec.states.items():
         if state.like and state.like not in spec.ports:
             raise DeclarationError(
-                f"{cls.__name__}.{name}: like='{state.like}' is no port"
+                f"{cls.__name__}.{name}: like='{state.like}' is not a port"
                 f"{hint(state.like, spec.ports)}"
             )
         unknown = [n for n in state.shape if isinstance(n, str) and n not in lengths]
@@ -244,7 +244,7 @@ def _needs(cls: type, method: str, ports: Mapping[str, Any]) -> tuple[str, ...]:
             )
         if name not in ports:
             raise DeclarationError(
-                f"{cls.__name__}.{method}: '{name}' is no port it can read"
+                f"{cls.__name__}.{method}: '{name}' is not a port it can read"
                 f"{hint(name, ports)} ({', '.join(ports) or 'none'})"
             )
     return tuple(names[3:])

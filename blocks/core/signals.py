@@ -1,4 +1,4 @@
-"""Signal types: what flows along a wire, with the names and units of its components.
+"""Signal types: what a wire carries, with the names and units of its components.
 
 A signal's Python value depends on its form alone, and every block may rely on it:
 
@@ -11,21 +11,24 @@ array      Vector, Scan, Spikes (n,);          a float64 ``ndarray``
            Path (n, 4), PointCloud (n, 2)
 =========  ==================================  =======================================
 
-Scalars and records are plain Python numbers because a 3-vector through numpy costs five
-times as much as three floats.
+Scalars and records are plain Python numbers because a numpy array of three costs five times as
+much as three floats.
 """
 
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
+IntArray = npt.NDArray[np.intp]
 BoolArray = npt.NDArray[np.bool_]
 TwistValue = tuple[float, float]
 PoseValue = tuple[float, float, float]
@@ -40,7 +43,7 @@ class SignalType:
     Parameters
     ----------
     name : the type's name in graphs and messages.
-    form : how a value is held in Python, see the module.
+    form : the Python form of a value, see the module.
     components : names of a record's fields or of a table's columns.
     units : one unit per component.
     length : number of rows of an array; a string is a symbol that a block's parameter or a
@@ -102,14 +105,14 @@ class SignalType:
 
     @property
     def numbers(self) -> str:
-        """What a person writes for a value: ``a number``, ``3 numbers``, ``4x2 numbers``."""
+        """How a value is written: ``a number``, ``3 numbers``, ``4x2 numbers``."""
         if self.symbol:
             return "a table of numbers" if self.components else "a list of numbers"
         return "x".join(map(str, self.shape)) + " numbers" if self.shape else "a number"
 
     @property
     def held_as(self) -> str:
-        """How a value is held in Python, in words."""
+        """A description of the value's Python form."""
         if self.form == "scalar":
             return "a float"
         if self.form == "record":
@@ -117,7 +120,7 @@ class SignalType:
         return f"a float64 array of shape {self.shape}"
 
     def holds(self, value: Any, exact: bool = True) -> bool:
-        """Whether a value is held as this type's form says.
+        """Whether a value has this type's Python form.
 
         ``exact`` is the contract for blocks; otherwise an ``int`` counts as a float, too.
         """
@@ -140,9 +143,9 @@ class SignalType:
 
 @dataclass(frozen=True)
 class Same:
-    """A type variable: every port of a block that says ``Same("T")`` has one common type.
+    """A type variable: all ports of a block with ``Same("T")`` have one common type.
 
-    They have one common unit as well, but for those with ``own_unit``, such as a Gain's output.
+    They share one unit as well, except those with ``own_unit``, such as a Gain's output.
     """
 
     variable: str = "T"
@@ -197,7 +200,7 @@ def signal_type(
 ) -> SignalType:
     """Read a type as people write it: ``Pose``, ``Vector(3)``; ``Vector`` leaves the length open.
 
-    ``own`` are types beside the library's, by name.
+    ``own`` are additional types, by name.
 
     Raises
     ------
@@ -213,3 +216,41 @@ def signal_type(
             raise ValueError(f"{base.name} has no length; write '{base.name}'")
         return base
     return base.sized(int(match["length"]) if match["length"] else symbol)
+
+
+# Derived units; an angle in radians has no dimension, as in SI.
+_DERIVED = {"rad": "", "Hz": "1/s", "N": "kg m/s^2", "J": "kg m^2/s^2", "W": "kg m^2/s^3"}
+_FACTOR = re.compile(r"([A-Za-z%]+)(?:\^(-?\d+))?|1")
+
+
+@cache
+def dimension(unit: str) -> frozenset[tuple[str, int]] | None:
+    """The powers of the base units in a unit; None for a text that is not a product of powers.
+
+    ``kg m/s^2`` is read from left to right: each factor after a ``/`` divides. Units of other
+    scales (deg, km) count as base units of their own.
+    """
+    powers: Counter[str] = Counter()
+    for place, group in enumerate(unit.split("/")):
+        for text in group.replace("*", " ").split():
+            match = _FACTOR.fullmatch(text)
+            if match is None:
+                return None
+            if match[1] is None:
+                continue
+            power = int(match[2] or 1) * (-1 if place else 1)
+            inner = dimension(_DERIVED[match[1]]) if match[1] in _DERIVED else {(match[1], 1)}
+            for name, inner_power in inner or ():
+                powers[name] += power * inner_power
+    return frozenset((name, power) for name, power in powers.items() if power)
+
+
+def differ(one: str, other: str) -> bool:
+    """Whether two units certainly measure different things; an unknown unit ('') differs from none.
+
+    rad/s and 1/s do not differ, since radians have no dimension; m and rad do.
+    """
+    if not one or not other or one == other:
+        return False
+    first, second = dimension(one), dimension(other)
+    return first is not None and second is not None and first != second

@@ -1,7 +1,6 @@
-"""blocks.generic."""
+"""Blocks for any signal: constants, sums, gains, switches, delays and filters."""
 
-from blocks.generic.arithmetic import Constant, Gain, Mux, Sum, added, scaled
+from blocks.generic.arithmetic import Constant, Gain, Mux, Sum, Switch, added, scaled
 from blocks.generic.memory import Lowpass, UnitDelay
-from blocks.generic.switch import Switch
 
 __all__ = ["Constant", "Gain", "Lowpass", "Mux", "Sum", "Switch", "UnitDelay", "added", "scaled"]

@@ -63,10 +63,10 @@ class Sum(Block):
         terms[0], terms[1], ... ─▶ [ Sum ] ─▶ out
 
     out = sum of sign_i * terms_i, in the order written. A term whose block was removed counts
-    as zero and takes its sign along; with no term at all, out is zero.
+    as zero and its sign is skipped; with no terms, out is zero.
     """
 
-    terms = Input(Same("T"), many=True, doc="what to add; absent: zero")
+    terms = Input(Same("T"), variadic=True, doc="what to add; none: zero")
     out = Output(Same("T"), doc="the sum")
 
     signs: FloatArray | None = param(None, shape=(None,), doc="+1 or -1 per term; default all +1")
@@ -129,7 +129,7 @@ class Gain(Block):
         input ─▶ [ Gain ] ─▶ out
 
     out = gain * input, each component. The gain may have a unit, so that of ``out`` is free: a
-    Gain lets signals of different units meet on purpose.
+    Gain converts between units.
     """
 
     signal = Input(Same("T"), name="input", doc="what to scale")
@@ -147,9 +147,27 @@ class Mux(Block):
     v, omega ─▶ [ Mux ] ─▶ out
     """
 
-    v = Input(Scalar, unit="m/s", absent=0.0, doc="speed; absent: 0")
-    omega = Input(Scalar, unit="rad/s", absent=0.0, doc="turn rate; absent: 0")
+    v = Input(Scalar, unit="m/s", default=0.0, doc="speed")
+    omega = Input(Scalar, unit="rad/s", default=0.0, doc="turn rate")
     out = Output(Twist, doc="[v, omega]")
 
     def output(self, state: BlockState, t: float, v: float, omega: float) -> TwistValue:
         return v, omega
+
+
+class Switch(Block):
+    """Pass on one of two signals.
+
+        select, off, on ─▶ [ Switch ] ─▶ out
+
+    out = on where select > 0.5, off elsewhere. Both signals are computed all the time. Under
+    ``bypass``, ``on`` replaces the block.
+    """
+
+    select = Input(Scalar, doc="which signal")
+    off = Input(Same("T"), doc="passed on while select is 0.5 or less")
+    on = Input(Same("T"), doc="passed on while select is above 0.5")
+    out = Output(Same("T"), through="on", doc="the selected signal")
+
+    def output(self, state: BlockState, t: float, select: float, off: Any, on: Any) -> Any:
+        return on if select > 0.5 else off

@@ -29,7 +29,7 @@ class _Memory(Block, ABC):
         None, doc="value before the first tick, a number or one per component; default 0"
     )
 
-    memory = State(name="memory", like="out", doc="what comes out at the next tick")
+    memory = State(name="memory", like="out", doc="the output of the next tick")
 
     def validate_in(self, context: BlockContext) -> None:
         kind = context.types["out"]
@@ -48,25 +48,25 @@ class _Memory(Block, ABC):
     def output(self, state: BlockState, t: float) -> Any:
         return state.pack(state.memory)
 
-    def _renew_each(self, state: BlockState, input: Any) -> None:
-        """Renew the memory component by component, as kernels do."""
+    def _update_each(self, state: BlockState, input: Any) -> None:
+        """Update the memory component by component, as kernels do."""
         cells = state.cells
         if state.form == "scalar":
-            cells[0] = self._renewed(state, cells[0], input)
+            cells[0] = self._updated(state, cells[0], input)
         elif state.form == "record":
             for i in range(len(input)):
-                cells[i] = self._renewed(state, cells[i], input[i])
+                cells[i] = self._updated(state, cells[i], input[i])
         else:
             for i, value in enumerate(input.flat):
-                cells[i] = self._renewed(state, cells[i], value)
+                cells[i] = self._updated(state, cells[i], value)
 
     @abstractmethod
-    def _renewed(self, state: BlockState, old: float, new: float) -> float:
+    def _updated(self, state: BlockState, old: float, new: float) -> float:
         """One component of the memory after this tick."""
 
 
 class UnitDelay(_Memory):
-    """Hold a signal back by one tick of this block; breaks algebraic loops.
+    """Delay a signal by one tick of this block; breaks algebraic loops.
 
         input ─▶ [ UnitDelay ] ─▶ out
 
@@ -78,9 +78,9 @@ class UnitDelay(_Memory):
 
     @kernel_of(update)
     def _update_kernel(self, state: BlockState, t: float, input: Any) -> None:
-        self._renew_each(state, input)
+        self._update_each(state, input)
 
-    def _renewed(self, state: BlockState, old: float, new: float) -> float:
+    def _updated(self, state: BlockState, old: float, new: float) -> float:
         return new
 
 
@@ -104,8 +104,8 @@ class Lowpass(_Memory):
 
     @kernel_of(update)
     def _update_kernel(self, state: BlockState, t: float, input: Any) -> None:
-        self._renew_each(state, input)
+        self._update_each(state, input)
 
-    def _renewed(self, state: BlockState, old: float, new: float) -> float:
-        renewed: float = old - state.share * (old - new)
-        return renewed
+    def _updated(self, state: BlockState, old: float, new: float) -> float:
+        updated: float = old - state.share * (old - new)
+        return updated

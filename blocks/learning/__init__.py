@@ -1,6 +1,6 @@
-"""blocks.learning."""
+"""Blocks that learn online from an error: ensembles of neurons under PES, and an integrator."""
 
-from blocks.learning.bias import AdaptiveBias
+from blocks.learning.learner import AdaptiveBias
 from blocks.learning.neurons import AdaptiveEnsemble, RateEnsemble
 
 __all__ = ["AdaptiveBias", "AdaptiveEnsemble", "RateEnsemble"]

@@ -1,4 +1,7 @@
-"""What learns its output online from an error signal, be it a network or an integrator."""
+"""Learners: their ports and parameters, the PES rule, LIF tuning curves, and an integrator.
+
+An ensemble of neurons (:mod:`blocks.learning.neurons`) and :class:`AdaptiveBias` share all of it.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,9 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from itertools import pairwise
+from typing import final
+
+import numpy as np
 
 from blocks.core import (
     Block,
@@ -15,8 +21,11 @@ from blocks.core import (
     Output,
     ParameterError,
     Scalar,
+    State,
     Vector,
+    kernel_of,
     param,
+    portable,
 )
 
 LARGEST_STEP = 2.0
@@ -24,16 +33,16 @@ GROWING, GROWTH = 4, 1.5
 
 
 class Learner(Block, ABC):
-    """The ports and parameters by which one kind of learner can take another's place."""
+    """The common ports and parameters, by which one kind of learner can replace another."""
 
     x = Input(Vector("d"), name="input", doc="what the neurons represent, the paper's a")
-    error = Input(Vector("k"), doc="what learning descends; positive lowers the output")
-    learn = Input(Scalar, absent=1.0, doc="factor on the error: 0 pauses learning")
+    error = Input(Vector("k"), doc="the error to reduce; positive lowers the output")
+    learn = Input(Scalar, default=1.0, doc="factor on the error: 0 pauses learning")
 
     learnt = Output(Vector("k"), name="output", doc="what was learnt")
 
     learning_rate: float = param(1e-4, at_least=0.0, doc="kappa of PES, as Nengo scales it")
-    leak: float = param(0.0, unit="1/s", at_least=0.0, doc="rate at which what was learnt decays")
+    leak: float = param(0.0, unit="1/s", at_least=0.0, doc="rate at which the learnt output decays")
     limit: float = param(
         math.inf, above=0.0, finite=False, doc="largest size of each component of the output"
     )
@@ -60,10 +69,10 @@ class Learner(Block, ABC):
             raise ParameterError(problems)
 
     def diagnose(self, state: BlockState, ticks: int, watched: tuple[float, ...]) -> Iterable[str]:
-        """Steps that overshoot, and growth that does not end.
+        """Report steps that overshoot, and unbounded growth.
 
         With an error that is the output's own, one step of the rule multiplies it by 1 - g, where
-        g is :meth:`gain_of_a_step`; above 2 it grows on each tick (Haykin, Adaptive Filter
+        g is :meth:`gain_of_a_step`; for g above 2 it grows on each tick (Haykin, Adaptive Filter
         Theory: the bound on the step of LMS). Growth without bound is growth by half or more
         in each of the last four eighths of a run: faster than the cube of time.
         """
@@ -89,3 +98,155 @@ class Learner(Block, ABC):
     @abstractmethod
     def output(self, state: BlockState, t: float) -> FloatArray:
         """What was learnt up to this tick, (k,), each component within +-limit."""
+
+
+def decode(weights: FloatArray, activity: FloatArray, limit: float) -> FloatArray:
+    """weights (k, n) times activity (n,), each component within +-limit, (k,)."""
+    # Not by BLAS, whose order of summation depends on the processor.
+    decoded: FloatArray = np.add.reduce(weights * activity, 1)
+    return decoded if limit == math.inf else decoded.clip(-limit, limit)
+
+
+@kernel_of(decode)
+def _decode_kernel(weights: FloatArray, activity: FloatArray, limit: float) -> FloatArray:
+    decoded = np.empty(len(weights))
+    for row in range(len(weights)):
+        total = dot(weights[row], activity)
+        decoded[row] = total if limit == math.inf else min(max(total, -limit), limit)
+    return decoded
+
+
+def dot(a: FloatArray, b: FloatArray) -> float:
+    """The inner product of two vectors (n,), summed in the same order on every machine.
+
+    Four independent sums, which a processor can add at the same time.
+    """
+    s0 = s1 = s2 = s3 = 0.0
+    last = len(a) - len(a) % 4
+    for i in range(0, last, 4):
+        s0 += a[i] * b[i]
+        s1 += a[i + 1] * b[i + 1]
+        s2 += a[i + 2] * b[i + 2]
+        s3 += a[i + 3] * b[i + 3]
+    for i in range(last, len(a)):
+        s0 += a[i] * b[i]
+    return (s0 + s1) + (s2 + s3)
+
+
+def pes(
+    weights: FloatArray,
+    activity: FloatArray,
+    error: FloatArray,
+    gamma: float,
+    keep: float,
+    scratch: FloatArray,
+) -> None:
+    """The PES rule with a leak, in place: weights = keep weights - gamma error activity'.
+
+    Parameters
+    ----------
+    weights, activity, error : (k, n), (n,), (k,).
+    scratch : (n,), overwritten.
+    """
+    if keep != 1.0:
+        weights *= keep
+    for row, slope in zip(weights, error.tolist(), strict=True):
+        np.multiply(activity, gamma * slope, out=scratch)
+        np.subtract(row, scratch, out=row)
+
+
+@kernel_of(pes)
+def _pes_kernel(
+    weights: FloatArray,
+    activity: FloatArray,
+    error: FloatArray,
+    gamma: float,
+    keep: float,
+    scratch: FloatArray,
+) -> None:
+    for k in range(len(error)):
+        row, slope = weights[k], gamma * error[k]
+        for i in range(len(row)):
+            row[i] = keep * row[i] - slope * activity[i]
+
+
+def gain_and_bias(
+    max_rates: FloatArray, intercepts: FloatArray, tau_rc: float, tau_ref: float
+) -> tuple[FloatArray, FloatArray]:
+    """Gain and bias of LIF neurons that start to fire at ``intercepts`` and reach ``max_rates``.
+
+    z = 1 / (1 - exp((tau_ref - 1/rate) / tau_rc)); gain = (1 - z) / (intercept - 1);
+    bias = 1 - gain * intercept. Rates in Hz, times in seconds.
+    """
+    z = 1.0 / (1.0 - portable.exp((tau_ref - 1.0 / max_rates) / tau_rc))
+    gain = (1.0 - z) / (intercepts - 1.0)
+    return gain, 1.0 - gain * intercepts
+
+
+def lif_rate(current: FloatArray, tau_rc: float, tau_ref: float) -> FloatArray:
+    """Steady firing rate (Hz) of a LIF neuron: 1 / (tau_ref + tau_rc log1p(1 / (J - 1)))."""
+    above = np.maximum(current - 1.0, 1e-300)
+    return np.where(current > 1.0, 1.0 / (tau_ref + tau_rc * portable.log1p(1.0 / above)), 0.0)
+
+
+def mean_squared_rate(
+    max_rates: FloatArray, intercepts: FloatArray, tau_rc: float, tau_ref: float, nodes: int = 100
+) -> float:
+    """Mean squared firing rate (Hz^2), at input 0, of a large population of LIF neurons.
+
+    Their maximum rates and intercepts are uniform over the two ranges. The midpoint rule, with
+    ``nodes`` squared neurons.
+    """
+    middles = (np.arange(nodes) + 0.5) / nodes
+    rates, starts = (low + (high - low) * middles for low, high in (max_rates, intercepts))
+    _, bias = gain_and_bias(rates[:, None], starts[None, :], tau_rc, tau_ref)
+    return float(np.mean(lif_rate(bias, tau_rc, tau_ref) ** 2))
+
+
+@final
+class AdaptiveBias(Learner):
+    """Learn an output that is the same for all inputs: an integrator of the error, with a leak.
+
+        input, error ─▶ [ AdaptiveBias ] ─▶ output
+
+    output = b, each component within +-limit
+    b(t_k+1) = exp(-leak dt) b(t_k) - kappa power dt error(t_k)
+
+    kappa is ``learning_rate``. An ensemble under PES with input 0 does the same, delayed by its
+    synapse, with ``power`` the mean square of its neurons' rates. The default is computed for very
+    many neurons with these rates, intercepts and time constants, so that the integrator learns as
+    fast as the ensemble that it replaces does about 0, and the two differ only by the ensemble's
+    response to its input. With a power of 1 it is a plain integrator of gain kappa. ``input`` is
+    not read. The output depends on the state alone, so the block breaks loops.
+    """
+
+    power: float | None = param(
+        None, unit="Hz^2", above=0.0, doc="mean squared rate, instead of the computed one"
+    )
+
+    bias = State("k", doc="what was learnt")
+
+    def start(self, state: BlockState) -> None:
+        power = self.power
+        if power is None:
+            power = mean_squared_rate(self.max_rates, self.intercepts, self.tau_rc, self.tau_ref)
+        state.keep = math.exp(-self.leak * state.dt)
+        state.step = self.learning_rate * power * state.dt
+        # PES of one neuron whose activity is 1.
+        state.weights, state.activity = state.bias[:, None], np.ones(1)
+        state.scratch = np.empty(1)
+
+    def watch(self, state: BlockState) -> float:
+        """The norm of the learnt output."""
+        return float(np.linalg.norm(state.bias))
+
+    def gain_of_a_step(self, state: BlockState) -> float:
+        """kappa power dt."""
+        return float(state.step)
+
+    def output(self, state: BlockState, t: float) -> FloatArray:
+        return decode(state.weights, state.activity, self.limit)
+
+    def update(self, state: BlockState, t: float, error: FloatArray, learn: float) -> None:
+        gamma = state.step * learn
+        pes(state.weights, state.activity, error, gamma, state.keep, state.scratch)

@@ -1,8 +1,9 @@
-"""Neurons that learn online with the PES rule, spiking and not (paper, section III-D)."""
+"""Ensembles of neurons that learn online by PES, spiking and not (paper, section III-D)."""
 
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from typing import final
 
 import numpy as np
@@ -18,8 +19,125 @@ from blocks.core import (
     param,
     portable,
 )
-from blocks.learning.ensemble import LearningEnsemble
-from blocks.learning.lif import lif_rate
+from blocks.learning.learner import Learner, decode, gain_and_bias, lif_rate, pes
+
+
+class LearningEnsemble(Learner):
+    """A population whose decoders learn by PES; a subclass defines its neurons.
+
+        input, error, learn ─▶ [ LearningEnsemble ] ─▶ output
+
+    Encoding  J = gain * (encoders @ input) / radius + bias
+    Decoding  output = W s, each component within +-limit
+    PES       W(t_k+1) = exp(-leak dt) W(t_k) - (kappa dt / neurons) error(t_k) s'
+
+    A subclass turns J into the post-synaptic current s (:meth:`_respond`). What is drawn depends
+    on the run's seed and the block's name only, in one order for all subclasses, so that one kind
+    of neuron can replace another.
+    """
+
+    neurons: int = param(100, at_least=1, doc="number of neurons")
+    tau_syn: float = param(0.01, unit="s", above=0.0, doc="time constant of the synapse")
+    radius: float = param(1.0, above=0.0, doc="largest input that is represented well")
+    gain: FloatArray | None = param(None, shape=("neurons",), doc="gains, in place of drawn ones")
+    bias: FloatArray | None = param(None, shape=("neurons",), doc="biases, in place of drawn ones")
+    encoders: FloatArray | None = param(
+        None, shape=[("neurons",), ("neurons", None)], doc="encoders, in place of drawn ones"
+    )
+
+    current = State("neurons", doc="input current J")
+    activity = State("neurons", unit="1/s", doc="post-synaptic current s")
+    weights = State("k", "neurons", doc="decoding weights W")
+    scaled_encoders = State("neurons", "d", doc="gain * encoders / radius")
+    offset = State("neurons", doc="bias current")
+
+    def validate(self) -> None:
+        problems = []
+        if (self.gain is None) != (self.bias is None):
+            missing = "bias" if self.bias is None else "gain"
+            problems.append((missing, "gain and bias go together; give both or neither"))
+        try:
+            super().validate()
+        except ParameterError as error:
+            problems += error.problems
+        if problems:
+            raise ParameterError(problems)
+
+    def validate_in(self, context: BlockContext) -> None:
+        d = context.types["input"].shape[0]
+        if self.encoders is not None and self.encoders.size != self.neurons * d:
+            message = f"expected {self.neurons}x{d} numbers for the input that is wired"
+            message = f"{message}, got an array of shape {self.encoders.shape}"
+            raise ParameterError([("encoders", message)])
+
+    def start(self, state: BlockState) -> None:
+        n, d = state.scaled_encoders.shape
+        # Always drawn, in this order, so that fixing one quantity does not change the others.
+        low, high = self.max_rates.tolist()
+        rates = state.rng.uniform(low, high, n)
+        low, high = self.intercepts.tolist()
+        intercepts = state.rng.uniform(low, high, n)
+        directions = state.rng.standard_normal((n, d))
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+
+        gain, bias = gain_and_bias(rates, intercepts, self.tau_rc, self.tau_ref)
+        gain = gain if self.gain is None else self.gain
+        encoders = directions if self.encoders is None else self.encoders.reshape(n, d)
+        state.scaled_encoders[:] = gain[:, None] * encoders / self.radius
+        state.offset[:] = bias if self.bias is None else self.bias
+        state.pass_on = -math.expm1(-state.dt / self.tau_syn)
+        state.keep = math.exp(-self.leak * state.dt)
+        state.gamma = self.learning_rate * state.dt / n
+        state.fade = 1.0 - state.pass_on
+        state.scratch = np.empty(n)
+        state.encoder_rows = np.ascontiguousarray(state.scaled_encoders.T)
+        state.further = range(1, d)
+
+    def watch(self, state: BlockState) -> float:
+        """The norm of the weights."""
+        return float(np.linalg.norm(state.weights))
+
+    def gain_of_a_step(self, state: BlockState) -> float:
+        """gamma times the squared size of the activity."""
+        return float(state.gamma * np.square(state.activity).sum())
+
+    def output(self, state: BlockState, t: float) -> FloatArray:
+        return decode(state.weights, state.activity, self.limit)
+
+    def update(
+        self, state: BlockState, t: float, input: FloatArray, error: FloatArray, learn: float
+    ) -> None:
+        current = state.current
+        np.multiply(state.encoder_rows[0], input[0], out=current)
+        for j in state.further:
+            np.multiply(state.encoder_rows[j], input[j], out=state.scratch)
+            current += state.scratch
+        current += state.offset
+        self._respond(state)
+        gamma = state.gamma * learn
+        pes(state.weights, state.activity, error, gamma, state.keep, state.scratch)
+
+    @kernel_of(update)
+    def _update_kernel(
+        self, state: BlockState, t: float, input: FloatArray, error: FloatArray, learn: float
+    ) -> None:
+        current, offset = state.current, state.offset
+        first = state.encoder_rows[0]
+        for i in range(len(current)):
+            current[i] = first[i] * input[0]
+        for j in range(1, len(input)):
+            encoder = state.encoder_rows[j]
+            for i in range(len(current)):
+                current[i] += encoder[i] * input[j]
+        for i in range(len(current)):
+            current[i] += offset[i]
+        self._respond(state)
+        gamma = state.gamma * learn
+        pes(state.weights, state.activity, error, gamma, state.keep, state.scratch)
+
+    @abstractmethod
+    def _respond(self, state: BlockState) -> None:
+        """Advance neurons and synapses by one step: ``current`` in, ``activity`` out."""
 
 
 @final
@@ -38,10 +156,10 @@ class AdaptiveEnsemble(LearningEnsemble):
     of its own tick. The arithmetic, spike times between steps included, is Nengo's, and a test
     holds the two equal spike for spike. The output depends on the state alone, so the block
     breaks loops. Probes: row k of ``spikes`` holds the spikes of tick k, row k of ``weights`` and
-    ``activity`` what the output of tick k was made of.
+    ``activity`` what the output of tick k was computed from.
 
-    The drawn quantities come from the run's seed and the block's name; ``gain`` with ``bias``,
-    ``encoders`` and ``voltage`` put arrays in their place.
+    The drawn quantities depend on the run's seed and the block's name; ``gain`` with ``bias``,
+    ``encoders`` and ``voltage`` replace them.
     """
 
     voltage: FloatArray | None = param(
@@ -88,8 +206,8 @@ class AdaptiveEnsemble(LearningEnsemble):
     def _respond(self, state: BlockState) -> None:
         """LIF neurons and their synapses.
 
-        Constants are arrays and results go where they are needed: with a hundred neurons, what
-        numpy spends on a number beside an array is as much as the arithmetic.
+        Constants are arrays, and results are written in place: with a hundred neurons numpy's
+        overhead for a scalar operand costs as much as the arithmetic.
         """
         current, voltage, refractory = state.current, state.voltage, state.refractory
         awake, step = state.scratch, state.step
@@ -121,14 +239,14 @@ class AdaptiveEnsemble(LearningEnsemble):
         activity *= state.fade
         activity[spiking] += state.kick
 
-    # Its start adds to that of LearningEnsemble, and leaves what this relies on as it is.
+    # Its start extends that of LearningEnsemble without changing what this kernel depends on.
     _update_kernel = kernel_of(LearningEnsemble.update)(LearningEnsemble._update_kernel)
 
     @kernel_of(_respond)
     def _respond_kernel(self, state: BlockState) -> None:
         voltage, refractory, activity = state.voltage, state.refractory, state.activity
         current, dt = state.current, state.dt
-        # First what most neurons do, without a branch: to be awake, or asleep, for the whole step.
+        # First, without a branch, the common cases: awake or refractory for the whole step.
         full = math.expm1(-dt / self.tau_rc)
         for i in range(len(voltage)):
             refractory[i] -= dt
@@ -136,7 +254,7 @@ class AdaptiveEnsemble(LearningEnsemble):
             voltage[i] = max(voltage[i] - (current[i] - voltage[i]) * rise, 0.0)
             activity[i] *= state.fade
             state.spikes[i] = 0.0
-        # Then the few that wake up or spike in it, listed without a branch, too.
+        # Then the few that wake up or spike in it, also listed without a branch.
         few, count = state.few, 0
         for i in range(len(voltage)):
             few[count] = i
@@ -156,7 +274,7 @@ class AdaptiveEnsemble(LearningEnsemble):
 
 @final
 class RateEnsemble(LearningEnsemble):
-    """The network of an AdaptiveEnsemble with neurons that give their rate in place of spikes.
+    """The network of an AdaptiveEnsemble with neurons that output rates instead of spikes.
 
         input, error ─▶ [ RateEnsemble ] ─▶ output
 
@@ -166,10 +284,10 @@ class RateEnsemble(LearningEnsemble):
     Decoding  output = W s, each component within +-limit
     PES       W(t_k+1) = exp(-leak dt) W(t_k) - (kappa dt / neurons) error(t_k) s'
 
-    Put in the place of an AdaptiveEnsemble, under its name, it has the same gains, biases and
-    encoders, and what differs between the two runs is what spikes do. The equations are Nengo's
-    LIFRate with PES, and a test holds the two equal. Rates have no phase to lose, so any step
-    will do. The output depends on the state alone, so the block breaks loops.
+    In place of an AdaptiveEnsemble, under its name, it has the same gains, biases and encoders, so
+    that two such runs differ only by the effect of spikes. The equations are Nengo's LIFRate with
+    PES, and a test holds the two equal. Any step is valid for rates. The output depends on the
+    state alone, so the block breaks loops.
     """
 
     rates = State("neurons", event=True, unit="1/s", doc="firing rates r")

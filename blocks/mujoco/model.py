@@ -1,4 +1,4 @@
-"""The robot and its room as a MuJoCo model."""
+"""The robot and its room as a MuJoCo model, and beams cast in it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from blocks.core import Block, FloatArray, ParameterError, param, require
+from blocks.core import Block, FloatArray, ParameterError, directions, param, product, require
 from blocks.mujoco.solid_walls import wall_pieces
 from blocks.world import World
 
@@ -18,16 +18,16 @@ WALL_HEIGHT = 0.3
 CLEARANCE = 0.012
 SKID_CLEARANCE = 0.002
 GLIDER_RADIUS = 0.015
-# What rays see; the robot is in the other groups.
+# The group of shapes that rays hit; the robot is in the other groups.
 SEEN_GROUP = 0
 ROBOT_GROUP = 1
-# Stiff and without give: with the defaults the wheels sink in by 0.3 mm and the odometry's scale
-# is off by up to a per cent. solref's time constant is above two physics steps, as it has to be.
+# Stiff contacts: with the defaults the wheels sink in by 0.3 mm and the odometry's scale is off by
+# up to a per cent. solref's time constant must exceed two physics steps.
 FIRM = 'solref="0.005 1" solimp="0.99 0.99 0.001"'
 
 
 class VacuumBody(Block):
-    """What a robot vacuum is made of: the parameters that its MuJoCo model is written from."""
+    """The parameters of a robot vacuum from which its MuJoCo model is written."""
 
     x0: FloatArray = param((0.0, 0.0, 0.0), shape=(3,), unit="m, m, rad", doc="initial pose")
     body_radius: float = param(
@@ -64,13 +64,13 @@ def engine(feature: str = "MujocoVacuum") -> Any:
 
     Raises
     ------
-    MissingExtraError : it is not installed.
+    MissingPackageError : it is not installed.
     ParameterError : it does not load.
     """
     try:
         return require("mujoco", feature, "physics")
     except (AttributeError, OSError, RuntimeError) as error:
-        # It loads the graphics library that MUJOCO_GL names, and breaks where that is missing.
+        # It loads the graphics library named by MUJOCO_GL, and fails if that is missing.
         named = os.environ.get("MUJOCO_GL", "")
         message = f"mujoco does not load with MUJOCO_GL={named}: {error}; unset it for physics"
         raise ParameterError([("type", message)]) from error
@@ -147,7 +147,7 @@ def _is_rectangle(piece: FloatArray) -> bool:
 
 
 def _wall(i: int, piece: FloatArray) -> str:
-    """A wall: a box where it can be one, since rays and contacts cost less with those."""
+    """A wall: a box where possible, since rays and contacts are faster with boxes."""
     if not _is_rectangle(piece):
         return f'<geom name="wall{i}" type="mesh" mesh="wall{i}" {SOLID}/>'
     (along_x, along_y), side = (piece[1] - piece[0]).tolist(), piece[3] - piece[0]
@@ -168,7 +168,7 @@ def _column(x: float, y: float, r: float) -> str:
 def _robot(robot: VacuumBody) -> str:
     """The body: hull, front caster, rear skid and two wheels.
 
-    Floor and gliders, floor and wheels, walls and hull may touch; no other pair is looked at.
+    Floor and gliders, floor and wheels, walls and hull may touch; no other pair is tested.
     """
     r, half = robot.wheel_radius, 0.5 * robot.hull_height
     x, y, theta = robot.x0.tolist()
@@ -177,7 +177,7 @@ def _robot(robot: VacuumBody) -> str:
     middle = CLEARANCE + half - r
     across = hull * (3.0 * robot.body_radius**2 + robot.hull_height**2) / 12.0
     upright = 0.5 * hull * robot.body_radius**2
-    # The wheels have their mass on the axle: the hull's must be ahead by more.
+    # The wheels' mass is on the axle, so the hull's centre must be farther ahead.
     ahead = robot.mass * robot.centre_of_mass / hull
     glider = f'type="sphere" size="{GLIDER_RADIUS}" condim="1" priority="1" {FIRM}'
     glider += f' contype="0" conaffinity="1" group="{ROBOT_GROUP}" rgba="0.2 0.2 0.2 1"'
@@ -225,3 +225,57 @@ def _motor(robot: VacuumBody, name: str) -> str:
         f'<velocity name="{name}" joint="{name}" kv="{robot.motor_gain!r}"'
         f' ctrlrange="{-fastest!r} {fastest!r}" forcerange="{-torque!r} {torque!r}"/>'
     )
+
+
+GROUPS = 6
+
+
+class BeamCaster:
+    """Casts all beams of a scan at once.
+
+    Parameters
+    ----------
+    mujoco : the module.
+    model, data : the simulation to cast in; ``data`` gets its kinematics up to date.
+    bearings : directions in the plane of the site (rad), (n,).
+    group : the group of the shapes that beams hit.
+    reach : beams end here (m).
+    """
+
+    def __init__(
+        self, mujoco: Any, model: Any, data: Any, bearings: FloatArray, group: int, reach: float
+    ) -> None:
+        self.mujoco, self.model, self.data, self.reach = mujoco, model, data, reach
+        self.site = data.site("lidar")
+        level = np.zeros_like(bearings)
+        self.units = np.column_stack((directions(bearings), level))
+        self.groups = np.zeros(GROUPS, dtype=np.uint8)
+        self.groups[group] = 1
+        self.shapes = np.zeros(len(bearings), dtype=np.int32)
+
+    def directions(self) -> FloatArray:
+        """Unit vectors along the beams in the world, (n, 3)."""
+        return product(self.units, self.site.xmat.reshape(3, 3).T)
+
+    def cast(self) -> FloatArray:
+        """Range along each beam (m), (n,); inf where it meets nothing within reach."""
+        # After a step, positions are those of its beginning.
+        self.mujoco.mj_kinematics(self.model, self.data)
+        n = len(self.units)
+        ranges = np.empty(n)
+        self.mujoco.mj_multiRay(
+            self.model,
+            self.data,
+            self.site.xpos,
+            self.directions().ravel(),
+            self.groups,
+            True,
+            -1,
+            self.shapes,
+            ranges,
+            None,
+            n,
+            self.reach,
+        )
+        ranges[(ranges < 0.0) | (ranges > self.reach)] = np.inf
+        return ranges

@@ -1,4 +1,4 @@
-"""The world's polygons as convex prisms, for engines that know no concave solids."""
+"""The world's polygons as convex prisms, for engines that support convex solids only."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import numpy as np
 from blocks.core import FloatArray, ParameterError
 from blocks.world import World
 
-# How thick a wall is at most (m), and how often it is halved where there is no room for that.
+# The greatest thickness of a wall (m), and how often it is halved where that does not fit.
 THICKNESS = 0.1
 HALVINGS = 8
-# How far pieces are longer than their edges, at each end (m): a ray that meets a corner must not
-# slip between two of them. Single precision, in which engines hold meshes, needs that much.
+# By how much pieces are longer than their edges, at each end (m), so that no ray passes between
+# two of them at a corner. Meshes in single precision need that much.
 OVERLAP = 1e-5
 
 
@@ -96,14 +96,14 @@ def _inside_solid(ring: FloatArray, back: FloatArray, corners: tuple[FloatArray,
     return not any(_cross(start, stop - start, ring, edges) for start, stop in outlines)
 
 
-def _cross(start: FloatArray, way: FloatArray, corner: FloatArray, edge: FloatArray) -> bool:
-    """Whether a segment of the first lot crosses the inside of one of the second."""
+def _cross(start: FloatArray, step: FloatArray, corner: FloatArray, edge: FloatArray) -> bool:
+    """Whether a segment of the first set crosses the interior of one of the second."""
 
     def sides(points: FloatArray, base: FloatArray, direction: FloatArray) -> FloatArray:
         offset = points[:, None] - base[None]
         cross: FloatArray = direction[:, 0] * offset[..., 1] - direction[:, 1] * offset[..., 0]
         return cross
 
-    apart = sides(start, corner, edge) * sides(start + way, corner, edge) < 0.0
-    astride = sides(corner, start, way) * sides(corner + edge, start, way) < 0.0
+    apart = sides(start, corner, edge) * sides(start + step, corner, edge) < 0.0
+    astride = sides(corner, start, step) * sides(corner + edge, start, step) < 0.0
     return bool(np.any(apart & astride.T))

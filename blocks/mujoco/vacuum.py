@@ -24,11 +24,10 @@ from blocks.core import (
     WheelSpeeds,
     param,
 )
-from blocks.mujoco.lidar import Beams
-from blocks.mujoco.model import SEEN_GROUP, VacuumBody, engine, model_of
+from blocks.mujoco.model import SEEN_GROUP, BeamCaster, VacuumBody, engine, model_of
 from blocks.mujoco.solid_walls import wall_pieces
 from blocks.vehicle import INTEGRATORS
-from blocks.world import bearings, required_world
+from blocks.world import bearings, misplaced, required_world
 
 # Where MuJoCo's numbers are in the state: time, then position and quaternion of the body and the
 # wheels' angles (9), their velocities (8), and the accelerations that its solver starts from (8).
@@ -40,7 +39,7 @@ SIZE = 26
 
 
 def state_parts(mujoco: Any) -> int:
-    """Which of MuJoCo's numbers the state holds: all that its next step hangs on."""
+    """Which of MuJoCo's numbers the state holds: all that its next step depends on."""
     return int(mujoco.mjtState.mjSTATE_FULLPHYSICS | mujoco.mjtState.mjSTATE_WARMSTART)
 
 
@@ -52,18 +51,18 @@ class MujocoVacuum(VacuumBody):
                         world
 
     The command is followed within the ramps ``acceleration`` and ``turn_acceleration``, to v and
-    omega; the motors are asked for v -+ omega track / 2 at the wheels' rims, left and right, and
-    turn them with torque = motor_gain (asked - turned), limited. What then happens is rigid-body
+    omega; the motors are commanded v -+ omega track / 2 at the wheels' rims, left and right, and
+    turn them with torque = motor_gain (commanded - actual), limited. The rest is rigid-body
     dynamics with friction, in steps of ``physics_step``. All outputs depend on the state alone:
     they break loops.
 
-    ``odometry`` starts at ``x0`` and adds the arcs of the wheels' turning, as if they rolled.
+    ``odometry`` starts at ``x0`` and adds the arcs of the wheels' rotation, as if they rolled.
     The LiDAR casts its beams from the body as it is tilted, every ``scan_period``, and its scan
     holds in between; misses are inf.
 
-    For ``start`` <= t < ``stop`` there are faults: the speeds asked of the two wheels are
-    multiplied by ``wheel_gain``, after the part in which they differ has been multiplied by
-    ``turn_gain`` and the turn rate ``yaw_bias`` been added; a wheel on the disc ``patch`` has
+    For ``start`` <= t < ``stop`` there are faults: the commanded speeds of the two wheels are
+    multiplied by ``wheel_gain``, after their difference was multiplied by ``turn_gain`` and the
+    turn rate ``yaw_bias`` was added; a wheel on the disc ``patch`` has
     ``patch_friction``.
 
     Needs the extra ``physics``.
@@ -72,7 +71,7 @@ class MujocoVacuum(VacuumBody):
     command = Input(Twist, doc="speed and turn rate")
 
     pose = Output(Pose, doc="true pose of the point between the wheels; theta is not wrapped")
-    odometry = Output(Pose, doc="the pose that the turning of the wheels tells")
+    odometry = Output(Pose, doc="the pose computed from the rotation of the wheels")
     scan = Output(Scan("beams"), doc="ranges; inf for a miss")
     wheels = Output(WheelSpeeds, doc="speeds of the wheels' rims")
     contact = Output(Scalar, unit="N", doc="normal force on the hull, mean over the last step")
@@ -83,7 +82,7 @@ class MujocoVacuum(VacuumBody):
     beams: int = param(360, at_least=1, doc="number of beams, over the full turn from -pi")
     sigma: float = param(0.01, unit="m", at_least=0.0, doc="standard deviation of a range")
     range_min: float = param(0.05, unit="m", at_least=0.0, doc="nearer returns are misses")
-    range_max: float = param(12.0, unit="m", above=0.0, doc="farther ones, too")
+    range_max: float = param(12.0, unit="m", above=0.0, doc="farther returns are misses")
     scan_period: float = param(0.1, unit="s", above=0.0, doc="time between scans")
     wheel_gain: FloatArray = param((1.0, 1.0), shape=(2,), doc="fault: left, right wheel's factor")
     turn_gain: float = param(1.0, doc="fault: factor on the difference of the wheels' speeds")
@@ -139,11 +138,8 @@ class MujocoVacuum(VacuumBody):
                 message = f"must be {what} of the block's step, dt: {context.dt:g}"
                 problems.append((name, f"{message}; got {self.value(name):g} s"))
         x, y, _ = self.x0.tolist()
-        distance = world.nearest(x, y)[0]
-        if distance < self.body_radius:
-            message = f"a hull of radius {self.body_radius:g} m does not fit at ({x:g}, {y:g})"
-            message += f": the nearest surface is {distance:.3g} m away" if distance > 0.0 else ""
-            problems.append(("x0", message))
+        message = misplaced(world, "hull", x, y, self.body_radius)
+        problems += [("x0", message)] if message else []
         if problems:
             raise ParameterError(problems)
         engine()
@@ -160,7 +156,7 @@ class MujocoVacuum(VacuumBody):
         state.scan_ticks = round(self.scan_period / state.dt)
         state.tyres = [model.geom(name).id for name in ("left", "right")]
         around = bearings(self.beams, -math.pi, math.pi)
-        state.lidar = Beams(mujoco, model, data, around, SEEN_GROUP, self.range_max)
+        state.lidar = BeamCaster(mujoco, model, data, around, SEEN_GROUP, self.range_max)
         mujoco.mj_getState(model, data, state.physics, state.parts)
         state.heading[0] = self.x0[2]
         state.reckoned[:] = self.x0
@@ -195,8 +191,10 @@ class MujocoVacuum(VacuumBody):
             mujoco.mj_step(model, data)
             force += data.sensordata[0]
         if not data.time > state.physics[0]:
-            # MuJoCo begins anew where it finds numbers that are none or too large.
-            message = "the simulation broke down; a smaller physics_step or motor_gain may help"
+            # MuJoCo resets the simulation where it finds NaN or numbers that are too large.
+            message = (
+                "the simulation became unstable; a smaller physics_step or motor_gain may help"
+            )
             raise ArithmeticError(message)
         mujoco.mj_getState(model, data, state.physics, state.parts)
         state.force[0] = force / state.steps
@@ -212,7 +210,7 @@ class MujocoVacuum(VacuumBody):
     def _wheel_rates(
         self, state: BlockState, command: TwistValue, faulty: bool
     ) -> tuple[float, float]:
-        """What the motors are asked for (rad/s), left and right."""
+        """The commanded wheel rates (rad/s), left and right."""
         rises = (self.acceleration * state.dt, self.turn_acceleration * state.dt)
         for i, (wanted, rise) in enumerate(zip(command, rises, strict=True)):
             state.asked[i] += max(-rise, min(rise, wanted - state.asked[i]))

@@ -1,4 +1,4 @@
-"""blocks.testing."""
+"""A checker for users' own blocks: does a block follow the rules that a run relies on?"""
 
 from blocks.testing.checking import CheckError, check_block
 

@@ -1,34 +1,34 @@
-"""A bench that runs one block tick by tick and watches what each of its methods does."""
+"""A test bench that runs one block tick by tick and records what each of its methods does."""
 
 from __future__ import annotations
 
 import functools
 import inspect
+import types
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NoReturn
 
 import numpy as np
 
 from blocks.core import Block, BlockContext, BlockState, Evaluation, FloatArray, SignalType
-from blocks.testing.snapshots import snapshot
 
-OUTSIDE = "draw random numbers from state.rng, and keep what moves in a State of the class"
+OUTSIDE = "draw random numbers from state.rng, and keep what changes in a State of the class"
 
 
 class CheckError(Exception):
-    """A block breaks a rule; the message names its class, the method and the way out."""
+    """A block breaks a rule; the message names the class, the method and a suggested fix."""
 
 
 @dataclass
 class Bench:
-    """Runs a block tick by tick, as an engine would, and looks at what each call does."""
+    """Runs a block tick by tick, as an engine would, and checks what each call does."""
 
     block: Block
     context: BlockContext
     ticks: int
-    absent: bool = False
+    open_inputs: bool = False
     attributes: dict[str, Any] = field(default_factory=dict)
 
     def run(
@@ -36,9 +36,9 @@ class Bench:
     ) -> Iterator[dict[str, Any]]:
         """Snapshots of the outputs and the declared states of each tick.
 
-        ``stream`` selects the random inputs; ``careful`` calls each output several times, to see
-        what the calls leave behind; ``resumed`` goes on each tick with a state that was made anew
-        and given the declared arrays and the generator of the old one, as from a checkpoint.
+        ``stream`` selects the random inputs; ``careful`` calls each output several times to detect
+        side effects; ``resumed`` continues each tick with a new state that received the declared
+        arrays and the generator of the old one, as from a checkpoint.
         """
         spec, block = self.block.spec, self.block
         draw = np.random.default_rng(stream)
@@ -59,7 +59,7 @@ class Bench:
             for port, declared in spec.outputs.items():
                 item = f"output '{port}'"
                 if declared.constant and constant.setdefault(port, seen[item]) != seen[item]:
-                    self._fail("", f"{item} is declared constant, and changes")
+                    self._fail("", f"{item} is declared constant but changes")
             states = {f"state '{name}'": snapshot(getattr(state, name)) for name in spec.states}
             yield {**seen, **states}
             if spec.update is not None:
@@ -90,20 +90,22 @@ class Bench:
             )
             for name, declared in spec.states.items()
         }
-        if self.absent:
+        if self.open_inputs:
             none = {name: (False,) * len(flags) for name, flags in context.terms.items()}
             context = replace(context, terms=none)
         state = BlockState(context, np.random.SeedSequence(seed), arrays)
-        _ = state.rng  # it is made on first use, which is no change
+        _ = state.rng  # created on first use, which must not count as a change
         return state
 
     def _inputs(self, draw: np.random.Generator) -> dict[str, Any]:
         values: dict[str, Any] = {}
         for name, port in self.block.spec.inputs.items():
             kind, flags = self.context.types[name], self.context.terms.get(name, ())
-            if self.absent and port.optional:
-                values[name] = () if port.many or port.absent is None else kind.filled(port.absent)
-            elif port.many:
+            if self.open_inputs and port.optional:
+                values[name] = (
+                    () if port.variadic or port.default is None else kind.filled(port.default)
+                )
+            elif port.variadic:
                 values[name] = tuple(random_value(kind, draw, self.context.dt) for _ in flags)
             else:
                 values[name] = random_value(kind, draw, self.context.dt)
@@ -117,9 +119,9 @@ class Bench:
         t: float,
         values: dict[str, Any],
     ) -> None:
-        """Call an output more often than a run does, and look at what that leaves behind."""
+        """Call an output more often than a run does, and check for side effects."""
         method, states = evaluation.method, self.block.spec.states
-        memos = [name for name, declared in states.items() if declared.memo]
+        cached = [name for name, declared in states.items() if declared.cached]
         before, given = contents(state), contents(values)
         out = self._call(evaluation, state, t, values)
         for port, value in zip(evaluation.outputs, self._split(evaluation, out), strict=True):
@@ -127,20 +129,22 @@ class Bench:
         for name in changed(before, contents(state)):
             if name == "rng":
                 self._fail(method, "draws from state.rng; draw in start and update, into a State")
-            if name not in memos:
-                suggestion = "only update writes into the state (a State with memo=True excepted)"
+            if name not in cached:
+                suggestion = "only update writes into the state (a State with cached=True excepted)"
                 self._fail(method, f"changes state '{name}'; {suggestion}")
         self._check_given(method, given, values)
         first = snapshot(out)
         if first != snapshot(self._call(evaluation, state, t, values)):
-            message = "gives other values when called again with the same state and inputs"
+            message = "returns different values when called again with the same state and inputs"
             self._fail(method, f"{message}; {OUTSIDE}")
-        kept = {name: getattr(state, name).copy() for name in memos}
+        kept = {name: getattr(state, name).copy() for name in cached}
         for source in (started, kept):
-            for name in memos:
+            for name in cached:
                 getattr(state, name)[...] = source[name]
             if first != snapshot(self._call(evaluation, state, t, values)):
-                message = f"what comes out depends on what is left in a memo ({', '.join(memos)})"
+                message = (
+                    f"its result depends on the content of a cached state ({', '.join(cached)})"
+                )
                 self._fail(method, message)
 
     def _update(
@@ -148,7 +152,7 @@ class Bench:
     ) -> None:
         given = contents(values)
         if self._call(update, state, t, values) is not None:
-            self._fail("update", "returns a value, which nobody reads; write into the state")
+            self._fail("update", "returns a value, which is not used; write into the state")
         self._check_given("update", given, values)
 
     def _call(
@@ -159,7 +163,7 @@ class Bench:
         return self._guard(evaluation.method, functools.partial(method, state, t, *arguments))
 
     def _guard(self, method: str, call: Callable[[], Any]) -> Any:
-        """Call, and see that the block itself stays as it was."""
+        """Call, and check that the block itself does not change."""
         try:
             result = call()
         except Exception as error:
@@ -170,7 +174,7 @@ class Bench:
             lazy = inspect.getattr_static(type(self.block), name, None)
             if name in self.attributes or not isinstance(lazy, functools.cached_property):
                 message = f"changes the block's attribute '{name}'"
-                self._fail(method, f"{message}; a block never changes, keep what moves in a State")
+                self._fail(method, f"{message}; a block is immutable; keep what changes in a State")
         self.attributes = now
         return result
 
@@ -189,14 +193,14 @@ class Bench:
             self._fail(method, f"output '{port}' must be {kind.held_as}, got {brief(value)}")
         for name in self.block.spec.states:
             if isinstance(value, np.ndarray) and np.shares_memory(value, getattr(state, name)):
-                message = f"output '{port}' is the memory of state '{name}' itself"
-                self._fail(method, f"{message}, which update writes over; return a copy")
+                message = f"output '{port}' shares the memory of state '{name}'"
+                self._fail(method, f"{message}, which update overwrites; return a copy")
 
     def _check_given(
         self, method: str, given: Mapping[str, Any], values: Mapping[str, Any]
     ) -> None:
         for name in changed(given, contents(values)):
-            self._fail(method, f"changes '{name}', which it was given, in place; copy it first")
+            self._fail(method, f"changes its argument '{name}' in place; copy it first")
 
     def _fail(self, method: str, message: str) -> NoReturn:
         where = type(self.block).__name__ + (f".{method}" if method else "")
@@ -210,12 +214,12 @@ def contents(values: Any) -> dict[str, Any]:
 
 
 def changed(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[str]:
-    """Names whose value is new or another."""
+    """Names whose value is new or different."""
     return [name for name, value in after.items() if name not in before or before[name] != value]
 
 
 def attributes(block: Block) -> dict[str, Any]:
-    """Snapshots of all that a block could keep memory in: its own attributes, its class's."""
+    """Snapshots of everything a block could store data in: its attributes and its class's."""
     containers = (list, dict, set, deque, bytearray, np.ndarray)
     classes = type(block).__mro__[: type(block).__mro__.index(Block)]
     shared = {
@@ -228,7 +232,7 @@ def attributes(block: Block) -> dict[str, Any]:
 
 
 def brief(value: Any) -> str:
-    """A value and what it is, in a few words."""
+    """A value and its type, shortened."""
     if isinstance(value, np.ndarray):
         return f"an array of {value.dtype} of shape {value.shape}"
     text = repr(value)
@@ -236,7 +240,7 @@ def brief(value: Any) -> str:
 
 
 def random_value(kind: SignalType, draw: np.random.Generator, dt: float) -> Any:
-    """A random value of a signal type, as a wire would bring it."""
+    """A random value of a signal type, in the form in which a wire carries it."""
     if kind.name == "Path":
         kappa = draw.standard_normal()
         theta = draw.uniform(-np.pi, np.pi) + 0.1 * kappa * np.arange(kind.shape[0])
@@ -247,3 +251,52 @@ def random_value(kind: SignalType, draw: np.random.Generator, dt: float) -> Any:
     if kind.name == "Scan":
         return draw.uniform(0.1, 5.0, kind.shape)
     return kind.pack(draw.standard_normal(kind.shape))
+
+
+_BY_IDENTITY = (
+    type,
+    types.ModuleType,
+    types.FunctionType,
+    types.BuiltinFunctionType,
+    types.MethodType,
+    functools.partial,
+)
+
+
+def snapshot(value: Any, seen: frozenset[int] = frozenset()) -> Hashable:
+    """A record that is equal exactly when two values hold the same bits in the same structure.
+
+    Arrays, numbers, containers and generators are recorded by content, other objects by their
+    attributes; functions, classes and modules by identity. NaN equals NaN.
+    """
+    if id(value) in seen:
+        return "a cycle"
+    inside = seen | {id(value)}
+    kind = type(value).__name__
+    if isinstance(value, np.ndarray):
+        return kind, value.dtype.str, value.shape, value.tobytes()
+    if isinstance(value, float):
+        return kind, value.hex()
+    if value is None or isinstance(value, (bool, int, complex, str, bytes)):
+        return kind, value
+    if isinstance(value, bytearray):
+        return kind, bytes(value)
+    if isinstance(value, np.generic):
+        return kind, value.tobytes()
+    if isinstance(value, _BY_IDENTITY):
+        return kind, id(value)
+    if isinstance(value, np.random.Generator):
+        return kind, snapshot(value.bit_generator.state, inside)
+    if isinstance(value, np.random.RandomState):
+        return kind, snapshot(value.get_state(legacy=False), inside)
+    if isinstance(value, np.random.SeedSequence):
+        return kind, snapshot(value.state, inside)
+    if isinstance(value, Mapping):
+        return kind, tuple((repr(key), snapshot(item, inside)) for key, item in value.items())
+    if isinstance(value, (list, tuple, deque)):
+        return kind, tuple(snapshot(item, inside) for item in value)
+    if isinstance(value, (set, frozenset)):
+        return kind, tuple(sorted(repr(item) for item in value))
+    if hasattr(value, "__dict__"):
+        return kind, snapshot(vars(value), inside)
+    return kind, repr(value)

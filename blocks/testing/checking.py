@@ -1,4 +1,4 @@
-"""A checker for blocks of one's own: does a block keep the rules that a run relies on?"""
+"""Checks whether a user's block follows the rules that a run relies on."""
 
 from __future__ import annotations
 
@@ -34,26 +34,26 @@ def check_block(
     dt: float = 0.01,
     world: World | None = None,
 ) -> None:
-    """Run a block on random inputs and check that it keeps the rules of :mod:`blocks.core.block`.
+    """Run a block on random inputs and check that it follows the rules of :mod:`blocks.core.block`.
 
     Every output has its declared form. Outputs change neither the state nor their inputs, and
-    come out equal when asked for twice. All that moves is in a declared :class:`State`, so that
-    two runs with one seed are equal, two runs at the same time do not meet, and a run that goes
-    on from its declared states goes on the same.
+    return the same values when called twice. Everything that changes is in a declared
+    :class:`State`, so that two runs with one seed are equal, simultaneous runs do not affect each
+    other, and a run that resumes from its declared states continues identically.
 
     Parameters
     ----------
     block : the block, made with the parameters to check it with.
-    inputs : types of input ports, where they are not to be ``Scalar`` for ``Same("T")`` and 3
-        long for an open length: ``{"path": Path(50)}``.
+    inputs : types of input ports, as in ``{"path": Path(50)}``; by default ``Same("T")`` is a
+        ``Scalar`` and an open length is 3.
     ticks : ticks to run.
     dt : the block's step (s).
-    world : walls and obstacles, for a block that needs some.
+    world : walls and obstacles, for a block that needs them.
 
     Raises
     ------
     CheckError : at the first rule that is broken.
-    ParameterError : if the block refuses this step or these types.
+    ParameterError : if the block rejects this step or these types.
     """
     name = type(block).__name__
     if not (type(block).__doc__ or "").strip():
@@ -63,12 +63,12 @@ def check_block(
     first = list(bench.run(seed=0, careful=True))
     _compare(first, bench.run(seed=0), f"{name}: two runs with the same seed differ")
     pairs = zip(bench.run(seed=0), bench.run(seed=1, stream=1), strict=True)
-    message = f"{name}: two runs at the same time disturb each other"
+    message = f"{name}: simultaneous runs affect each other"
     _compare(first, (mine for mine, _ in pairs), message)
     resumed = bench.run(seed=0, resumed=True)
-    _compare(first, resumed, f"{name}: a run that goes on from its declared states differs")
+    _compare(first, resumed, f"{name}: a run that resumes from its declared states differs")
     if any(port.optional for port in block.spec.inputs.values()):
-        list(replace(bench, ticks=1, absent=True).run(seed=0, careful=True))
+        list(replace(bench, ticks=1, open_inputs=True).run(seed=0, careful=True))
 
 
 def _check_parameters(block: Block) -> None:
@@ -76,9 +76,9 @@ def _check_parameters(block: Block) -> None:
     try:
         same = type(block)(**block.parameters()) == block
     except Exception as error:
-        raise CheckError(f"{name}: cannot be made again from parameters(): {error}") from error
+        raise CheckError(f"{name}: cannot be rebuilt from parameters(): {error}") from error
     if not same:
-        raise CheckError(f"{name}: differs when made again from parameters()")
+        raise CheckError(f"{name}: differs when rebuilt from parameters()")
 
 
 def _compare(first: list[dict[str, Any]], again: Iterator[dict[str, Any]], message: str) -> None:
@@ -91,11 +91,11 @@ def _compare(first: list[dict[str, Any]], again: Iterator[dict[str, Any]], messa
 def settle(
     block: Block, given: Mapping[str, SignalType], dt: float, world: World | None = None
 ) -> BlockContext:
-    """A setting for a block on its own: given types, then its own, then the defaults.
+    """A context for a single block: the given types, then its own, then the defaults.
 
     Raises
     ------
-    ParameterError : if the block refuses it with any number of terms.
+    ParameterError : if the block rejects it with every number of terms.
     ValueError : if a given type does not fit the port.
     """
     spec = block.spec
@@ -120,14 +120,14 @@ def settle(
     for name, kind in given.items():
         if types[name] != (kind.sized(types[name].length) if kind.symbol else kind):
             raise ValueError(f"{type(block).__name__}.{name} takes {types[name]}, not {kind}")
-    many = [name for name, port in spec.inputs.items() if port.many]
-    refusals = []
-    for count in TERMS if many else (0,):
-        context = BlockContext(dt, types, dict.fromkeys(many, (True,) * count), world)
+    variadic = [name for name, port in spec.inputs.items() if port.variadic]
+    rejections = []
+    for count in TERMS if variadic else (0,):
+        context = BlockContext(dt, types, dict.fromkeys(variadic, (True,) * count), world)
         try:
             block.validate_in(context)
         except ParameterError as error:
-            refusals.append(error)
+            rejections.append(error)
         else:
             return context
-    raise refusals[0]
+    raise rejections[0]

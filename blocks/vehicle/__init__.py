@@ -1,10 +1,15 @@
-"""blocks.vehicle."""
+"""Robots and what disturbs them: plants, contact, actuators with limits and faults, noise."""
 
-from blocks.vehicle.actuators import ActuatorFault, Saturator
-from blocks.vehicle.drivetrain import ActuatorDelay, ActuatorLag, WheelSlip
+from blocks.vehicle.disturbances import (
+    ActuatorDelay,
+    ActuatorFault,
+    ActuatorLag,
+    PoseNoise,
+    Saturator,
+    WheelSlip,
+)
 from blocks.vehicle.explorer import Explorer
 from blocks.vehicle.plants import INTEGRATORS, DifferentialDrive
-from blocks.vehicle.sensors import PoseNoise
 
 __all__ = [
     "INTEGRATORS",

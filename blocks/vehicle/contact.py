@@ -1,4 +1,4 @@
-"""A round body that slides along what it touches and never passes through it."""
+"""A round body that slides along surfaces and never passes through them."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ if TYPE_CHECKING:
 TOUCH = 1e-6
 # How deep (m) a body may be in a surface after sliding: rounding.
 DEPTH = 1e-11
-# Positions are tried this far apart, as a share of the radius: too near to jump over a wall, and
-# only so many of them, so that a senseless command costs no more than a bounded time.
+# Positions are tried at this spacing, as a share of the radius, so that no wall is skipped; their
+# number is limited, which bounds the time for an extreme command.
 STRIDE = 0.25
 TRIES = 64
 PUSHES = 8
 
-Place = tuple[float, float, float]
+BodyPosition = tuple[float, float, float]
 
 
 def slide(
     world: World, x: float, y: float, gap: float, dx: float, dy: float, radius: float
-) -> Place:
-    """Move a body from a free place by (dx, dy), sliding without friction along surfaces.
+) -> BodyPosition:
+    """Move a body from a free position by (dx, dy), sliding without friction along surfaces.
 
-    It goes in strides of which each ends in free space: where one would end in a surface, the
-    body is pushed back along that surface's normal, which leaves the tangential part. A step of
+    It moves in strides that each end in free space: where one would end in a surface, the body is
+    pushed back along the surface's normal, which leaves the tangential part. A step of
     less than the gap ahead cannot touch anything and is taken at once.
 
     Parameters
     ----------
-    x, y : where the body's centre is (m); the body is free there.
+    x, y : the body's centre (m), in a free position.
     gap : between body and nearest surface (m).
-    dx, dy : where the motors would move it (m).
+    dx, dy : the commanded displacement (m).
     radius : of the body (m), above 0.
 
     Returns
@@ -50,9 +50,9 @@ def slide(
     stride = STRIDE * radius
     for _ in range(TRIES):
         step = min(left, max(gap, stride))
-        there = _free_place(world, x, y, x + step * ux, y + step * uy, radius)
+        there = _free_position(world, x, y, x + step * ux, y + step * uy, radius)
         if there is None:
-            # In a corner: go as far as halving finds room, then stay.
+            # In a corner: halve the stride as long as there is room, then stop.
             stride *= 0.5
             if stride < TOUCH * radius:
                 break
@@ -64,15 +64,15 @@ def slide(
     return x, y, gap
 
 
-def _free_place(
+def _free_position(
     world: World, x: float, y: float, to_x: float, to_y: float, radius: float
-) -> Place | None:
-    """The free place that pushing the body out of surfaces leads to, and its gap; None if none."""
+) -> BodyPosition | None:
+    """The free position after pushing the body out of surfaces, with its gap; None if none."""
     for pushes in range(PUSHES + 1):
         distance, nx, ny = nearest(world, to_x, to_y)
         depth = radius - distance
         if depth <= DEPTH:
-            # Pushed about in a narrow place, it could end on the other side of something.
+            # In a narrow place, pushing could move it to the other side of a wall.
             near = pushes == 0 or math.hypot(to_x - x, to_y - y) < radius
             return (to_x, to_y, -depth) if near else None
         to_x += depth * nx

@@ -1,4 +1,4 @@
-"""Exploring: drive about without touching anything until there is a wall to follow."""
+"""Exploration: drive around without touching anything until a wall is near."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ ASIDE = 0.6 * math.pi
 
 
 class Explorer(Block):
-    """Wander, then drive straight until a wall is near; then say so, for good.
+    """Wander, then drive straight until a wall is near; then signal that permanently.
 
         scan, pose ─▶ [ Explorer ] ─▶ command, engaged
 
@@ -42,8 +42,8 @@ class Explorer(Block):
     held for ``wander_hold``, and away from whatever is nearer than ``avoid_distance``. Then it
     holds its heading, omega = 2 (course - theta), until a return is nearer than
     ``engage_distance``; ``engaged`` is 1 from that tick on. Whenever something lies in the
-    rectangle of ``stop_distance`` by twice ``half_width`` ahead, it turns in place, always the
-    same way until the rectangle is free. It goes on like this when engaged. Misses (inf, NaN)
+    rectangle of ``stop_distance`` by twice ``half_width`` ahead, it turns in place, always in
+    the same direction until the rectangle is free. It continues when engaged. Misses (inf, NaN)
     count as free.
     """
 
@@ -70,7 +70,7 @@ class Explorer(Block):
     latch = State(1, doc="1 once a wall was near")
     wander = State(2, doc="the random turn rate (rad/s), and when it ends (s)")
     course = State(1, unit="rad", doc="the heading to hold")
-    side = State(1, doc="the way it turns in place: 1 left, -1 right, 0 while the way is free")
+    side = State(1, doc="direction of turning in place: 1 left, -1 right, 0 while the path is free")
 
     def validate(self) -> None:
         problems = window_problems(self.angle_min, self.angle_max)
@@ -111,7 +111,7 @@ class Explorer(Block):
         return (self.v_r, self._limited(COURSE_GAIN * error)), engaged
 
     def _blocked(self, state: BlockState, ranges: FloatArray) -> float:
-        """Which way to turn in place: 1 left, -1 right; 0 if the way ahead is free."""
+        """Direction in which to turn in place: 1 left, -1 right; 0 if the path ahead is free."""
         # A miss straight ahead is inf times 0 to the side: it is far ahead, and that decides.
         with np.errstate(invalid="ignore"):
             ahead, aside = ranges * state.cos, ranges * state.sin

@@ -24,9 +24,9 @@ from blocks.core import (
     param,
 )
 from blocks.vehicle.contact import TOUCH, slide
-from blocks.world import Surfaces, World, nearest, world_of
+from blocks.world import Surfaces, World, misplaced, nearest, world_of
 
-# What is nearest where there is nothing (m): signals are finite.
+# The distance (m) reported where there is nothing: signals are finite.
 NOTHING_NEAR = 1000.0
 
 
@@ -74,9 +74,9 @@ class DifferentialDrive(Block):
     against its own theta' = omega). ``pose`` depends on the state alone: it breaks loops.
 
     With a ``body_radius`` the robot is a disc that slides without friction along the surfaces of
-    the graph's world and never passes through them: of the motion into a surface the tangential
-    part is left, the heading turns freely, and ``wheels`` are what the motors do. Without one it
-    is a point that nothing stops.
+    the graph's world and never passes through them: of a motion into a surface only the
+    tangential part remains, the heading turns freely, and ``wheels`` are the motors' speeds.
+    Without one it is a point that passes through everything.
     """
 
     command = Input(Twist, doc="speed and turn rate")
@@ -103,13 +103,11 @@ class DifferentialDrive(Block):
             return
         world = world_of(context)
         if world is None:
-            message = "a body needs something to touch: the graph has no world: section"
+            message = "a body needs a world, but the graph has no world: section"
             raise ParameterError([("body_radius", message)])
         x, y, _ = self.x0.tolist()
-        distance = world.nearest(x, y)[0]
-        if distance < self.body_radius:
-            message = f"a body of radius {self.body_radius:g} m does not fit at ({x:g}, {y:g})"
-            message += f": the nearest surface is {distance:.3g} m away" if distance > 0.0 else ""
+        message = misplaced(world, "body", x, y, self.body_radius)
+        if message:
             raise ParameterError([("x0", message)])
 
     def start(self, state: BlockState) -> None:
@@ -147,7 +145,7 @@ class DifferentialDrive(Block):
             state.pose_state[i] = wanted[i]
 
     def _reached(self, state: BlockState, pose: PoseValue, wanted: PoseValue) -> PoseValue:
-        """Where the body gets from one pose towards another, as far as the world lets it."""
+        """The pose that the body reaches on its way to another, stopped by the world."""
         x, y, theta = wanted
         if self.body_radius:
             dx, dy, gap = x - pose[0], y - pose[1], float(state.gap[0])

@@ -1,6 +1,5 @@
-"""blocks.wall_fitting."""
+"""Wall fitting: from a LiDAR scan to a reference path beside the wall (paper, section III-A)."""
 
-from blocks.wall_fitting.contour import IntArray
 from blocks.wall_fitting.fitter import WallFitter
 
-__all__ = ["IntArray", "WallFitter"]
+__all__ = ["WallFitter"]

@@ -17,7 +17,7 @@ from blocks.core import FloatArray, arctan2, product, solve
 
 CACHED = 64
 LARGEST_CACHED = 50_000
-RIDGE = 1e-9  # keeps a smoothed fit regular where data decide nothing, not even a line
+RIDGE = 1e-9  # keeps a smoothed fit regular where the data do not even determine a line
 
 
 @lru_cache(maxsize=CACHED)
@@ -25,11 +25,11 @@ def knots(points: int, degree: int) -> FloatArray:
     """Quasi-uniform clamped knots of the paper's equation (knot vector), shape (points + k + 1,).
 
     T = [0, ..., 0, 1/(n-k+1), ..., (n-k)/(n-k+1), 1, ..., 1], where n = points - 1 and both ends
-    are written k + 1 times, k the ``degree``. The result is shared: it cannot be written to.
+    are written k + 1 times, k the ``degree``. The result is shared and read-only.
 
     Raises
     ------
-    ValueError : if the degree is negative or there are not more points than it says.
+    ValueError : if the degree is negative or there are not more points than the degree.
     """
     if not 0 <= degree < points:
         raise ValueError(f"degree {degree} needs at least {max(degree, 0) + 1} points")
@@ -95,8 +95,7 @@ def _inverse(length: FloatArray) -> FloatArray:
 def basis_matrices(points: int, degree: int, samples: int) -> FloatArray:
     """Basis, first and second derivative at even parameters, shape (3, samples, points).
 
-    Cached while they are small, since a fitter asks for the same ones ten times a second; they
-    cannot be written to.
+    Small ones are cached, since a fitter needs the same ones ten times a second; read-only.
     """
     make = _cached_matrices if points * samples <= LARGEST_CACHED else _matrices
     return make(points, degree, samples)
@@ -164,18 +163,18 @@ class BSpline:
 
         They are interpolated linearly between ``fine`` even parameters (default: four for each
         sample), which is off by h^2 kappa / 8 at a distance h between these. A curve that is too
-        short is sampled more closely, from its beginning if need be.
+        short is sampled more closely, if necessary from its beginning.
         """
         at = basis_matrices(len(self.points), self.degree, fine or 4 * samples)
         dense = product(at, self.points)
-        arc = way_along(dense[0])
+        arc = arc_length(dense[0])
         length = (samples - 1) * spacing
         start = min(start, max(0.0, float(arc[-1]) - length))
         wanted = np.linspace(start, min(start + length, float(arc[-1])), samples)
         return Samples(*(interpolate(wanted, arc, values) for values in dense))
 
 
-def way_along(line: FloatArray) -> FloatArray:
+def arc_length(line: FloatArray) -> FloatArray:
     """Arc length (m) at each point of a polyline (n, 2), shape (n,)."""
     step = line[1:] - line[:-1]
     arc = np.zeros(len(line))
@@ -192,11 +191,11 @@ def interpolate(wanted: FloatArray, at: FloatArray, values: FloatArray) -> Float
 
 
 def chord_length(points: FloatArray) -> FloatArray:
-    """Parameters in [0, 1] in proportion to the way along the points, shape (m,).
+    """Parameters in [0, 1] in proportion to the arc length along the points, shape (m,).
 
-    Even ones where all the points are the same.
+    Evenly spaced if all points are equal.
     """
-    arc = way_along(points)
+    arc = arc_length(points)
     if not arc[-1] > 0.0:
         return np.linspace(0.0, 1.0, len(points))
     return np.asarray(arc / arc[-1])
@@ -213,7 +212,7 @@ def fit(
 
     Minimises sum_j |P(t_j) - data_j|^2 + smoothing m / n sum_i |P_i - 2 P_{i+1} + P_{i+2}|^2, the
     second term as in P-splines (Eilers and Marx, Statistical Science 11, 1996), for m data and n
-    control points: it decides where spans hold no data, and calms the fit where they are noisy.
+    control points: it determines spans without data, and smooths the fit to noisy ones.
 
     Parameters
     ----------
@@ -222,7 +221,7 @@ def fit(
     degree : k.
     t : one parameter in [0, 1] for each of the data; default: chord lengths.
     smoothing : weight of the control polygon's bends, without unit; 0 is plain least squares
-        (control points that nothing decides are then the ones of least norm).
+        (undetermined control points are then those of least norm).
     """
     t = chord_length(data) if t is None else t
     design = basis(t, points, degree)
@@ -247,7 +246,7 @@ def _bends(points: int) -> FloatArray:
 @lru_cache(maxsize=CACHED)
 def projection(points: int, degree: int, samples: int) -> FloatArray:
     """(B'B)^-1 B' of the basis B at even parameters, shape (points, samples)."""
-    # Not by pinv: B-splines are well conditioned, and threaded SVDs took up to 0.1 s here.
+    # Not by pinv: B-splines are well conditioned, and a threaded SVD took up to 0.1 s.
     at = basis_matrices(points, degree, samples)[0]
     result = solve(product(at.T, at), at.T)
     result.setflags(write=False)
@@ -255,9 +254,9 @@ def projection(points: int, degree: int, samples: int) -> FloatArray:
 
 
 def fit_even(data: FloatArray, points: int, degree: int = 3) -> BSpline:
-    """Least-squares fit to points that lie evenly along a curve: chord lengths are even then.
+    """Least-squares fit to points that are evenly spaced along a curve.
 
-    Equals :func:`fit` without smoothing, but the matrix is found once and cached.
+    Equals :func:`fit` without smoothing, but with a cached matrix.
 
     Raises
     ------

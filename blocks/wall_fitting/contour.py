@@ -12,10 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from blocks.core import FloatArray, arctan2, directions, sin
-
-IntArray = npt.NDArray[np.intp]
-BoolArray = npt.NDArray[np.bool_]
+from blocks.core import BoolArray, FloatArray, IntArray, arctan2, directions, sin
 
 LONGEST_LINK = 0.25
 MEDIAN = 9
@@ -48,10 +45,9 @@ class Beams:
     ) -> Beams:
         """Beams of a scan whose beam i points to ``first + i (last - first) / beams`` (rad).
 
-        ``mirror`` turns bearings round, so that a wall on the left looks like one on the right;
-        ``window`` (rad, at most 2 pi wide) holds for the bearings after that, and says at which
-        turn they are counted: a window that begins at -200 degrees begins 20 degrees to the left
-        of straight behind.
+        ``mirror`` negates bearings, so that a wall on the left looks like one on the right;
+        ``window`` (rad, at most 2 pi wide) refers to the bearings after that, counted on from its
+        first one: a window from -200 degrees begins 20 degrees to the left of straight behind.
         """
         spacing = (last - first) / beams
         bearing = first + np.arange(beams) * spacing
@@ -63,13 +59,13 @@ class Beams:
         return cls(order, bearing, direction, spacing)
 
     def incidence(self, wanted: float) -> float:
-        """The ``wanted`` smallest incidence (rad), or more where beams are too sparse for it."""
+        """The ``wanted`` smallest incidence (rad), or more where beams are too sparse for that."""
         return max(wanted, 2.0 * self.spacing)
 
 
 @dataclass(frozen=True)
 class Returns:
-    """What came back of a scan, by rising bearing.
+    """The returns of a scan, by rising bearing.
 
     ranges : m, (m,).  bearing : rad, (m,).  points : the same as x and y, (m, 2) in m.
     """
@@ -80,7 +76,7 @@ class Returns:
 
     @classmethod
     def of(cls, scan: FloatArray, beams: Beams) -> Returns:
-        """Ranges (n,) in m; NaN, nothing positive and beyond 10 km are no returns."""
+        """Ranges (n,) in m; NaN, non-positive ranges and those beyond 10 km are not returns."""
         r = scan[beams.order]
         some = np.flatnonzero((r > 0.0) & (r < FARTHEST))
         r = r[some]
@@ -112,9 +108,9 @@ class Chains:
 
     returns : those of all chains, one chain after another.
     bounds : chain c holds returns[bounds[c]:bounds[c + 1]], (chains + 1,).
-    edges : whether the wall ends at the chain's begin and end, (chains, 2): beams pass it there
-        and go on. It does not where something nearer hides the rest, or where the window or the
-        reach ends.
+    edges : whether the wall ends at the chain's first and last return, (chains, 2): beams pass it
+        there. It does not where something nearer hides the rest, or where the window or reach
+        ends.
     """
 
     returns: Returns
@@ -196,7 +192,7 @@ def _edges(returns: Returns, broken: BoolArray, window: FloatArray, incidence: f
     """Whether a chain begins (row 0) and ends (row 1) at each return with an edge, (2, m).
 
     It does where beams go past it: the next return is farther away, or there is none within the
-    angle that a chain would bridge. What is beyond the window nobody knows.
+    angle that a chain would bridge. Nothing is known beyond the window.
     """
     r, phi = returns.ranges, returns.bearing
     apart = phi[1:] - phi[:-1] >= incidence
@@ -208,10 +204,10 @@ def _edges(returns: Returns, broken: BoolArray, window: FloatArray, incidence: f
     return ends
 
 
-def way(chains: Chains, width: int = MEDIAN) -> FloatArray:
-    """Arc length (m) along each chain from its begin, (m,), measured on median-filtered ranges.
+def chain_arcs(chains: Chains, width: int = MEDIAN) -> FloatArray:
+    """Arc length (m) along each chain, from 0, (m,), measured on median-filtered ranges.
 
-    Noise of each return would otherwise lengthen the way: 1 cm of it makes 3 mm steps 12 mm long.
+    Range noise would otherwise lengthen it: with 1 cm of noise 3 mm steps become 12 mm long.
     """
     size = np.diff(chains.bounds)
     low = np.repeat(chains.bounds[:-1], size)[:, None]
@@ -232,12 +228,12 @@ def averages(chains: Chains, arc: FloatArray, spacing: float) -> tuple[FloatArra
 
     Parameters
     ----------
-    chains, arc : the chains and the way along each, see :func:`way`.
+    chains, arc : the chains and the arc length along each, see :func:`chain_arcs`.
     spacing : m.
 
     Returns
     -------
-    The averages (k, 2), and bounds (chains + 1,) that say which belong to which chain.
+    The averages (k, 2), and bounds (chains + 1,) of each chain's averages.
     """
     points = chains.returns.points
     if spacing == 0.0:

@@ -8,17 +8,17 @@ import numpy as np
 
 from blocks.core import FloatArray
 from blocks.wall_fitting.bspline import BSpline, control_points, fit
-from blocks.wall_fitting.contour import Chains, Returns, averages, way
+from blocks.wall_fitting.contour import Chains, Returns, averages, chain_arcs
 from blocks.wall_fitting.offset import cap, left, nearest, runs, tangents, unit
 
 STEP = 0.01  # m between samples of a curve
 MOST = 600  # steps along all curves of a scan
 SMOOTHING = 0.01  # of least-squares fits, see blocks.bspline.fit
-CALM = 4  # samples either way from which a curve's tangents are taken
+CALM = 4  # samples on either side from which a curve's tangents are computed
 
 
 @dataclass(frozen=True)
-class Curve:
+class WallCurve:
     """A stretch of wall, sampled about every centimetre.
 
     position : m, (n, 2).  tangent : unit vectors, (n, 2).
@@ -30,7 +30,7 @@ class Curve:
 
 def wall_curves(
     chains: Chains, degree: int, bin_length: float, spacing: float | None
-) -> list[Curve]:
+) -> list[WallCurve]:
     """Fit a spline to each chain.
 
     Parameters
@@ -41,8 +41,8 @@ def wall_curves(
     spacing : distance (m) of control points of a least-squares fit to all points; None takes the
         averages as control points.
     """
-    arc = way(chains)
-    # Ranges at random make chains of 60 m; a room's are 4 m long, and coarsening spares those.
+    arc = chain_arcs(chains)
+    # Random ranges make chains of 60 m, which are sampled more coarsely; a room's are 4 m long.
     step = max(STEP, float(arc[chains.bounds[1:] - 1].sum()) / MOST)
     means, first = averages(chains, arc, bin_length and max(bin_length, 2.0 * step))
     shortest = 1.5 * max(bin_length, 2.0 * step)
@@ -51,25 +51,25 @@ def wall_curves(
     for a, b, c, d in zip(own[:-1], own[1:], bins[:-1], bins[1:], strict=True):
         length = float(arc[b - 1])
         if length < shortest:
-            # A post: its direction is noise, so it stands square to the beam.
+            # A post: its direction is noise, so it is taken perpendicular to the beam.
             post = points[a:b].mean(axis=0)[None]
-            curves.append(Curve(post, unit(left(post))))
+            curves.append(WallCurve(post, unit(left(post))))
             continue
         if spacing is None:
             spline = BSpline(means[c:d], min(degree, d - c - 1))
         else:
             n = min(control_points(length, spacing, degree), b - a)
             spline = fit(points[a:b], n, min(degree, n - 1), arc[a:b] / length, SMOOTHING)
-        # As many samples for each control point whatever the length, so that matrices are cached.
+        # A fixed number of samples per control point, so that matrices are cached.
         each = max(2, round((bin_length if spacing is None else spacing) / step))
         position = spline.positions(each * len(spline.points))
-        # Noise turns the curve's own tangents most of all, and with them the offset.
-        curves.append(Curve(position, tangents(position, CALM)))
+        # Not the curve's own tangents, which are the most sensitive to noise.
+        curves.append(WallCurve(position, tangents(position, CALM)))
     return curves
 
 
 def offset_pieces(
-    curves: list[Curve],
+    curves: list[WallCurve],
     chains: Chains,
     returns: Returns,
     distance: float,
@@ -78,9 +78,8 @@ def offset_pieces(
 ) -> list[FloatArray]:
     """The level set at a distance from all walls: curves moved to the left and trimmed.
 
-    Edges are gone round, see ``offset.cap``. What is nearer to any wall than
-    ``distance - trim`` (m) is dropped, and what lies behind a wall, which its surface says nothing
-    about.
+    It continues around edges, see ``offset.cap``. Points nearer to any wall than
+    ``distance - trim`` (m) and points behind a wall are dropped.
 
     Returns
     -------

@@ -12,6 +12,7 @@ from blocks.core import (
     BlockState,
     FloatArray,
     Input,
+    IntArray,
     Output,
     ParameterError,
     Path,
@@ -25,25 +26,30 @@ from blocks.core import (
     param,
     product,
 )
-from blocks.wall_fitting.bspline import Samples, control_points, fit_even, projection, way_along
-from blocks.wall_fitting.contour import Beams, IntArray, Returns, chain
-from blocks.wall_fitting.curves import STEP, Curve, offset_pieces, wall_curves
+from blocks.wall_fitting.bspline import Samples, arc_length, control_points, fit_even, projection
+from blocks.wall_fitting.contour import Beams, Returns, chain
+from blocks.wall_fitting.curves import STEP, WallCurve, offset_pieces, wall_curves
 from blocks.wall_fitting.kernels.bspline import (
+    arc_length_kernel,
     banded_matrices,
     even_basis,
-    loop_fit,
-    loop_sampled_evenly,
-    loop_way_along,
+    fit_kernel,
     positions,
     projected,
+    sampled_evenly_kernel,
 )
-from blocks.wall_fitting.kernels.contour import loop_averages, loop_chain, loop_way, returned
+from blocks.wall_fitting.kernels.contour import (
+    averages_kernel,
+    chain_arcs_kernel,
+    chain_kernel,
+    returned,
+)
 from blocks.wall_fitting.kernels.curves import (
     coarseness,
     fitted_points,
-    loop_offset_pieces,
-    loop_wall_curves,
+    offset_pieces_kernel,
     offset_rows,
+    wall_curves_kernel,
 )
 from blocks.wall_fitting.kernels.fitter import (
     ahead,
@@ -55,23 +61,23 @@ from blocks.wall_fitting.kernels.fitter import (
     sound,
 )
 from blocks.wall_fitting.kernels.offset import (
-    loop_filleted,
-    loop_followed,
-    loop_onward,
-    loop_stretch,
+    filleted_kernel,
+    followed_kernel,
+    onward_kernel,
+    stretch_kernel,
 )
 from blocks.wall_fitting.offset import filleted, followed, onward, resampled, stretch
 
-CALM = 0.05  # m between control points that calm the offset before its kinks are rounded
-FLAT = 0.003  # m that the calmed offset may still waver without counting as a kink
+CALM = 0.05  # m between control points that smooth the offset before its kinks are rounded
+FLAT = 0.003  # m by which the smoothed offset may vary without counting as a kink
 MARGIN = 0.05  # m by which the path's spline is longer than the path, at each end
-SHARP = 3.0  # times 1 / spacing: curvature that the path's control points can hardly mean
+SHARP = 3.0  # times 1 / spacing: largest curvature that the path's control points can represent
 CLEAR = 5  # rows to leave out around a place that is too sharp
 BEYOND = 0.5  # m of offset used beyond the path's ends
 
 
 class WallFitter(Block):
-    """Fit B-splines to the walls of a scan and lay a path beside them (paper, section III-A).
+    """Fit B-splines to the walls of a scan and compute a path beside them (paper, section III-A).
 
         scan, pose ─▶ [ WallFitter ] ─▶ path, wall, valid
 
@@ -82,16 +88,18 @@ class WallFitter(Block):
 
     The path (rows of x, y in m, theta in rad, kappa in 1/m, signed, left positive) is this curve
     moved by ``distance`` to the robot's side. Points nearer than that to any wall, or behind
-    one, are dropped; where a wall ends and beams go on, the curve goes round the edge; gaps are
+    one, are dropped; where beams pass the end of a wall, the curve goes round the edge; gaps are
     bridged; what does not link to the part nearest to the robot is left out; turns off the wall
     tighter than ``fillet`` are rounded; and another spline is fitted to that. Rows are ``step``
-    apart, in the direction of travel, with straight ends where nothing was seen.
+    apart, in the direction of travel, with straight ends where there were no returns.
 
-    A scan that gives no path leaves the last one standing and ``valid`` 0. Before the first one
+    A scan that gives no path keeps the last one, with ``valid`` 0. Before the first one
     the path runs straight ahead through the robot, and the wall's points are at the robot.
     """
 
-    scan = Input(Scan("beams"), doc="ranges; what is not finite and positive is no return")
+    scan = Input(
+        Scan("beams"), doc="ranges; values that are not finite and positive are not returns"
+    )
     pose = Input(Pose, doc="the estimate of the pose at which the scan was taken")
 
     path = Output(Path("samples"), doc="the reference path, in the direction of travel")
@@ -122,10 +130,12 @@ class WallFitter(Block):
     incidence: float = param(
         0.14, unit="rad", above=0.0, below=1.5, doc="flattest beam at which walls are linked"
     )
-    trim: float = param(0.01, unit="m", at_least=0.0, doc="how much nearer than d is no matter")
+    trim: float = param(0.01, unit="m", at_least=0.0, doc="by how much points may be nearer than d")
     bridge: float = param(0.5, unit="m", at_least=0.0, doc="longest gap that the path bridges")
     shortest: float = param(0.15, unit="m", above=0.0, doc="shortest path that counts as valid")
-    behind: float = param(0.3, unit="m", at_least=0.0, doc="way from the path's begin to the robot")
+    behind: float = param(
+        0.3, unit="m", at_least=0.0, doc="distance from the path's beginning to the robot"
+    )
     step: float = param(0.01, unit="m", at_least=0.001, doc="distance of the path's rows")
     samples: int = param(150, at_least=4, doc="number of the path's rows")
     wall_points: int = param(100, at_least=1, doc="number of the wall's points")
@@ -156,7 +166,7 @@ class WallFitter(Block):
     def start(self, state: BlockState) -> None:
         beams = self.beams(state.context)
         state.beams = beams
-        # What the loops take: of the beams, and of the reference spline, whose length is given.
+        # What the kernels need: the beams, and the reference spline, whose length is fixed.
         state.order, state.bearing, state.direction = beams.order, beams.bearing, beams.direction
         state.limit = beams.incidence(self.incidence)
         n = control_points(self._length, self.spacing, self.degree)
@@ -194,7 +204,7 @@ class WallFitter(Block):
             state.last_wall[:] = wall
             state.fitted[0] = 1.0
 
-    def survey(self, scan: FloatArray, beams: Beams) -> tuple[list[Curve], Samples | None]:
+    def survey(self, scan: FloatArray, beams: Beams) -> tuple[list[WallCurve], Samples | None]:
         """The walls of a scan, and the path along them, in the robot's (mirrored) frame.
 
         Parameters
@@ -222,18 +232,18 @@ class WallFitter(Block):
     def _line(self, pieces: list[FloatArray]) -> FloatArray | None:
         """Join the pieces to follow into a line near the robot, smooth and fillet it."""
         line = onward(followed(pieces, self.bridge))
-        arc = way_along(line)
+        arc = arc_length(line)
         here = arc[int(np.einsum("ij,ij->i", line, line).argmin())]
         ahead = self.samples * self.step - self.behind
         line = line[(arc > here - self.behind - BEYOND) & (arc < here + ahead + BEYOND)]
-        length = float(way_along(line)[-1])
+        length = float(arc_length(line)[-1])
         if length < self.shortest:
             return None
-        # Straight ends, so that a kink has room for its fillet even where the wall behind it has
-        # left the window already.
+        # Straight ends, so that a kink has room for its fillet even if the wall behind it is no
+        # longer in the window.
         room = 2.0 * self.fillet
         length += 2.0 * room
-        # In steps of four, for the sake of the cache of matrices.
+        # In steps of four, so that matrices are cached.
         n = 4 * math.ceil(control_points(length, CALM, self.degree) / 4)
         even = stretch(line, -room, length, 5 * n)
         calm = fit_even(even, n, self.degree).positions(5 * n)
@@ -249,7 +259,7 @@ class WallFitter(Block):
         length = self._length
         n = control_points(length, self.spacing, self.degree)
         for _ in range(3):
-            here = way_along(line)[int(np.einsum("ij,ij->i", line, line).argmin())]
+            here = arc_length(line)[int(np.einsum("ij,ij->i", line, line).argmin())]
             data = stretch(line, float(here) - self.behind - MARGIN, length, 6 * n)
             spline = fit_even(data, n, self.degree)
             sampled = spline.sampled_evenly(self.step, self.samples, MARGIN, 2 * self.samples)
@@ -292,10 +302,10 @@ class WallFitter(Block):
         self, state: BlockState, t: float, scan: FloatArray, pose: PoseValue
     ) -> tuple[FloatArray, FloatArray, float]:
         returns = returned(scan, state.order, state.bearing, state.direction)
-        kept, bounds, edges = loop_chain(
+        kept, bounds, edges = chain_kernel(
             returns, state.bearing, self.reach, self.sigma, state.limit
         )
-        arc = loop_way(kept, bounds)
+        arc = chain_arcs_kernel(kept, bounds)
         step = coarseness(arc, bounds)
         shortest = 1.5 * max(self.bin, 2.0 * step)
         if self.form == "least_squares":
@@ -305,14 +315,14 @@ class WallFitter(Block):
             each = max(2, round(self.wall_spacing / step))
         else:
             gap = max(self.bin, 2.0 * step) if self.bin > 0.0 else 0.0
-            control, first = loop_averages(kept, bounds, arc, gap)
+            control, first = averages_kernel(kept, bounds, arc, gap)
             each = max(2, round(self.bin / step))
-        curves, ends = loop_wall_curves(
+        curves, ends = wall_curves_kernel(
             control, first, kept, bounds, arc, self.degree, each, shortest
         )
         rows, stops = offset_rows(curves, ends, edges, self.distance)
         closest = self.distance - self.trim
-        pieces = loop_offset_pieces(rows, stops, curves, ends, returns, closest, state.limit)
+        pieces = offset_pieces_kernel(rows, stops, curves, ends, returns, closest, state.limit)
         path = self._reference_rows(state, self._line_rows(rows, pieces))
         mirror = -1.0 if self.side == "left" else 1.0
         if len(path) > 0:
@@ -324,24 +334,24 @@ class WallFitter(Block):
 
     def _line_rows(self, rows: FloatArray, pieces: IntArray) -> FloatArray:
         """Join the pieces (first and past-the-last of the rows) into a line; empty if too short."""
-        line = loop_onward(loop_followed(rows, pieces, self.bridge))
-        arc = loop_way_along(line)
+        line = onward_kernel(followed_kernel(rows, pieces, self.bridge))
+        arc = arc_length_kernel(line)
         here = arc[nearest_row(line)] if len(line) > 0 else 0.0
         onward = self.samples * self.step - self.behind
         line = between(line, arc, here - self.behind - BEYOND, here + onward + BEYOND)
-        arc = loop_way_along(line)
+        arc = arc_length_kernel(line)
         length = arc[-1] if len(line) > 0 else 0.0
         if length < self.shortest:
             return line[:0]
         room = 2.0 * self.fillet
         length += 2.0 * room
         n = 4 * math.ceil(control_points(length, CALM, self.degree) / 4)
-        even = loop_stretch(line, arc, -room, length, 5 * n)
+        even = stretch_kernel(line, arc, -room, length, 5 * n)
         first, values = even_basis(n, self.degree, 5 * n)
-        calm = positions(first, values, loop_fit(first, values, even, n, 0.0))
-        arc = loop_way_along(calm)
-        even = loop_stretch(calm, arc, 0.0, arc[-1], max(4, round(length / STEP)))
-        return loop_filleted(even, self.fillet, STEP, FLAT)
+        calm = positions(first, values, fit_kernel(first, values, even, n, 0.0))
+        arc = arc_length_kernel(calm)
+        even = stretch_kernel(calm, arc, 0.0, arc[-1], max(4, round(length / STEP)))
+        return filleted_kernel(even, self.fillet, STEP, FLAT)
 
     def _reference_rows(self, state: BlockState, line: FloatArray) -> FloatArray:
         """Rows of the reference spline along a line; none if little is left of it."""
@@ -349,11 +359,11 @@ class WallFitter(Block):
         for _ in range(3):
             if len(line) == 0:
                 break
-            arc = loop_way_along(line)
+            arc = arc_length_kernel(line)
             start = arc[nearest_row(line)] - self.behind - MARGIN
-            data = loop_stretch(line, arc, start, self._length, state.projection.shape[1])
+            data = stretch_kernel(line, arc, start, self._length, state.projection.shape[1])
             points = projected(state.projection, data)
-            rows = loop_sampled_evenly(
+            rows = sampled_evenly_kernel(
                 state.first, state.bands, points, self.step, self.samples, MARGIN
             )
             low, high = sound(rows, self.step, SHARP / self.spacing, nearby, CLEAR)

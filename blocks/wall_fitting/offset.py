@@ -11,15 +11,14 @@ from itertools import pairwise
 
 import numpy as np
 
-from blocks.core import FloatArray, directions
-from blocks.wall_fitting.bspline import interpolate, way_along
-from blocks.wall_fitting.contour import BoolArray
+from blocks.core import BoolArray, FloatArray, directions
+from blocks.wall_fitting.bspline import arc_length, interpolate
 
 JOINT = 0.1
 SHARPEST = math.cos(math.radians(100.0))
 END = 0.08
-REACH = 8  # points either way from which a line's direction of progress is taken
-BLUR = 3  # the same before kinks are rounded
+REACH = 8  # points on either side from which a line's direction is computed
+BLUR = 3  # the same, before kinks are rounded
 
 
 def left(direction: FloatArray) -> FloatArray:
@@ -35,7 +34,7 @@ def unit(vectors: FloatArray) -> FloatArray:
 
 def resampled(line: FloatArray, samples: int) -> FloatArray:
     """A line's points at that many even arc lengths, both ends included."""
-    arc = way_along(line)
+    arc = arc_length(line)
     return interpolate(np.linspace(0.0, float(arc[-1]), samples), arc, line)
 
 
@@ -60,11 +59,11 @@ def nearest(points: FloatArray, others: FloatArray) -> FloatArray:
 def cap(
     end: FloatArray, tangent: FloatArray, distance: float, step: float, begin: bool
 ) -> FloatArray:
-    """Offset points around an edge, where a wall ends and beams go on past it, (n, 2).
+    """Offset points around an edge, where a wall ends and beams pass it, (n, 2).
 
-    What follows of the wall is hidden behind the beam that passes the edge, so the wall turns by
-    at least the angle between beam and tangent there. By that angle the level set goes round the
-    edge, on a circle.
+    The rest of the wall is hidden behind the beam that passes the edge, so the wall turns by at
+    least the angle between beam and tangent there. Over that angle the level set follows a circle
+    around the edge.
 
     Parameters
     ----------
@@ -73,7 +72,7 @@ def cap(
     step : spacing of the points (m).
     begin : whether the wall begins here; the circle then leads to it.
     """
-    # The angle is 0 where the beam grazes the wall's end, pi / 2 where the robot is abreast of it.
+    # The angle is 0 where the beam grazes the wall's end, pi / 2 where it is perpendicular.
     (x, y), (tx, ty) = end.tolist(), tangent.tolist()
     sweep = max(0.0, math.atan2(x * ty - y * tx, x * tx + y * ty))
     if begin and sweep > 0.0:
@@ -95,10 +94,10 @@ def followed(pieces: list[FloatArray], bridge: float) -> FloatArray:
     """The piece of line nearest to the robot, joined with those that it links to.
 
     On either side the piece at the smallest gap is next, see :func:`gap`. Pieces between them are
-    left out: they belong to something that stands apart.
+    left out: they belong to another object.
     """
     away = [float(np.einsum("ij,ij->i", piece, piece).min()) for piece in pieces]
-    # Scraps of a few points are joined, but none of them is what the robot follows.
+    # Pieces of a few points are joined, but never chosen as the one to follow.
     main = min(range(len(pieces)), key=lambda index: (len(pieces[index]) < 6, away[index]))
     chosen = [main]
     while gaps := [gap(pieces[chosen[-1]], piece, bridge) for piece in pieces[chosen[-1] + 1 :]]:
@@ -113,10 +112,10 @@ def followed(pieces: list[FloatArray], bridge: float) -> FloatArray:
 
 
 def gap(before: FloatArray, after: FloatArray, bridge: float) -> float:
-    """How far (m) a path goes from the end of one line to the begin of another.
+    """Length (m) of the gap between the end of one line and the beginning of another.
 
-    Infinite beyond ``bridge`` (m), and where it would turn by more than 100 degrees on leaving
-    one line or on meeting the other, gaps up to 10 cm excepted: these are kinks of one contour.
+    Infinite beyond ``bridge`` (m), and where it would turn by more than 100 degrees at either end,
+    except for gaps up to 10 cm, which are kinks of one contour.
     """
     end, begin = before[-1], after[0]
     dx, dy = (begin - end).tolist()
@@ -134,8 +133,8 @@ def gap(before: FloatArray, after: FloatArray, bridge: float) -> float:
 def onward(line: FloatArray, reach: int = REACH) -> FloatArray:
     """A line without the points that step back behind an earlier one.
 
-    Progress is measured along the direction over ``reach`` points either way. Offsets of a noisy
-    curve fold back and forth by more than their spacing, and a path must not.
+    Progress is measured along the direction over ``reach`` points on either side. Offsets of a
+    noisy curve fold back and forth by more than their spacing, which a path must not.
     """
     if len(line) < 3:
         return line
@@ -150,16 +149,16 @@ def onward(line: FloatArray, reach: int = REACH) -> FloatArray:
 def filleted(line: FloatArray, radius: float, spacing: float, tolerance: float) -> FloatArray:
     """Round the left turns of a path that are tighter than a radius: a rolling disc.
 
-    The disc rolls along the path's left. Where it cannot touch a point since it touches others
-    before, its rim takes the path's place. Its centres are the path offset to the left by the
-    radius, less those that are nearer to the path than that.
+    The disc rolls along the path's left. Where it cannot touch a point because it touches others
+    first, its rim replaces the path. Its centres are the path offset to the left by the radius,
+    without those that are nearer to the path than that.
 
     Parameters
     ----------
     line : the path, evenly spaced.
     radius : the disc's (m); 0 leaves the path as it is.
     spacing : of the line's points (m).
-    tolerance : centres may be that much too near (m); a path's own noise is no kink.
+    tolerance : by how much centres may be too near (m); a path's noise is not a kink.
     """
     if radius == 0.0 or len(line) < 3:
         return line
@@ -176,7 +175,7 @@ def filleted(line: FloatArray, radius: float, spacing: float, tolerance: float) 
         (tx, ty), (ux, uy) = direction[last].tolist(), direction[begin].tolist()
         apart = math.hypot(*(centres[begin] - centres[last]).tolist())
         if tx * uy < ty * ux and apart > 0.25 * radius:
-            # A right turn: its centres are too near since tangents are blurred about a kink.
+            # A right turn: its centres are too near because tangents are blurred around a kink.
             parts.append(line[stop:begin])
         else:
             centre = 0.5 * (centres[last] + centres[begin])
@@ -202,9 +201,9 @@ def _rim(
 def stretch(line: FloatArray, start: float, length: float, samples: int) -> FloatArray:
     """``samples`` even points of the ``length`` (m) of a line from arc length ``start`` (m).
 
-    Where the line does not reach it goes on straight, in the direction of its last 8 cm.
+    Beyond its ends the line is continued straight, in the direction of its last 8 cm.
     """
-    arc = way_along(line)
+    arc = arc_length(line)
     total = float(arc[-1])
     inner = interpolate(np.array([min(END, total), max(0.0, total - END)]), arc, line)
     before, after = max(0.0, -start), max(0.0, start + length - total)

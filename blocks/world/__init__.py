@@ -1,14 +1,15 @@
-"""blocks.world."""
+"""The world around the robot: walls and obstacles, their distances and contours, and a LiDAR."""
 
-from blocks.world.lidar import Lidar, bearings, required_world, window_problems
+from blocks.world.lidar import Lidar, bearings, window_problems
 from blocks.world.surfaces import Surfaces, nearest
-from blocks.world.world import World, world_of
+from blocks.world.world import World, misplaced, required_world, world_of
 
 __all__ = [
     "Lidar",
     "Surfaces",
     "World",
     "bearings",
+    "misplaced",
     "nearest",
     "required_world",
     "window_problems",

@@ -1,7 +1,7 @@
-"""Lines and arcs of the plane, run along in one direction; what contours of a world are made of.
+"""Directed lines and arcs of the plane, of which the contours of a world consist.
 
 Points are complex numbers x + iy (m) here: a turn is then a product, and a left normal is i times
-the direction. Places on a curve are arc lengths s (m) from its start; a curve's carrier is the
+the direction. Positions on a curve are arc lengths s (m) from its start; a curve's carrier is the
 whole line or circle that it lies on.
 """
 
@@ -18,7 +18,7 @@ from blocks.core import FloatArray, arctan2
 
 ComplexArray = npt.NDArray[np.complex128]
 
-# Below this (m), what should be zero is rounding.
+# Lengths (m) below this are rounding errors.
 ROUNDING = 1e-9
 TANGENT = 1e-12  # m^2
 
@@ -93,7 +93,7 @@ class Arc:
         return np.asarray(turn * np.exp(1j * (self.begin + self.rate * s)), dtype=complex)
 
     def locate(self, point: complex) -> float:
-        """Arc length of the foot of a point on the carrier, counted to the nearer end."""
+        """Arc length of the foot of a point on the carrier, measured past the nearer end."""
         middle = self.begin + 0.5 * self.sweep
         return 0.5 * self.length + wrapped(cmath.phase(point - self.centre) - middle) / self.rate
 
@@ -110,7 +110,7 @@ class Arc:
         return replace(self, radius=self.radius + (by if self.sweep < 0.0 else -by))
 
 
-Curve = Line | Arc
+LineOrArc = Line | Arc
 
 
 def wrapped(angle: float) -> float:
@@ -118,7 +118,7 @@ def wrapped(angle: float) -> float:
     return math.remainder(angle, 2.0 * math.pi)
 
 
-def foot(curve: Curve, points: ComplexArray) -> ComplexArray:
+def foot(curve: LineOrArc, points: ComplexArray) -> ComplexArray:
     """The point of the curve nearest to each of ``points``, in an array of the same shape."""
     if isinstance(curve, Line):
         s = ((points - curve.start) * np.conj(curve.along)).real
@@ -130,7 +130,7 @@ def foot(curve: Curve, points: ComplexArray) -> ComplexArray:
     return curve.at(np.clip(s, 0.0, curve.length))
 
 
-def meetings(a: Curve, b: Curve) -> list[complex]:
+def meetings(a: LineOrArc, b: LineOrArc) -> list[complex]:
     """Where two carriers meet: up to two points, none for parallel lines or equal circles."""
     if isinstance(a, Line) and isinstance(b, Line):
         sine = (a.along.conjugate() * b.along).imag
@@ -150,7 +150,7 @@ def meetings(a: Curve, b: Curve) -> list[complex]:
         reach = 0.5 * (apart + (a.radius**2 - b.radius**2) / apart)
         middle, along = a.centre + reach * unit, 1j * unit
         square = a.radius**2 - reach**2
-    # Carriers that touch do so in one point: two that lie close together would be rounding.
+    # Touching carriers share one point; two close ones would be rounding errors.
     if abs(square) < TANGENT:
         return [middle]
     if square < 0.0:

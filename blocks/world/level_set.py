@@ -1,8 +1,9 @@
 """Level sets of the distance to a world's surfaces, as closed loops of lines and arcs.
 
 The points at distance d from a union of solids lie on the edges moved out by d, on arcs of radius
-d about outward corners and on the circles made larger by d. Cut these at all their meetings, and
-each piece is on the level set as a whole or not at all.
+d about outward corners and on the circles made larger by d. Cut at all their intersections, each
+piece is on the level set as a whole or not at all. A robot that cannot turn on the spot follows
+such a loop with its concave kinks rounded.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 
 from blocks.core import BoolArray, FloatArray
-from blocks.world.curves import ROUNDING, Arc, ComplexArray, Curve, Line, meetings
+from blocks.world.curves import ROUNDING, Arc, ComplexArray, Line, LineOrArc, meetings
 from blocks.world.reader import Shapes
 
 # Of points given by x and y: the distance to the nearest solid, and which are inside of one.
@@ -23,15 +24,15 @@ Gap = Callable[[FloatArray, FloatArray], tuple[FloatArray, BoolArray]]
 
 # How far (m) a point may be from the distance it should have.
 TOLERANCE = 1e-8
-# On which side of a surface itself there is free space is asked so far (m) away from it.
+# How far (m) from a surface its free side is tested.
 AWAY = 1e-6
-# Ends nearer than this (m) are one point; where curves touch, meetings are that inexact.
+# Ends nearer than this (m) are one point; where curves touch, intersections are that inexact.
 JOINED = 1e-5
 # A joint that turns less (rad) is smooth.
 SMOOTH = 1e-5
 
 
-def level_set(shapes: Shapes, gap_at: Gap, d: float) -> list[Curve]:
+def level_set(shapes: Shapes, gap_at: Gap, d: float) -> list[LineOrArc]:
     """All pieces of the level set of distance ``d`` (m), unordered; the surfaces for d = 0.
 
     Free space beyond is to the left of each piece.
@@ -47,8 +48,8 @@ def level_set(shapes: Shapes, gap_at: Gap, d: float) -> list[Curve]:
     return _distinct([p for p, kept in zip(pieces, on.tolist(), strict=True) if kept], middles[on])
 
 
-def _distinct(pieces: list[Curve], middles: ComplexArray) -> list[Curve]:
-    """One of each: solids that are flush with each other have pieces in common."""
+def _distinct(pieces: list[LineOrArc], middles: ComplexArray) -> list[LineOrArc]:
+    """Pieces without duplicates: solids that are flush with each other share pieces."""
     lengths = np.array([piece.length for piece in pieces])
     same = np.abs(middles - middles[:, None]) < TOLERANCE
     same &= np.abs(lengths - lengths[:, None]) < TOLERANCE
@@ -56,8 +57,8 @@ def _distinct(pieces: list[Curve], middles: ComplexArray) -> list[Curve]:
     return [pieces[i] for i in np.flatnonzero(first).tolist()]
 
 
-def _offsets(shapes: Shapes, d: float) -> Iterator[Curve]:
-    """Every curve on which the level set may lie."""
+def _offsets(shapes: Shapes, d: float) -> Iterator[LineOrArc]:
+    """All curves on which the level set may lie."""
     polygons = (*(() if shapes.room is None else (shapes.room,)), *shapes.obstacles)
     for corners in polygons:
         points = [complex(x, y) for x, y in corners.tolist()]
@@ -71,8 +72,8 @@ def _offsets(shapes: Shapes, d: float) -> Iterator[Curve]:
         yield Arc(complex(x, y), r + d, math.pi, -2.0 * math.pi)
 
 
-def _cut(curves: list[Curve]) -> list[Curve]:
-    """Cut curves where they meet, and where one that lies on another's carrier ends."""
+def _cut(curves: list[LineOrArc]) -> list[LineOrArc]:
+    """Cut curves where they meet, and at the ends of curves that share their carrier."""
     places: list[list[float]] = [[0.0, curve.length] for curve in curves]
     for i, j in _close_pairs(curves):
         a, b = curves[i], curves[j]
@@ -88,8 +89,8 @@ def _cut(curves: list[Curve]) -> list[Curve]:
     ]
 
 
-def _close_pairs(curves: list[Curve]) -> Iterator[tuple[int, int]]:
-    """Pairs that may meet: a curve is nowhere farther from its middle than half its length."""
+def _close_pairs(curves: list[LineOrArc]) -> Iterator[tuple[int, int]]:
+    """Pairs that may meet: no point of a curve is farther from its middle than half its length."""
     lengths = np.array([curve.length for curve in curves])
     middles = np.array([complex(c.at(np.array(0.5 * c.length))) for c in curves])
     apart = np.abs(middles - middles[:, None])
@@ -103,12 +104,12 @@ def _intervals(places: list[float], length: float) -> list[tuple[float, float]]:
     return [(a, b) for a, b in pairwise(inside) if b - a > ROUNDING]
 
 
-def _ends(curve: Curve) -> tuple[complex, complex]:
+def _ends(curve: LineOrArc) -> tuple[complex, complex]:
     first, last = curve.at(np.array([0.0, curve.length])).tolist()
     return first, last
 
 
-def loops(pieces: Iterable[Curve]) -> list[list[Curve]]:
+def loops(pieces: Iterable[LineOrArc]) -> list[list[LineOrArc]]:
     """Join pieces, each to the one that begins where it ends; longest loop first."""
     rest = {i: (piece, *_ends(piece)) for i, piece in enumerate(pieces)}
     found = []
@@ -126,7 +127,7 @@ def loops(pieces: Iterable[Curve]) -> list[list[Curve]]:
     return sorted(found, key=lambda loop: -sum(piece.length for piece in loop))
 
 
-def joints(loop: list[Curve]) -> list[tuple[complex, float]]:
+def joints(loop: list[LineOrArc]) -> list[tuple[complex, float]]:
     """Where each piece of a loop begins, and the angle (rad) by which the loop turns there."""
     found = []
     for before, after in zip([loop[-1], *loop[:-1]], loop, strict=True):
@@ -136,12 +137,12 @@ def joints(loop: list[Curve]) -> list[tuple[complex, float]]:
     return found
 
 
-def kinks(loop: list[Curve]) -> list[complex]:
+def kinks(loop: list[LineOrArc]) -> list[complex]:
     """Joints at which the loop turns sharply, into free space: its concave kinks."""
     return [point for point, turn in joints(loop) if turn > SMOOTH]
 
 
-def sampled(loop: list[Curve], spacing: float) -> FloatArray:
+def sampled(loop: list[LineOrArc], spacing: float) -> FloatArray:
     """Points of a closed loop, no further apart than ``spacing`` (m); the first ends it, (k, 2)."""
     counts = [max(1, math.ceil(piece.length / spacing)) for piece in loop]
     parts = [
@@ -150,3 +151,89 @@ def sampled(loop: list[Curve], spacing: float) -> FloatArray:
     ]
     points = np.concatenate([*parts, parts[0][:1]])
     return np.column_stack((points.real, points.imag))
+
+
+STEP = 1e-3
+Span = tuple[float, float]
+
+
+def filleted(loop: list[LineOrArc], rho: float) -> list[LineOrArc] | None:
+    """Round the concave kinks of a closed loop by arcs of radius ``rho`` (m).
+
+    A piece that is too short for the arcs at its ends is removed, and an arc joins its
+    neighbours. None where no such arc exists.
+    """
+    ring = list(loop)
+    corners = [point if turn > SMOOTH else None for point, turn in joints(loop)]
+    while len(ring) > 1 or corners == [None]:
+        arcs = []
+        for i, corner in enumerate(corners):
+            arc = None if corner is None else _fillet(ring[i - 1], ring[i], corner, rho)
+            if corner is not None and arc is None:
+                return None
+            arcs.append(arc)
+        spans = _spans(ring, arcs)
+        worst = min(range(len(ring)), key=lambda i: spans[i][1] - spans[i][0])
+        if spans[worst][1] - spans[worst][0] > -ROUNDING:
+            return _assembled(ring, arcs, spans)
+        eaten = ring.pop(worst)
+        corners.pop(worst)
+        corners[worst % len(corners)] = complex(eaten.at(np.array(0.5 * eaten.length)))
+    return None
+
+
+def _fillet(before: LineOrArc, after: LineOrArc, corner: complex, rho: float) -> Arc | None:
+    """The left turn of radius ``rho`` nearest to a corner that touches both carriers."""
+    arcs = []
+    for centre in meetings(before.shifted(rho), after.shifted(rho)):
+        enter, leave = (
+            complex(curve.tangent(np.array(curve.locate(centre)))) for curve in (before, after)
+        )
+        sweep = cmath.phase(leave / enter)
+        # At their other intersection the carriers turn right.
+        if sweep > 0.0:
+            arcs.append(Arc(centre, rho, cmath.phase(-1j * enter), sweep))
+    return min(arcs, key=lambda arc: abs(arc.centre - corner), default=None)
+
+
+def _spans(ring: list[LineOrArc], arcs: list[Arc | None]) -> list[Span]:
+    """The part of each piece that its arcs leave, as arc lengths."""
+    return [
+        (
+            0.0 if arc is None else piece.locate(arc.centre),
+            piece.length if following is None else piece.locate(following.centre),
+        )
+        for piece, arc, following in zip(ring, arcs, [*arcs[1:], arcs[0]], strict=True)
+    ]
+
+
+def _assembled(ring: list[LineOrArc], arcs: list[Arc | None], spans: list[Span]) -> list[LineOrArc]:
+    path: list[LineOrArc] = []
+    for piece, arc, (begin, end) in zip(ring, arcs, spans, strict=True):
+        path += [] if arc is None else [arc]
+        path += [piece.cut(begin, end)] if end - begin > ROUNDING else []
+    return path
+
+
+def deviation(
+    distance: Callable[[FloatArray], FloatArray], found: list[list[LineOrArc]], d: float, rho: float
+) -> float:
+    """Mean of ``|distance - d|`` (m) along loops that are rounded with radius ``rho`` (m).
+
+    nan where there is no loop, or one cannot be rounded.
+    """
+    paths = [filleted(loop, rho) for loop in found]
+    points, weights = [], []
+    for path in paths:
+        if path is None:
+            return math.nan
+        for piece in path:
+            n = math.ceil(piece.length / STEP)
+            step = piece.length / n
+            points.append(piece.at(np.linspace(0.5 * step, piece.length - 0.5 * step, n)))
+            weights.append(np.full(n, step))
+    if not points:
+        return math.nan
+    z, weight = np.concatenate(points), np.concatenate(weights)
+    error = np.abs(distance(np.column_stack((z.real, z.imag))) - d)
+    return float((error * weight).sum() / weight.sum())

@@ -21,8 +21,8 @@ from blocks.core import (
     kernel_of,
     param,
 )
-from blocks.world.surfaces import loop_cast
-from blocks.world.world import World, world_of
+from blocks.world.surfaces import cast_kernel
+from blocks.world.world import required_world
 
 FULL_TURN = 2.0 * math.pi
 
@@ -31,7 +31,7 @@ def bearings(beams: int, angle_min: float, angle_max: float) -> FloatArray:
     """Directions of a scan's beams (rad, 0 is ahead, left is positive), (beams,).
 
     Beam i points to ``angle_min + i (angle_max - angle_min) / beams``: evenly spaced, and
-    ``angle_max`` itself is left out, so that a full turn has no beam twice.
+    ``angle_max`` itself is excluded, so that a full turn has no duplicate beam.
     """
     return np.linspace(angle_min, angle_max, beams, endpoint=False)
 
@@ -44,20 +44,6 @@ def window_problems(angle_min: float, angle_max: float) -> list[tuple[str, str]]
         message = f"from angle_min = {angle_min:g} to {angle_max:g} rad is more than a full turn"
         return [("angle_max", message)]
     return []
-
-
-def required_world(context: BlockContext) -> World:
-    """The world that a block cannot do without.
-
-    Raises
-    ------
-    ParameterError : the graph has none.
-    """
-    world = world_of(context)
-    if world is None:
-        message = "needs a world: section in the graph, such as world: {circles: [[2.0, 0.0, 0.5]]}"
-        raise ParameterError([("world", message)])
-    return world
 
 
 class Lidar(Block):
@@ -79,10 +65,12 @@ class Lidar(Block):
     beams: int = param(360, at_least=1, doc="number of beams")
     sigma: float = param(0.01, unit="m", at_least=0.0, doc="standard deviation of a range")
     range_min: float = param(0.05, unit="m", at_least=0.0, doc="nearer returns are misses")
-    range_max: float = param(12.0, unit="m", above=0.0, finite=False, doc="farther ones, too")
+    range_max: float = param(
+        12.0, unit="m", above=0.0, finite=False, doc="farther returns are misses"
+    )
     dropout: float = param(0.0, at_least=0.0, at_most=1.0, doc="probability that a beam is lost")
     angle_min: float = param(-math.pi, unit="rad", doc="bearing of the first beam")
-    angle_max: float = param(math.pi, unit="rad", doc="bearing where one beam more would be")
+    angle_max: float = param(math.pi, unit="rad", doc="bearing past the last beam")
 
     noise = State("beams", unit="m", doc="what the coming scan adds to the ranges")
     lost = State("beams", doc="1 where the coming scan loses the beam")
@@ -105,7 +93,7 @@ class Lidar(Block):
         self._draw(state)
 
     def _draw(self, state: BlockState) -> None:
-        # Both are always drawn, so that one's parameter leaves the other's numbers as they were.
+        # Both are always drawn, so that changing one parameter leaves the other numbers unchanged.
         state.rng.standard_normal(out=state.noise)
         state.noise *= self.sigma
         state.lost[:] = state.rng.random(self.beams) < self.dropout
@@ -127,7 +115,7 @@ class Lidar(Block):
 
     @kernel_of(output)
     def _output_kernel(self, state: BlockState, t: float, pose: PoseValue) -> FloatArray:
-        ranges = loop_cast(state.surfaces, pose[0], pose[1], pose[2], state.bearings)
+        ranges = cast_kernel(state.surfaces, pose[0], pose[1], pose[2], state.bearings)
         for i in range(len(ranges)):
             found = ranges[i] + state.noise[i]
             miss = found < self.range_min or found > self.range_max or state.lost[i] > 0.0

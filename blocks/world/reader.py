@@ -1,4 +1,4 @@
-"""Reads the description of a world: a mapping with polygons and circles, checked entry by entry."""
+"""Reads and checks the description of a world: a mapping with polygons and circles."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from blocks.core import FloatArray, ParameterError, hint, show
+from blocks.core import BoolArray, FloatArray, ParameterError, hint, show
 
 # Distances are exact to about 1e-9 m only while coordinates are no larger than that (m).
 FARTHEST = 1e4
@@ -20,7 +19,7 @@ Problems = list[tuple[str, str]]
 
 @dataclass(frozen=True)
 class Shapes:
-    """What a world is made of.
+    """The shapes of a world.
 
     room : corners of the outer polygon, (k, 2), counterclockwise; None outdoors.
     obstacles : corners of the solid polygons, each (k, 2), clockwise.
@@ -96,7 +95,7 @@ def _list(description: Mapping[Any, Any], section: str, problems: Problems) -> l
 
 
 def _numbers(address: str, value: Any, names: str, problems: Problems) -> list[float] | None:
-    """The numbers of a point or circle; None, and a problem, where they are not."""
+    """The numbers of a point or circle; None, and a problem, if they are invalid."""
     count = names.count(",") + 1
     right = isinstance(value, (list, tuple)) and len(value) == count
     if right and all(
@@ -123,7 +122,7 @@ def _circle(address: str, value: Any, problems: Problems) -> list[float]:
 
 
 def _polygon(address: str, value: Any, problems: Problems) -> FloatArray:
-    """A polygon's corners, counterclockwise; what is wrong with it goes to ``problems``."""
+    """A polygon's corners, counterclockwise; errors are added to ``problems``."""
     nothing = np.empty((0, 2))
     if not isinstance(value, (list, tuple)):
         message = f"expected a list of corners [x, y], got {show(value)}"
@@ -145,7 +144,7 @@ def _polygon(address: str, value: Any, problems: Problems) -> FloatArray:
 
 
 def _misdrawn(address: str, corners: FloatArray) -> Problems:
-    """Edges without length, or else edges that cross."""
+    """Edges without length; if there are none, edges that cross."""
     n = len(corners)
     edges = np.roll(corners, -1, axis=0) - corners
     same = [
@@ -164,11 +163,11 @@ def _misdrawn(address: str, corners: FloatArray) -> Problems:
     return [(address, f"the edges from corners {i} and {j} cross") for i, j in crossing][:1]
 
 
-def _crossings(corners: FloatArray, edges: FloatArray) -> npt.NDArray[np.bool_]:
-    """Which pairs of edges cross in their insides, (n, n)."""
+def _crossings(corners: FloatArray, edges: FloatArray) -> BoolArray:
+    """Which pairs of edges cross at interior points, (n, n)."""
     x, y = corners.T
     side = edges[:, :1] * (y - y[:, None]) - edges[:, 1:] * (x - x[:, None])
-    straddles: npt.NDArray[np.bool_] = side * np.roll(side, -1, axis=1) < 0.0
+    straddles: BoolArray = side * np.roll(side, -1, axis=1) < 0.0
     return np.logical_and(straddles, straddles.T)
 
 

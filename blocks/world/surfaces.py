@@ -1,4 +1,8 @@
-"""The world's surfaces as arrays: what is nearest and what rays hit, in loops over numbers."""
+"""The world's surfaces as arrays: what is nearest to a point, and what rays hit first.
+
+Ranges of all rays to all shapes are linear in the rays' unit vectors up to a division or a root,
+and so begin with one product of matrices, shapes by rays.
+"""
 
 from __future__ import annotations
 
@@ -7,32 +11,29 @@ from collections.abc import Iterable
 from typing import Protocol
 
 import numpy as np
-import numpy.typing as npt
 
-from blocks.core import FloatArray, kernel_of
-from blocks.world.curves import Curve, Line, wrapped
-from blocks.world.rays import OVERHANG
+from blocks.core import FloatArray, IntArray, kernel_of, product
+from blocks.world.curves import Line, LineOrArc, wrapped
 
 Edge = tuple[float, float, float, float, float, float]
-IntArray = npt.NDArray[np.int64]
 # Edges (e, 6), see World; what each edge ends (e,), see below; circles (c, 3); curves (s, 6).
 Surfaces = tuple[FloatArray, IntArray, FloatArray, FloatArray]
 Nearest = tuple[float, float, float]
 
-# Nearer than this (m), the direction to a surface says nothing about the side.
+# Nearer than this (m), the direction to a surface does not determine the side.
 TOUCHING = 1e-9
 # Angles (rad) smaller than this are rounding.
 CUSP = 1e-9
-# What an edge ends: nothing, being followed by the next one of its polygon, an obstacle, the room.
+# What ends with an edge: nothing, since its polygon continues; an obstacle; the room.
 FOLLOWED, OBSTACLE, ROOM = 0, 1, 2
 
 
 def as_arrays(
     polygons: Iterable[tuple[bool, tuple[Edge, ...]]],
     circles: FloatArray,
-    curves: Iterable[Curve],
+    curves: Iterable[LineOrArc],
 ) -> Surfaces:
-    """The surfaces that :func:`loop_nearest` and :func:`loop_cast` take.
+    """The surfaces as arguments of :func:`nearest_kernel` and :func:`cast_kernel`.
 
     Parameters
     ----------
@@ -69,7 +70,7 @@ def nearest(world: _Nearby, x: float, y: float) -> Nearest:
 
 
 @kernel_of(nearest)
-def loop_nearest(world: Surfaces, x: float, y: float) -> Nearest:
+def nearest_kernel(world: Surfaces, x: float, y: float) -> Nearest:
     """:func:`nearest` by :attr:`World.arrays` in place of the world itself."""
     edges, ends, circles, curves = world
     square, bx, by, solid, inside = math.inf, 0.0, 0.0, False, False
@@ -165,12 +166,12 @@ def foot_on(
     return cx + radius * c, cy + radius * s, -turn * s, turn * c, goes_on, comes
 
 
-def loop_cast(
+def cast_kernel(
     surfaces: Surfaces, x: float, y: float, theta: float, bearings: FloatArray
 ) -> FloatArray:
-    """Range (m) from (x, y) along each ray to the first surface: :meth:`World.cast` in loops.
+    """Range (m) from (x, y) along each ray to the first surface: the kernel of :meth:`World.cast`.
 
-    The equations are those of :mod:`blocks.world.rays`.
+    The equations are those of :func:`to_edges` and :func:`to_circles`.
 
     Parameters
     ----------
@@ -197,9 +198,63 @@ def loop_cast(
             along, across = ux * cx + uy * cy, ux * cy - uy * cx
             square = r * r - across * across
             if square >= 0.0:
-                way = math.sqrt(square)
-                hit = along + way if cx * cx + cy * cy < r * r else along - way
+                half = math.sqrt(square)
+                hit = along + half if cx * cx + cy * cy < r * r else along - half
                 if hit >= 0.0:
                     first = min(first, hit)
         ranges[i] = first
     return ranges
+
+
+# How far beyond its ends an edge still stops a ray, as a share of its length: rounding must not
+# let one slip through a corner.
+OVERHANG = 1e-12
+
+
+def to_edges(
+    x: float, y: float, units: FloatArray, corner: FloatArray, edge: FloatArray
+) -> FloatArray:
+    """Range (m) from (x, y) along each ray to the first edge, (n,); inf where none is hit.
+
+    The range t and the place s on the edge solve x + t u = a + s e. Crossed with e and with u,
+    t = (a - x) x e / u x e and s = (a - x) x u / u x e. With the edge turned round so that t's
+    numerator is not negative, 0 <= s <= 1 and t >= 0 are one condition,
+    abs((a + e / 2 - x) x u) <= (u x e) / 2.
+
+    Parameters
+    ----------
+    units : the rays' unit vectors, (2, n).
+    corner, edge : where each edge begins, and the vector to its end (m), (2, s).
+    """
+    ex, ey = edge
+    ax, ay = corner[0] - x, corner[1] - y
+    reach = ax * ey - ay * ex
+    facing = np.where(reach < 0.0, -1.0, 1.0)
+    rows = np.concatenate((facing * (ey, -ex), (-ay - 0.5 * ey, ax + 0.5 * ex)), axis=1).T
+    crossed, off_middle = product(rows, units).reshape(2, -1, units.shape[1])
+    hit = np.abs(off_middle) < (0.5 + OVERHANG) * crossed
+    t = np.full(crossed.shape, np.inf)
+    np.divide(np.abs(reach)[:, None], crossed, out=t, where=hit)
+    nearest: FloatArray = t.min(axis=0)
+    return nearest
+
+
+def to_circles(x: float, y: float, units: FloatArray, circles: FloatArray) -> FloatArray:
+    """Range (m) from (x, y) along each ray to the first circle, (n,); inf where none is hit.
+
+    With c the centre as seen from (x, y), t = u . c - sqrt(r^2 - (u x c)^2).
+
+    Parameters
+    ----------
+    units : the rays' unit vectors, (2, n).
+    circles : x, y and r (m), (3, c).
+    """
+    cx, cy, r = circles[0] - x, circles[1] - y, circles[2]
+    rows = np.concatenate(((cx, cy), (cy, -cx)), axis=1).T
+    along, across = product(rows, units).reshape(2, -1, units.shape[1])
+    # From inside a circle, only the exit lies ahead.
+    side = np.where(cx * cx + cy * cy < r * r, -1.0, 1.0)
+    with np.errstate(invalid="ignore"):
+        t = along - side[:, None] * np.sqrt((r * r)[:, None] - across * across)
+    nearest: FloatArray = np.where(t >= 0.0, t, np.inf).min(axis=0)
+    return nearest

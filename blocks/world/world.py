@@ -10,18 +10,25 @@ from typing import Any
 import numpy as np
 
 from blocks.core import BlockContext, BoolArray, FloatArray, ParameterError, directions
-from blocks.world.curves import Curve, foot
-from blocks.world.fillet import deviation
-from blocks.world.level_set import kinks, level_set, loops, sampled
-from blocks.world.rays import to_circles, to_edges
+from blocks.world.curves import LineOrArc, foot
+from blocks.world.level_set import deviation, kinks, level_set, loops, sampled
 from blocks.world.reader import Shapes, read_shapes
-from blocks.world.surfaces import TOUCHING, Edge, Nearest, Surfaces, as_arrays, from_surface
+from blocks.world.surfaces import (
+    TOUCHING,
+    Edge,
+    Nearest,
+    Surfaces,
+    as_arrays,
+    from_surface,
+    to_circles,
+    to_edges,
+)
 
 Polygon = tuple[bool, tuple[Edge, ...], FloatArray, FloatArray]
 
 
 class World:
-    """Walls and obstacles of the plane; never changes after construction.
+    """Walls and obstacles of the plane; immutable.
 
     Parameters
     ----------
@@ -39,7 +46,7 @@ class World:
     obstacles : corners of the solid polygons, each (k, 2), clockwise.
     circles : x, y, r of the solid circles, (c, 3).
     surfaces : the boundary of free space, as unordered lines and arcs with free space on their
-        left; what is buried in another solid is not part of it.
+        left; what lies inside another solid is not part of it.
 
     Raises
     ------
@@ -49,7 +56,7 @@ class World:
     room: FloatArray | None
     obstacles: tuple[FloatArray, ...]
     circles: FloatArray
-    surfaces: tuple[Curve, ...]
+    surfaces: tuple[LineOrArc, ...]
 
     _shapes: Shapes
     _corner: FloatArray
@@ -81,7 +88,7 @@ class World:
 
     @cached_property
     def arrays(self) -> Surfaces:
-        """All that :meth:`nearest` and :meth:`cast` know, for their forms in loops."""
+        """The data of :meth:`nearest` and :meth:`cast` for their kernels."""
         polygons = [(is_room, edges) for is_room, edges, _, _ in self._polygons]
         return as_arrays(polygons, self.circles, self.surfaces)
 
@@ -89,7 +96,7 @@ class World:
         """Signed distance to the nearest surface (m), (m,).
 
         Positive in free space, negative inside of a wall or obstacle and outside of the room. It
-        is the true one everywhere: a surface buried in another solid does not count.
+        is exact everywhere: a surface inside another solid does not count.
 
         Parameters
         ----------
@@ -133,7 +140,7 @@ class World:
         return solid
 
     def nearest(self, x: float, y: float) -> Nearest:
-        """Signed distance to the nearest surface (m), and the unit normal that leads from there
+        """Signed distance to the nearest surface (m), and the unit normal there, which points
         into free space: :meth:`distance` for one point, on plain floats.
 
         Where several surfaces meet, the normal is the bisector of the widest free sector between
@@ -180,7 +187,7 @@ class World:
         return ranges
 
     def offset_contour(self, d: float, spacing: float = 0.01) -> list[FloatArray]:
-        """Where the distance to the nearest surface is ``d``: closed loops, each (k, 2) in m.
+        """The contour at distance ``d`` from the surfaces: closed loops, each (k, 2) in m.
 
         The wall is to the right of the direction in which a loop runs; its last row repeats the
         first. Loops come longest first; the list is empty where no free space is that wide.
@@ -192,7 +199,7 @@ class World:
         """
         return [sampled(loop, spacing) for loop in self._loops(d)]
 
-    def _loops(self, d: float) -> list[list[Curve]]:
+    def _loops(self, d: float) -> list[list[LineOrArc]]:
         if not d > 0.0:
             raise ValueError(f"expected a distance above 0 m, got {d}")
         return loops(level_set(self._shapes, self.gap, d))
@@ -215,8 +222,8 @@ class World:
         """Mean of ``|distance - d|`` (m) of a robot that follows the contour at ``d`` without any
         error and rounds its concave kinks by arcs of radius ``rho``.
 
-        No robot with that turning radius does much better: swinging wide before each kink gains
-        about a tenth.
+        This is close to the optimum for that turning radius: swinging wide before each kink
+        improves it by about a tenth.
 
         Parameters
         ----------
@@ -242,7 +249,7 @@ class World:
 
     @property
     def description(self) -> dict[str, Any]:
-        """The mapping that makes this world again."""
+        """The mapping that describes this world."""
         plain: dict[str, Any] = {} if self.room is None else {"room": self.room.tolist()}
         if self.obstacles:
             plain["obstacles"] = [corners.tolist() for corners in self.obstacles]
@@ -265,13 +272,36 @@ def world_of(context: BlockContext) -> World | None:
     return context.world if isinstance(context.world, World) else None
 
 
+def required_world(context: BlockContext) -> World:
+    """The world of a block that needs one.
+
+    Raises
+    ------
+    ParameterError : the graph has none.
+    """
+    world = world_of(context)
+    if world is None:
+        message = "needs a world: section in the graph, such as world: {circles: [[2.0, 0.0, 0.5]]}"
+        raise ParameterError([("world", message)])
+    return world
+
+
+def misplaced(world: World, body: str, x: float, y: float, radius: float) -> str:
+    """Why a round body does not fit at a point; empty if it does."""
+    distance = world.nearest(x, y)[0]
+    if distance >= radius:
+        return ""
+    message = f"a {body} of radius {radius:g} m does not fit at ({x:g}, {y:g})"
+    return message + (f": the nearest surface is {distance:.3g} m away" if distance > 0.0 else "")
+
+
 def _edges(corners: FloatArray) -> tuple[Edge, ...]:
-    """Per edge: its corner's x and y, the way to the next, one over its square, the next's y."""
+    """Per edge: its corner's x and y, the vector to the next corner, 1 / length^2, the next's y."""
     (ax, ay), (bx, by) = corners.T, np.roll(corners, -1, axis=0).T
     ex, ey = bx - ax, by - ay
     rows = np.column_stack((ax, ay, ex, ey, 1.0 / (ex * ex + ey * ey), by))
     return tuple((r[0], r[1], r[2], r[3], r[4], r[5]) for r in rows.tolist())
 
 
-def _apart(loop: list[Curve], point: complex) -> float:
+def _apart(loop: list[LineOrArc], point: complex) -> float:
     return min(float(np.abs(foot(curve, np.array([point])) - point)[0]) for curve in loop)

@@ -115,9 +115,9 @@ def _tables(cls: type[Block]) -> list[tuple[str, list[TableRow]]]:
 
 def _input(name: str, port: Input) -> TableRow:
     doc = port.doc
-    if port.absent is not None:
-        doc += f"; absent: {port.absent:g}"
-    kind = f"{port.type}, any number" if port.many else str(port.type)
+    if port.default is not None:
+        doc += f"; default: {port.default:g}"
+    kind = f"{port.type}, any number" if port.variadic else str(port.type)
     return name, kind, port.unit, doc
 
 

@@ -259,9 +259,9 @@ class Emitter:
         wires = self.wires.get((block, port), [])
         target = self.network.types[block, port]
         values = [self.value(wire.source, target) for wire in wires]
-        if declared.many:
+        if declared.variadic:
             return f"({', '.join(values)},)" if values else "()"
-        return values[0] if values else absent_value(target, declared.absent)
+        return values[0] if values else absent_value(target, declared.default)
 
     def value(self, end: Endpoint, target: SignalType | None = None) -> str:
         """A signal, or a component of it, in the form of the target."""

@@ -8,8 +8,16 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from blocks.core import TYPES, Block, ParameterError, SignalType, beyond_a_turn, hint, signal_type
-from blocks.core import MissingExtraError as MissingPackageError
+from blocks.core import (
+    TYPES,
+    Block,
+    MissingPackageError,
+    ParameterError,
+    SignalType,
+    beyond_a_turn,
+    hint,
+    signal_type,
+)
 from blocks.world import World
 from runtime.document import MAX_TICKS, Node, closest, read_run, seconds, section
 from runtime.errors import MissingExtraError, Problems

@@ -128,7 +128,7 @@ class Network:
             terms={
                 port: self.terms.get((name, port), ())
                 for port, declared in entry.cls.spec.inputs.items()
-                if declared.many
+                if declared.variadic
             },
             world=self.world,
         )

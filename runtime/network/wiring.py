@@ -104,7 +104,7 @@ class Wiring:
         self.problems.add(node.key, address, f"{owner} has no input '{port}'{suggestion}", True)
 
     def port(self, entry: Entry, port: str, node: Node, address: str) -> None:
-        if not entry.cls.spec.inputs[port].many:
+        if not entry.cls.spec.inputs[port].variadic:
             self.wire(entry, port, None, node, address)
         elif node.value is None or node.is_map:
             message = f"expected a list of producer.output, got {node.describe()}"

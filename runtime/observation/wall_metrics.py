@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from blocks.core import FloatArray, Options, param
-from blocks.wall_fitting import IntArray
+from blocks.core import FloatArray, IntArray, Options, param
 from blocks.world import World
 from runtime.observation.metric_kinds import MetricKind, MetricOptions
 

@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from blocks.core import extras, require
+from blocks.core import MissingPackageError, require
 from runtime.errors import MissingExtraError, MissingLibraryError, UsageError
 from runtime.rendering.motion import recorded_motion
 
@@ -62,7 +62,7 @@ def render(request: RenderRequest) -> list[Path]:
     try:
         for name in MODULES:
             require(name, "runtime render", "render")
-    except extras.MissingExtraError as error:
+    except MissingPackageError as error:
         raise MissingExtraError(error.feature, error.extra) from None
     last = float(recorded_motion(request.run, request.block).t[-1])
     if request.film and request.begin >= min(last, request.end or last):

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from PIL import Image, ImageDraw, ImageFont
 
 from blocks.core import FloatArray
-from blocks.mujoco import POSITION, SEEN_GROUP, Beams, model_of, state_parts
+from blocks.mujoco import POSITION, SEEN_GROUP, BeamCaster, model_of, state_parts
 from blocks.world import bearings
 from runtime.rendering.motion import Motion
 from runtime.rendering.views import (
@@ -50,7 +50,7 @@ class SceneRenderer:
         model.vis.quality.shadowsize = shadows
         self.parts = state_parts(mujoco)
         beam_angles = bearings(robot.beams, -math.pi, math.pi)
-        self.beams = Beams(mujoco, model, self.data, beam_angles, SEEN_GROUP, robot.range_max)
+        self.beams = BeamCaster(mujoco, model, self.data, beam_angles, SEEN_GROUP, robot.range_max)
         self.path = motion.states[:, POSITION][:, :2]
         room = MODEL_GEOMS + TRAIL_SEGMENTS + robot.beams + model.ngeom
         extent = extent_of(motion.world, self.path)
@@ -88,7 +88,7 @@ class SceneRenderer:
         """The points that the beams hit, (n, 3) in m."""
         ranges = self.beams.cast()
         seen = np.isfinite(ranges)
-        hits: FloatArray = self.beams.site.xpos + ranges[seen, None] * self.beams.ways()[seen]
+        hits: FloatArray = self.beams.site.xpos + ranges[seen, None] * self.beams.directions()[seen]
         return hits
 
     def _labelled(self, pixels: Picture, text: str) -> Picture:

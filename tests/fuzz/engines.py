@@ -87,7 +87,7 @@ class Grower:
         lengths = {**SIZES}
         wires: dict[str, Any] = {}
         for port, declared in cls.spec.inputs.items():
-            if declared.absent is not None and self.draw(st.booleans()):
+            if declared.default is not None and self.draw(st.booleans()):
                 continue
             if isinstance(declared.type, Same):
                 wanted = variables.setdefault(declared.type.variable, self.some_type())
@@ -98,7 +98,7 @@ class Grower:
                 wanted = declared.type.sized(lengths.setdefault(declared.type.symbol, size))
             else:
                 wanted = declared.type
-            if declared.many:
+            if declared.variadic:
                 number = len(entry["signs"]) if "signs" in entry else self.draw(st.integers(1, 3))
                 wires[port] = [self.output_of(wanted) for _ in range(number)]
             else:

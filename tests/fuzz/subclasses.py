@@ -69,7 +69,7 @@ def override(cls: type[Block], call: Evaluation, how: str) -> str:
     needs = "".join(f", {name}" for name in call.needs)
     above = f"super().{call.method}(state, t{needs})"
     if call.method == "update":
-        states = [name for name, declared in cls.spec.states.items() if not declared.memo]
+        states = [name for name, declared in cls.spec.states.items() if not declared.cached]
         halved = [f"state.{name}[...] = 0.5 * state.{name}" for name in states]
         lines = ["pass"] if how == "skip" or not halved else [above, *halved]
     else:

@@ -1,8 +1,8 @@
-"""What the compiled engine takes in place of numpy and scipy, where it fills a module: loops.
+"""Kernels of the wall fitter for the compiled engine.
 
-The modules and their functions are named after ``contour``, ``bspline``, ``curves`` and ``offset``
-of this room, whose documentation and constants hold here: ``loop_stretch`` does what ``stretch``
-does. Where those keep dataclasses and lists, these keep one array for all of it:
+Modules and functions are named after ``contour``, ``bspline``, ``curves`` and ``offset`` of this
+room, whose documentation and constants apply: ``stretch_kernel`` is the kernel of ``stretch``.
+Instead of dataclasses and lists they use one array each:
 
 * returns (m, 4): range (m), bearing (rad), x, y (m), by rising bearing;
 * curves (n, 4): x, y (m) and the unit tangent, one curve after another;

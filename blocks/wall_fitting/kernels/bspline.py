@@ -1,4 +1,4 @@
-"""B-splines in loops; see :mod:`blocks.wall_fitting.bspline`.
+"""Kernels of :mod:`blocks.wall_fitting.bspline`.
 
 Of the basis, only the ``degree + 1`` functions that are not 0 at a parameter are found and kept:
 ``first`` (m,) is the number of the first of them at each of m parameters, ``values``
@@ -11,9 +11,8 @@ import math
 
 import numpy as np
 
-from blocks.core import FloatArray
+from blocks.core import FloatArray, IntArray
 from blocks.wall_fitting.bspline import RIDGE, basis_matrices
-from blocks.wall_fitting.contour import IntArray
 
 
 def banded_matrices(points: int, degree: int, samples: int) -> tuple[IntArray, FloatArray]:
@@ -78,7 +77,7 @@ def positions(first: IntArray, values: FloatArray, points: FloatArray) -> FloatA
     return result
 
 
-def loop_fit(
+def fit_kernel(
     first: IntArray, values: FloatArray, data: FloatArray, points: int, bend: float
 ) -> FloatArray:
     """Control points (n, 2) nearest to data (m, 2); ``bend`` weighs the squared bends, 0 for none.
@@ -138,7 +137,7 @@ def solve(band: FloatArray, right: FloatArray) -> None:
             right[i, c] = total / band[i, 0]
 
 
-def loop_way_along(line: FloatArray) -> FloatArray:
+def arc_length_kernel(line: FloatArray) -> FloatArray:
     """Arc length (m) at each point of a polyline, (n,)."""
     arc = np.zeros(len(line))
     for i in range(1, len(line)):
@@ -147,7 +146,7 @@ def loop_way_along(line: FloatArray) -> FloatArray:
     return arc
 
 
-def loop_interpolate(
+def interpolate_kernel(
     start: float, stop: float, samples: int, at: FloatArray, values: FloatArray
 ) -> FloatArray:
     """Columns of ``values`` (n, c), given at rising ``at`` (n,), at even places, (samples, c)."""
@@ -178,7 +177,7 @@ def projected(matrix: FloatArray, data: FloatArray) -> FloatArray:
     return result
 
 
-def loop_sampled_evenly(
+def sampled_evenly_kernel(
     first: IntArray,
     bands: FloatArray,
     points: FloatArray,
@@ -197,11 +196,11 @@ def loop_sampled_evenly(
             for d in range(3):
                 dense[i, 2 * d] += bands[d, i, k] * x
                 dense[i, 2 * d + 1] += bands[d, i, k] * y
-    arc = loop_way_along(dense)
+    arc = arc_length_kernel(dense)
     total = arc[len(arc) - 1]
     length = (samples - 1) * spacing
     start = min(start, max(0.0, total - length))
-    return directed(loop_interpolate(start, min(start + length, total), samples, arc, dense))
+    return directed(interpolate_kernel(start, min(start + length, total), samples, arc, dense))
 
 
 def directed(samples: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""From a scan to chains of returns, in loops; see :mod:`blocks.wall_fitting.contour`."""
+"""Kernels of :mod:`blocks.wall_fitting.contour`."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from blocks.core import FloatArray
-from blocks.wall_fitting.contour import FARTHEST, LONGEST_LINK, MEDIAN, BoolArray, IntArray
+from blocks.core import BoolArray, FloatArray, IntArray
+from blocks.wall_fitting.contour import FARTHEST, LONGEST_LINK, MEDIAN
 
 
 def returned(
@@ -25,7 +25,7 @@ def returned(
     return result[:m]
 
 
-def loop_link_limit(r1: float, r2: float, dphi: float, sigma: float, incidence: float) -> float:
+def link_limit_kernel(r1: float, r2: float, dphi: float, sigma: float, incidence: float) -> float:
     """How far apart (m) two returns may be on one surface."""
     rest = incidence - dphi
     if rest <= 0.0:
@@ -45,7 +45,7 @@ def broken(returns: FloatArray, sigma: float, incidence: float) -> BoolArray:
     result = np.ones(len(returns) + 1, np.bool_)
     for i in range(1, len(returns)):
         r1, r2, dphi = returns[i - 1, 0], returns[i, 0], returns[i, 1] - returns[i - 1, 1]
-        result[i] = stride(r1, r2, dphi) > loop_link_limit(r1, r2, dphi, sigma, incidence)
+        result[i] = stride(r1, r2, dphi) > link_limit_kernel(r1, r2, dphi, sigma, incidence)
     return result
 
 
@@ -62,7 +62,7 @@ def linked(returns: FloatArray, sigma: float, incidence: float) -> FloatArray:
     return result[:m]
 
 
-def loop_chain(
+def chain_kernel(
     returns: FloatArray, window: FloatArray, reach: float, sigma: float, incidence: float
 ) -> tuple[FloatArray, IntArray, BoolArray]:
     """The returns of all chains, their bounds and edges; ``window`` begins and ends the scan."""
@@ -100,7 +100,7 @@ def passed(
     return bool(apart[max(i, other)] and (far or returns[other, 0] > returns[i, 0]))
 
 
-def loop_way(returns: FloatArray, bounds: IntArray) -> FloatArray:
+def chain_arcs_kernel(returns: FloatArray, bounds: IntArray) -> FloatArray:
     """Arc length (m) from the begin of each chain, (m,), on median-filtered ranges."""
     arc = np.empty(len(returns))
     window = np.empty(MEDIAN)
@@ -119,9 +119,9 @@ def loop_way(returns: FloatArray, bounds: IntArray) -> FloatArray:
 
 
 def median(returns: FloatArray, i: int, low: int, high: int, window: FloatArray) -> float:
-    """The median of the ranges around a return; beyond ``low`` and ``high`` those count again.
+    """The median of the ranges around a return; beyond ``low`` and ``high`` these are repeated.
 
-    ``window`` is overwritten: the ranges in order. Its length says how many.
+    ``window``, whose length is the number of ranges, is overwritten with them in order.
     """
     half = len(window) // 2
     for k in range(len(window)):
@@ -134,7 +134,7 @@ def median(returns: FloatArray, i: int, low: int, high: int, window: FloatArray)
     return float(window[half])
 
 
-def loop_averages(
+def averages_kernel(
     returns: FloatArray, bounds: IntArray, arc: FloatArray, spacing: float
 ) -> tuple[FloatArray, IntArray]:
     """Mean points of bins of about ``spacing`` (m) of arc, (k, 2), and the chains' bounds."""

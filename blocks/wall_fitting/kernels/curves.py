@@ -1,4 +1,4 @@
-"""Splines through the chains of a scan, in loops; see :mod:`blocks.wall_fitting.curves`."""
+"""Kernels of :mod:`blocks.wall_fitting.curves`."""
 
 from __future__ import annotations
 
@@ -6,12 +6,11 @@ import math
 
 import numpy as np
 
-from blocks.core import FloatArray
+from blocks.core import BoolArray, FloatArray, IntArray
 from blocks.wall_fitting.bspline import control_points
-from blocks.wall_fitting.contour import BoolArray, IntArray
 from blocks.wall_fitting.curves import CALM, MOST, SMOOTHING, STEP
-from blocks.wall_fitting.kernels.bspline import even_basis, loop_fit, positions, spread
-from blocks.wall_fitting.kernels.offset import loop_cap, loop_nearest, loop_tangents, unit
+from blocks.wall_fitting.kernels.bspline import even_basis, fit_kernel, positions, spread
+from blocks.wall_fitting.kernels.offset import cap_kernel, nearest_kernel, tangents_kernel, unit
 
 
 def coarseness(arc: FloatArray, bounds: IntArray) -> float:
@@ -60,10 +59,10 @@ def fitted(
         t = arc[begin + i] / arc[stop - 1]
         first[i] = spread(t, points - degree, degree, values[i])
     # A straight line through two points needs no fit.
-    return data if points == 2 else loop_fit(first, values, data, points, SMOOTHING * m / points)
+    return data if points == 2 else fit_kernel(first, values, data, points, SMOOTHING * m / points)
 
 
-def loop_wall_curves(
+def wall_curves_kernel(
     control: FloatArray,
     first: IntArray,
     returns: FloatArray,
@@ -90,7 +89,7 @@ def loop_wall_curves(
         n = len(points)
         at, values = even_basis(n, min(degree, n - 1), each * n)
         position = positions(at, values, points)
-        tangent = loop_tangents(position, min(CALM, each * n))
+        tangent = tangents_kernel(position, min(CALM, each * n))
         for i in range(len(position)):
             row = ends[c] + i
             curves[row, 0], curves[row, 1] = position[i, 0], position[i, 1]
@@ -112,25 +111,25 @@ def post(returns: FloatArray, begin: int, stop: int, curves: FloatArray, row: in
 def offset_rows(
     curves: FloatArray, bounds: IntArray, edges: BoolArray, distance: float
 ) -> tuple[FloatArray, IntArray]:
-    """Curves moved to the left, edges gone round: points (m, 2) and the curves' bounds."""
+    """Curves moved to the left and continued around edges: points (m, 2) and the curves' bounds."""
     room = math.ceil(math.pi * distance / (2.0 * STEP))
     rows = np.empty((len(curves) + 2 * len(edges) * room, 2))
     ends = np.zeros(len(bounds), np.int64)
     for c in range(len(edges)):
         n = ends[c]
         if edges[c, 0]:
-            n = loop_cap(curves[bounds[c]], distance, 2.0 * STEP, 1.0, rows, n)
+            n = cap_kernel(curves[bounds[c]], distance, 2.0 * STEP, 1.0, rows, n)
         for i in range(bounds[c], bounds[c + 1]):
             rows[n, 0] = curves[i, 0] - distance * curves[i, 3]
             rows[n, 1] = curves[i, 1] + distance * curves[i, 2]
             n += 1
         if edges[c, 1]:
-            n = loop_cap(curves[bounds[c + 1] - 1], distance, 2.0 * STEP, -1.0, rows, n)
+            n = cap_kernel(curves[bounds[c + 1] - 1], distance, 2.0 * STEP, -1.0, rows, n)
         ends[c + 1] = n
     return rows[: ends[-1]], ends
 
 
-def loop_offset_pieces(
+def offset_pieces_kernel(
     rows: FloatArray,
     ends: IntArray,
     curves: FloatArray,
@@ -149,7 +148,7 @@ def loop_offset_pieces(
         for i in range(bounds[c], bounds[c + 1], 2):
             wall[m, 0], wall[m, 1] = curves[i, 0], curves[i, 1]
             m += 1
-    away = loop_nearest(rows, wall[:m])
+    away = nearest_kernel(rows, wall[:m])
     pieces = np.empty((len(rows), 2), np.int64)
     n = 0
     for c in range(len(ends) - 1):

@@ -1,4 +1,4 @@
-"""Pieces of the wall fitter's methods, in loops; see :mod:`blocks.wall_fitting.fitter`."""
+"""Kernels of :mod:`blocks.wall_fitting.fitter`."""
 
 from __future__ import annotations
 

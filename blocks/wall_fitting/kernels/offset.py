@@ -1,4 +1,4 @@
-"""From wall curves to a line to follow, in loops; see :mod:`blocks.wall_fitting.offset`."""
+"""Kernels of :mod:`blocks.wall_fitting.offset`."""
 
 from __future__ import annotations
 
@@ -6,9 +6,8 @@ import math
 
 import numpy as np
 
-from blocks.core import FloatArray
-from blocks.wall_fitting.contour import IntArray
-from blocks.wall_fitting.kernels.bspline import loop_interpolate
+from blocks.core import FloatArray, IntArray
+from blocks.wall_fitting.kernels.bspline import interpolate_kernel
 from blocks.wall_fitting.offset import BLUR, END, JOINT, REACH, SHARPEST
 
 
@@ -18,7 +17,7 @@ def unit(x: float, y: float) -> tuple[float, float]:
     return (x / length, y / length) if length > 0.0 else (0.0, 0.0)
 
 
-def loop_tangents(line: FloatArray, reach: int) -> FloatArray:
+def tangents_kernel(line: FloatArray, reach: int) -> FloatArray:
     """Directions (m, 2), unit length, between the points ``reach`` samples before and after."""
     result = np.empty((len(line), 2))
     for i in range(len(line)):
@@ -29,12 +28,12 @@ def loop_tangents(line: FloatArray, reach: int) -> FloatArray:
     return result
 
 
-def loop_nearest(points: FloatArray, others: FloatArray) -> FloatArray:
+def nearest_kernel(points: FloatArray, others: FloatArray) -> FloatArray:
     """Distance (m) from each of the points (m, 2) to the nearest of the others (n, 2), (m,)."""
     x, y, least = points[:, 0].copy(), points[:, 1].copy(), np.full(len(points), math.inf)
     for k in range(len(others)):
         ox, oy = others[k, 0], others[k, 1]
-        # Over the points, not the others: this is the loop that runs four at a time.
+        # The inner loop is over the points, since that one is vectorised.
         for i in range(len(x)):
             dx, dy = x[i] - ox, y[i] - oy
             square = dx * dx + dy * dy
@@ -44,7 +43,7 @@ def loop_nearest(points: FloatArray, others: FloatArray) -> FloatArray:
     return least
 
 
-def loop_cap(
+def cap_kernel(
     end: FloatArray, distance: float, step: float, side: float, rows: FloatArray, n: int
 ) -> int:
     """Put points around an edge into ``rows`` from row ``n`` on; returns the row after them.
@@ -67,17 +66,17 @@ def loop_cap(
     return n
 
 
-def loop_followed(rows: FloatArray, pieces: IntArray, bridge: float) -> FloatArray:
+def followed_kernel(rows: FloatArray, pieces: IntArray, bridge: float) -> FloatArray:
     """The piece nearest to the robot, joined with those that it links to."""
     if len(pieces) == 0:
         return np.empty((0, 2))
     main = main_piece(rows, pieces)
     chosen = np.zeros(len(pieces), np.bool_)
-    for way in (1, -1):
+    for side in (1, -1):
         at = main
         while at >= 0:
             chosen[at] = True
-            at = next_piece(rows, pieces, at, way, bridge)
+            at = next_piece(rows, pieces, at, side, bridge)
     total = 0
     for p in range(len(pieces)):
         total += pieces[p, 1] - pieces[p, 0] if chosen[p] else 0
@@ -104,18 +103,18 @@ def main_piece(rows: FloatArray, pieces: IntArray) -> int:
     return found
 
 
-def next_piece(rows: FloatArray, pieces: IntArray, at: int, way: int, bridge: float) -> int:
-    """The piece at the smallest gap after (``way`` 1) or before (-1) a piece; -1 for none."""
+def next_piece(rows: FloatArray, pieces: IntArray, at: int, side: int, bridge: float) -> int:
+    """The piece at the smallest gap after (``side`` 1) or before (-1) a piece; -1 for none."""
     found, least = -1, math.inf
-    for p in range(at + 1 if way > 0 else 0, len(pieces) if way > 0 else at):
-        first, second = (at, p) if way > 0 else (p, at)
-        width = loop_gap(rows, pieces[first], pieces[second], bridge)
+    for p in range(at + 1 if side > 0 else 0, len(pieces) if side > 0 else at):
+        first, second = (at, p) if side > 0 else (p, at)
+        width = gap_kernel(rows, pieces[first], pieces[second], bridge)
         if width < least:
             found, least = p, width
     return found
 
 
-def loop_gap(rows: FloatArray, before: IntArray, after: IntArray, bridge: float) -> float:
+def gap_kernel(rows: FloatArray, before: IntArray, after: IntArray, bridge: float) -> float:
     """How far (m) a path goes from the end of one piece to the begin of another."""
     end, begin = before[1] - 1, after[0]
     dx, dy = rows[begin, 0] - rows[end, 0], rows[begin, 1] - rows[end, 1]
@@ -133,11 +132,11 @@ def loop_gap(rows: FloatArray, before: IntArray, after: IntArray, bridge: float)
     return width
 
 
-def loop_onward(line: FloatArray) -> FloatArray:
+def onward_kernel(line: FloatArray) -> FloatArray:
     """A line without the points that step back behind an earlier one."""
     if len(line) < 3:
         return line
-    direction = loop_tangents(line, min(REACH, len(line)))
+    direction = tangents_kernel(line, min(REACH, len(line)))
     result = np.empty((len(line), 2))
     result[0, 0], result[0, 1] = line[0, 0], line[0, 1]
     progress, furthest, n = 0.0, 0.0, 1
@@ -152,16 +151,18 @@ def loop_onward(line: FloatArray) -> FloatArray:
     return result[:n]
 
 
-def loop_filleted(line: FloatArray, radius: float, spacing: float, tolerance: float) -> FloatArray:
+def filleted_kernel(
+    line: FloatArray, radius: float, spacing: float, tolerance: float
+) -> FloatArray:
     """Round the left turns of a path that are tighter than a radius: a rolling disc."""
     if radius == 0.0 or len(line) < 3:
         return line
-    direction = loop_tangents(line, min(BLUR, len(line)))
+    direction = tangents_kernel(line, min(BLUR, len(line)))
     centres = np.empty((len(line), 2))
     for i in range(len(line)):
         centres[i, 0] = line[i, 0] - radius * direction[i, 1]
         centres[i, 1] = line[i, 1] + radius * direction[i, 0]
-    free = free_runs(loop_nearest(centres, line), radius - tolerance)
+    free = free_runs(nearest_kernel(centres, line), radius - tolerance)
     if len(free) == 0:
         return line
     rim = math.ceil(math.pi * radius / spacing) + 1
@@ -223,15 +224,15 @@ def rim_points(
     return n
 
 
-def loop_stretch(
+def stretch_kernel(
     line: FloatArray, arc: FloatArray, start: float, length: float, samples: int
 ) -> FloatArray:
     """``samples`` even points of the ``length`` (m) of a line from arc length ``start`` (m).
 
-    ``arc`` is that of the line's points. It goes on straight where it does not reach.
+    ``arc`` is that of the line's points. Beyond its ends it is continued straight.
     """
     total = arc[-1]
-    result = loop_interpolate(start, start + length, samples, arc, line)
+    result = interpolate_kernel(start, start + length, samples, arc, line)
     ax, ay, bx, by = outward(line, arc)
     for i in range(samples):
         wanted = start + i * (length / max(1, samples - 1))

@@ -117,7 +117,7 @@ def _candidate(
     terms = {
         port: sum(w.block == name and w.port == port for w in network.wires)
         for port, declared in entry.cls.spec.inputs.items()
-        if declared.many
+        if declared.variadic
     }
     made = translate(entry.made, state, terms, safe=not is_built_in(entry.cls))
     fields = typeof(made.fields(entry.made, state))

@@ -160,7 +160,7 @@ def test_riccati_is_the_papers_iteration(theta: float, q: FloatArray) -> None:
     r = np.array([[1.0, 0.2], [0.2, 0.5]])
     a, b = linearised(0.8, theta, 0.1)
     expected = plain_iteration(a, b, q, r, 2000)
-    assert error(plain_iteration(a, b, q, r, 1900), expected) < 1e-12  # it stands still
+    assert error(plain_iteration(a, b, q, r, 1900), expected) < 1e-12  # converged
     assert error(riccati(a, b, q, r), expected) < 1e-10
 
 
@@ -182,9 +182,9 @@ def test_a_doubling_is_counted_as_the_iterations_it_stands_for() -> None:
     a, b = linearised(1.0, 0.4, 0.2)
     second = riccati(a, b, q, r, tolerance=math.inf, max_iterations=2)
     np.testing.assert_allclose(second, plain_iteration(a, b, q, r, 2), rtol=1e-13)
-    with pytest.raises(ValueError, match="has not settled after 1 iterations"):
+    with pytest.raises(ValueError, match="has not converged after 1 iterations"):
         riccati(a, b, q, r, tolerance=math.inf, max_iterations=1)
-    with pytest.raises(ValueError, match="has not settled after 8 iterations"):
+    with pytest.raises(ValueError, match="has not converged after 8 iterations"):
         riccati(a, b, q, r, max_iterations=8)
     riccati(a, b, q, r, max_iterations=4096)
 
@@ -416,7 +416,10 @@ def test_definiteness_does_not_see_units() -> None:
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
-        ({"max_iterations": 4}, "lqr.max_iterations: the Riccati equation has not settled after 4"),
+        (
+            {"max_iterations": 4},
+            "lqr.max_iterations: the Riccati equation has not converged after 4",
+        ),
         ({"v_r": 1e-9}, "the closer v_r = 1e-09 m/s is to 0, the longer it takes"),
         ({"q": [0, 0, 1], "solver": "dare"}, "'riccati' takes a q that leaves states out"),
     ],

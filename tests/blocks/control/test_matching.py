@@ -1,4 +1,4 @@
-"""The matching point against brute force, and laws of the way gone."""
+"""The matching point against brute force, and laws of the distance travelled."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ def test_a_crossing_does_not_catch_the_window() -> None:
     walk, near = Walk(window=0.5), Walk(window=100.0)
     followed = [walk.index(path, *path[i, :2]) for i in range(380)]
     assert followed == list(range(380))
-    # Just before the crossing at half way, the crossing branch is closer to a robot beside it.
+    # Just before the crossing at the middle, the crossing branch is closer to a robot beside it.
     here, beside = path[395, :2], path[4, :2]
     spot = (0.2 * here[0] + 0.8 * beside[0], 0.2 * here[1] + 0.8 * beside[1])
     near.index(path, *path[380, :2])
@@ -109,33 +109,33 @@ def test_a_crossing_does_not_catch_the_window() -> None:
 @pytest.mark.parametrize("turn", [1.0, -1.0])
 @pytest.mark.parametrize("clockwise", [False, True])
 @pytest.mark.parametrize("samples", [400, 401, 7])
-def test_way_gone_over_several_laps(turn: float, clockwise: bool, samples: int) -> None:
-    """Three laps either way across the seam: the way is the arc, to within a sample."""
+def test_distance_travelled_over_several_laps(turn: float, clockwise: bool, samples: int) -> None:
+    """Three laps across the seam, in both directions: the distance is the arc, to a sample."""
     path = blocks.CirclePath(radius=2.0, samples=samples, clockwise=clockwise).sampled
     walk = Walk(window=4.0)
     spacing = math.hypot(*(path[1, :2] - path[0, :2]))
-    ways = []
+    distances = []
     for angle in np.linspace(0.0, turn * 3.0 * math.tau, 600):
         radius = 2.0 + 0.5 * math.sin(5.0 * angle)
-        ways.append(walk.way(path, radius * math.cos(angle), radius * math.sin(angle)))
+        distances.append(walk.way(path, radius * math.cos(angle), radius * math.sin(angle)))
         along = angle / math.tau * samples * spacing * (-1.0 if clockwise else 1.0)
-        assert abs(ways[-1] - along) <= 0.5 * spacing + 1e-9
-    assert ways[0] == 0.0
-    assert abs(ways[-1]) == pytest.approx(3.0 * samples * spacing)
+        assert abs(distances[-1] - along) <= 0.5 * spacing + 1e-9
+    assert distances[0] == 0.0
+    assert abs(distances[-1]) == pytest.approx(3.0 * samples * spacing)
 
 
 def test_way_gone_is_zero_there_and_back() -> None:
     walk = Walk()
     xs = np.concatenate((np.linspace(2.0, 9.0, 80), np.linspace(9.0, 2.0, 77)))
-    ways = [walk.way(SINE, x, math.sin(x)) for x in xs]
-    assert ways[0] == 0.0
-    assert ways[-1] == pytest.approx(0.0, abs=1e-12)
-    assert max(ways) > 7.0
+    distances = [walk.way(SINE, x, math.sin(x)) for x in xs]
+    assert distances[0] == 0.0
+    assert distances[-1] == pytest.approx(0.0, abs=1e-12)
+    assert max(distances) > 7.0
 
 
 @pytest.mark.parametrize("path", [SINE, CIRCLE])
 def test_a_window_below_the_spacing_still_reaches_the_next_sample(path: FloatArray) -> None:
-    """One sample either way at a time, however far the robot has gone."""
+    """One sample in either direction at a time, however far the robot has moved."""
     walk = Walk(window=1e-6)
     walk.index(path, *path[10, :2])
     assert [walk.index(path, *path[50, :2]) for _ in range(3)] == [11, 12, 13]
@@ -170,7 +170,7 @@ def test_a_new_path_is_searched_around_the_last_reference() -> None:
     out = walk(new, 5.2, 0.3)
     assert out[0][:2] == pytest.approx((5.2, 0.1))
     assert out[3] == 52.0
-    # The way counts from the sample of the new path that is nearest to the last reference.
+    # The distance counts from the sample of the new path that is nearest to the last reference.
     assert out[4] == pytest.approx(0.2)
     # Out of the window of the new path, too: 9 m further on, 0.5 m at a time.
     assert new[walk.index(new, 14.2, 0.3), 0] == pytest.approx(5.7)

@@ -1,4 +1,4 @@
-"""The base of all blocks: made from parameters, never changed, made again from them."""
+"""The base of all blocks: built from parameters, immutable, rebuilt from them."""
 
 from __future__ import annotations
 
@@ -149,7 +149,7 @@ def test_a_block_cannot_be_changed() -> None:
     block = blocks.LQR(q=[1, 2, 3])
     with pytest.raises(AttributeError, match="LQR cannot change after construction; make another"):
         block.v_r = 2.0
-    with pytest.raises(AttributeError, match="keep what moves in a State .attribute 'memory'"):
+    with pytest.raises(AttributeError, match="keep what changes in a State .attribute 'memory'"):
         block.memory = 1.0
     with pytest.raises(AttributeError, match="LQR cannot change after construction"):
         del block.v_r

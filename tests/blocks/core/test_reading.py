@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 def test_what_a_class_declares() -> None:
     class Plant(Block):
         command = Input(Twist, doc="what to do")
-        gust = Input(Scalar, absent=0.5)
-        terms = Input(Scalar, many=True)
+        gust = Input(Scalar, default=0.5)
+        terms = Input(Scalar, variadic=True)
         pose = Output(Pose)
         speed = Output(Scalar, name="v")
         heading = Output(Scalar)
@@ -171,7 +171,7 @@ def no_time() -> Any:
 
 def star() -> Any:
     class Bad(Block):
-        terms = Input(Scalar, many=True)
+        terms = Input(Scalar, variadic=True)
         out = Output(Scalar)
 
         def output(self, state: Any, t: float, *terms: float) -> float:
@@ -213,7 +213,7 @@ def through_another_type() -> Any:
 
 def through_many() -> Any:
     class Bad(Block):
-        terms = Input(Twist, many=True)
+        terms = Input(Twist, variadic=True)
         out = Output(Twist, through="terms")
 
         def output(self, state: Any, t: float) -> Any: ...
@@ -334,21 +334,21 @@ def state_like_nothing() -> Any:
         (misspelt_method, "Bad.output_poes: there is no output 'poes', did you mean 'pose'?"),
         (
             unknown_input,
-            "Bad.output: 'comand' is no port it can read, did you mean 'command'? (command)",
+            "Bad.output: 'comand' is not a port it can read, did you mean 'command'? (command)",
         ),
-        (output_as_an_input, "Bad.output: 'a' is no port it can read (none)"),
+        (output_as_an_input, "Bad.output: 'a' is not a port it can read (none)"),
         (no_time, "Bad.output must start with (self, state, t, ...)"),
         (star, "Bad.output: name each port, in place of *terms: 'float'; an input that takes ma"),
         (keyword_only, "Bad.output: name each port, in place of u: 'float'"),
-        (update_of_nothing, "Bad.update: 'w' is no port it can read (u)"),
-        (through_nothing, "Bad.out: through='comand' is no input, did you mean 'command'?"),
+        (update_of_nothing, "Bad.update: 'w' is not a port it can read (u)"),
+        (through_nothing, "Bad.out: through='comand' is not an input, did you mean 'command'?"),
         (
             through_another_type,
-            "Bad.out: through='command' takes Pose, which cannot stand in for Twist",
+            "Bad.out: through='command' takes Pose, which cannot replace Twist",
         ),
         (
             through_many,
-            "Bad.out: through='terms' takes many wires of Twist, which cannot stand in for Twist",
+            "Bad.out: through='terms' takes many wires of Twist, which cannot replace Twist",
         ),
         (no_annotation, "Bad.gain: annotate the parameter with float, int, bool, str or FloatAr"),
         (odd_annotation, "Bad.gain: annotate the parameter with float, int, bool, str or FloatA"),
@@ -364,17 +364,17 @@ def state_like_nothing() -> Any:
         (twice, "Bad.w: the name 'u' is taken by the attribute 'u'"),
         (input_and_output, "Bad.v: the name 'u' is taken by the attribute 'u'"),
         (output_and_state, "Bad.kept: the name 'out' is taken by the attribute 'out'"),
-        (reserved_state, "Bad.dt: every state has a 'dt' already; rename it"),
-        (hidden_method, "Bad.value: hides Block.value; call it something else, with name='value'"),
-        (reserved_parameter, "Bad.kind: every graph gives 'type' a meaning; rename it"),
-        (dotted, "Bad.u: 'a.b' is no name; use letters, digits and _"),
+        (reserved_state, "Bad.dt: 'dt' is reserved in states; rename it"),
+        (hidden_method, "Bad.value: hides Block.value; rename it, with name='value'"),
+        (reserved_parameter, "Bad.kind: 'type' is reserved in graphs; rename it"),
+        (dotted, "Bad.u: 'a.b' is not a valid name; use letters, digits and _"),
         (constant_with_inputs, "Bad.out: a constant output cannot need inputs (u)"),
         (
             state_of_unknown_length,
             "Bad.kept: no integer parameter and no port gives the length 'neuron', did you mean "
             "'neurons'?",
         ),
-        (state_like_nothing, "Bad.kept: like='inptu' is no port, did you mean 'input'?"),
+        (state_like_nothing, "Bad.kept: like='inptu' is not a port, did you mean 'input'?"),
     ],
 )
 def test_contradictions(declare: Callable[[], Any], message: str) -> None:

@@ -11,7 +11,7 @@ import blocks
 import runtime
 from blocks import Path, Scan, SignalType, Twist
 from blocks.core.block import BlockState
-from blocks.generic.switch import Switch
+from blocks.generic.arithmetic import Switch
 from blocks.testing.checking import check_block
 from tests.blocks.worlds import started
 

@@ -10,7 +10,7 @@ import pytest
 
 import blocks
 import runtime
-from blocks.learning.lif import gain_and_bias, lif_rate
+from blocks.learning.learner import gain_and_bias, lif_rate
 
 DT = 0.001
 

@@ -12,11 +12,10 @@ from hypothesis import strategies as st
 
 from blocks import ParameterError, World
 from blocks.core.signals import FloatArray
-from blocks.mujoco.lidar import Beams
-from blocks.mujoco.model import SEEN_GROUP, WALL_HEIGHT, model_of, model_text
+from blocks.mujoco.model import SEEN_GROUP, WALL_HEIGHT, BeamCaster, model_of, model_text
 from blocks.mujoco.vacuum import MujocoVacuum
 from blocks.world.lidar import bearings
-from tests.blocks.told import told
+from tests.blocks.outputs import outputs
 from tests.blocks.worlds import OVERLAPPING, SHIPPED, is_free, started, worlds
 
 DT = 0.01
@@ -49,8 +48,8 @@ def test_a_moving_robot_scans_from_where_it_is(name: str) -> None:
     for k in range(150):
         robot.update(state, k * DT, (0.3, 0.8))
         if k % 10 == 9:
-            pose = np.array(told(robot, state).pose)
-            assert between(world, pose, told(robot, state).scan, 2e-4).all()
+            pose = np.array(outputs(robot, state).pose)
+            assert between(world, pose, outputs(robot, state).scan, 2e-4).all()
 
 
 @settings(max_examples=40)
@@ -65,7 +64,7 @@ def test_any_world_looks_as_it_does_in_the_plane(world: World, x: float, y: floa
         raise
     data = mujoco.MjData(model)
     data.qpos[:2] = x, y
-    found = Beams(mujoco, model, data, AROUND, SEEN_GROUP, 100.0).cast()
+    found = BeamCaster(mujoco, model, data, AROUND, SEEN_GROUP, 100.0).cast()
     assert between(world, np.array([x, y, 0.0]), found, 1e-4).all()
 
 
@@ -76,7 +75,7 @@ def test_noise_has_its_deviation_and_limits_hold() -> None:
     exact = world.cast(0.0, 0.0, AROUND)
     scans = []
     for k in range(60):
-        scans.append(told(robot, state).scan)
+        scans.append(outputs(robot, state).scan)
         robot.update(state, k * DT, (0.0, 0.0))
     found = np.array(scans)
     clear = (exact > 3.2) & (exact < 3.8)
@@ -94,7 +93,7 @@ def test_a_scan_holds_until_the_next_one() -> None:
     state = started(robot, World(SHIPPED["paper_room"]), dt=DT)
     scans = []
     for k in range(20):
-        scans.append(told(robot, state).scan.tobytes())
+        scans.append(outputs(robot, state).scan.tobytes())
         robot.update(state, k * DT, (0.3, 0.5))
     for k, scan in enumerate(scans):
         assert scan == scans[k - k % 5]
@@ -108,7 +107,7 @@ def test_a_tilted_robot_sees_the_floor() -> None:
     data = mujoco.MjData(model)
     pitch = math.radians(2.0)  # nose down; beams back stay below the top of the wall
     data.qpos[3:7] = math.cos(pitch / 2), 0.0, math.sin(pitch / 2), 0.0
-    ranges = Beams(mujoco, model, data, np.array([0.0, math.pi]), SEEN_GROUP, 12.0).cast()
+    ranges = BeamCaster(mujoco, model, data, np.array([0.0, math.pi]), SEEN_GROUP, 12.0).cast()
     up = robot.lidar_height - robot.wheel_radius
     height = robot.wheel_radius + up * math.cos(pitch)
     assert ranges[0] == pytest.approx(height / math.sin(pitch))

@@ -46,9 +46,9 @@ def check(world: World) -> None:
             share = (corner - piece[0]) @ front / (front @ front)
             assert 0.0 <= share <= 1.0, "the edge is on the front"
             assert math.dist(corner, piece[0] + share * front) < 1e-9 * (1.0 + length)
-        way = np.roll(piece, -1, 0) - piece
-        onward = np.roll(way, -1, 0)
-        turns = way[:, 0] * onward[:, 1] - way[:, 1] * onward[:, 0]
+        edge = np.roll(piece, -1, 0) - piece
+        onward = np.roll(edge, -1, 0)
+        turns = edge[:, 0] * onward[:, 1] - edge[:, 1] * onward[:, 0]
         assert (turns < 0.0).all(), "convex, and on the right of its edge"
         assert (world.distance(samples(piece)) < 1.01 * OVERLAP).all(), "in the solid"
 

@@ -422,17 +422,17 @@ class Wavers(Block):
         return t
 
 
-class FalseMemo(Good):
-    """Calls its memory a memo."""
+class FalseCache(Good):
+    """Declares its memory as cached."""
 
-    kept = State(2, memo=True)
+    kept = State(2, cached=True)
 
 
 class OptionalForm(Block):
     """Returns an int where nothing is wired."""
 
-    u = Input(Scalar, absent=0.0)
-    terms = Input(Scalar, many=True)
+    u = Input(Scalar, default=0.0)
+    terms = Input(Scalar, variadic=True)
     out = Output(Scalar)
 
     def output(self, state: Any, t: float, u: float, terms: tuple[float, ...]) -> float:
@@ -476,13 +476,16 @@ class Forgets(Good):
         (OutputWrites(), "OutputWrites.output: changes state 'kept'; only update writes into"),
         (OutputKeeps(), "OutputKeeps.output: changes state 'last'; only update writes into the st"),
         (OutputDraws(), "OutputDraws.output: draws from state.rng; draw in start and update"),
-        (OutputChangesInput(), "OutputChangesInput.output: changes 'u', which it was given, in pl"),
-        (UpdateChangesInput(), "UpdateChangesInput.update: changes 'u', which it was given, in p"),
-        (UpdateChangesOutput(), "UpdateChangesOutput.update: changes 'again', which it was given"),
-        (OutputIsRandom(), "OutputIsRandom.output: gives other values when called again with the"),
-        (ReturnsItsState(), "ReturnsItsState.output: output 'again' is the memory of state 'kept'"),
-        (ReturnsAView(), "ReturnsAView.output: output 'again' is the memory of state 'kept'"),
-        (Remembers(), "Remembers.update: changes the block's attribute 'count'; a block never ch"),
+        (OutputChangesInput(), "OutputChangesInput.output: changes its argument 'u' in place"),
+        (UpdateChangesInput(), "UpdateChangesInput.update: changes its argument 'u' in place"),
+        (UpdateChangesOutput(), "UpdateChangesOutput.update: changes its argument 'again' in pl"),
+        (OutputIsRandom(), "OutputIsRandom.output: returns different values when called again w"),
+        (
+            ReturnsItsState(),
+            "ReturnsItsState.output: output 'again' shares the memory of state 'kept'",
+        ),
+        (ReturnsAView(), "ReturnsAView.output: output 'again' shares the memory of state 'kept'"),
+        (Remembers(), "Remembers.update: changes the block's attribute 'count'; a block is immuta"),
         (RemembersAtStart(), "RemembersAtStart.start: changes the block's attribute 'state'"),
         (Sets(), "Sets.update: AttributeError: Sets cannot change after construction; make"),
         (SharedList(), "SharedList.update: changes the block's attribute 'history'"),
@@ -490,26 +493,29 @@ class Forgets(Good):
         (Worldly(), "Worldly: two runs with the same seed differ, in output 'out' at tick 0"),
         (
             WorldlyReset(),
-            "WorldlyReset: two runs at the same time disturb each other, in output 'out' at tick 2",
+            "WorldlyReset: simultaneous runs affect each other, in output 'out' at tick 2",
         ),
         (
             Undeclared(),
-            "Undeclared: a run that goes on from its declared states differs, in output 'out' at "
+            "Undeclared: a run that resumes from its declared states differs, in output 'out' at "
             "tick 1",
         ),
         (
             UndeclaredIntoDeclared(),
-            "UndeclaredIntoDeclared: a run that goes on from its declared states differs, in state "
+            "UndeclaredIntoDeclared: a run that resumes from its declared states differs, in state "
             "'kept' at tick 2",
         ),
         (UpdateIsRandom(), "UpdateIsRandom: two runs with the same seed differ"),
-        (Returns(), "Returns.update: returns a value, which nobody reads; write into the state"),
+        (Returns(), "Returns.update: returns a value, which is not used; write into the state"),
         (Fails(), "Fails.output: ZeroDivisionError: division by zero"),
-        (Wavers(), "Wavers: output 'out' is declared constant, and changes"),
-        (FalseMemo(), "FalseMemo.output: what comes out depends on what is left in a memo (kept)"),
+        (Wavers(), "Wavers: output 'out' is declared constant but changes"),
+        (
+            FalseCache(),
+            "FalseCache.output: its result depends on the content of a cached state (kept)",
+        ),
         (OptionalForm(), "OptionalForm.output: output 'out' must be a float, got 0 (int)"),
-        (OwnConstructor(1), "OwnConstructor: cannot be made again from parameters()"),
-        (Forgets(gain=3.0), "Forgets: differs when made again from parameters()"),
+        (OwnConstructor(1), "OwnConstructor: cannot be rebuilt from parameters()"),
+        (Forgets(gain=3.0), "Forgets: differs when rebuilt from parameters()"),
     ],
     ids=lambda value: type(value).__name__ if isinstance(value, Block) else "",
 )
@@ -557,8 +563,8 @@ class LazyThenChanged(Lazy):
 class Memo(Good):
     """Keeps a square root to save work."""
 
-    of = State(1, memo=True)
-    root = State(1, memo=True)
+    of = State(1, cached=True)
+    root = State(1, cached=True)
 
     def output(self, state: Any, t: float, u: FloatArray) -> Any:
         if state.of[0] != u[0]:
@@ -615,8 +621,8 @@ def test_terms_are_there_and_then_not() -> None:
         """Looks at how many terms come in."""
 
         u = Input(Scalar)
-        w = Input(Scalar, absent=-7.0)
-        terms = Input(Scalar, many=True)
+        w = Input(Scalar, default=-7.0)
+        terms = Input(Scalar, variadic=True)
 
         def update(self, state: Any, t: float, u: float, w: float, terms: Any) -> None:
             assert isinstance(u, float)

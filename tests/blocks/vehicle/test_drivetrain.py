@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from blocks import Block, ParameterError
 from blocks.core.signals import FloatArray, TwistValue
 from blocks.testing.checking import check_block
-from blocks.vehicle.drivetrain import ActuatorDelay, ActuatorLag, WheelSlip
+from blocks.vehicle.disturbances import ActuatorDelay, ActuatorLag, WheelSlip
 from tests.blocks.worlds import started
 
 DT = 0.01

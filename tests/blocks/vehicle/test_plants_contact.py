@@ -151,7 +151,7 @@ def test_it_must_fit_where_it_starts() -> None:
 
 
 def test_a_body_needs_a_world() -> None:
-    with pytest.raises(ParameterError, match="body_radius: a body needs something to touch"):
+    with pytest.raises(ParameterError, match="body_radius: a body needs a world"):
         drive(None, [])
 
 

@@ -158,7 +158,7 @@ def test_even_samples_are_even_along_the_arc(seed: int) -> None:
     points = np.cumsum(np.random.default_rng(seed).uniform(0.0, 0.1, (12, 2)), axis=0)
     curve = bspline.BSpline(points)
     fine = curve(np.linspace(0.0, 1.0, 20001))
-    arc = bspline.way_along(fine)
+    arc = bspline.arc_length(fine)
     spacing = 0.8 * arc[-1] / 49
     samples = curve.sampled_evenly(spacing, 50, start=0.1 * arc[-1])
     found = [arc[np.argmin(((fine - p) ** 2).sum(axis=1))] for p in samples.position]

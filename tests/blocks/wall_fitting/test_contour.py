@@ -10,15 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from blocks.wall_fitting import offset
-from blocks.wall_fitting.bspline import way_along
+from blocks.wall_fitting.bspline import arc_length
 from blocks.wall_fitting.contour import (
     Beams,
     Chains,
     Returns,
     averages,
     chain,
+    chain_arcs,
     link_limit,
-    way,
     wrapped,
 )
 from tests.blocks.raycast import PAPER, Room, square
@@ -147,19 +147,19 @@ def wall_scan(d: float, sigma: float, seed: int) -> np.ndarray:
 def test_the_way_is_the_length_of_the_wall_despite_noise() -> None:
     exact = linked(wall_scan(0.18, 0.0, 0))
     length = np.ptp(exact.returns.points[:, 0])
-    assert way(exact)[-1] == pytest.approx(length, rel=1e-3)
+    assert chain_arcs(exact)[-1] == pytest.approx(length, rel=1e-3)
     for seed in range(5):
         noisy = linked(wall_scan(0.18, 0.01, seed))
-        raw = way_along(noisy.returns.points)[-1]
+        raw = arc_length(noisy.returns.points)[-1]
         assert raw > 1.5 * length
-        assert way(noisy)[-1] < 1.25 * length
+        assert chain_arcs(noisy)[-1] < 1.25 * length
 
 
 @settings(deadline=None)
 @given(st.floats(0.02, 0.1), st.integers(0, 50))
 def test_averages_are_the_means_of_their_bins(spacing: float, seed: int) -> None:
     chains = linked(PAPER.cast((-0.7, -1.8, 0.1), 180))
-    arc = way(chains)
+    arc = chain_arcs(chains)
     means, bounds = averages(chains, arc, spacing)
     row = 0
     for c, (low, high) in enumerate(zip(chains.bounds[:-1], chains.bounds[1:], strict=True)):
@@ -176,7 +176,7 @@ def test_averages_are_the_means_of_their_bins(spacing: float, seed: int) -> None
 
 def test_no_averaging_gives_the_points() -> None:
     chains = linked(wall_scan(0.18, 0.01, 0))
-    means, bounds = averages(chains, way(chains), 0.0)
+    means, bounds = averages(chains, chain_arcs(chains), 0.0)
     assert means is chains.returns.points
     assert bounds is chains.bounds
 
@@ -212,7 +212,7 @@ def test_a_grazing_beam_makes_no_cap() -> None:
 
 def line(*corners: tuple[float, float], spacing: float = 0.01) -> np.ndarray:
     polygon = np.array(corners, dtype=float)
-    return offset.resampled(polygon, round(way_along(polygon)[-1] / spacing) + 1)
+    return offset.resampled(polygon, round(arc_length(polygon)[-1] / spacing) + 1)
 
 
 @pytest.mark.parametrize("turn", [30.0, 60.0, 90.0, 120.0])

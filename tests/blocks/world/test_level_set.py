@@ -33,7 +33,7 @@ def check_contour(world: World, d: float, seed: int) -> None:
         assert np.hypot(*np.diff(loop, axis=0).T).max() < 1.01 * spacing
         assert np.abs(world.distance(loop) - d).max() < 1e-7
     samples = np.concatenate([np.empty((0, 2)), *found])
-    # Complete: from wherever there is more room, the way to the wall crosses it.
+    # Complete: from wherever there is more room, the path to the wall crosses it.
     points = np.random.default_rng(seed).uniform(-3, 3, (300, 2))
     for x, y in points[world.distance(points) > d].tolist():
         distance, nx, ny = world.nearest(x, y)
@@ -57,8 +57,8 @@ def test_the_contour_of_any_world(world: World, cm: int, seed: int) -> None:
 def test_the_wall_is_to_the_right(name: str) -> None:
     world = World(SHIPPED[name])
     for loop in world.offset_contour(D):
-        middle, way = 0.5 * (loop[1:] + loop[:-1]), np.diff(loop, axis=0)
-        left = np.column_stack((-way[:, 1], way[:, 0])) / np.hypot(*way.T)[:, None]
+        middle, steps = 0.5 * (loop[1:] + loop[:-1]), np.diff(loop, axis=0)
+        left = np.column_stack((-steps[:, 1], steps[:, 0])) / np.hypot(*steps.T)[:, None]
         # A kink's neighbourhood aside, where leaving one surface is approaching another.
         away = world.reachable(middle, D, 0.05)
         rise = world.distance(middle + 1e-3 * left) - world.distance(middle)
@@ -120,8 +120,8 @@ def test_floor_of_a_square_room(rho: float) -> None:
     """In a right angle, an arc's distance is d + rho (1 - cos(a)), a from -45 to 45 degrees."""
     side = 2 * (2 - D)
     error = 4 * 2 * rho**2 * (math.pi / 4 - math.sin(math.pi / 4))
-    way = 4 * (side - 2 * rho) + 2 * math.pi * rho
-    assert World({"room": SQUARE}).kink_floor(D, rho) == pytest.approx(error / way, rel=1e-4)
+    length = 4 * (side - 2 * rho) + 2 * math.pi * rho
+    assert World({"room": SQUARE}).kink_floor(D, rho) == pytest.approx(error / length, rel=1e-4)
 
 
 def test_floor_is_nothing_without_kinks() -> None:

@@ -11,7 +11,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from blocks.core.signals import FloatArray
-from blocks.world.surfaces import loop_nearest
+from blocks.world.surfaces import nearest_kernel
 from blocks.world.world import World
 from tests.blocks.worlds import OVERLAPPING, SHIPPED, SQUARE, brute_distance, is_free, worlds
 
@@ -118,8 +118,8 @@ def test_the_normal_of_any_corner_leads_away_as_fast_as_any_direction(world: Wor
 
 
 def check_corners(world: World) -> None:
-    step, ways = 1e-6, np.linspace(0.0, math.tau, 720, endpoint=False)
-    around = step * np.column_stack((np.cos(ways), np.sin(ways)))
+    step, angles = 1e-6, np.linspace(0.0, math.tau, 720, endpoint=False)
+    around = step * np.column_stack((np.cos(angles), np.sin(angles)))
     surfaces = world.arrays
     for x, y in corners_of(world):
         distance, nx, ny = world.nearest(x, y)
@@ -129,7 +129,7 @@ def check_corners(world: World) -> None:
         fastest = world.distance(np.add((x, y), around)).max() / step
         found = world.distance(np.array([[x + step * nx, y + step * ny]]))[0] / step
         assert found >= fastest - 1e-4
-        assert loop_nearest(surfaces, x, y) == (distance, nx, ny)
+        assert nearest_kernel(surfaces, x, y) == (distance, nx, ny)
 
 
 @settings(deadline=None)
@@ -160,15 +160,15 @@ def test_rays_are_as_long_as_walking_by_the_distance_says(world: World, seed: in
     assume(world.distance(start)[0] > 0.01)
     angles = np.random.default_rng(seed).uniform(-math.pi, math.pi, 30)
     unit = np.column_stack((np.cos(angles), np.sin(angles)))
-    way = np.zeros(len(angles))
+    travelled = np.zeros(len(angles))
     for _ in range(100):
-        way = np.minimum(way + world.distance(start + way[:, None] * unit), 50.0)
+        travelled = np.minimum(travelled + world.distance(start + travelled[:, None] * unit), 50.0)
     ranges = np.minimum(world.cast(*start[0].tolist(), angles), 50.0)
     # A ray that grazes a surface walks there in ever smaller steps.
-    arrived = np.abs(world.distance(start + way[:, None] * unit)) < 1e-12
-    done = arrived | (way == 50.0)
-    assert (way <= ranges + 1e-9).all()
-    np.testing.assert_allclose(way[done], ranges[done], rtol=0.0, atol=1e-6)
+    arrived = np.abs(world.distance(start + travelled[:, None] * unit)) < 1e-12
+    done = arrived | (travelled == 50.0)
+    assert (travelled <= ranges + 1e-9).all()
+    np.testing.assert_allclose(travelled[done], ranges[done], rtol=0.0, atol=1e-6)
 
 
 def test_rays_in_a_square_room_are_the_closed_form() -> None:
@@ -183,9 +183,9 @@ def test_rays_do_not_slip_through_corners() -> None:
     corners = np.array([[-1.3, -0.7], [0.9, -1.1], [1.7, 0.3], [0.2, 1.9], [-1.1, 0.8]])
     world = World({"room": corners.tolist()})
     for x, y in scattered(3, 500, reach=0.5).tolist():
-        way = corners - (x, y)
-        found = world.cast(x, y, np.arctan2(way[:, 1], way[:, 0]))
-        np.testing.assert_allclose(found, np.hypot(way[:, 0], way[:, 1]), rtol=1e-9)
+        offset = corners - (x, y)
+        found = world.cast(x, y, np.arctan2(offset[:, 1], offset[:, 0]))
+        np.testing.assert_allclose(found, np.hypot(offset[:, 0], offset[:, 1]), rtol=1e-9)
 
 
 def test_a_ray_that_hits_nothing_is_infinite() -> None:

@@ -670,7 +670,7 @@ MODULES = {
         "blocks.own: Mine failed: RuntimeError: no",
     ],
     "validate_in": [
-        OWN + "    def validate_in(self, setting):\n        raise KeyError('no')\n",
+        OWN + "    def validate_in(self, context):\n        raise KeyError('no')\n",
         "blocks.own: Mine failed: KeyError: 'no'",
     ],
 }

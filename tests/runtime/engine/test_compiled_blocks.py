@@ -22,7 +22,7 @@ from blocks.testing.bench import Bench
 from blocks.testing.checking import settle
 from blocks.vehicle.contact import slide
 from blocks.world.lidar import bearings
-from blocks.world.surfaces import from_surface, loop_cast, loop_nearest
+from blocks.world.surfaces import cast_kernel, from_surface, nearest_kernel
 from blocks.world.world import World
 from runtime.engine.compiled import cache
 from runtime.engine.compiled.primitives import remainder
@@ -235,7 +235,7 @@ class Run:
     def __init__(self, case: Case, seed: int) -> None:
         self.case = case
         context = settle(case.block, case.types, case.dt, case.world)
-        self.bench = Bench(case.block, context, 1, absent=case.absent)
+        self.bench = Bench(case.block, context, 1, open_inputs=case.absent)
         self.state = self.bench._state(seed)
         case.block.start(self.state)
 
@@ -345,7 +345,7 @@ places = st.tuples(st.floats(-2.5, 2.5), st.floats(-2.5, 2.5))
 @settings(deadline=None, max_examples=40)
 @given(worlds(), places)
 def test_nearest_in_loops(world: World, place: tuple[float, float]) -> None:
-    found, expected = loop_nearest(world.arrays, *place), world.nearest(*place)
+    found, expected = nearest_kernel(world.arrays, *place), world.nearest(*place)
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
 
 
@@ -372,7 +372,7 @@ def test_sliding_in_loops(
         """The world as the arrays that compiled text uses."""
 
         def nearest(self, x: float, y: float) -> Any:
-            return loop_nearest(world.arrays, x, y)
+            return nearest_kernel(world.arrays, x, y)
 
     gap = world.nearest(*place)[0] - 0.1
     assume(gap >= 0.0)
@@ -392,7 +392,7 @@ def test_cast_in_loops(world: World, seed: int) -> None:
     theta = float(draw.uniform(-9.0, 9.0))
     for x, y in points.tolist():
         expected = world.cast(x, y, ahead + theta)
-        found = loop_cast(world.arrays, x, y, theta, ahead)
+        found = cast_kernel(world.arrays, x, y, theta, ahead)
         # Along a wall, a range is as uncertain as the angle is, times the range's slope.
         with np.errstate(invalid="ignore"):  # infinity minus infinity
             slope = np.abs(world.cast(x, y, ahead + theta + 1e-7) - expected) / 1e-7

@@ -19,9 +19,9 @@ class Offset(blocks.Block):
     """Adds an optional vector, writing into it: the next tick must not see that."""
 
     x = blocks.Input(blocks.Vector("n"))
-    shift = blocks.Input(blocks.Vector("n"), absent=0.5)
-    pose = blocks.Input(blocks.Pose, absent=2.0)
-    bound = blocks.Input(blocks.Scalar, absent=np.inf)
+    shift = blocks.Input(blocks.Vector("n"), default=0.5)
+    pose = blocks.Input(blocks.Pose, default=2.0)
+    bound = blocks.Input(blocks.Scalar, default=np.inf)
     out = blocks.Output(blocks.Vector("n"))
 
     def output(self, state, t, x, shift, pose, bound):
@@ -35,7 +35,7 @@ class Offset(blocks.Block):
 class Optional(blocks.Block):
     """Has an optional input whose length nothing else gives."""
 
-    x = blocks.Input(blocks.Vector("n"), absent=0.0)
+    x = blocks.Input(blocks.Vector("n"), default=0.0)
     out = blocks.Output(blocks.Scalar)
 
     def output(self, state, t, x):

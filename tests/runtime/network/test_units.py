@@ -8,7 +8,7 @@ import pytest
 
 import blocks
 import runtime
-from blocks.core.units import differ, dimension
+from blocks.core.signals import differ, dimension
 from runtime.errors import GraphError
 
 

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 from blocks import Block, BlockState
 
 
-def told(block: Block, state: BlockState, t: float = 0.0) -> SimpleNamespace:
-    """What a block without inputs that are needed at once puts out, in one call."""
+def outputs(block: Block, state: BlockState, t: float = 0.0) -> SimpleNamespace:
+    """The outputs of a block without feedthrough, from one call."""
     (evaluation,) = block.spec.evaluations
     values = getattr(block, evaluation.method)(state, t)
     return SimpleNamespace(**dict(zip(evaluation.outputs, values, strict=True)))

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 
 from blocks.wall_fitting import bspline, contour, offset
 from blocks.wall_fitting.fitter import WallFitter
-from blocks.wall_fitting.kernels import bspline as loop_bspline
-from blocks.wall_fitting.kernels import contour as loop_contour
-from blocks.wall_fitting.kernels import curves as loop_wall_curves
-from blocks.wall_fitting.kernels import fitter as loop_wall_fitter
-from blocks.wall_fitting.kernels import offset as loop_offset
+from blocks.wall_fitting.kernels import bspline as bspline_kernels
+from blocks.wall_fitting.kernels import contour as contour_kernels
+from blocks.wall_fitting.kernels import curves as curve_kernels
+from blocks.wall_fitting.kernels import fitter as fitter_kernels
+from blocks.wall_fitting.kernels import offset as offset_kernels
 from runtime.engine.compiled import cache
 from runtime.engine.compiled.translate import translate
 from tests.blocks.fitter import Fit, Fitter, Pose
@@ -184,12 +184,12 @@ def lines(draw: st.DrawFn) -> np.ndarray:
 
 @given(line=lines(), reach=st.integers(1, 9))
 def test_lines(line: np.ndarray, reach: int) -> None:
-    same(loop_offset.loop_tangents(line, reach), offset.tangents(line, reach), 1e-12)
-    same(loop_offset.loop_onward(line), offset.onward(line))
-    same(loop_bspline.loop_way_along(line), bspline.way_along(line))
-    assert loop_wall_fitter.nearest_row(line) == np.einsum("ij,ij->i", line, line).argmin()
+    same(offset_kernels.tangents_kernel(line, reach), offset.tangents(line, reach), 1e-12)
+    same(offset_kernels.onward_kernel(line), offset.onward(line))
+    same(bspline_kernels.arc_length_kernel(line), bspline.arc_length(line))
+    assert fitter_kernels.nearest_row(line) == np.einsum("ij,ij->i", line, line).argmin()
     others = line[::2] + np.array([0.1, 0.05])
-    same(loop_offset.loop_nearest(line, others), offset.nearest(line, others), 1e-12)
+    same(offset_kernels.nearest_kernel(line, others), offset.nearest(line, others), 1e-12)
 
 
 @given(
@@ -199,15 +199,15 @@ def test_lines(line: np.ndarray, reach: int) -> None:
     samples=st.integers(1, 50),
 )
 def test_stretch(line: np.ndarray, start: float, length: float, samples: int) -> None:
-    arc = bspline.way_along(line)
-    found = loop_offset.loop_stretch(line, arc, start, length, samples)
+    arc = bspline.arc_length(line)
+    found = offset_kernels.stretch_kernel(line, arc, start, length, samples)
     same(found, offset.stretch(line, start, length, samples), 1e-12)
 
 
 @given(line=lines(), radius=st.sampled_from([0.0, 0.05, 0.15]))
 def test_fillets(line: np.ndarray, radius: float) -> None:
-    even = offset.resampled(line, max(2, round(float(bspline.way_along(line)[-1]) / 0.01)))
-    found = loop_offset.loop_filleted(even, radius, 0.01, 0.003)
+    even = offset.resampled(line, max(2, round(float(bspline.arc_length(line)[-1]) / 0.01)))
+    found = offset_kernels.filleted_kernel(even, radius, 0.01, 0.003)
     same(found, offset.filleted(even, radius, 0.01, 0.003), 1e-12)
 
 
@@ -223,7 +223,7 @@ def test_caps(angle: float, slant: float, distance: float, begin: bool) -> None:
     expected = offset.cap(end, tangent, distance, 0.02, begin)
     rows = np.empty((100, 2))
     side = 1.0 if begin else -1.0
-    n = loop_offset.loop_cap(np.concatenate((end, tangent)), distance, 0.02, side, rows, 0)
+    n = offset_kernels.cap_kernel(np.concatenate((end, tangent)), distance, 0.02, side, rows, 0)
     same(rows[:n], expected)
 
 
@@ -235,7 +235,7 @@ def test_pieces_that_are_followed(pieces: list[tuple[np.ndarray, float]], bridge
     moved = [line + np.array([shift, 0.2 * i]) for i, (line, shift) in enumerate(pieces)]
     ends = np.cumsum([0, *map(len, moved)])
     bounds = np.column_stack((ends[:-1], ends[1:]))
-    found = loop_offset.loop_followed(np.concatenate(moved), bounds, bridge)
+    found = offset_kernels.followed_kernel(np.concatenate(moved), bounds, bridge)
     np.testing.assert_array_equal(found, offset.followed(moved, bridge))
 
 
@@ -245,11 +245,11 @@ def test_chains(scan: np.ndarray, reach: float, spacing: float) -> None:
     beams = contour.Beams.of(len(scan), -math.pi, math.pi, window, False)
     limit = beams.incidence(0.14)
     expected = contour.Returns.of(scan, beams)
-    returns = loop_contour.returned(scan, beams.order, beams.bearing, beams.direction)
+    returns = contour_kernels.returned(scan, beams.order, beams.bearing, beams.direction)
     np.testing.assert_array_equal(returns[:, 0], expected.ranges)
     np.testing.assert_array_equal(returns[:, 1], expected.bearing)
     np.testing.assert_array_equal(returns[:, 2:], expected.points)
-    kept, bounds, edges = loop_contour.loop_chain(returns, beams.bearing, reach, 0.01, limit)
+    kept, bounds, edges = contour_kernels.chain_kernel(returns, beams.bearing, reach, 0.01, limit)
     ends = beams.bearing[[0, -1]]
     chains = contour.chain(expected, ends, reach, 0.01, limit) if len(returns) > 1 else None
     if chains is None:
@@ -258,9 +258,9 @@ def test_chains(scan: np.ndarray, reach: float, spacing: float) -> None:
     np.testing.assert_array_equal(kept[:, 2:], chains.returns.points)
     np.testing.assert_array_equal(bounds, chains.bounds)
     np.testing.assert_array_equal(edges, chains.edges)
-    arc = contour.way(chains)
-    same(loop_contour.loop_way(kept, bounds), arc)
-    means, first = loop_contour.loop_averages(kept, bounds, arc, spacing)
+    arc = contour.chain_arcs(chains)
+    same(contour_kernels.chain_arcs_kernel(kept, bounds), arc)
+    means, first = contour_kernels.averages_kernel(kept, bounds, arc, spacing)
     expected_means, expected_first = contour.averages(chains, arc, spacing)
     np.testing.assert_array_equal(first, expected_first)
     same(means, expected_means)
@@ -275,7 +275,7 @@ def test_hidden_points(seed: int, beams: int) -> None:
     assume(len(returns) > 1)
     rows = np.column_stack((returns.ranges, returns.bearing, returns.points))
     points = rng.uniform(-1.0, 1.0, (50, 2))
-    found = [loop_wall_curves.is_hidden(x, y, rows, 0.14) for x, y in points]
+    found = [curve_kernels.is_hidden(x, y, rows, 0.14) for x, y in points]
     np.testing.assert_array_equal(found, returns.hide(points, 0.14))
 
 
@@ -285,10 +285,10 @@ def test_bands_of_the_basis(degree: int, more: int, each: int) -> None:
     samples = each * points
     dense = bspline.basis_matrices(points, degree, samples)
     for first, bands in (
-        loop_bspline.banded_matrices(points, degree, samples),
+        bspline_kernels.banded_matrices(points, degree, samples),
         [
             part[None] if i else part
-            for i, part in enumerate(loop_bspline.even_basis(points, degree, samples))
+            for i, part in enumerate(bspline_kernels.even_basis(points, degree, samples))
         ],
     ):
         for band, whole in zip(bands, dense, strict=False):
@@ -309,13 +309,13 @@ def test_least_squares(degree: int, more: int, bend: float, seed: int) -> None:
     """Against a solver of dense systems; the curve is what counts, and better conditioned."""
     points = degree + more
     data = np.cumsum(np.random.default_rng(seed).normal(0.0, 0.01, (5 * points, 2)), axis=0)
-    first, values = loop_bspline.even_basis(points, degree, len(data))
-    found = loop_bspline.loop_fit(first, values, data, points, bend)
+    first, values = bspline_kernels.even_basis(points, degree, len(data))
+    found = bspline_kernels.fit_kernel(first, values, data, points, bend)
     whole = bspline.basis_matrices(points, degree, len(data))[0]
     second = np.diff(np.eye(points), n=2, axis=0)
     ridge = bend * second.T @ second + (bspline.RIDGE if bend else 0.0) * np.eye(points)
     expected = np.linalg.solve(whole.T @ whole + ridge, whole.T @ data)
-    same(loop_bspline.positions(first, values, found), whole @ expected, 1e-12)
+    same(bspline_kernels.positions(first, values, found), whole @ expected, 1e-12)
 
 
 @given(
@@ -327,8 +327,8 @@ def test_least_squares(degree: int, more: int, bend: float, seed: int) -> None:
 def test_even_samples(seed: int, degree: int, start: float, length: float) -> None:
     rng = np.random.default_rng(seed)
     points = np.cumsum(rng.uniform(0.02, 0.1, (12, 2)), axis=0) * (-1.0, 1.0)
-    first, bands = loop_bspline.banded_matrices(12, degree, 60)
-    found = loop_bspline.loop_sampled_evenly(first, bands, points, length / 30, 31, start)
+    first, bands = bspline_kernels.banded_matrices(12, degree, 60)
+    found = bspline_kernels.sampled_evenly_kernel(first, bands, points, length / 30, 31, start)
     expected = bspline.BSpline(points, degree).sampled_evenly(length / 30, 31, start, 60)
     same(found[:, :2], expected.position)
     same(found[:, 2], expected.theta, 1e-12)
