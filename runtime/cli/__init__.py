@@ -86,8 +86,10 @@ def _open_streams() -> None:
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
     if isinstance(sys.stderr, io.TextIOWrapper):
+        # Detached, since a wrapper that nobody holds any more closes its buffer.
+        encoding = sys.stderr.encoding
         sys.stderr = _Messages(
-            sys.stderr.buffer, sys.stderr.encoding, "backslashreplace", line_buffering=True
+            sys.stderr.detach(), encoding, "backslashreplace", line_buffering=True
         )
 
 

@@ -71,8 +71,9 @@ def _where(text: str, mark: Any, file: str) -> Where:
 
 def position(text: str, index: int, file: str) -> Where:
     """Line and column of a character."""
-    before = text[:index]
-    return Where(file, before.count("\n") + 1, index - before.rfind("\n"))
+    breaks = list(_BREAK.finditer(text, 0, index))
+    begin = breaks[-1].end() if breaks else 0
+    return Where(file, len(breaks) + 1, index - begin + 1)
 
 
 def _stray(text: str, line: int, column: int) -> str:

@@ -1,17 +1,13 @@
-"""Kill workers of a real sweep at random moments: ``python -m tests.fuzz.kill_workers [TRIES]``.
+"""Kill workers of a real sweep at random moments.
 
-Every try runs ``runtime sweep`` in a process of its own, with a recording of some megabytes for
-each point, and kills a random one of its processes (a worker, or the nursery that forks them)
-every few milliseconds; every third try ends with Ctrl-C at a random moment and goes on with
-``--resume``. Prints one line: how many tries, kills, hangs and tracebacks there were, how many
-indexes equal that of a sweep that nobody disturbed, and how many points were given up because
-three of their workers were killed. Exit code 1 if a sweep hung, ended with a traceback, or left
-an index that differs in anything but such points.
+Every example runs ``runtime sweep`` in a process of its own, with a recording of some megabytes for
+each trial, and kills a random one of its processes (a worker, or the process that forks them)
+every few hundred milliseconds; every third example ends with Ctrl-C at a random moment and goes on
+with ``--resume``.
 """
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import csv
 import os
@@ -23,6 +19,8 @@ import tempfile
 import time
 from collections import Counter
 from pathlib import Path
+
+from tests.fuzz.campaign import Record, cpu_seconds
 
 MODULE = '''
 import blocks
@@ -58,58 +56,61 @@ metrics:
   first: {kind: final, of: noise.first}
 """
 POINTS = 24
+TITLE = "Kill workers"
+WHAT = (
+    "Workers of a real sweep, and now and then the process that forks them, are killed at random "
+    "moments; every third sweep is also interrupted by Ctrl-C and resumed."
+)
+HOLDS = (
+    "No sweep hangs or ends with a traceback, and its rows equal those of a sweep that nobody "
+    "disturbed, but for trials that lost three workers and say so."
+)
 PATIENCE = 120.0  # s; a sweep that takes longer hangs
 Row = tuple[str, ...]
 
 
-def main() -> int:
-    """Run the tries; print what came of them."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("tries", type=int, nargs="?", default=20)
-    parser.add_argument("--seed", type=int, default=0, help="of the moments")
-    parser.add_argument("--seconds", type=float, default=3600.0, help="begin no try after these")
-    options = parser.parse_args()
+def run(examples: int, seed: int) -> Record:
+    """Run sweeps whose workers are killed, and compare their rows with an undisturbed sweep's."""
+    started = cpu_seconds()
     found: Counter[str] = Counter()
-    end = time.monotonic() + options.seconds
+    failures: list[str] = []
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made)
         (folder / "own.py").write_text(MODULE)
         (folder / "noise.yaml").write_text(GRAPH)
-        run(folder, "whole", None, found)
+        failures += sweep_until(folder, "whole", None, found)[1]
         expected = index(folder / "sweeps" / "whole")
-        for number in range(options.tries):
-            if time.monotonic() > end:
-                break
-            found["tries"] += 1
-            moments = random.Random(f"{options.seed}.{number}")
-            name = f"try{number}"
-            while run(folder, name, moments, found, interrupts=number % 3 == 2) == "interrupted":
-                found["interrupts"] += 1
+        for number in range(examples):
+            moments = random.Random(f"{seed}.{number}")
+            name, ended = f"try{number}", "interrupted"
+            while ended == "interrupted":
+                ended, faults = sweep_until(folder, name, moments, found, number % 3 == 2)
+                failures += faults
+                found["Ctrl-C"] += ended == "interrupted"
             rows = index(folder / "sweeps" / name)
+            # Three killed workers are what a trial may cost; such a row says so.
             lost = [point for point, row in rows.items() if row[0] == "lost"]
-            found["lost"] += len(lost)
+            found["trials given up"] += len(lost)
             rows |= {point: expected[point] for point in lost}
-            found["equal"] += rows == expected
-            for point in expected:
-                if rows.get(point) != expected[point]:
-                    print(f"{name}: point {point}: {rows.get(point)}", file=sys.stderr)
-    print(
-        f"tries {found['tries']}, kills {found['kills']}, interrupts {found['interrupts']}, "
-        f"hangs {found['hangs']}, tracebacks {found['tracebacks']}, "
-        f"indexes equal {found['equal']} of {found['tries']}, points given up {found['lost']}"
-    )
-    is_sound = not found["hangs"] and not found["tracebacks"]
-    return 0 if is_sound and found["equal"] == found["tries"] else 1
+            found["equal indexes"] += rows == expected
+            failures += [
+                f"{name}: point {point}: {rows.get(point)}"
+                for point in expected
+                if rows.get(point) != expected[point]
+            ]
+    seconds = cpu_seconds() - started
+    return Record("kill_workers", examples, seed, dict(found), tuple(failures), seconds)
 
 
-def run(
+def sweep_until(
     folder: Path,
     name: str,
     moments: random.Random | None,
     found: Counter[str],
     interrupts: bool = False,
-) -> str:
-    """Run a sweep, or go on with it; returns ``interrupted`` if Ctrl-C ended it."""
+) -> tuple[str, list[str]]:
+    """Run a sweep, or go on with it; returns ``interrupted`` or ``ended``, and what went wrong."""
+    faults: list[str] = []
     script = Path(sys.executable).parent / "runtime"
     command = [str(script), "sweep", "noise.yaml", "--vary", f"noise.level=0..1:{POINTS}"]
     command += ["-j", "2", "--keep", "all", "--no-plots", "-q", "--resume", "--name", name]
@@ -133,18 +134,17 @@ def run(
             with contextlib.suppress(subprocess.TimeoutExpired):
                 sweep.wait(PATIENCE)
         if sweep.poll() is None:
-            found["hangs"] += 1
+            faults.append(f"{name}: the sweep hangs")
             sweep.kill()
         message.seek(0)
         text = message.read().decode()
         if "Traceback" in text:
-            found["tracebacks"] += 1
-            print(text, file=sys.stderr)
-        return "interrupted" if sweep.returncode == 130 else "ended"
+            faults.append(f"{name}: {text}")
+        return ("interrupted" if sweep.returncode == 130 else "ended"), faults
 
 
 def kill_one(sweep: int, moments: random.Random) -> bool:
-    """Kill one of a sweep's workers; now and then the nursery."""
+    """Kill one of a sweep's workers; now and then the process that forks them."""
     nurseries = children(sweep)
     workers = [pid for fork_server in nurseries for pid in children(fork_server)]
     # Killed whenever there are no workers yet, the nursery would never come to fork any.
@@ -174,7 +174,3 @@ def index(folder: Path) -> dict[str, Row]:
         row["point"]: (row["status"], row["reason"], row["noise.level"], row["first"])
         for row in rows
     }
-
-
-if __name__ == "__main__":
-    sys.exit(main())

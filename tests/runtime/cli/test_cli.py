@@ -288,3 +288,12 @@ def test_import_and_help_stay_light() -> None:
         command = [sys.executable, "-c", code]
         done = subprocess.run(command, capture_output=True, text=True, check=True)
         assert done.stdout.strip() == loaded
+
+
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+def test_closed_streams_lose_nothing(script: Path, tmp_path: Path, closed: str) -> None:
+    for _ in range(2):  # the second names what the first would have left behind
+        command = f"'{script}' run line_actuator_failure --until 0.05 --no-plots {closed}"
+        assert subprocess.run(command, shell=True, cwd=tmp_path, check=False).returncode == 0
+    inside = sorted(path.name for path in (tmp_path / "runs" / "line_actuator_failure").iterdir())
+    assert len(inside) == 3 and inside[-1] == "latest"

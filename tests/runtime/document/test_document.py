@@ -243,3 +243,11 @@ def test_arrays_become_lists() -> None:
     node = from_python({"a": np.array([1.5, 2.0]), "b": np.int64(3), "c": (1, 2)}, Where("set"))
     assert node.plain() == {"a": [1.5, 2.0], "b": 3, "c": [1, 2]}
     assert node.value["a"].value[0].where == Where("set")
+
+
+@pytest.mark.parametrize("line_break", ["\n", "\r", "\r\n", "\x85", "\u2028"])
+def test_every_line_break_of_yaml_counts(line_break: str) -> None:
+    with pytest.raises(GraphError) as caught:
+        parse_yaml(f"a: 1{line_break}b: \0", "g.yaml")
+    [problem] = caught.value.problems
+    assert (problem.where.line, problem.where.column) == (2, 4)
