@@ -18,20 +18,20 @@ class Input:
     """An input port.
 
     ``default`` is the value of every component of an input that is not wired; an input without a
-    default must be wired. A ``variadic`` input takes any number of wires, none included; the block
-    receives a tuple.
+    default must be wired. A ``variadic`` input takes any number of wires, none included, or as many
+    as the integer parameter that it names; the block receives a tuple.
     """
 
     type: PortType
     doc: str = ""
     unit: str = ""
     default: float | None = None
-    variadic: bool = False
+    variadic: bool | str = False
     name: str = ""
 
     @property
     def optional(self) -> bool:
-        return self.variadic or self.default is not None
+        return bool(self.variadic) or self.default is not None
 
 
 @dataclass(frozen=True)

@@ -157,6 +157,13 @@ def _check_ports(cls: type, spec: BlockSpec) -> None:
                 f"{cls.__name__}.{name}: expected a signal type such as Scalar, Pose or "
                 f"Vector(3), got {port.type!r}{suggestion}"
             )
+    for name, port in spec.inputs.items():
+        count = port.variadic
+        if isinstance(count, str) and getattr(spec.params.get(count), "kind", "") != "int":
+            raise DeclarationError(
+                f"{cls.__name__}.{name}: variadic='{count}' is not an integer parameter"
+                f"{hint(count, spec.params)}"
+            )
     for name, output in spec.outputs.items():
         source = spec.inputs.get(output.through)
         if output.through and source is None:

@@ -63,7 +63,7 @@ def is_variadic(document: Node, target: str, classes: Mapping[str, type[Block]])
     written = entry.get("type") or Node("")
     cls = {**BUILTIN, **classes}.get(str(written.value))
     declared = cls.spec.inputs.get(port) if cls is not None else None
-    return declared is not None and declared.variadic
+    return declared is not None and bool(declared.variadic)
 
 
 def own_types(cls: type[Block], node: Node) -> list[SignalType]:

@@ -273,6 +273,21 @@ def _misshapen(network: Network, name: str) -> str:
     return ""
 
 
+def _miscounted(network: Network, name: str) -> str:
+    """Which variadic input does not have as many wires as its block says; '' if none."""
+    entry = network.entries[name]
+    for port, declared in entry.cls.spec.inputs.items():
+        if isinstance(declared.variadic, str):
+            wanted = entry.made.value(declared.variadic)
+            wired = len(network.terms.get((name, port), ()))
+            if wired != wanted:
+                return (
+                    f"input '{port}' takes {declared.variadic} = {wanted} wires, {wired} are "
+                    f"connected; change one of the two"
+                )
+    return ""
+
+
 def _check_contexts(network: Network, problems: Problems) -> MissingPackageError | None:
     """Let each block check its context, once all its ports have types.
 
@@ -284,7 +299,7 @@ def _check_contexts(network: Network, problems: Problems) -> MissingPackageError
             continue
         try:
             context = network.context(name)
-            message = _misshapen(network, name)
+            message = _miscounted(network, name) or _misshapen(network, name)
             if message:
                 problems.add(entry.node.key, entry.address, message)
                 continue

@@ -15,6 +15,7 @@ from runtime.observation import wall_metrics
 from runtime.observation.metric_kinds import Checks, MetricKind, MetricOptions
 from runtime.observation.metric_kinds import ProbeInfo as ProbeInfo
 from runtime.observation.metric_kinds import Series as Series
+from runtime.streaming import row_blocks
 
 # A switch such as ``explore.engaged`` is on above this level.
 ENGAGED = 0.5
@@ -127,9 +128,11 @@ def settling_time(series: Mapping[str, Series], options: Mapping[str, Any]) -> f
     """
     s = series["of"]
     band = np.broadcast_to(np.atleast_1d(options["band"]), (1, *s.values.shape[1:]))
-    outside = ~(np.abs(s.values) <= band)  # NaN is outside, too
-    late = np.flatnonzero(outside.reshape(len(s.t), -1).any(axis=1))
-    first = int(late[-1]) + 1 if len(late) else 0
+    first = 0
+    for rows, (values,) in row_blocks(s.values):
+        outside = ~(np.abs(values) <= band)  # NaN is outside, too
+        late = np.flatnonzero(outside.reshape(len(values), -1).any(axis=1))
+        first = rows.start + int(late[-1]) + 1 if len(late) else first
     if first == len(s.t) or s.t[-1] - s.t[first] < float(options["hold"]) - 1e-9:
         return None
     return float(s.t[first])

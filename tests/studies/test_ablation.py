@@ -230,5 +230,5 @@ def test_measured_is_what_the_graph_gives(tmp_path: Path, monkeypatch: pytest.Mo
 
     monkeypatch.setattr(runs, "_pool", refused)
     assert runs.measure(LINE, PRINTED, tmp_path, engine="python") == found
-    with pytest.raises(runtime.UsageError, match="another plan"):
+    with pytest.raises(runtime.UsageError, match="belongs to a different plan"):
         runs.measure(LINE, PRINTED, tmp_path, Seeds(((1, 2),)), "python")

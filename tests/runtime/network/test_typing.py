@@ -233,3 +233,37 @@ def test_hints_among_many_names_compare_few_of_them(monkeypatch: pytest.MonkeyPa
     assert len(found) == 300 and all("did you mean 'controller_" in line for line in found)
     assert "'cnotroller_123'" in found[123] and "did you mean 'controller_123'?" in found[123]
     assert max(compared) <= params.CANDIDATES
+
+
+MUX = '''"""A block that takes as many wires as its parameter says."""
+from blocks import Block, Input, Output, Scalar, Vector, param
+import numpy as np
+
+
+class Stack(Block):
+    """Scalars as one vector."""
+
+    parts = Input(Scalar, variadic="n")
+    out = Output(Vector("n"))
+    n: int = param(2, at_least=1, doc="how many")
+
+    def output(self, state, t, parts):
+        return np.array(parts)
+'''
+
+
+def test_as_many_wires_as_the_parameter_says(tmp_path: Path) -> None:
+    (tmp_path / "stack.py").write_text(MUX)
+    text = (
+        "run: {dt: 0.01, until: 0.05}\n"
+        "blocks: {a: {type: Constant, value: 1}, s: {type: Stack, module: stack.py, n: 3}}\n"
+        "wires: {s: {parts: [a.value, a.value]}}\nprobes: {out: s.out}\n"
+    )
+    (tmp_path / "g.yaml").write_text(text)
+    [message] = messages(runtime.load(tmp_path / "g.yaml"))
+    assert "blocks.s: input 'parts' takes n = 3 wires, 2 are connected" in message
+    (tmp_path / "g.yaml").write_text(text.replace("n: 3", "n: 2"))
+    assert runtime.load(tmp_path / "g.yaml").run()["out"].tolist()[-1] == [1.0, 1.0]
+    (tmp_path / "stack.py").write_text(MUX.replace('variadic="n"', 'variadic="m"'))
+    [message] = messages(runtime.load(tmp_path / "g.yaml"))
+    assert "variadic='m' is not an integer parameter" in message
