@@ -19,7 +19,6 @@ from blocks.core.signals import PortType, Same
 from blocks.registry import BUILTIN
 from tests.fuzz import engines
 from tests.fuzz.campaign import Record, campaign
-from tests.fuzz.known import KNOWN
 
 TITLE = "Subclasses under both engines"
 WHAT = (
@@ -56,11 +55,7 @@ def targets() -> list[tuple[str, Evaluation]]:
         spec = BUILTIN[kind].spec
         calls = [call for call in spec.evaluations if not spec.is_constant(call)]
         calls += [spec.update] if spec.update is not None else []
-        found += [
-            (kind, call)
-            for call in calls
-            if not ("kernels" in KNOWN and hasattr(BUILTIN[kind], f"loop_{call.method}"))
-        ]
+        found += [(kind, call) for call in calls]
     return found
 
 
