@@ -20,7 +20,7 @@ import numpy as np
 from blocks.core import FloatArray, show
 from blocks.world import World
 from runtime.errors import UsageError
-from runtime.files import json_text, read_text, sha256, write_json, write_whole
+from runtime.files import json_text, read_text, sha256, system_errors, write_json, write_whole
 from runtime.observation import PlotSpec, Probe, Recording, RunData
 from runtime.runs.commit import git_commit
 from runtime.streaming import open_arrays, save_arrays
@@ -72,11 +72,9 @@ def contents(files: Mapping[str, Path], texts: Mapping[str, bytes]) -> dict[str,
     """
     found = {}
     for name, path in files.items():
-        try:
+        with system_errors(f"read '{path}'"):
             known = texts.get(str(path.resolve()))
             found[name] = path.read_bytes() if known is None else known
-        except OSError as error:
-            raise UsageError(f"cannot read '{path}': {error.strerror or error}") from None
     return found
 
 
@@ -87,10 +85,8 @@ def begin(result: RunData, probes: Mapping[str, Probe], folder: Path) -> None:
     ------
     UsageError : it cannot be written.
     """
-    try:
+    with system_errors(f"record to '{folder}'"):
         _write_texts(result, folder)
-    except OSError as error:
-        raise UsageError(f"cannot record to '{folder}': {error.strerror or error}") from None
     every = {name: probe.every for name, probe in probes.items()}
     details = {**manifest(result, {}, git_commit()), "every": every}
     write_json(folder / MANIFEST, {**details, "metrics": list(result.metrics)})
@@ -305,9 +301,8 @@ def _is_number(value: Any) -> bool:
 
 def _text(path: Path) -> str:
     try:
-        return read_text(path)
-    except OSError as error:
-        raise UsageError(f"cannot read '{path}': {error.strerror or error}") from None
+        with system_errors(f"read '{path}'"):
+            return read_text(path)
     except UnicodeDecodeError:
         raise _damaged(path, "it is no UTF-8 text") from None
     except ValueError as error:
@@ -356,11 +351,9 @@ def _changed_files(folder: Path, manifest: dict[str, Any]) -> list[str]:
         path = folder / name
         if Path(name).name != name or not name.isprintable():
             raise ValueError("hashes: expected names of files in the folder")
-        try:
+        with system_errors(f"read '{path}'"):
             if path.is_file() and not path.is_symlink() and sha256(path) == digest:
                 continue
-        except OSError as error:
-            raise UsageError(f"cannot read '{path}': {error.strerror or error}") from None
         if name in (METRICS, PROBES):
             raise _damaged(path, f"it is not the file that was saved (SHA-256 in {MANIFEST})")
         message = "was changed after" if path.is_file() else "was removed after"

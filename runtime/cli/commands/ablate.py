@@ -120,7 +120,7 @@ def _requested(options: Namespace) -> tuple[Experiment, list[Variant], dict[str,
 
 
 def _print(done: AblationResult, pictures: list[Path], quiet: bool) -> None:
-    from runtime.experiments.analysis import legend, table
+    from runtime.experiments.analysis import comparison_table, legend
 
     plan = done.plan
     if not quiet:
@@ -129,7 +129,7 @@ def _print(done: AblationResult, pictures: list[Path], quiet: bool) -> None:
                 tell(f"note: {variant.name}: {note}")
     show(f"{plan.name}: {len(plan.variants)} variants, seeds {plan.seeds}")
     lines = done.lines()
-    show(f"{table(lines)}\n\n{legend(lines, done.test)}")
+    show(f"{comparison_table(lines)}\n\n{legend(lines, done.test)}")
     for name, rows in done.rows.items():
         bad = [row for row in rows if row.status != "ok"]
         if bad:

@@ -75,14 +75,12 @@ def _names(text: str) -> list[str]:
 def _pictures(comparison: Comparison, options: Namespace) -> tuple[Path, list[Path]]:
     """Draw the overlaid runs into a new folder."""
     from runtime.compare.overlay import save_overlays
-    from runtime.errors import UsageError
+    from runtime.files import system_errors
     from runtime.runs import link_latest, new_folder
 
     names = [pair.name for other in comparison.others for pair in other.pairs if not pair.fault]
     folder = new_folder(Path(options.out), comparison.runs[0].result.title)
-    try:
+    with system_errors(f"write '{folder}'"):
         pictures = save_overlays(comparison.runs, list(dict.fromkeys(names)), folder)
-    except OSError as error:
-        raise UsageError(f"cannot write '{folder}': {error.strerror or error}") from None
     link_latest(folder)
     return folder, pictures

@@ -19,10 +19,10 @@ from runtime.experiments.analysis.statistics import (
     estimate,
     interval,
     is_significant,
-    number,
     number_or_none,
     presence,
 )
+from runtime.terminal import number, table
 
 Values = Sequence[float | None]
 
@@ -126,9 +126,9 @@ def _plain(estimate: Estimate) -> dict[str, Any]:
     return {"n": estimate.n, **ends}
 
 
-def table(lines: Sequence[ComparisonLine]) -> str:
+def comparison_table(lines: Sequence[ComparisonLine]) -> str:
     """The table for a terminal, metric by metric."""
-    header = (
+    header: tuple[str, ...] = (
         "",
         "seeds",
         "mean",
@@ -137,24 +137,14 @@ def table(lines: Sequence[ComparisonLine]) -> str:
         "95 % interval",
         "distinguishable",
     )
-    rows: list[tuple[str, ...]] = []
+    rows = [header]
     metric = ""
     for line in lines:
         if line.metric != metric:
             metric = line.metric
             rows.append((metric,))
         rows.append(_cells(line))
-    full = [row for row in rows if len(row) > 1]
-    widths = [max(len(row[i]) for row in [header, *full]) for i in range(len(header))]
-    widths[0] = max(widths[0], *(len(row[0]) for row in rows))
-    aligned = []
-    for row in (header, *rows):
-        cells = [
-            row[0].ljust(widths[0]),
-            *(c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=False)),
-        ]
-        aligned.append("  ".join(cells).rstrip())
-    return "\n".join(aligned)
+    return table(rows, range(1, len(header)), indent="")
 
 
 def legend(lines: Sequence[ComparisonLine], test: Test) -> str:
