@@ -20,7 +20,7 @@ from runtime.experiments.execution import (
 )
 from runtime.reports import pieces
 from runtime.reports.html import Html, element, facts, grouped_table, join, page, table
-from runtime.reports.schema import MAYBE_NUMBER, check
+from runtime.schema import MAYBE_NUMBER, check
 
 _ESTIMATE = {"n": int, "mean": MAYBE_NUMBER, "low": MAYBE_NUMBER, "high": MAYBE_NUMBER}
 _DIFFERENCE = {

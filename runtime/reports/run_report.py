@@ -13,6 +13,7 @@ from runtime.observation import Recording, RunData
 from runtime.reports import pieces
 from runtime.reports.html import Html, bullets, element, facts, join, page, table
 from runtime.runs import DIAGRAM, RESOLVED, read_run, run_folder
+from runtime.schema import is_number
 
 STATUS = {"complete": "good", "interrupted": "warn", "failed": "bad"}
 
@@ -116,7 +117,7 @@ def _metric_entries(text: str, file: str) -> dict[str, dict[str, Any]]:
 
 def _expected(entry: Mapping[str, Any], value: float | None) -> Html:
     """A metric's bounds, and whether its value is within them."""
-    bounds = [(key, entry[key]) for key in ("above", "below") if _is_number(entry.get(key))]
+    bounds = [(key, entry[key]) for key in ("above", "below") if is_number(entry.get(key))]
     if not bounds:
         return Html("")
     is_met = value is not None and all(
@@ -125,10 +126,6 @@ def _expected(entry: Mapping[str, Any], value: float | None) -> Html:
     message = " and ".join(f"{key} {bound:g}" for key, bound in bounds)
     verdict = element("span", "met" if is_met else "failed", class_="good" if is_met else "bad")
     return join(f"{message}: ", verdict)
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
 def _definition(entry: Mapping[str, Any]) -> str:

@@ -23,6 +23,7 @@ from runtime.errors import UsageError
 from runtime.files import json_text, read_text, sha256, system_errors, write_json, write_whole
 from runtime.observation import PlotSpec, Probe, Recording, RunData
 from runtime.runs.commit import git_commit
+from runtime.schema import NUMBER, check, is_number
 from runtime.streaming import open_arrays, save_arrays
 
 SCHEMA_VERSION = 1
@@ -30,7 +31,12 @@ TIME = "time"
 MANIFEST, METRICS, PROBES = "manifest.json", "metrics.json", "probes.npz"
 WRITTEN, RESOLVED = "graph.yaml", "graph.resolved.yaml"
 DIAGRAM = "diagram.json"
-LARGEST = 1e308
+# What everything that reads a manifest relies on.
+_NUMBERS = dict.fromkeys(("seed", "dt", "until", "ticks", "wall_s", "us_per_tick"), NUMBER)
+_FACTS = {
+    **{"graph": str, "status": str, **_NUMBERS},
+    **{"overrides": list, "removed": dict, "versions": dict, "argv": list},
+}
 # What numpy and zipfile raise over a file that is cut off or overwritten.
 _BROKEN_ARRAYS = (
     *(OSError, ValueError, TypeError, EOFError, KeyError, RuntimeError, MemoryError, OverflowError),
@@ -195,7 +201,7 @@ def read_run(path: str | Path) -> RunData:
     folder = run_folder(path)
     manifest = read_manifest(folder)
     metrics = _mapping(folder / METRICS)
-    if any(v is not None and not _is_number(v) for v in metrics.values()):
+    if any(v is not None and not is_number(v) for v in metrics.values()):
         raise _damaged(folder / METRICS, "expected a number or null for each metric")
     if not all(name.isprintable() for name in metrics):
         raise _damaged(folder / METRICS, "expected printable names")
@@ -277,26 +283,15 @@ def _recorded(name: str, info: dict[str, Any], arrays: dict[str, FloatArray]) ->
 
 def _check_facts(manifest: dict[str, Any]) -> None:
     """What everything that reads a run relies on."""
+    check(manifest, _FACTS)
     for key in ("graph", "status"):
-        if not isinstance(manifest[key], str):
-            raise ValueError(f"{key}: expected a text, got {manifest[key]!r}")
         if not manifest[key].isprintable():
             raise ValueError(f"{key}: expected one printable line")
-    for key in ("seed", "dt", "until", "ticks", "wall_s", "us_per_tick"):
-        if not _is_number(manifest[key]) or not math.isfinite(manifest[key]):
+    for key in _NUMBERS:
+        if not math.isfinite(manifest[key]):
             raise ValueError(f"{key}: expected a number, got {manifest[key]!r}")
     if manifest["dt"] <= 0.0 or manifest["ticks"] < 0:
         raise ValueError("expected a step above 0 s, and ticks from 0")
-    for key, kind in (("overrides", list), ("removed", dict), ("versions", dict), ("argv", list)):
-        if not isinstance(manifest[key], kind):
-            raise ValueError(f"{key}: expected a {kind.__name__}, got {manifest[key]!r}")
-
-
-def _is_number(value: Any) -> bool:
-    """Whether a value is a number that a float can hold."""
-    if isinstance(value, bool):
-        return False
-    return isinstance(value, float) or (isinstance(value, int) and abs(value) < LARGEST)
 
 
 def _text(path: Path) -> str:
