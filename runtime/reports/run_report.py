@@ -39,8 +39,7 @@ def run_report(path: Path) -> str:
         "Graph": _graph(folder, result),
         "Provenance": _provenance(folder, result),
     }
-    made_by = f"Made by runtime report from {folder.resolve().name}."
-    return page("Run", result.title, _lead(result), _facts(result), sections, made_by)
+    return page("Run", result.title, _lead(result), _facts(result), sections, folder)
 
 
 def _lead(result: RunData) -> str:
@@ -180,9 +179,8 @@ def _signal(recorded: Recording) -> list[str]:
 
 def _graph(folder: Path, result: RunData) -> Html:
     message = "The graph of the run, with all that it extends and all changes of the command line. "
-    again = element("code", f"runtime run {folder / RESOLVED}")
-    first = element("p", message, again, " reproduces the run bit by bit.", class_="soft")
-    return join(first, pieces.source(result.texts[RESOLVED].rstrip(), "resolved graph"))
+    purpose = " reproduces the run bit by bit."
+    return pieces.graph_text(result.texts[RESOLVED], folder / RESOLVED, message, purpose)
 
 
 def _provenance(folder: Path, result: RunData) -> Html:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from runtime.runs.simulate import versions
+from runtime.runs.simulation import versions
 from tests.studies import physics, rooms, walls
 from tests.studies.claims import Claim, beyond, case_a, case_b
 from tests.studies.following import ENGINE

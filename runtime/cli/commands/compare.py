@@ -7,7 +7,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runtime.cli.commands import add_json, at_least
+from runtime.cli.commands import add_output, at_least
 from runtime.terminal import show, show_json
 
 if TYPE_CHECKING:
@@ -37,12 +37,7 @@ def add(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--labels", default="", metavar="A,B[,...]", help="names of the runs, in their order"
     )
-    parser.add_argument(
-        "--out", default="comparisons", metavar="DIR", help="folder for pictures (comparisons)"
-    )
-    parser.add_argument("--no-plots", action="store_true", help="draw nothing")
-    add_json(parser)
-    parser.add_argument("-q", "--quiet", action="store_true", help="do not list pictures")
+    add_output(parser, "comparisons", "pictures")
 
 
 def run(options: Namespace) -> int:

@@ -6,7 +6,7 @@ import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from runtime.cli.commands.changes import add_graph, changed
+from runtime.cli.commands.changes import add_graph, changed_graph
 from runtime.terminal import show
 
 HELP = "draw the block diagram: svg, png, dot, mermaid"
@@ -27,9 +27,8 @@ def run(options: Namespace) -> int:
     """Write the block diagram."""
     from runtime.diagrams import diagram
     from runtime.files import system_errors
-    from runtime.graph import load
 
-    graph = changed(load(options.graph, modules=not options.no_modules), options)
+    graph = changed_graph(options.graph, options)
     network = graph.network
     written = options.out or f"{Path(options.graph).stem}.{options.format or 'svg'}"
     suffix = Path(written).suffix.lstrip(".")

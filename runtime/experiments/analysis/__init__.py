@@ -5,6 +5,7 @@ from runtime.experiments.analysis.comparison import (
     compare,
     comparison_table,
     legend,
+    verdict,
 )
 from runtime.experiments.analysis.groups import Group, Tally, gather
 from runtime.experiments.analysis.statistics import (
@@ -17,7 +18,6 @@ from runtime.experiments.analysis.statistics import (
     estimate,
     interval,
     is_significant,
-    number_or_none,
 )
 from runtime.experiments.analysis.sweep_data import SweepData, read_sweep
 
@@ -39,6 +39,6 @@ __all__ = [
     "interval",
     "is_significant",
     "legend",
-    "number_or_none",
     "read_sweep",
+    "verdict",
 ]

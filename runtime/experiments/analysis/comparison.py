@@ -69,12 +69,12 @@ class ComparisonLine:
             "metric": self.metric,
             "runs": self.runs,
             "recorded": not self.is_removed,
-            **_plain(self.own),
+            **self.own.to_dict(),
             "difference": None,
         }
         if difference is not None:
             line["difference"] = {
-                **_plain(difference),
+                **difference.to_dict(),
                 "p": number_or_none(difference.p),
                 "p_adjusted": number_or_none(self.p_adjusted),
                 "distinguishable": self.has_significant_difference,
@@ -119,11 +119,6 @@ def compare(
     corrected = adjusted([*compared, *(line.p_presence for line in lines)])
     found = zip(lines, corrected[: len(lines)], corrected[len(lines) :], strict=True)
     return [replace(line, p_adjusted=p, p_presence=q) for line, p, q in found]
-
-
-def _plain(estimate: Estimate) -> dict[str, Any]:
-    ends = {name: number_or_none(getattr(estimate, name)) for name in ("mean", "low", "high")}
-    return {"n": estimate.n, **ends}
 
 
 def comparison_table(lines: Sequence[ComparisonLine]) -> str:
@@ -173,20 +168,20 @@ def _cells(line: ComparisonLine) -> tuple[str, ...]:
         mean = number(line.difference.mean, "+")
         if 0 < line.difference.n < line.runs:
             mean += f" ({line.difference.n}/{line.runs})"
-        cells += [mean, interval(line.difference, "+"), _verdict(line)]
+        found, differs = line.difference, line.has_significant_difference
+        word = verdict(found.n, found.mean, found.p, line.p_presence, differs)
+        cells += [mean, interval(found, "+"), word]
     else:
         cells += ["", "", ""]
     return tuple(cells)
 
 
-def _verdict(line: ComparisonLine) -> str:
-    if line.has_significant_presence:
+def verdict(
+    n: int, mean: float | None, p: float | None, p_presence: float | None, differs: bool | None
+) -> str:
+    """Whether a difference is significant, in a word or two."""
+    if is_significant(p_presence):
         return "yes, in seeds"
-    if (
-        line.difference is not None
-        and line.difference.n
-        and line.difference.mean == 0.0
-        and line.difference.p == 1.0
-    ):
+    if n and mean == 0.0 and p == 1.0:
         return "equal"
-    return {True: "yes", False: "no", None: "-"}[line.has_significant_difference]
+    return {True: "yes", False: "no", None: "-"}[differs]

@@ -32,6 +32,11 @@ class Estimate:
     low: float
     high: float
 
+    def to_dict(self) -> dict[str, float | None]:
+        """The estimate as plain data."""
+        ends = {name: number_or_none(getattr(self, name)) for name in ("mean", "low", "high")}
+        return {"n": self.n, **ends}
+
 
 @dataclass(frozen=True)
 class Difference(Estimate):
