@@ -19,7 +19,7 @@ MANY_MARKS = 2_000  # more marks are drawn as an image
 IMAGE_DPI = 200
 # Verdana has the widths of DejaVu Sans, for systems without it.
 FONTS = "'DejaVu Sans', Verdana, sans-serif"
-# Any: the names of the settings are a literal type in some versions of matplotlib only.
+# Any: the names of the parameters are a literal type in some versions of matplotlib only.
 _SETTINGS: Any = {"svg.fonttype": "none", "svg.hashsalt": "report", "svg.image_inline": True}
 _LINK = f"{{{XLINK}}}href"
 

@@ -172,7 +172,7 @@ def _reason(error: Exception) -> str:
 
 @dataclass(frozen=True)
 class Leftover:
-    """A hidden folder whose process is gone: its path, run name, size in bytes and last change."""
+    """A hidden folder whose process has ended: path, run name, size in bytes and last change."""
 
     path: Path
     name: str
@@ -186,7 +186,7 @@ class Leftover:
 
 
 def leftovers(root: Path) -> list[Leftover]:
-    """The hidden folders below ``root`` (root/<graph>/.*) whose processes are gone.
+    """The hidden folders below ``root`` (root/<graph>/.*) whose processes have ended.
 
     Raises
     ------
@@ -237,7 +237,7 @@ def _size(path: Path) -> int:
 
 
 def remove(leftover: Leftover) -> bool:
-    """Remove a leftover unless a process uses it; returns whether it is gone."""
+    """Remove a leftover unless a process uses it; returns whether it was removed."""
     if not _is_alive(leftover.path):
         remove_tree(leftover.path)
     return not leftover.path.exists()
