@@ -26,7 +26,7 @@ TIMES = 20.0
 def sweep_seconds(seeds: int, until: float) -> float:
     """Wall seconds of the whole command, from its start to its end."""
     with tempfile.TemporaryDirectory() as folder:
-        # A sweep wants a knob: here one that has a single value, the graph's own.
+        # A sweep needs a factor: here one with a single value, the graph's own.
         command = [
             *(sys.executable, "-c", CLI, "sweep", "line_actuator_failure"),
             *("--seeds", f"0..{seeds - 1}", "--vary", "limit.omega_max=[1.0]"),
@@ -43,7 +43,7 @@ def sweep_seconds(seeds: int, until: float) -> float:
 
 
 def nengo_seed(job: tuple[int, float]) -> float:
-    """Build and run one seed in nengo; the way gone along the line (m)."""
+    """Build and run one seed in nengo; the distance travelled along the line (m)."""
     import nengo
 
     seed, until = job

@@ -8,7 +8,8 @@ import math
 import re
 import secrets
 import shutil
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,15 @@ def slug(text: str, otherwise: str = "graph") -> str:
         return name
     digest = hashlib.sha256(text.encode("utf-8", "backslashreplace")).hexdigest()[:8]
     return f"{name[: NAME_BYTES - 9]}-{digest}"
+
+
+@contextmanager
+def system_errors(action: str) -> Iterator[None]:
+    """Report an error of the system as a ``UsageError``: ``cannot <action>: <reason>``."""
+    try:
+        yield
+    except OSError as error:
+        raise UsageError(f"cannot {action}: {error.strerror or error}") from None
 
 
 def read_text(path: Path) -> str:
@@ -121,10 +131,8 @@ def write_json(path: Path, value: Any) -> None:
     ------
     UsageError : it cannot be written.
     """
-    try:
+    with system_errors(f"write '{path}'"):
         write_whole(path, json_text(value, indent=2) + "\n")
-    except OSError as error:
-        raise UsageError(f"cannot write '{path}': {error.strerror or error}") from None
 
 
 def _plain(value: Any) -> Any:

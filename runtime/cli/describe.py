@@ -14,6 +14,7 @@ from blocks.core import Block, Input, Output, Param
 from blocks.registry import BUILTIN, blocks_of_module, installed
 from runtime.errors import UsageError
 from runtime.observation import METRIC_KINDS, PLOT_KINDS, MetricKind, MetricOptions, PlotKind
+from runtime.terminal import table
 
 HEADER = """# Blocks
 
@@ -43,12 +44,8 @@ def describe_text(cls: type[Block]) -> str:
     """The description of a block for a terminal."""
     lines = [cls.__name__, "", inspect.getdoc(cls) or "", ""]
     for title, rows in _tables(cls):
-        lines.append(title)
-        widths = [max((len(row[i]) for row in rows), default=0) for i in range(3)]
-        for name, kind, default, text in rows:
-            cells = (name.ljust(widths[0]), kind.ljust(widths[1]), default.ljust(widths[2]), text)
-            lines.append("  " + "  ".join(cell for cell in cells if cell.strip()))
-        lines.append("")
+        used = [i for i in range(len(rows[0])) if any(row[i] for row in rows)]
+        lines += [title, table([[row[i] for i in used] for row in rows]), ""]
     through = cls.spec.through
     if through:
         lines.append(f"bypass wires {through[0]} straight to {through[1]}")

@@ -10,6 +10,7 @@ from typing import Any
 from runtime.compare.comparison import Compared, Comparison
 from runtime.compare.documents import ABSENT, Difference, text_of
 from runtime.compare.probes import Column, Pair
+from runtime.terminal import number, table
 
 LISTED = 6  # columns of a probe that the text lists one by one
 LISTED_IN_JSON = 12
@@ -30,30 +31,6 @@ def exact_summary(comparison: Comparison) -> str:
     parts = [*_common(comparison)]
     parts += [_by_bits(comparison, other) for other in comparison.others]
     return "\n\n".join(parts)
-
-
-def number(value: float | None) -> str:
-    """A number in four digits; a dash for None and NaN."""
-    return "-" if value is None or math.isnan(value) else f"{value:.4g}"
-
-
-def table(rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> str:
-    """Rows as aligned columns, indented by two spaces.
-
-    Parameters
-    ----------
-    rows : the header first.
-    numbers : indices of the columns that are aligned right.
-    """
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = []
-    for row in rows:
-        cells = [
-            text.rjust(width) if i in numbers else text.ljust(width)
-            for i, (text, width) in enumerate(zip(row, widths, strict=True))
-        ]
-        lines.append(("  " + "  ".join(cells)).rstrip())
-    return "\n".join(lines)
 
 
 def _common(comparison: Comparison) -> Iterator[str]:

@@ -8,17 +8,25 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import asdict
 from typing import Any
 
 from runtime.diagrams.picture import FATES, Box, Net, Part, Picture, picture_of
 from runtime.network import Network
+from runtime.schema import NUMBER, check
 
 SCHEMA_VERSION = 1
 MAX_BOXES, MAX_WIRES = 500, 5_000
-MAX_TEXT = 20_000  # characters
+MAX_LENGTH = 20_000  # of a text and of a list
 TOO_LARGE = f"its graph has more than {MAX_BOXES} blocks or {MAX_WIRES} wires"
+_PART = {"name": str, "title": str, "parent": str}
+_BOX = {
+    **{"name": str, "title": str, "type": str, "period": NUMBER, "part": str, "fate": str},
+    **{"about": str, "inputs": [str], "outputs": [str]},
+}
+_NET = {"source": [str], "targets": [[str]], "type": str, "is_ghost": bool, "needs": [str]}
+_PICTURE = {"title": str, "boxes": [_BOX], "parts": [_PART], "nets": [_NET]}
 
 
 def stored_picture(network: Network) -> str | None:
@@ -45,25 +53,28 @@ def read_picture(text: str) -> Picture:
     ValueError : the text is damaged; the message gives the location.
     """
     try:
-        found = json.loads(text)
+        shown = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise ValueError(f"not valid JSON ({error})") from None
-    shown = _mapping(found, "top level")
-    if shown.get("schema_version") != SCHEMA_VERSION:
+    check(shown, {"schema_version": int})
+    if shown["schema_version"] != SCHEMA_VERSION:
         raise ValueError(f"expected schema_version {SCHEMA_VERSION}")
-    picture = Picture(_text(shown, "title"), {}, {}, [])
-    for entry in _list(shown, "parts", MAX_BOXES):
-        part = Part(_text(entry, "name"), _text(entry, "title"), _text(entry, "parent"))
+    check(shown, _PICTURE, longest=MAX_LENGTH)
+    if max(len(shown["boxes"]), len(shown["parts"])) > MAX_BOXES:
+        raise ValueError(f"more than {MAX_BOXES} blocks or parts")
+    picture = Picture(shown["title"], {}, {}, [])
+    for entry in shown["parts"]:
+        part = Part(**_fields(entry, _PART))
         _check_name(picture, part.name, part.title, part.parent)
         picture.parts[part.name] = part
-    for entry in _list(shown, "boxes", MAX_BOXES):
+    for entry in shown["boxes"]:
         box = _box(entry)
         _check_name(picture, box.name, box.title, box.part)
         picture.boxes[box.name] = box
     if not picture.boxes:
         raise ValueError("boxes: expected at least one block")
     seen: set[tuple[tuple[str, str], bool]] = set()
-    for entry in _list(shown, "nets", MAX_WIRES):
+    for entry in shown["nets"]:
         net = _net(entry, picture.boxes)
         if (net.source, net.is_ghost) in seen:
             raise ValueError(f"nets: {'.'.join(net.source)} is listed twice")
@@ -74,43 +85,38 @@ def read_picture(text: str) -> Picture:
     return picture
 
 
+def _fields(entry: Mapping[str, Any], form: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: entry[key] for key in form}
+
+
 def _box(entry: Mapping[str, Any]) -> Box:
-    period, fate = entry.get("period"), _text(entry, "fate")
-    if isinstance(period, bool) or not isinstance(period, (int, float)):
-        raise ValueError("boxes: expected a period in s")
-    if not 0.0 <= period < math.inf or (fate and fate not in FATES.values()):
+    box = Box(**_fields(entry, _BOX))
+    if not 0.0 <= box.period < math.inf or (box.fate and box.fate not in FATES.values()):
         raise ValueError("boxes: expected a non-negative finite period and a known fate")
-    return Box(
-        name=_text(entry, "name"),
-        title=_text(entry, "title"),
-        type=_text(entry, "type"),
-        period=float(period),
-        part=_text(entry, "part"),
-        fate=fate,
-        about=_text(entry, "about"),
-        inputs=_ports(entry, "inputs"),
-        outputs=_ports(entry, "outputs"),
-    )
+    for ports in (box.inputs, box.outputs):
+        _check_distinct(ports, "inputs and outputs")
+    return box
 
 
 def _net(entry: Mapping[str, Any], boxes: Mapping[str, Box]) -> Net:
-    ends = [entry.get("source"), *_items(entry, "targets", MAX_WIRES)]
-    pairs = []
-    for end in ends:
-        if not (isinstance(end, list) and len(end) == 2 and all(isinstance(x, str) for x in end)):
-            raise ValueError("nets: expected [block, port]")
-        pairs.append((end[0], end[1]))
-    source, *targets = pairs
+    ends = [entry["source"], *entry["targets"]]
+    if any(len(end) != 2 for end in ends):
+        raise ValueError("nets: expected [block, port]")
+    source, *targets = [(name, port) for name, port in ends]
     if source[0] not in boxes or source[1] not in boxes[source[0]].outputs:
         raise ValueError("nets: unknown source")
-    if not targets or len(set(targets)) < len(targets):
-        raise ValueError("nets: expected one or more distinct targets")
+    _check_distinct(targets, "targets")
+    if not targets:
+        raise ValueError("nets: expected at least one target")
     if any(name not in boxes or port not in boxes[name].inputs for name, port in targets):
         raise ValueError("nets: unknown target")
-    if not isinstance(entry.get("is_ghost"), bool):
-        raise ValueError("nets: expected is_ghost, true or false")
-    needs = tuple(_ports(entry, "needs"))
-    return Net(source, tuple(targets), _text(entry, "type"), entry["is_ghost"], needs)
+    _check_distinct(entry["needs"], "needs")
+    return Net(source, tuple(targets), entry["type"], entry["is_ghost"], tuple(entry["needs"]))
+
+
+def _check_distinct(items: Collection[Any], key: str) -> None:
+    if len(items) > MAX_WIRES or len(set(items)) < len(items):
+        raise ValueError(f"{key}: expected up to {MAX_WIRES} distinct entries")
 
 
 def _check_name(picture: Picture, name: str, title: str, part: str) -> None:
@@ -121,34 +127,3 @@ def _check_name(picture: Picture, name: str, title: str, part: str) -> None:
         raise ValueError(f"expected the full name of '{title[:60]}', got '{name[:60]}'")
     if name in picture.boxes or name in picture.parts:
         raise ValueError(f"'{name[:60]}' is listed twice")
-
-
-def _mapping(value: Any, address: str) -> dict[str, Any]:
-    if not isinstance(value, dict):
-        raise ValueError(f"{address}: expected an object, got {type(value).__name__}")
-    return value
-
-
-def _items(entry: Mapping[str, Any], key: str, most: int) -> list[Any]:
-    value = entry.get(key)
-    if not isinstance(value, list) or len(value) > most:
-        raise ValueError(f"{key}: expected a list of up to {most}")
-    return value
-
-
-def _list(entry: Mapping[str, Any], key: str, most: int) -> list[dict[str, Any]]:
-    return [_mapping(item, key) for item in _items(entry, key, most)]
-
-
-def _ports(entry: Mapping[str, Any], key: str) -> list[str]:
-    found = _items(entry, key, MAX_WIRES)
-    if not all(isinstance(item, str) for item in found) or len(set(found)) < len(found):
-        raise ValueError(f"{key}: expected distinct names")
-    return list(found)
-
-
-def _text(entry: Mapping[str, Any], key: str) -> str:
-    value = entry.get(key)
-    if not isinstance(value, str) or len(value) > MAX_TEXT:
-        raise ValueError(f"{key}: expected a string of up to {MAX_TEXT} characters")
-    return value

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from runtime.diagrams import diagram, stored_picture
-from runtime.errors import UsageError
 from runtime.experiments.analysis import (
     CONFIDENCE,
     CORRECTION,
@@ -40,7 +39,7 @@ from runtime.experiments.execution import (
     run_all,
     save_trial,
 )
-from runtime.files import own_folder, write_json, write_whole
+from runtime.files import own_folder, system_errors, write_json, write_whole
 from runtime.terminal import Progress
 
 KEPT = ("ok", "failed", "timeout")
@@ -186,7 +185,7 @@ def _run(
 
 def _draw_diagrams(plan: ExperimentPlan, variants: dict[str, Variant], folder: Path) -> None:
     target = folder / DIAGRAMS
-    try:
+    with system_errors(f"write '{target}'"):
         own_folder(target)
         for variant in plan.variants:
             network = variants[variant.name].graph.network
@@ -194,5 +193,3 @@ def _draw_diagrams(plan: ExperimentPlan, variants: dict[str, Variant], folder: P
             picture = stored_picture(network)
             if picture is not None:
                 write_whole(target / f"{variant.slug}.json", picture)
-    except OSError as error:
-        raise UsageError(f"cannot write '{target}': {error.strerror}") from None

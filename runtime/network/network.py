@@ -119,7 +119,7 @@ class Network:
         return all((name, port) in self.types for port in (*spec.inputs, *spec.outputs))
 
     def context(self, name: str) -> BlockContext:
-        """What a block is told about its place in the graph: step, types, wires, world."""
+        """What a block knows about its place in the graph: step, types, wires, world."""
         entry = self.entries[name]
         ports = (*entry.cls.spec.inputs, *entry.cls.spec.outputs)
         return BlockContext(

@@ -18,6 +18,7 @@ from matplotlib.lines import Line2D
 from blocks.core import FloatArray
 from blocks.world import World
 from runtime.errors import UsageError
+from runtime.files import system_errors
 from runtime.observation import PlotSpec, Recording, RunData
 from runtime.plots import map as maps
 from runtime.plots import style
@@ -199,12 +200,10 @@ def animate(result: RunData, file: str | Path) -> Path:
     if missing:
         raise UsageError(f"plot '{plot.name}' shows '{missing[0]}', which was not recorded")
     end = style.run_end(result)
-    try:
+    times = np.linspace(0.0, end, FRAMES if end > 0.0 else 1).tolist()
+    with system_errors(f"write '{file}'"), matplotlib.rc_context(style.STYLE):
         file.parent.mkdir(parents=True, exist_ok=True)
-        with matplotlib.rc_context(style.STYLE):
-            _write(plot, result, file, np.linspace(0.0, end, FRAMES if end > 0.0 else 1).tolist())
-    except OSError as error:
-        raise UsageError(f"cannot write '{file}': {error.strerror or error}") from None
+        _write(plot, result, file, times)
     return file
 
 

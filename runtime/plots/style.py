@@ -25,7 +25,7 @@ LONG_NAME = 20  # characters, about what fits beside the lowest axes
 # Okabe and Ito's palette for colour-blind readers, without its yellow, too pale for lines.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 LINESTYLES = ("-", "--", ":", "-.")
-# Any: the names of the settings are a literal type in some versions of matplotlib only.
+# Any: the names of the parameters are a literal type in some versions of matplotlib only.
 STYLE: Any = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from runtime.errors import UsageError
-from runtime.experiments.analysis import LEVEL
+from runtime.experiments.analysis import LEVEL, verdict
 from runtime.experiments.analysis.ablation_plots import ablation_figure, read_facts
 from runtime.experiments.execution import (
     DIAGRAMS,
@@ -20,7 +20,7 @@ from runtime.experiments.execution import (
 )
 from runtime.reports import pieces
 from runtime.reports.html import Html, element, facts, grouped_table, join, page, table
-from runtime.reports.schema import MAYBE_NUMBER, check
+from runtime.schema import MAYBE_NUMBER, check
 
 _ESTIMATE = {"n": int, "mean": MAYBE_NUMBER, "low": MAYBE_NUMBER, "high": MAYBE_NUMBER}
 _DIFFERENCE = {
@@ -67,9 +67,8 @@ def ablation_report(folder: Path) -> str:
         "Provenance": pieces.plan_provenance(folder, plan),
     }
     lead = f"Ablation of {found['graph']}: the baseline and {_count(found)} on the same seeds."
-    made_by = f"Made by runtime report from {folder.resolve().name}."
     title = str(found["experiment"])
-    return page("Ablation", title, lead, _facts(found, plan), sections, made_by)
+    return page("Ablation", title, lead, _facts(found, plan), sections, folder)
 
 
 def _count(found: Mapping[str, Any]) -> str:
@@ -123,28 +122,16 @@ def _line(line: Mapping[str, Any]) -> list[str]:
     difference = line["difference"]
     if difference is None:
         return [*cells, "", "", "", "" if line["recorded"] else "removed"]
-    mean = pieces.number(difference["mean"], signed=True)
-    if 0 < difference["n"] < line["runs"]:
-        share = element("span", f" {difference['n']}/{line['runs']}", class_="soft")
-        mean = join(mean, share)
-    verdict = _verdict(difference)
-    shown = element("strong", verdict) if verdict.startswith("yes") else verdict
+    keys = ("n", "mean", "p", "p_presence", "distinguishable")
+    word = verdict(*(difference[key] for key in keys))
+    shown = element("strong", word) if word.startswith("yes") else word
     return [
         *cells,
-        mean,
+        pieces.mean(difference["mean"], difference["n"], line["runs"], signed=True),
         pieces.interval(difference["low"], difference["high"], signed=True),
         pieces.probability(difference["p_adjusted"]),
         shown,
     ]
-
-
-def _verdict(difference: Mapping[str, Any]) -> str:
-    """Whether a difference is significant, in a word or two."""
-    if difference["p_presence"] is not None and difference["p_presence"] < LEVEL:
-        return "yes, in seeds"
-    if difference["n"] and difference["mean"] == 0.0 and difference["p"] == 1.0:
-        return "equal"
-    return {True: "yes", False: "no", None: "–"}[difference["distinguishable"]]
 
 
 def _figure(folder: Path, found: Mapping[str, Any]) -> Html:

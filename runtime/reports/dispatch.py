@@ -7,8 +7,8 @@ from pathlib import Path
 
 from runtime.errors import UsageError
 from runtime.experiments.execution import PLAN, read_plan
-from runtime.reports.schema import check
 from runtime.runs import MANIFEST, run_folder
+from runtime.schema import check
 
 _PLAN = {"kind": str, "experiment": str, "points": int, "metrics": [str]}
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
 from importlib.resources import files
+from pathlib import Path
 
 VOID = ("br", "hr", "link", "meta")
 SPACES = "\n\t\u00a0\u202f"
@@ -18,10 +19,14 @@ class Html(str):
     __slots__ = ()
 
 
+def visible(value: str) -> str:
+    """A text in which characters that are not printable become U+FFFD."""
+    return "".join(c if c.isprintable() or c in SPACES else "\ufffd" for c in value)
+
+
 def text(value: str) -> Html:
     """Escaped text; characters that are not printable become U+FFFD."""
-    shown = "".join(c if c.isprintable() or c in SPACES else "\ufffd" for c in value)
-    return Html(escape(shown))
+    return Html(escape(visible(value)))
 
 
 def join(*parts: str) -> Html:
@@ -122,7 +127,7 @@ def page(
     lead: str,
     facts: Html,
     sections: Mapping[str, Html],
-    made_by: str,
+    folder: Path,
 ) -> str:
     """A whole HTML document.
 
@@ -132,7 +137,7 @@ def page(
     title, lead : the heading and a summary of one sentence.
     facts : the few values at the top.
     sections : contents by title, with links at the top; empty ones are left out.
-    made_by : the last line.
+    folder : of the subject, named in the last line.
     """
     style = files("runtime.reports").joinpath("report.css").read_text(encoding="utf-8")
     shown = {title: content for title, content in sections.items() if content}
@@ -159,7 +164,7 @@ def page(
         ),
         "\n",
         element("main", *(join(_section(*item), "\n") for item in shown.items())),
-        element("footer", element("p", made_by)),
+        element("footer", element("p", f"Made by runtime report from {folder.resolve().name}.")),
     )
     return f'<!doctype html>\n<html lang="en">\n{head}\n{body}\n</html>\n'
 

@@ -42,6 +42,12 @@ def interval(low: float | None, high: float | None, *, signed: bool = False) -> 
     return f"[{_digits(low, signed)}, {_digits(high, signed)}]"
 
 
+def mean(value: float | None, n: int, runs: int, *, signed: bool = False) -> Html:
+    """A mean, with the number of runs that have a value if not all have."""
+    shown = number(value, signed=signed)
+    return join(shown, element("span", f" {n}/{runs}", class_="soft")) if 0 < n < runs else shown
+
+
 def probability(p: float | None) -> str:
     """A p value in two digits; a bound for very small ones."""
     if p is None or math.isnan(p):
@@ -90,14 +96,15 @@ def graph_file(file: Path, message: str) -> Html:
         text = read_text(file)
     except (OSError, ValueError) as error:
         return element("p", f"The graph cannot be read: {error}", class_="soft")
+    return graph_text(text, file, message, " runs it.")
+
+
+def graph_text(text: str, file: Path, message: str, purpose: str) -> Html:
+    """The text of a graph, with the command that runs it and what for."""
     again = element("code", f"runtime run {file}")
-    first = element("p", message, " ", again, " runs it.", class_="soft")
-    return join(first, source(text.rstrip(), "resolved graph"))
-
-
-def source(text: str, label: str) -> Html:
-    """The text of a graph."""
-    return scrolling(element("pre", element("code", text)), label, "source")
+    first = element("p", message, " ", again, purpose, class_="soft")
+    shown = element("pre", element("code", text.rstrip()))
+    return join(first, scrolling(shown, "resolved graph", "source"))
 
 
 def command(argv: Any) -> Html:

@@ -13,6 +13,7 @@ from runtime.observation import Recording, RunData
 from runtime.reports import pieces
 from runtime.reports.html import Html, bullets, element, facts, join, page, table
 from runtime.runs import DIAGRAM, RESOLVED, read_run, run_folder
+from runtime.schema import is_number
 
 STATUS = {"complete": "good", "interrupted": "warn", "failed": "bad"}
 
@@ -38,8 +39,7 @@ def run_report(path: Path) -> str:
         "Graph": _graph(folder, result),
         "Provenance": _provenance(folder, result),
     }
-    made_by = f"Made by runtime report from {folder.resolve().name}."
-    return page("Run", result.title, _lead(result), _facts(result), sections, made_by)
+    return page("Run", result.title, _lead(result), _facts(result), sections, folder)
 
 
 def _lead(result: RunData) -> str:
@@ -116,7 +116,7 @@ def _metric_entries(text: str, file: str) -> dict[str, dict[str, Any]]:
 
 def _expected(entry: Mapping[str, Any], value: float | None) -> Html:
     """A metric's bounds, and whether its value is within them."""
-    bounds = [(key, entry[key]) for key in ("above", "below") if _is_number(entry.get(key))]
+    bounds = [(key, entry[key]) for key in ("above", "below") if is_number(entry.get(key))]
     if not bounds:
         return Html("")
     is_met = value is not None and all(
@@ -125,10 +125,6 @@ def _expected(entry: Mapping[str, Any], value: float | None) -> Html:
     message = " and ".join(f"{key} {bound:g}" for key, bound in bounds)
     verdict = element("span", "met" if is_met else "failed", class_="good" if is_met else "bad")
     return join(f"{message}: ", verdict)
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
 
 
 def _definition(entry: Mapping[str, Any]) -> str:
@@ -183,9 +179,8 @@ def _signal(recorded: Recording) -> list[str]:
 
 def _graph(folder: Path, result: RunData) -> Html:
     message = "The graph of the run, with all that it extends and all changes of the command line. "
-    again = element("code", f"runtime run {folder / RESOLVED}")
-    first = element("p", message, again, " reproduces the run bit by bit.", class_="soft")
-    return join(first, pieces.source(result.texts[RESOLVED].rstrip(), "resolved graph"))
+    purpose = " reproduces the run bit by bit."
+    return pieces.graph_text(result.texts[RESOLVED], folder / RESOLVED, message, purpose)
 
 
 def _provenance(folder: Path, result: RunData) -> Html:

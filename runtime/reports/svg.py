@@ -12,14 +12,14 @@ from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from runtime.reports.html import SPACES, Html
+from runtime.reports.html import Html, visible
 
 SVG, XLINK = "http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"
 MANY_MARKS = 2_000  # more marks are drawn as an image
 IMAGE_DPI = 200
 # Verdana has the widths of DejaVu Sans, for systems without it.
 FONTS = "'DejaVu Sans', Verdana, sans-serif"
-# Any: the names of the settings are a literal type in some versions of matplotlib only.
+# Any: the names of the parameters are a literal type in some versions of matplotlib only.
 _SETTINGS: Any = {"svg.fonttype": "none", "svg.hashsalt": "report", "svg.image_inline": True}
 _LINK = f"{{{XLINK}}}href"
 
@@ -57,9 +57,7 @@ def diagram_svg(drawn: str, name: str, label: str) -> Html:
 
 def _parsed(drawn: str) -> ElementTree.Element:
     """A drawing as a tree; characters that are not printable become U+FFFD."""
-    if not drawn.isprintable():
-        drawn = "".join(c if c.isprintable() or c in SPACES else "\ufffd" for c in drawn)
-    return ElementTree.fromstring(drawn)
+    return ElementTree.fromstring(drawn if drawn.isprintable() else visible(drawn))
 
 
 def _is_dense(artist: object) -> bool:

@@ -10,7 +10,6 @@ from typing import Any
 
 from runtime.compare import text_of
 from runtime.experiments.analysis import (
-    Estimate,
     Group,
     SweepData,
     Tally,
@@ -84,10 +83,8 @@ def sweep_report(folder: Path) -> str:
         "Graph": pieces.graph_file(folder / GRAPH, "The graph before factors are set."),
         "Provenance": pieces.plan_provenance(folder, swept.plan),
     }
-    made_by = f"Made by runtime report from {folder.resolve().name}."
-    return page(
-        "Sweep", swept.data.name, _lead(swept), _facts(swept, configurations), sections, made_by
-    )
+    facts = _facts(swept, configurations)
+    return page("Sweep", swept.data.name, _lead(swept), facts, sections, folder)
 
 
 def _read(folder: Path) -> _Sweep:
@@ -165,16 +162,9 @@ def _configuration(swept: _Sweep, group: Group) -> list[str]:
     cells = [*group.cells, f"{ok}/{swept.data.seeds}"]
     for metric in swept.shown:
         found = estimate(group.values(swept.metrics.index(metric)))
-        cells += [_mean(found, swept.data.seeds), pieces.interval(found.low, found.high)]
+        mean = pieces.mean(found.mean, found.n, swept.data.seeds)
+        cells += [mean, pieces.interval(found.low, found.high)]
     return cells
-
-
-def _mean(found: Estimate, runs: int) -> Html:
-    """A mean, with the number of runs that have a value if not all have."""
-    if 0 < found.n < runs:
-        share = element("span", f" {found.n}/{runs}", class_="soft")
-        return join(pieces.number(found.mean), share)
-    return pieces.number(found.mean)
 
 
 def _figures(swept: _Sweep) -> Iterator[Html]:

@@ -1,6 +1,6 @@
 """Runs: simulating a prepared graph once, its result, and the run folder on disk.
 
-``simulate`` runs a graph, ``result`` is the run in Python, ``folder`` writes and reads the format
+``simulation`` runs a graph, ``result`` is the run in Python, ``folder`` writes and reads the format
 of a run folder, ``draft`` creates run folders in one step and recovers those of killed runs.
 """
 
@@ -28,7 +28,7 @@ from runtime.runs.folder import (
     run_folder,
 )
 from runtime.runs.result import Result, open_run
-from runtime.runs.simulate import PreparedRun, chosen_runner, simulate, versions
+from runtime.runs.simulation import PreparedRun, chosen_runner, simulate, versions
 
 __all__ = [
     "DIAGRAM",

@@ -24,7 +24,7 @@ import numpy as np
 from blocks.core import FloatArray
 from runtime.engine import recording_file
 from runtime.errors import UsageError
-from runtime.files import point_link, remove_tree, slug
+from runtime.files import point_link, remove_tree, slug, system_errors
 from runtime.observation import RunData
 from runtime.runs.commit import git_commit
 from runtime.runs.folder import MANIFEST, RESOLVED, WRITTEN, described_run, read_manifest, write
@@ -96,13 +96,14 @@ class Draft:
         """
         complete = self.partial / RUN
         try:
+            with system_errors(f"write '{self.folder}'"):
+                remove_tree(complete)
+                complete.mkdir(parents=True)
+                write(result, complete, self.commit)
+                complete.rename(self.folder)
+        except UsageError:
             remove_tree(complete)
-            complete.mkdir(parents=True)
-            write(result, complete, self.commit)
-            complete.rename(self.folder)
-        except OSError as error:
-            remove_tree(complete)
-            raise UsageError(f"cannot write '{self.folder}': {_reason(error)}") from None
+            raise
         return self.folder
 
     def close(self) -> None:
@@ -134,10 +135,8 @@ def save_elsewhere(result: RunData, name: str) -> Path:
     ------
     UsageError : the temporary folder cannot be written either.
     """
-    try:
+    with system_errors("write a temporary folder"):
         root = Path(mkdtemp(prefix="spikeblocks-"))
-    except OSError as error:
-        raise UsageError(f"cannot write a temporary folder: {_reason(error)}") from None
     try:
         return save(result, root / name)
     except UsageError:
@@ -173,7 +172,7 @@ def _reason(error: Exception) -> str:
 
 @dataclass(frozen=True)
 class Leftover:
-    """A hidden folder whose process is gone: its path, run name, size in bytes and last change."""
+    """A hidden folder whose process has ended: path, run name, size in bytes and last change."""
 
     path: Path
     name: str
@@ -187,17 +186,15 @@ class Leftover:
 
 
 def leftovers(root: Path) -> list[Leftover]:
-    """The hidden folders below ``root`` (root/<graph>/.*) whose processes are gone.
+    """The hidden folders below ``root`` (root/<graph>/.*) whose processes have ended.
 
     Raises
     ------
     UsageError : the folder cannot be read.
     """
-    try:
+    with system_errors(f"read '{root}'"):
         folders = [Path(entry.path) for entry in _folders(root)]
         inside = [path for folder in folders for path in _readable(folder)]
-    except OSError as error:
-        raise UsageError(f"cannot read '{root}': {error.strerror or error}") from None
     found = []
     for path in sorted([*folders, *inside]):
         named = _HIDDEN.fullmatch(path.name)
@@ -240,7 +237,7 @@ def _size(path: Path) -> int:
 
 
 def remove(leftover: Leftover) -> bool:
-    """Remove a leftover unless a process uses it; returns whether it is gone."""
+    """Remove a leftover unless a process uses it; returns whether it was removed."""
     if not _is_alive(leftover.path):
         remove_tree(leftover.path)
     return not leftover.path.exists()

@@ -20,9 +20,10 @@ import numpy as np
 from blocks.core import FloatArray, show
 from blocks.world import World
 from runtime.errors import UsageError
-from runtime.files import json_text, read_text, sha256, write_json, write_whole
+from runtime.files import json_text, read_text, sha256, system_errors, write_json, write_whole
 from runtime.observation import PlotSpec, Probe, Recording, RunData
 from runtime.runs.commit import git_commit
+from runtime.schema import NUMBER, check, is_number
 from runtime.streaming import open_arrays, save_arrays
 
 SCHEMA_VERSION = 1
@@ -30,7 +31,12 @@ TIME = "time"
 MANIFEST, METRICS, PROBES = "manifest.json", "metrics.json", "probes.npz"
 WRITTEN, RESOLVED = "graph.yaml", "graph.resolved.yaml"
 DIAGRAM = "diagram.json"
-LARGEST = 1e308
+# What everything that reads a manifest relies on.
+_NUMBERS = dict.fromkeys(("seed", "dt", "until", "ticks", "wall_s", "us_per_tick"), NUMBER)
+_FACTS = {
+    **{"graph": str, "status": str, **_NUMBERS},
+    **{"overrides": list, "removed": dict, "versions": dict, "argv": list},
+}
 # What numpy and zipfile raise over a file that is cut off or overwritten.
 _BROKEN_ARRAYS = (
     *(OSError, ValueError, TypeError, EOFError, KeyError, RuntimeError, MemoryError, OverflowError),
@@ -72,11 +78,9 @@ def contents(files: Mapping[str, Path], texts: Mapping[str, bytes]) -> dict[str,
     """
     found = {}
     for name, path in files.items():
-        try:
+        with system_errors(f"read '{path}'"):
             known = texts.get(str(path.resolve()))
             found[name] = path.read_bytes() if known is None else known
-        except OSError as error:
-            raise UsageError(f"cannot read '{path}': {error.strerror or error}") from None
     return found
 
 
@@ -87,10 +91,8 @@ def begin(result: RunData, probes: Mapping[str, Probe], folder: Path) -> None:
     ------
     UsageError : it cannot be written.
     """
-    try:
+    with system_errors(f"record to '{folder}'"):
         _write_texts(result, folder)
-    except OSError as error:
-        raise UsageError(f"cannot record to '{folder}': {error.strerror or error}") from None
     every = {name: probe.every for name, probe in probes.items()}
     details = {**manifest(result, {}, git_commit()), "every": every}
     write_json(folder / MANIFEST, {**details, "metrics": list(result.metrics)})
@@ -199,7 +201,7 @@ def read_run(path: str | Path) -> RunData:
     folder = run_folder(path)
     manifest = read_manifest(folder)
     metrics = _mapping(folder / METRICS)
-    if any(v is not None and not _is_number(v) for v in metrics.values()):
+    if any(v is not None and not is_number(v) for v in metrics.values()):
         raise _damaged(folder / METRICS, "expected a number or null for each metric")
     if not all(name.isprintable() for name in metrics):
         raise _damaged(folder / METRICS, "expected printable names")
@@ -281,33 +283,21 @@ def _recorded(name: str, info: dict[str, Any], arrays: dict[str, FloatArray]) ->
 
 def _check_facts(manifest: dict[str, Any]) -> None:
     """What everything that reads a run relies on."""
+    check(manifest, _FACTS)
     for key in ("graph", "status"):
-        if not isinstance(manifest[key], str):
-            raise ValueError(f"{key}: expected a text, got {manifest[key]!r}")
         if not manifest[key].isprintable():
             raise ValueError(f"{key}: expected one printable line")
-    for key in ("seed", "dt", "until", "ticks", "wall_s", "us_per_tick"):
-        if not _is_number(manifest[key]) or not math.isfinite(manifest[key]):
+    for key in _NUMBERS:
+        if not math.isfinite(manifest[key]):
             raise ValueError(f"{key}: expected a number, got {manifest[key]!r}")
     if manifest["dt"] <= 0.0 or manifest["ticks"] < 0:
         raise ValueError("expected a step above 0 s, and ticks from 0")
-    for key, kind in (("overrides", list), ("removed", dict), ("versions", dict), ("argv", list)):
-        if not isinstance(manifest[key], kind):
-            raise ValueError(f"{key}: expected a {kind.__name__}, got {manifest[key]!r}")
-
-
-def _is_number(value: Any) -> bool:
-    """Whether a value is a number that a float can hold."""
-    if isinstance(value, bool):
-        return False
-    return isinstance(value, float) or (isinstance(value, int) and abs(value) < LARGEST)
 
 
 def _text(path: Path) -> str:
     try:
-        return read_text(path)
-    except OSError as error:
-        raise UsageError(f"cannot read '{path}': {error.strerror or error}") from None
+        with system_errors(f"read '{path}'"):
+            return read_text(path)
     except UnicodeDecodeError:
         raise _damaged(path, "it is no UTF-8 text") from None
     except ValueError as error:
@@ -356,11 +346,9 @@ def _changed_files(folder: Path, manifest: dict[str, Any]) -> list[str]:
         path = folder / name
         if Path(name).name != name or not name.isprintable():
             raise ValueError("hashes: expected names of files in the folder")
-        try:
+        with system_errors(f"read '{path}'"):
             if path.is_file() and not path.is_symlink() and sha256(path) == digest:
                 continue
-        except OSError as error:
-            raise UsageError(f"cannot read '{path}': {error.strerror or error}") from None
         if name in (METRICS, PROBES):
             raise _damaged(path, f"it is not the file that was saved (SHA-256 in {MANIFEST})")
         message = "was changed after" if path.is_file() else "was removed after"

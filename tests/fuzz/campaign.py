@@ -110,7 +110,7 @@ def campaign(
         except BaseException as error:
             if trial.failing is None:
                 raise
-            failures[trial.signature] = f"{trial.failing!r}\n{_told(error)}"
+            failures[trial.signature] = f"{trial.failing!r}\n{_described(error)}"
             outcomes["failed"] += 1
         attempt += 1
         if sum(outcomes.values()) == before:
@@ -157,7 +157,7 @@ def _signature(error: BaseException) -> str:
     return f"{type(error).__name__} {last.filename}:{last.lineno}" if last else type(error).__name__
 
 
-def _told(error: BaseException) -> str:
+def _described(error: BaseException) -> str:
     return "".join(traceback.format_exception(error, limit=-6)).strip()
 
 

@@ -1,8 +1,8 @@
-"""Mutated graphs run or are refused with places: never another exception, never endless work.
+"""Mutated graphs run, or are errors with a location: no other exception, no unbounded work.
 
-Mutations of the tree are tried on resolved graphs, as a mapping and as a file, which must be told
-the same. Mutations of the text are tried on every shipped file as it is written, used as it is
-used: as a graph, a part, a world, a condition laid on top, or an experiment.
+Mutations of the tree are tried on resolved graphs, as a mapping and as a file, whose errors must be
+the same. Mutations of the text are tried on every shipped file as it is written, for what it is:
+a graph, a part, a world, a condition that overlays a graph, or an experiment.
 """
 
 from __future__ import annotations

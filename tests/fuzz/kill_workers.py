@@ -145,10 +145,10 @@ def sweep_until(
 
 def kill_one(sweep: int, moments: random.Random) -> bool:
     """Kill one of a sweep's workers; now and then the process that forks them."""
-    nurseries = children(sweep)
-    workers = [pid for fork_server in nurseries for pid in children(fork_server)]
-    # Killed whenever there are no workers yet, the nursery would never come to fork any.
-    chosen = nurseries if moments.random() < 0.1 else workers
+    fork_servers = children(sweep)
+    workers = [pid for fork_server in fork_servers for pid in children(fork_server)]
+    # Killed whenever there are no workers yet, the fork server would never come to fork any.
+    chosen = fork_servers if moments.random() < 0.1 else workers
     if not chosen:
         return False
     with contextlib.suppress(ProcessLookupError):
@@ -167,7 +167,7 @@ def children(pid: int) -> list[int]:
 
 
 def index(folder: Path) -> dict[str, Row]:
-    """The rows of an index by point: status, reason, knob and metric."""
+    """The rows of an index by point: status, reason, factor and metric."""
     with (folder / "index.csv").open(newline="") as lines:
         rows = list(csv.DictReader(lines))
     return {

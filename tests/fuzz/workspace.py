@@ -183,8 +183,8 @@ def assert_answered(answer: Answer, arguments: Sequence[str]) -> None:
     is_json = "--json" in arguments and bool(answer.out.strip()) and not is_help
     if is_json:
         strict_json(answer.out)
-    told = is_help or is_json or bool(answer.err.strip())
-    assert told or answer.code in (0, 1), f"exit code {answer.code} without a word"
+    is_answered = is_help or is_json or bool(answer.err.strip())
+    assert is_answered or answer.code in (0, 1), f"exit code {answer.code} without a word"
     if "control characters" not in KNOWN:
         for text in (answer.err, answer.out):
             raw = {c for c in text if unicodedata.category(c) in CONTROL} - {"\n", "\t"}

@@ -8,7 +8,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from runtime.runs.simulate import versions
+from runtime.runs.simulation import versions
 from tests.studies import physics, rooms, walls
 from tests.studies.claims import Claim, beyond, case_a, case_b
 from tests.studies.following import ENGINE
@@ -24,7 +24,7 @@ of the shipped graphs over {seeds} seeds (0 to {last}), as mean ± standard devi
 the neurons and, in case B, the noise; the LQR alone in case A has neither and is run once.
 Errors are the true pose's. The gains Q, R, the learning rate, the time constants and the window
 are not in the paper; the graphs give ours, which were chosen on seeds 0 to 9.
-Case C has seeds {first} to {final}; what was chosen on which seeds is said there.
+Case C has seeds {first} to {final}; what was chosen on which seeds is described there.
 
 Versions: {versions}.
 
@@ -44,9 +44,9 @@ CASE_C = """
 ## Case C: following the walls of the paper's room
 
 Gains Q = (10, 10, 1), R = I, over seeds {first} to {final}. The learning rates were chosen on seeds
-0 to 3. For the printed rule that was the best of ten settings (what its neurons represent, learning
+0 to 3. For the printed rule that was the best of ten variants (what its neurons represent, learning
 rate, radius), compared at half of the turn rate, the condition of C1: LQR and feedforward had no
-such choice. An earlier setting had been looked at on seeds 10 to 13 as well.
+such choice. An earlier variant had been looked at on seeds 10 to 13 as well.
 
 All errors are means of |distance to the nearest surface - 180 mm| in mm, from when the
 contour is first reached to the end of the run (130 s, a loop and about a fifth). "Along cylinders"

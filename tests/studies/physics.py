@@ -61,11 +61,11 @@ def measure(job: Job) -> dict[str, float]:
     metrics = {k: np.nan if v is None else float(v) for k, v in result.metrics.items()}
     network = graph.network
     distances = network.world.distance(result["pose"][:, :2])
-    told, true = result["drift"][-1], result["pose"][: 2 * len(result["drift"]) : 2][-1]
+    believed, true = result["drift"][-1], result["pose"][: 2 * len(result["drift"]) : 2][-1]
     return {
         **metrics,
         "clearance": float(distances.min()) - network.entries["plant"].made.body_radius,
-        "drift": float(np.hypot(*(told - true)[:2])),
+        "drift": float(np.hypot(*(believed - true)[:2])),
         "tilt": float(result["tilt"].max()),
     }
 

@@ -28,31 +28,40 @@ from tests.studies.ablation.judge import (
     HURTS,
     METRICS,
     MORE,
+    NOT_SIGNIFICANT,
     PARTS,
     TUNED,
-    UNTOLD,
     WORSE,
     Judged,
     controllers,
 )
 from tests.studies.ablation.page import page
-from tests.studies.ablation.runs import PRINTED, ROBUST, RULES, SETTINGS, Configuration, Measured
+from tests.studies.ablation.runs import (
+    CONFIGURATIONS,
+    PRINTED,
+    ROBUST,
+    RULES,
+    Configuration,
+    Measured,
+)
 
 EXPERIMENTS = sorted((SHIPPED / "experiments").glob("*.yaml"))
-LINE, SINE, IDEAL = SETTINGS[:3]
+LINE, SINE, IDEAL = CONFIGURATIONS[:3]
 SEEDS = tuple(range(20))
-# The mean error of a variant, by setting and rule.
+# The mean error of a variant, by configuration and rule.
 Error = Callable[[Configuration, str, str], float]
 
 
 @pytest.mark.parametrize("file", EXPERIMENTS, ids=lambda file: file.stem)
 def test_every_experiment_is_part_of_the_study(file: Path) -> None:
-    used = {configuration.file(rule) for configuration in SETTINGS for rule in RULES}
+    used = {configuration.file(rule) for configuration in CONFIGURATIONS for rule in RULES}
     assert file.stem in used
 
 
 @pytest.mark.parametrize("rule", RULES)
-@pytest.mark.parametrize("configuration", SETTINGS, ids=lambda configuration: configuration.label)
+@pytest.mark.parametrize(
+    "configuration", CONFIGURATIONS, ids=lambda configuration: configuration.label
+)
 def test_all_variants_build_and_can_be_compared(configuration: Configuration, rule: str) -> None:
     experiment = runs.read(configuration, rule)
     graphs = {variant.name: variant.graph for variant in experiment.variants}
@@ -95,7 +104,7 @@ def made_up(
     """Numbers in place of runs: each with noise of its own, in part of the mean."""
     rng = np.random.default_rng(seed)
     results = {}
-    for configuration in SETTINGS:
+    for configuration in CONFIGURATIONS:
         for rule in RULES:
             values = {
                 name: {
@@ -132,7 +141,7 @@ def test_verdicts_are_those_of_the_numbers(judged: Judged) -> None:
     assert found.share[0] == pytest.approx(-0.5, abs=0.03)
     assert found.share[1] < -0.5 < found.share[2]
     assert judged(SINE, PRINTED, BASELINE, ALONE).verdict == HURTS
-    assert judged(IDEAL, PRINTED, BASELINE, ALONE).verdict == UNTOLD
+    assert judged(IDEAL, PRINTED, BASELINE, ALONE).verdict == NOT_SIGNIFICANT
     # Progress along the path: who cuts the bends makes more of it, so it is no merit.
     assert METRICS["B"][1].name == "distance"
     assert judged(SINE, PRINTED, BASELINE, ALONE, 1).verdict == MORE
@@ -140,23 +149,23 @@ def test_verdicts_are_those_of_the_numbers(judged: Judged) -> None:
 
 def test_what_stands_in_is_held_against_a_margin(judged: Judged) -> None:
     assert judged(LINE, ROBUST, "integrator", BASELINE).stands_in == WORSE
-    # Told apart from what it replaces, but by 3 %.
+    # Significantly different from what it replaces, but by 3 %.
     small = judged(SINE, ROBUST, "integrator", BASELINE)
     assert (small.verdict, small.stands_in) == (HURTS, AS_WELL)
 
 
-def test_no_difference_told_is_not_as_well() -> None:
-    """With much noise, equal means are neither told apart nor shown to be alike."""
+def test_not_significant_is_not_as_well() -> None:
+    """With much noise, equal means are neither significantly different nor shown to be alike."""
     noisy = Judged(made_up(lambda *_: 1.0, spread=0.5))
     found = [e for e in noisy.effects.values() if e.asked.variant == INTEGRATOR]
-    assert {e.stands_in for e in found} == {UNTOLD}
+    assert {e.stands_in for e in found} == {NOT_SIGNIFICANT}
 
 
 def test_without_an_effect_few_are_found() -> None:
     """The correction holds the share of false finds down: 0.05 alone would find about 17."""
     nothing = Judged(made_up(lambda *_: 1.0, spread=0.1, seed=3))
     assert len(nothing.effects) > 300
-    assert sum(e.is_told for e in nothing.effects.values()) <= 2
+    assert sum(e.is_significant for e in nothing.effects.values()) <= 2
 
 
 def test_equal_but_for_rounding_is_equal() -> None:
@@ -186,19 +195,19 @@ def test_the_page_says_what_the_numbers_say(judged: Judged) -> None:
     helped = judged(LINE, PRINTED, BASELINE, ALONE).share[0]
     assert f"**helps** in A (−{abs(100 * helped):.0f} % [" in first
     assert "**hurts** in B (+" in first
-    assert first.index(UNTOLD) < first.index("C ideal")
+    assert first.index(NOT_SIGNIFICANT) < first.index("C ideal")
     assert "0 of the" in text  # no verdict differs from that of the same test
     assert "nan" not in text
     # Every table is whole: a row for each question, and for each controller and metric.
     for table in re.findall(r"(?:^\|.*\n)+", text, re.M):
         assert len({row.count("|") for row in table.splitlines()}) == 1
     rows = sum(line.startswith("|") for line in text.splitlines())
-    both = sum(len(controllers(judged.results[s, PRINTED])) for s in SETTINGS) * 2
+    both = sum(len(controllers(judged.results[s, PRINTED])) for s in CONFIGURATIONS) * 2
     tables = 1 + sum(map(len, METRICS.values()))
     assert rows == 2 * tables + both + len(ALL)
 
 
-def test_a_run_that_failed_is_told() -> None:
+def test_a_run_that_failed_is_listed() -> None:
     results = made_up(lambda *_: 1.0)
     bad = results[LINE, PRINTED]
     bad.values[ALONE]["position_mae"][4] = None

@@ -54,9 +54,9 @@ def test_the_graph_changes_by_its_plant_and_lidar_alone() -> None:
 
 def test_nothing_that_steers_sees_the_true_pose() -> None:
     network = runtime.load(GRAPHS[0]).network
-    told = {str(wire) for wire in network.wires}
-    assert any("plant.odometry" in wire for wire in told)
-    assert not any("plant.pose" in wire for wire in told)
+    used = {str(wire) for wire in network.wires}
+    assert any("plant.odometry" in wire for wire in used)
+    assert not any("plant.pose" in wire for wire in used)
 
 
 def test_the_same_seed_gives_the_same_bits() -> None:

@@ -35,16 +35,38 @@ def add_json(parser: ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
 
 
-def at_least(low: float) -> Callable[[str], float]:
-    """The type of an option that is a finite number of at least ``low``."""
+def add_output(parser: ArgumentParser, folder: str, of: str) -> None:
+    """Declare the options of a verb that writes folders: where to, with pictures, and how much."""
+    parser.add_argument("--out", default=folder, metavar="DIR", help=f"folder for {of} ({folder})")
+    parser.add_argument("--no-plots", action="store_true", help="draw nothing")
+    add_json(parser)
+    parser.add_argument("-q", "--quiet", action="store_true", help="no progress, no notes")
+
+
+def at_least(low: float, *, above: bool = False) -> Callable[[str], float]:
+    """The type of an option that is a finite number of at least ``low``, or above it."""
 
     def read(text: str) -> float:
         try:
             value = float(text)
         except ValueError:
             value = math.nan
-        if not low <= value < math.inf:
-            raise ArgumentTypeError(f"expected a number of at least {low:g}, got '{text}'")
+        if not low <= value < math.inf or (above and value == low):
+            bound = f"above {low:g}" if above else f"of at least {low:g}"
+            raise ArgumentTypeError(f"expected a number {bound}, got '{text}'")
+        return value
+
+    return read
+
+
+def integer(low: int, high: int, *, even: bool = False) -> Callable[[str], int]:
+    """The type of an option that is an integer between two bounds."""
+
+    def read(text: str) -> int:
+        value = int(text) if text.isdecimal() else -1
+        if not low <= value <= high or (even and value % 2):
+            kind = "an even number" if even else "an integer"
+            raise ArgumentTypeError(f"expected {kind} from {low} to {high}, got '{text}'")
         return value
 
     return read

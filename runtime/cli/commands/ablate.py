@@ -6,6 +6,7 @@ from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from runtime.cli.commands import add_output
 from runtime.cli.commands.changes import add_changes, changed, with_changes
 from runtime.cli.commands.workers import add_workers, chosen_seeds, pool_of, start_early
 from runtime.errors import UsageError
@@ -35,9 +36,6 @@ def add(parser: ArgumentParser) -> None:
     parser.formatter_class = RawDescriptionHelpFormatter
     parser.add_argument("graph", help="a graph, or an experiment.yaml with variants")
     parser.add_argument(
-        "--out", default="ablations", metavar="DIR", help="folder for ablations (ablations)"
-    )
-    parser.add_argument(
         "--test",
         choices=("t", "bootstrap"),
         default="t",
@@ -45,6 +43,7 @@ def add(parser: ArgumentParser) -> None:
     )
     parser.add_argument("--resume", metavar="FOLDER", help="continue an interrupted ablation")
     add_workers(parser, f"0..{DEFAULT_SEEDS - 1}")
+    add_output(parser, "ablations", "ablations")
     add_changes(parser, seed=False, variants=True)
 
 
@@ -120,7 +119,7 @@ def _requested(options: Namespace) -> tuple[Experiment, list[Variant], dict[str,
 
 
 def _print(done: AblationResult, pictures: list[Path], quiet: bool) -> None:
-    from runtime.experiments.analysis import legend, table
+    from runtime.experiments.analysis import comparison_table, legend
 
     plan = done.plan
     if not quiet:
@@ -129,7 +128,7 @@ def _print(done: AblationResult, pictures: list[Path], quiet: bool) -> None:
                 tell(f"note: {variant.name}: {note}")
     show(f"{plan.name}: {len(plan.variants)} variants, seeds {plan.seeds}")
     lines = done.lines()
-    show(f"{table(lines)}\n\n{legend(lines, done.test)}")
+    show(f"{comparison_table(lines)}\n\n{legend(lines, done.test)}")
     for name, rows in done.rows.items():
         bad = [row for row in rows if row.status != "ok"]
         if bad:

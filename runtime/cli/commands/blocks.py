@@ -6,7 +6,7 @@ from argparse import ArgumentParser, Namespace
 
 from runtime.cli.commands import add_json
 from runtime.errors import UsageError
-from runtime.terminal import show, show_json
+from runtime.terminal import show, show_json, table
 
 HELP = "list the block types, or show one block's ports and parameters"
 
@@ -32,10 +32,8 @@ def run(options: Namespace) -> int:
         chosen = known if options.type is None else {options.type: known[options.type]}
         show_json({name: describe_json(cls) for name, cls in chosen.items()})
     elif options.type is None:
-        width = max(map(len, known))
-        for name, cls in known.items():
-            summary = (cls.__doc__ or "").strip().split("\n")[0]
-            show(f"{name:<{width}}  {summary}")
+        summaries = [(cls.__doc__ or "").strip().split("\n")[0] for cls in known.values()]
+        show(table(list(zip(known, summaries, strict=True)), indent=""))
         show("\n'runtime blocks TYPE' shows a block's ports and parameters.")
     else:
         show(describe_text(known[options.type]))

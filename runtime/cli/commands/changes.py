@@ -58,6 +58,13 @@ def add_changes(parser: ArgumentParser, seed: bool = True, variants: bool = Fals
     change.add_argument("--engine", help="python, compiled, or auto: compiled when it pays off")
 
 
+def changed_graph(name: str, options: Namespace) -> Graph:
+    """The graph of a file or a shipped one, with the changes of the command line."""
+    from runtime.graph import load
+
+    return changed(load(name, modules=not options.no_modules), options)
+
+
 def changed(graph: Graph, options: Namespace) -> Graph:
     """The graph with the changes of the command line, applied in the order written."""
     graph = with_changes(graph, options.changes or ())

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from argparse import ArgumentParser, Namespace
 from datetime import datetime
 from pathlib import Path
 
 from runtime.cli.commands import add_json
 from runtime.errors import UsageError
+from runtime.terminal import readable_bytes, show, show_json, tell
 
 HELP = "list, recover or remove what killed runs left behind"
 
@@ -27,9 +27,7 @@ def add(parser: ArgumentParser) -> None:
 
 def run(options: Namespace) -> int:
     """List leftovers; recover them with ``--recover``, remove them with ``--yes``."""
-    from runtime.files import json_text
     from runtime.runs import leftovers, recover, remove
-    from runtime.terminal import readable_bytes
 
     found, code = leftovers(Path(options.folder)), 0
     rows = []
@@ -40,22 +38,22 @@ def run(options: Namespace) -> int:
             try:
                 row["run"] = str(recover(leftover))
             except UsageError as error:
-                print(error, file=sys.stderr)
+                tell(error)
                 keep, code = True, error.exit_code
         if options.yes and not keep:
             row["removed"] = remove(leftover)
         rows.append(row)
         if not options.json:
             when = datetime.fromtimestamp(leftover.changed).isoformat(" ", "minutes")
-            print(f"{leftover.path}  {readable_bytes(leftover.size)}, {when}{_outcome(row)}")
+            show(f"{leftover.path}  {readable_bytes(leftover.size)}, {when}{_outcome(row)}")
     if options.json:
-        print(json_text({"schema_version": 1, "leftovers": rows}))
+        show_json({"schema_version": 1, "leftovers": rows})
     elif not found:
-        print(f"nothing left behind in {options.folder}")
+        show(f"nothing left behind in {options.folder}")
     elif not options.yes:
         recordings = any(leftover.has_recording for leftover in found)
         offer = "; '--recover' makes runs from recordings" if recordings else ""
-        print(f"'runtime clean {options.folder} --yes' removes these{offer}", file=sys.stderr)
+        tell(f"'runtime clean {options.folder} --yes' removes these{offer}")
     return code
 
 

@@ -7,7 +7,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runtime.cli.commands import add_json, at_least
+from runtime.cli.commands import add_output, at_least
 from runtime.terminal import show, show_json
 
 if TYPE_CHECKING:
@@ -37,12 +37,7 @@ def add(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--labels", default="", metavar="A,B[,...]", help="names of the runs, in their order"
     )
-    parser.add_argument(
-        "--out", default="comparisons", metavar="DIR", help="folder for pictures (comparisons)"
-    )
-    parser.add_argument("--no-plots", action="store_true", help="draw nothing")
-    add_json(parser)
-    parser.add_argument("-q", "--quiet", action="store_true", help="do not list pictures")
+    add_output(parser, "comparisons", "pictures")
 
 
 def run(options: Namespace) -> int:
@@ -75,14 +70,12 @@ def _names(text: str) -> list[str]:
 def _pictures(comparison: Comparison, options: Namespace) -> tuple[Path, list[Path]]:
     """Draw the overlaid runs into a new folder."""
     from runtime.compare.overlay import save_overlays
-    from runtime.errors import UsageError
+    from runtime.files import system_errors
     from runtime.runs import link_latest, new_folder
 
     names = [pair.name for other in comparison.others for pair in other.pairs if not pair.fault]
     folder = new_folder(Path(options.out), comparison.runs[0].result.title)
-    try:
+    with system_errors(f"write '{folder}'"):
         pictures = save_overlays(comparison.runs, list(dict.fromkeys(names)), folder)
-    except OSError as error:
-        raise UsageError(f"cannot write '{folder}': {error.strerror or error}") from None
     link_latest(folder)
     return folder, pictures

@@ -6,8 +6,7 @@ import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from runtime.cli.commands.changes import add_graph, changed
-from runtime.errors import UsageError
+from runtime.cli.commands.changes import add_graph, changed_graph
 from runtime.terminal import show
 
 HELP = "draw the block diagram: svg, png, dot, mermaid"
@@ -27,9 +26,9 @@ def add(parser: ArgumentParser) -> None:
 def run(options: Namespace) -> int:
     """Write the block diagram."""
     from runtime.diagrams import diagram
-    from runtime.graph import load
+    from runtime.files import system_errors
 
-    graph = changed(load(options.graph, modules=not options.no_modules), options)
+    graph = changed_graph(options.graph, options)
     network = graph.network
     written = options.out or f"{Path(options.graph).stem}.{options.format or 'svg'}"
     suffix = Path(written).suffix.lstrip(".")
@@ -41,9 +40,7 @@ def run(options: Namespace) -> int:
     if written == "-":
         sys.stdout.buffer.write(content)
         return 0
-    try:
+    with system_errors(f"write '{written}'"):
         Path(written).write_bytes(content)
-    except OSError as error:
-        raise UsageError(f"cannot write '{written}': {error.strerror}") from None
     show(written)
     return 0

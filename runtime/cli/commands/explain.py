@@ -5,7 +5,7 @@ from __future__ import annotations
 from argparse import ArgumentParser, Namespace
 
 from runtime.cli.commands import add_json
-from runtime.cli.commands.changes import add_graph, changed
+from runtime.cli.commands.changes import add_graph, changed_graph
 from runtime.terminal import show, show_json
 
 HELP = "show order, rates, types and the generated function"
@@ -20,9 +20,8 @@ def add(parser: ArgumentParser) -> None:
 def run(options: Namespace) -> int:
     """Print order, rates, types and the generated function."""
     from runtime.cli.explain import explain_json, explain_text
-    from runtime.graph import load
 
-    graph = changed(load(options.graph, modules=not options.no_modules), options).check()
+    graph = changed_graph(options.graph, options).check()
     if options.json:
         show_json(explain_json(graph))
     else:

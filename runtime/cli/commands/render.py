@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from argparse import ArgumentParser, ArgumentTypeError, Namespace
-from collections.abc import Callable
+from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from runtime.cli.commands import add_json, at_least
+from runtime.cli.commands import add_json, at_least, integer
 from runtime.rendering import VIEWS, RenderRequest
 from runtime.terminal import show, show_json
 
@@ -25,18 +24,14 @@ def add(parser: ArgumentParser) -> None:
         "--at", type=at_least(0.0), metavar="S", help="time of the picture (the end of the run)"
     )
     parser.add_argument("--no-film", action="store_true", help="render only the picture")
+    pixels = integer(64, 2160, even=True)
     for flag, kind, value, text in (
         ("--from", at_least(0.0), RenderRequest.begin, "start of the film, s"),
         ("--until", at_least(0.0), RenderRequest.end, "end of the film, s (the end of the run)"),
         ("--speed", at_least(1e-3), RenderRequest.speed, "playback speed relative to real time"),
-        ("--fps", _integer(1, 240), RenderRequest.fps, "frames per second"),
-        ("--height", _integer(64, 2160), RenderRequest.height, "height of the picture, pixels"),
-        (
-            "--film-height",
-            _integer(64, 2160),
-            RenderRequest.film_height,
-            "height of the film, pixels",
-        ),
+        ("--fps", integer(1, 240), RenderRequest.fps, "frames per second"),
+        ("--height", pixels, RenderRequest.height, "height of the picture, pixels"),
+        ("--film-height", pixels, RenderRequest.film_height, "height of the film, pixels"),
     ):
         text += "" if value is None else f" ({value:g})"
         parser.add_argument(flag, type=kind, default=value, metavar="N", help=text)
@@ -74,14 +69,3 @@ def run(options: Namespace) -> int:
     else:
         show("\n".join(map(str, files)))
     return 0
-
-
-def _integer(low: int, high: int) -> Callable[[str], int]:
-    def read(text: str) -> int:
-        value = int(text) if text.isdecimal() else -1
-        if not low <= value <= high or (low > 1 and value % 2):
-            even = "an even number" if low > 1 else "an integer"
-            raise ArgumentTypeError(f"expected {even} from {low} to {high}, got '{text}'")
-        return value
-
-    return read

@@ -28,7 +28,7 @@ def add(parser: ArgumentParser) -> None:
 def run(options: Namespace) -> int:
     """Write the report, and print its path."""
     from runtime.errors import UsageError
-    from runtime.files import check_inside, write_whole
+    from runtime.files import check_inside, system_errors, write_whole
     from runtime.reports import report
 
     if options.out == "-" and options.json:
@@ -38,14 +38,12 @@ def run(options: Namespace) -> int:
         sys.stdout.buffer.write(made.html.encode())
         return 0
     written = Path(options.out) if options.out else made.folder / "report.html"
-    try:
+    with system_errors(f"write '{written}'"):
         if options.out:
             _write(written.resolve(), made.html)
         else:
             check_inside(made.folder)
             write_whole(written, made.html)
-    except OSError as error:
-        raise UsageError(f"cannot write '{written}': {error.strerror or error}") from None
     if options.json:
         found = {"schema_version": 1, "kind": made.kind, "folder": str(made.folder)}
         show_json({**found, "report": str(written)})

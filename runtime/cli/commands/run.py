@@ -6,8 +6,8 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from runtime.cli.commands import add_json
-from runtime.cli.commands.changes import add_graph, changed
+from runtime.cli.commands import add_output
+from runtime.cli.commands.changes import add_graph, changed_graph
 from runtime.errors import SimulationError, UsageError, one_line
 from runtime.terminal import number, show, show_json, table, tell
 
@@ -22,23 +22,17 @@ HELP = "simulate, record, draw the probes, print the metrics"
 def add(parser: ArgumentParser) -> None:
     """Declare the options."""
     add_graph(parser)
-    parser.add_argument(
-        "--out", default="runs", metavar="DIR", help="folder for run folders (runs)"
-    )
-    parser.add_argument("--no-plots", action="store_true", help="draw nothing")
+    add_output(parser, "runs", "run folders")
     parser.add_argument("--profile", action="store_true", help="show the time per block")
     parser.add_argument("--animate", action="store_true", help="also write plots/animation.gif")
-    add_json(parser)
-    parser.add_argument("-q", "--quiet", action="store_true", help="no progress, no notes")
 
 
 def run(options: Namespace) -> int:
     """Simulate, write the run folder and its pictures, print the metrics."""
     from runtime.engine import Interrupts, Profile, profile_text
-    from runtime.graph import load
     from runtime.runs import Draft, link_latest, new_folder
 
-    graph = changed(load(options.graph, modules=not options.no_modules), options).check()
+    graph = changed_graph(options.graph, options).check()
     if options.animate:
         _check_animation(graph)
     if options.profile and graph.network.engine == "compiled":

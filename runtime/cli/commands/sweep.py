@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from runtime.cli.commands import add_output
 from runtime.cli.commands.changes import add_changes, changed
 from runtime.cli.commands.workers import add_workers, chosen_seeds, pool_of, start_early
 from runtime.errors import NOWHERE, Problems, UsageError, Where
@@ -46,9 +47,9 @@ def add(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--name", help="name of the sweep's folder (the graph's, or the experiment's)"
     )
-    parser.add_argument("--out", default="sweeps", metavar="DIR", help="folder for sweeps (sweeps)")
     parser.add_argument("--resume", action="store_true", help="continue an interrupted sweep")
     add_workers(parser, "the graph's own seed")
+    add_output(parser, "sweeps", "sweeps")
     add_changes(parser, seed=False)
 
 

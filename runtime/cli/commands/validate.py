@@ -5,7 +5,7 @@ from __future__ import annotations
 from argparse import ArgumentParser, Namespace
 
 from runtime.cli.commands import add_json
-from runtime.cli.commands.changes import add_changes, changed
+from runtime.cli.commands.changes import add_changes, changed_graph
 from runtime.errors import GraphError, MissingExtraError
 from runtime.terminal import show, show_json, tell
 
@@ -24,13 +24,11 @@ def add(parser: ArgumentParser) -> None:
 
 def run(options: Namespace) -> int:
     """Check graphs, and report all problems of all of them."""
-    from runtime.graph import load
-
     problems: dict[str, list[str]] = {}
     missing: MissingExtraError | None = None
     for name in options.graphs:
         try:
-            graph = changed(load(name, modules=not options.no_modules), options).check()
+            graph = changed_graph(name, options).check()
         except GraphError as error:
             problems[name] = [str(problem) for problem in error.problems]
             if not options.json:

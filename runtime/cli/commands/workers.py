@@ -1,14 +1,13 @@
-"""Options of the verbs that run many trials: seeds, workers and output."""
+"""Options of the verbs that run many trials: seeds and workers."""
 
 from __future__ import annotations
 
-import math
 import os
-from argparse import ArgumentParser, ArgumentTypeError, Namespace
+from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from runtime.cli.commands import add_json
+from runtime.cli.commands import at_least, integer
 from runtime.errors import Problems
 
 if TYPE_CHECKING:
@@ -21,36 +20,19 @@ MAX_JOBS = 4096
 def add_workers(parser: ArgumentParser, seeds: str) -> None:
     """Declare the options; ``seeds`` describes the default seeds."""
     parser.add_argument("--seeds", metavar="SEEDS", help=f"0..9, 3, or 0,4,7..9 ({seeds})")
+    jobs = integer(1, MAX_JOBS)
     parser.add_argument(
-        "-j", "--jobs", type=_jobs, metavar="N", help="worker processes (one per processor)"
+        "-j", "--jobs", type=jobs, metavar="N", help="worker processes (one per processor)"
     )
+    seconds = at_least(0.0, above=True)
     parser.add_argument(
-        "--timeout", type=_seconds, metavar="S", help="time limit of a trial, seconds"
+        "--timeout", type=seconds, metavar="S", help="time limit of a trial, seconds"
     )
     parser.add_argument(
         "--scheduler",
         metavar="ADDRESS",
         help="run the trials on a Dask cluster: tcp://host:8786",
     )
-    parser.add_argument("--no-plots", action="store_true", help="draw nothing")
-    add_json(parser)
-    parser.add_argument("-q", "--quiet", action="store_true", help="no progress, no notes")
-
-
-def _jobs(text: str) -> int:
-    if not text.isdecimal() or not 1 <= int(text) <= MAX_JOBS:
-        raise ArgumentTypeError(f"expected a number of workers from 1 to {MAX_JOBS}, got '{text}'")
-    return int(text)
-
-
-def _seconds(text: str) -> float:
-    try:
-        seconds = float(text)
-    except ValueError:
-        seconds = math.nan
-    if not 0.0 < seconds < math.inf:
-        raise ArgumentTypeError(f"expected a number of seconds above 0, got '{text}'")
-    return seconds
 
 
 def chosen_seeds(options: Namespace) -> Seeds | None:

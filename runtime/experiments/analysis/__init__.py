@@ -1,6 +1,12 @@
 """Statistics of experiments: estimates, significance, tables, and data for figures."""
 
-from runtime.experiments.analysis.comparison import ComparisonLine, compare, legend, table
+from runtime.experiments.analysis.comparison import (
+    ComparisonLine,
+    compare,
+    comparison_table,
+    legend,
+    verdict,
+)
 from runtime.experiments.analysis.groups import Group, Tally, gather
 from runtime.experiments.analysis.statistics import (
     CONFIDENCE,
@@ -12,8 +18,6 @@ from runtime.experiments.analysis.statistics import (
     estimate,
     interval,
     is_significant,
-    number,
-    number_or_none,
 )
 from runtime.experiments.analysis.sweep_data import SweepData, read_sweep
 
@@ -29,13 +33,12 @@ __all__ = [
     "Tally",
     "Test",
     "compare",
+    "comparison_table",
     "estimate",
     "gather",
     "interval",
     "is_significant",
     "legend",
-    "number",
-    "number_or_none",
     "read_sweep",
-    "table",
+    "verdict",
 ]

@@ -26,7 +26,7 @@ from runtime.experiments.execution import (
     Row,
     read_rows,
 )
-from runtime.files import own_file, own_folder
+from runtime.files import own_folder, system_errors
 from runtime.observation import Recording, RunData
 from runtime.plots import (
     COLOURS,
@@ -35,12 +35,12 @@ from runtime.plots import (
     STYLE,
     draw_world,
     explain_empty,
+    save_figure,
     view_limits,
 )
 from runtime.runs import read_run
 
 FILE = "plots/ablation.png"
-DPI = 150
 COLUMNS = 2
 WIDTH = 9.0  # inches
 PATH: dict[str, Any] = {"color": "0.35", "linestyle": (0, (5, 2)), "linewidth": 1.0}
@@ -54,11 +54,9 @@ def save_ablation_figure(folder: Path) -> Path:
     UsageError : it cannot be written.
     """
     path = folder / FILE
-    try:
+    with system_errors(f"write '{path}'"):
         own_folder(path.parent)
-        ablation_figure(folder).savefig(own_file(path), dpi=DPI)
-    except OSError as error:
-        raise UsageError(f"cannot write '{path}': {error.strerror}") from None
+        save_figure(ablation_figure(folder), path)
     return path
 
 

@@ -19,10 +19,10 @@ from runtime.experiments.analysis.statistics import (
     estimate,
     interval,
     is_significant,
-    number,
     number_or_none,
     presence,
 )
+from runtime.terminal import number, table
 
 Values = Sequence[float | None]
 
@@ -69,12 +69,12 @@ class ComparisonLine:
             "metric": self.metric,
             "runs": self.runs,
             "recorded": not self.is_removed,
-            **_plain(self.own),
+            **self.own.to_dict(),
             "difference": None,
         }
         if difference is not None:
             line["difference"] = {
-                **_plain(difference),
+                **difference.to_dict(),
                 "p": number_or_none(difference.p),
                 "p_adjusted": number_or_none(self.p_adjusted),
                 "distinguishable": self.has_significant_difference,
@@ -121,14 +121,9 @@ def compare(
     return [replace(line, p_adjusted=p, p_presence=q) for line, p, q in found]
 
 
-def _plain(estimate: Estimate) -> dict[str, Any]:
-    ends = {name: number_or_none(getattr(estimate, name)) for name in ("mean", "low", "high")}
-    return {"n": estimate.n, **ends}
-
-
-def table(lines: Sequence[ComparisonLine]) -> str:
+def comparison_table(lines: Sequence[ComparisonLine]) -> str:
     """The table for a terminal, metric by metric."""
-    header = (
+    header: tuple[str, ...] = (
         "",
         "seeds",
         "mean",
@@ -137,24 +132,14 @@ def table(lines: Sequence[ComparisonLine]) -> str:
         "95 % interval",
         "distinguishable",
     )
-    rows: list[tuple[str, ...]] = []
+    rows = [header]
     metric = ""
     for line in lines:
         if line.metric != metric:
             metric = line.metric
             rows.append((metric,))
         rows.append(_cells(line))
-    full = [row for row in rows if len(row) > 1]
-    widths = [max(len(row[i]) for row in [header, *full]) for i in range(len(header))]
-    widths[0] = max(widths[0], *(len(row[0]) for row in rows))
-    aligned = []
-    for row in (header, *rows):
-        cells = [
-            row[0].ljust(widths[0]),
-            *(c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=False)),
-        ]
-        aligned.append("  ".join(cells).rstrip())
-    return "\n".join(aligned)
+    return table(rows, range(1, len(header)), indent="")
 
 
 def legend(lines: Sequence[ComparisonLine], test: Test) -> str:
@@ -183,20 +168,20 @@ def _cells(line: ComparisonLine) -> tuple[str, ...]:
         mean = number(line.difference.mean, "+")
         if 0 < line.difference.n < line.runs:
             mean += f" ({line.difference.n}/{line.runs})"
-        cells += [mean, interval(line.difference, "+"), _verdict(line)]
+        found, differs = line.difference, line.has_significant_difference
+        word = verdict(found.n, found.mean, found.p, line.p_presence, differs)
+        cells += [mean, interval(found, "+"), word]
     else:
         cells += ["", "", ""]
     return tuple(cells)
 
 
-def _verdict(line: ComparisonLine) -> str:
-    if line.has_significant_presence:
+def verdict(
+    n: int, mean: float | None, p: float | None, p_presence: float | None, differs: bool | None
+) -> str:
+    """Whether a difference is significant, in a word or two."""
+    if is_significant(p_presence):
         return "yes, in seeds"
-    if (
-        line.difference is not None
-        and line.difference.n
-        and line.difference.mean == 0.0
-        and line.difference.p == 1.0
-    ):
+    if n and mean == 0.0 and p == 1.0:
         return "equal"
-    return {True: "yes", False: "no", None: "-"}[line.has_significant_difference]
+    return {True: "yes", False: "no", None: "-"}[differs]

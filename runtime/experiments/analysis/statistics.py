@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 
 from blocks.core import FloatArray
+from runtime.terminal import number
 
 CONFIDENCE = 0.95
 LEVEL = 1.0 - CONFIDENCE  # of significance
@@ -30,6 +31,11 @@ class Estimate:
     mean: float
     low: float
     high: float
+
+    def to_dict(self) -> dict[str, float | None]:
+        """The estimate as plain data."""
+        ends = {name: number_or_none(getattr(self, name)) for name in ("mean", "low", "high")}
+        return {"n": self.n, **ends}
 
 
 @dataclass(frozen=True)
@@ -99,11 +105,6 @@ def is_significant(p: float | None) -> bool:
 def number_or_none(value: float) -> float | None:
     """A number as JSON holds it: None for NaN."""
     return None if math.isnan(value) else value
-
-
-def number(value: float, sign: str = "") -> str:
-    """A number for users: four digits, or a dash for NaN."""
-    return "-" if math.isnan(value) else f"{value:{sign}.4g}"
 
 
 def interval(found: Estimate, sign: str = "") -> str:

@@ -17,13 +17,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from blocks.core import FloatArray
-from runtime.errors import UsageError
 from runtime.experiments.analysis.sweep_data import Axis, SweepData, read_sweep, spread
 from runtime.experiments.design import Objective
-from runtime.files import own_file, own_folder
-from runtime.plots import COLOURS, GREY, STYLE
+from runtime.files import own_folder, system_errors
+from runtime.plots import COLOURS, GREY, STYLE, save_figure
 
-DPI = 150
 WIDTH = 9.0  # inches
 COLUMNS = 2
 MAP = "viridis"
@@ -44,13 +42,11 @@ def save_sweep_figures(folder: Path) -> list[Path]:
     """
     target = folder / "plots"
     files = []
-    try:
+    with system_errors(f"write '{target}'"):
         own_folder(target)
         for name, figure in sweep_figures(folder):
             files.append(target / f"{name}.png")
-            figure.savefig(own_file(files[-1]), dpi=DPI)
-    except OSError as error:
-        raise UsageError(f"cannot write '{target}': {error.strerror}") from None
+            save_figure(figure, files[-1])
     return files
 
 

@@ -33,6 +33,7 @@ from runtime.experiments.execution.trials import (
     swept_configurations,
     trials_of,
 )
+from runtime.files import system_errors
 from runtime.graph import Graph
 from runtime.runs import DIAGRAM
 
@@ -290,15 +291,13 @@ def check_same(plan: ExperimentPlan, folder: Path) -> None:
 
 def _refuse_links(folder: Path) -> None:
     """Refuse to write into a folder with links: their targets could be written or deleted."""
-    try:
+    with system_errors(f"read '{folder}'"):
         for path in [*folder.iterdir(), *folder.glob("*/*")]:
             if path.is_symlink():
                 raise UsageError(
                     f"'{path}' is a link, which is not followed when a folder is continued; "
                     "replace it by what it points to"
                 )
-    except OSError as error:
-        raise UsageError(f"cannot read '{folder}': {error.strerror or error}") from None
 
 
 def _short(value: Any) -> str:

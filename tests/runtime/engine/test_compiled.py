@@ -17,7 +17,7 @@ from runtime.engine import selection as choice
 from runtime.engine.compiled import cache
 from runtime.engine.compiled.runner import CompiledRunner
 from runtime.engine.engine import Engine
-from runtime.runs.simulate import simulate
+from runtime.runs.simulation import simulate
 
 GRAPHS = sorted(path.stem for path in Path("graphs").glob("*.yaml"))
 MUJOCO = "mujoco"

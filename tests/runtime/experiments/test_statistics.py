@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from runtime.experiments.analysis.comparison import compare, legend, table
+from runtime.experiments.analysis.comparison import compare, comparison_table, legend
 from runtime.experiments.analysis.statistics import adjusted, difference, estimate, presence
 
 # Hours of sleep gained by ten patients under two drugs (Student 1908, Biometrika 6, 1-25).
@@ -108,7 +108,7 @@ def test_a_table_with_all_that_can_happen() -> None:
         found["cut", "gain"].is_removed and found["cut", "gain"].has_significant_difference is None
     )
     assert found["same", "gain"].has_significant_difference is False
-    text = table(lines)
+    text = comparison_table(lines)
     assert "1/10" in text and "yes, in seeds" in text and "removed" in text and "equal" in text
     facts = lost.to_dict()
     assert facts["n"] == 1 and facts["low"] is None
@@ -119,7 +119,7 @@ def test_a_table_with_all_that_can_happen() -> None:
 def test_a_difference_over_some_of_the_seeds_says_so() -> None:
     values = {"baseline": {"rms": [1.0, None, 3.0, 4.0]}, "v": {"rms": [2.0, 2.0, None, 5.0]}}
     lines = compare(values, "baseline")
-    shown = table(lines)
+    shown = comparison_table(lines)
     # Both have three of four seeds, and only two of these together.
     assert [line.difference.n for line in lines if line.difference is not None] == [2]
     assert shown.count("3/4") == 2

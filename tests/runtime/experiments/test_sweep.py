@@ -311,8 +311,8 @@ def test_values_that_do_not_go_together_are_rows(here: Run, draw: Path, tmp_path
         (["--vary", "draw.level=[1]", "--minimize", "drwn"], "did you mean 'drawn'?"),
         (["--vary", "draw.level=[1]", "--keep", "some"], "expected all, failed, best:N or none"),
         (["--vary", "draw.level=[1]", "--keep", "best:0"], "expected all, failed, best:N or none"),
-        (["--vary", "draw.level=[1]", "-j", "0"], "expected a number of workers from 1"),
-        (["--vary", "draw.level=[1]", "--timeout", "-1"], "expected a number of seconds above 0"),
+        (["--vary", "draw.level=[1]", "-j", "0"], "expected an integer from 1 to 4096"),
+        (["--vary", "draw.level=[1]", "--timeout", "-1"], "expected a number above 0"),
         (["--vary", "draw.level=0..1", "--sobol", "0"], "--sobol 0: expected at least 1"),
         (["--vary", "draw.level=[1]", "--name", "a/b"], "--name a/b: expected letters, digits"),
         (

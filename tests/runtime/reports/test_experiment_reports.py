@@ -15,7 +15,7 @@ from scipy import stats
 
 from runtime.errors import UsageError
 from runtime.reports import report
-from runtime.reports.schema import check
+from runtime.schema import check
 from tests.browser import elements, find, load, measure, rows
 from tests.runtime.experiments.graphs import MODULE
 

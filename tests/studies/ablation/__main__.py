@@ -16,7 +16,7 @@ from runtime.errors import Problems
 from runtime.experiments.design.seeds import Seeds, parse_seeds
 from tests.studies.ablation.judge import Judged
 from tests.studies.ablation.page import page
-from tests.studies.ablation.runs import RULES, SETTINGS, measure
+from tests.studies.ablation.runs import CONFIGURATIONS, RULES, measure
 
 PAGE = Path(__file__).parents[3] / "docs" / "ablation.md"
 
@@ -28,7 +28,7 @@ def main(arguments: list[str]) -> None:
         folder = Path(arguments[1] if len(arguments) > 1 else scratch)
         folder.mkdir(parents=True, exist_ok=True)
         results = {}
-        for configuration in SETTINGS:
+        for configuration in CONFIGURATIONS:
             for rule in RULES:
                 print(f"{configuration.label}, {rule}", file=sys.stderr, flush=True)
                 results[configuration, rule] = measure(configuration, rule, folder, seeds)

@@ -22,7 +22,7 @@ from tests.studies.ablation.judge import (
     Effect,
     Judged,
 )
-from tests.studies.ablation.runs import PRINTED, ROBUST, RULES, SETTINGS
+from tests.studies.ablation.runs import CONFIGURATIONS, PRINTED, ROBUST, RULES
 from tests.studies.ablation.words import Word, grouped, markdown, share, stands_in, tally, verdict
 
 RATES, INTEGRATOR = "rate neurons", "integrator"
@@ -32,7 +32,7 @@ BLIND = "no feedforward"
 
 @dataclass(frozen=True)
 class Question:
-    """What ``variant`` does to the error of ``against``, in a word for each setting."""
+    """What ``variant`` does to the error of ``against``, in a word for each configuration."""
 
     title: str
     rule: str
@@ -41,16 +41,16 @@ class Question:
     word: Word = verdict
 
     def answers(self, judged: Judged) -> list[Effect | None]:
-        """One for each setting; None where there is no such variant."""
+        """One for each configuration; None where there is no such variant."""
         return [
             judged(configuration, self.rule, self.variant, self.against)
             if self.variant in judged.results[configuration, self.rule].values
             else None
-            for configuration in SETTINGS
+            for configuration in CONFIGURATIONS
         ]
 
     def message(self, judged: Judged, numbers: bool = False) -> str:
-        """The settings by answer: 'helps in A; hurts in B'."""
+        """The configurations by answer: 'helps in A; hurts in B'."""
         return grouped([e for e in self.answers(judged) if e is not None], self.word, numbers)
 
 
@@ -83,14 +83,14 @@ ALL = [
 
 
 def overview(judged: Judged) -> str:
-    """All questions and settings in one table."""
+    """All questions and configurations in one table."""
     rows = []
     for question in ALL:
         found = question.answers(judged)
         rows.append(
             [question.title, *("" if e is None else share(e, question.word) for e in found)]
         )
-    return markdown(["", *(configuration.label for configuration in SETTINGS)], rows)
+    return markdown(["", *(configuration.label for configuration in CONFIGURATIONS)], rows)
 
 
 def opening(judged: Judged) -> str:
@@ -103,20 +103,20 @@ def opening(judged: Judged) -> str:
     def times(question: Question) -> str:
         return f"helps in {count([question], HELPS)} and hurts in {count([question], HURTS)}"
 
-    both, least = len(RULES) * len(SETTINGS), (BETTER, AS_WELL)
+    both, least = len(RULES) * len(CONFIGURATIONS), (BETTER, AS_WELL)
     return (
-        f"In the {len(SETTINGS)} settings above the spiking term as printed {times(ADDED[0])}; "
-        f"with our rule it {times(ADDED[1])}. In its place, rate neurons do at least as well in "
-        f"{count(UNSPIKED, *least)} of {both} comparisons, a plain integrator in "
+        f"In the {len(CONFIGURATIONS)} configurations above the spiking term as printed "
+        f"{times(ADDED[0])}; with our rule it {times(ADDED[1])}. In its place, rate neurons "
+        f"do at least as well in {count(UNSPIKED, *least)} of {both} comparisons, a plain integrator in "
         f"{count(INTEGRATED, *least)}. In place of learning by our rule, well-tuned gains do at "
-        f"least as well in {count(INSTEAD[:1], *least)} of {len(SETTINGS)}.\n"
+        f"least as well in {count(INSTEAD[:1], *least)} of {len(CONFIGURATIONS)}.\n"
     )
 
 
 def conclusions(judged: Judged) -> list[str]:
     """The page's first sentences."""
 
-    def told(questions: Sequence[Question]) -> str:
+    def sentence(questions: Sequence[Question]) -> str:
         printed, ours = (question.message(judged) for question in questions)
         if printed == ours:
             return f"{printed}, with either rule"
@@ -126,18 +126,18 @@ def conclusions(judged: Judged) -> list[str]:
         f"**The printed rule**, beside the graph's LQR and feedforward: "
         f"{ADDED[0].message(judged, numbers=True)}.",
         f"**Our rule**, likewise: {ADDED[1].message(judged, numbers=True)}.",
-        f"**Beside a well-tuned LQR**: {told(TUNED_TOO)}.",
+        f"**Beside a well-tuned LQR**: {sentence(TUNED_TOO)}.",
         f"**Beside PID, PurePursuit and Stanley**: {_trackers(judged)}.",
-        f"**Do spikes matter?** Rate neurons in their place: {told(UNSPIKED)}.",
-        f"**Does a network matter?** A plain integrator in its place: {told(INTEGRATED)}. Both "
-        f"twice as fast: {told(FASTER)}.",
-        f"**Which half?** Without the speed's: {told(STILL)}. Without the turn rate's: "
-        f"{told(UNTURNED)}.",
+        f"**Do spikes matter?** Rate neurons in their place: {sentence(UNSPIKED)}.",
+        f"**Does a network matter?** A plain integrator in its place: {sentence(INTEGRATED)}. Both "
+        f"twice as fast: {sentence(FASTER)}.",
+        f"**Which half?** Without the speed's: {sentence(STILL)}. Without the turn rate's: "
+        f"{sentence(UNTURNED)}.",
         f"**Feedforward alone**, beside the LQR: {FORWARD.message(judged, numbers=True)}. "
         f"The network "
-        f"without it: {told(UNAIDED)}.",
+        f"without it: {sentence(UNAIDED)}.",
         f"**Exact feedforward alone** (alpha = v_r where the graph has less): "
-        f"{EXACTLY.message(judged, numbers=True)}. The network beside it: {told(WITH_EXACT)}.",
+        f"{EXACTLY.message(judged, numbers=True)}. The network beside it: {sentence(WITH_EXACT)}.",
         f"**In place of learning**, against the graph's LQR with our rule. A well-tuned LQR: "
         f"{INSTEAD[0].message(judged)}. PID, PurePursuit and Stanley: "
         f"{_tally(judged, INSTEAD[1:])}.",
@@ -153,6 +153,6 @@ def _trackers(judged: Judged) -> str:
 
 
 def _tally(judged: Judged, questions: Sequence[Question]) -> str:
-    """Questions with the same words, counted over all settings."""
+    """Questions with the same words, counted over all configurations."""
     found = [e for question in questions for e in question.answers(judged) if e is not None]
     return tally(found, questions[0].word)

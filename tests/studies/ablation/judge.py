@@ -7,17 +7,17 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from runtime.experiments.analysis.statistics import (
-    LEVEL,
     Difference,
     Estimate,
     Test,
     adjusted,
     difference,
     estimate,
+    is_significant,
     presence,
 )
 from runtime.experiments.design.variants import BASELINE
-from tests.studies.ablation.runs import PRINTED, RULES, SETTINGS, Configuration, Measured
+from tests.studies.ablation.runs import CONFIGURATIONS, PRINTED, RULES, Configuration, Measured
 
 ALONE, APART = "no adaptive part", ", not adaptive"
 BARE, EXACT = f"no feedforward{APART}", f"exact feedforward{APART}"
@@ -26,7 +26,7 @@ PARTS = ("no adaptive speed", "no adaptive turn rate", "rate neurons", "integrat
 FAST, FAST_INTEGRATOR = "SNN, twice as fast", "integrator, twice as fast"
 MARGIN = 0.1  # a stand-in does as well if it is within this part of the error
 ROUNDING = 1e-9
-HELPS, HURTS, UNTOLD, EQUAL = "helps", "hurts", "no difference told", "equal"
+HELPS, HURTS, NOT_SIGNIFICANT, EQUAL = "helps", "hurts", "not significant", "equal"
 MORE, LESS = "more", "less"
 BETTER, WORSE, AS_WELL = "better", "worse", "as well"
 
@@ -88,9 +88,9 @@ class Effect:
         return self.own.n == self.base.n and ends <= ROUNDING * abs(self.base.mean)
 
     @property
-    def is_told(self) -> bool:
-        """Whether means, or how often there is a value at all, are told apart."""
-        return not self.is_equal and (self.p < LEVEL or self.p_presence < LEVEL)
+    def is_significant(self) -> bool:
+        """Whether means, or how often there is a value at all, differ significantly."""
+        return not self.is_equal and (is_significant(self.p) or is_significant(self.p_presence))
 
     @property
     def is_within_margin(self) -> bool:
@@ -101,7 +101,7 @@ class Effect:
     @property
     def is_improvement(self) -> bool:
         """The direction. A metric that is reached on more seeds is the better one."""
-        if self.p_presence < LEVEL:
+        if is_significant(self.p_presence):
             return self.own.n > self.base.n
         return self.apart.mean < 0.0
 
@@ -116,8 +116,8 @@ class Effect:
         """What a change does."""
         if self.is_equal:
             return EQUAL
-        if not self.is_told:
-            return UNTOLD
+        if not self.is_significant:
+            return NOT_SIGNIFICANT
         if not self.asked.metric.is_error:
             return MORE if self.apart.mean > 0.0 else LESS
         return HELPS if self.is_improvement else HURTS
@@ -127,8 +127,8 @@ class Effect:
         """How what takes a place does there."""
         if self.is_equal or self.is_within_margin:
             return AS_WELL
-        if not self.is_told:
-            return UNTOLD
+        if not self.is_significant:
+            return NOT_SIGNIFICANT
         return BETTER if self.is_improvement else WORSE
 
 
@@ -171,7 +171,7 @@ class Judged:
         return estimate([value for value in values if value is not None])
 
     def _asked(self) -> Iterator[Asked]:
-        for configuration in SETTINGS:
+        for configuration in CONFIGURATIONS:
             for metric in METRICS[configuration.case]:
                 for rule in RULES:
                     measured = self.results[configuration, rule]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from runtime.experiments.analysis.statistics import CORRECTION, LEVEL
-from runtime.runs.simulate import versions
+from runtime.runs.simulation import versions
 from tests.studies.ablation.conclusions import conclusions, opening, overview
 from tests.studies.ablation.judge import MARGIN, Judged
 from tests.studies.ablation.tables import worth
@@ -30,14 +30,14 @@ WORTH = """
 ## What the adaptive part adds to each controller
 
 Each controller alone, then the difference that the adaptive part makes to it, with 95 % intervals
-where the seeds differ. No word: no difference told. "Closed" is on how many seeds the robot went
-all the way round, "contact" the part of the run in which it touched something: alone, as printed,
-with our rule.
+where the seeds differ. No word: the difference is not significant. "Closed" is on how many seeds
+the robot went all the way round, "contact" the part of the run in which it touched something:
+alone, as printed, with our rule.
 """
 
 OVERVIEW = """
 All answers about the mean error, in percent of the error without what is asked about, or with what
-is replaced, with 95 % intervals. No word: no difference told.
+is replaced, with 95 % intervals. No word: the difference is not significant.
 """
 
 READING = """
@@ -46,17 +46,18 @@ READING = """
 * A seed draws the noise and the neurons. Differences are paired: to the run with the same seed,
   and so with the same noise and neurons. Intervals are Student's t, 95 %. In case A there is no
   noise: what has no neurons gives one and the same result on all seeds.
-* A change **helps** or **hurts** where its difference is told from zero: p < {level:.2g}, corrected
-  by {correction} for all {asked} comparisons of this page. "No difference told" does not say that
-  there is none: the interval says how large it may be.
+* A change **helps** or **hurts** where its difference is significant: p < {level:.2g}, corrected
+  by {correction} for all {asked} comparisons of this page. "Not significant" does not mean
+  that there is no difference: the interval shows how large it may be.
 * What takes the place of something else does **as well** where the whole interval is within
-  {margin:.0f} % of the error of what it replaces, else **better** or **worse** where told.
+  {margin:.0f} % of the error of what it replaces, else **better** or **worse** where
+  the difference is significant.
 * By a permutation test that flips signs, in place of Student's t, {other} of the {asked} verdicts
-  are others.
+  differ.
 * Gains and learning rates of LQR and ensembles were chosen on other seeds of the same cases; PID,
   PurePursuit and Stanley have their blocks' defaults. Whether a learner is slow by its rate or by
   its kind is asked by letting it learn twice as fast. How the rate of the printed rule was chosen
-  for case C is told in [reproduction.md](reproduction.md).
+  for case C is described in [reproduction.md](reproduction.md).
 * An integrator learns one number, an ensemble a function of its input: of the heading error in A
   and B, in C of the turn rate that LQR and feedforward ask for. The integrator's gain is that of
   the network in whose place it stands about an input of 0, worked out, not tuned.

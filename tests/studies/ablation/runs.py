@@ -37,7 +37,7 @@ class Configuration:
         return self.experiment + ("_robust" if rule == ROBUST else "")
 
 
-SETTINGS = (
+CONFIGURATIONS = (
     Configuration("A", "A", "line"),
     Configuration("B", "B", "sine"),
     Configuration("C", "C ideal", "walls"),
@@ -60,7 +60,7 @@ class Measured:
 
 
 def read(configuration: Configuration, rule: str, engine: str = ENGINE) -> Experiment:
-    """An experiment under the setting's condition: what ``--with`` and ``--set`` make of it."""
+    """An experiment under a configuration's condition: what ``--with`` and ``--set`` make of it."""
 
     def change(graph: Graph) -> Graph:
         if configuration.condition:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from runtime.experiments.design.variants import BASELINE
 from tests.studies.ablation.judge import METRICS, Judged, Metric
 from tests.studies.ablation.judge import controllers as controllers_of
-from tests.studies.ablation.runs import PRINTED, ROBUST, RULES, SETTINGS, Configuration
+from tests.studies.ablation.runs import CONFIGURATIONS, PRINTED, ROBUST, RULES, Configuration
 from tests.studies.ablation.words import change, markdown, own
 
 NAMES = {
@@ -28,14 +28,14 @@ def worth(judged: Judged) -> list[str]:
 
 
 def _worth(judged: Judged, case: str, metric: Metric) -> str:
-    settings = [configuration for configuration in SETTINGS if configuration.case == case]
+    configurations = [found for found in CONFIGURATIONS if found.case == case]
     counted = COUNTED.get(metric.name, {})
     rows = []
-    for configuration in settings:
+    for configuration in configurations:
         for name, (adaptive, alone) in controllers_of(
             judged.results[configuration, PRINTED]
         ).items():
-            cells = [configuration.label] if len(settings) > 1 else []
+            cells = [configuration.label] if len(configurations) > 1 else []
             cells += [NAMES.get(name, name), _mean(judged, configuration, PRINTED, alone, metric)]
             i = METRICS[case].index(metric)
             cells += [change(judged(configuration, rule, adaptive, alone, i)) for rule in RULES]
@@ -44,7 +44,7 @@ def _worth(judged: Judged, case: str, metric: Metric) -> str:
                 found = (judged.results[configuration, rule](v, counts) for rule, v in asked)
                 cells.append(", ".join(map(tell, found)))
             rows.append(cells)
-    first = ["setting"] if len(settings) > 1 else []
+    first = ["configuration"] if len(configurations) > 1 else []
     return markdown([*first, "controller", "alone", *RULES, *counted], rows)
 
 

@@ -7,13 +7,14 @@ from collections.abc import Callable, Sequence
 from operator import attrgetter
 
 from runtime.experiments.analysis.statistics import Estimate
-from tests.studies.ablation.judge import AS_WELL, EQUAL, UNTOLD, Effect, Metric
-from tests.studies.ablation.runs import SETTINGS
+from tests.studies.ablation.judge import AS_WELL, EQUAL, NOT_SIGNIFICANT, Effect, Metric
+from tests.studies.ablation.runs import CONFIGURATIONS
 
 Word = Callable[[Effect], str]
 verdict: Word = attrgetter("verdict")
 stands_in: Word = attrgetter("stands_in")
-PLAIN = (UNTOLD, EQUAL, AS_WELL)  # what is not printed bold
+NO_EFFECT = (NOT_SIGNIFICANT, EQUAL)
+PLAIN = (*NO_EFFECT, AS_WELL)  # what is not printed bold
 
 
 def own(found: Estimate, runs: int, metric: Metric) -> str:
@@ -64,7 +65,7 @@ def _signed(value: float, digits: int = 0, sign: str = "+") -> str:
 
 
 def _cell(numbers: str, word: str) -> str:
-    return numbers if word == UNTOLD else f"{numbers} {_shown(word)}"
+    return numbers if word == NOT_SIGNIFICANT else f"{numbers} {_shown(word)}"
 
 
 def _shown(word: str) -> str:
@@ -72,27 +73,27 @@ def _shown(word: str) -> str:
 
 
 def grouped(effects: Sequence[Effect], word: Word = verdict, numbers: bool = False) -> str:
-    """Settings by verdict: 'helps in A and B; no difference told in C ideal'.
+    """Configurations by verdict: 'helps in A and B; not significant in C ideal'.
 
     Parameters
     ----------
-    numbers : say how much, where it is told.
+    numbers : say how much, where it is significant.
     """
     groups: dict[str, list[str]] = {}
     for effect in effects:
         message = word(effect)
-        number = f" ({percent(effect)})" if numbers and message not in (UNTOLD, EQUAL) else ""
+        number = f" ({percent(effect)})" if numbers and message not in NO_EFFECT else ""
         groups.setdefault(message, []).append(f"{effect.asked.configuration.label}{number}")
-    if len(groups) == 1 and len(effects) == len(SETTINGS) and not numbers:
+    if len(groups) == 1 and len(effects) == len(CONFIGURATIONS) and not numbers:
         return f"{_shown(word(effects[0]))} everywhere"
-    ordered = sorted(groups.items(), key=lambda group: group[0] in (UNTOLD, EQUAL))
+    ordered = sorted(groups.items(), key=lambda group: group[0] in NO_EFFECT)
     return "; ".join(f"{_shown(message)} in {listed(places)}" for message, places in ordered)
 
 
 def tally(effects: Sequence[Effect], word: Word = verdict) -> str:
-    """How often each verdict falls: 'helps 3 times, no difference told 15 times, of 18'."""
+    """How often each verdict falls: 'helps 3 times, not significant 15 times, of 18'."""
     message = [word(effect) for effect in effects]
-    ordered = sorted(dict.fromkeys(message), key=lambda name: (name in (UNTOLD, EQUAL), name))
+    ordered = sorted(dict.fromkeys(message), key=lambda name: (name in NO_EFFECT, name))
     counts = ", ".join(f"{_shown(name)} {_times(message.count(name))}" for name in ordered)
     return f"{counts}, of {len(message)}"
 

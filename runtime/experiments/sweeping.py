@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from runtime.errors import UsageError
-from runtime.experiments.analysis import Tally, number_or_none
+from runtime.experiments.analysis import Tally
 from runtime.experiments.execution import (
     INDEX,
     SCHEMA_VERSION,
@@ -80,13 +80,8 @@ class SweepResult:
             "metrics": list(plan.metrics),
             "objective": None if goal is None else {"metric": goal.metric, "goal": goal.goal},
             "best": [
-                {
-                    "values": dict(zip(factors, ranked.cells, strict=True)),
-                    "n": ranked.objective.n,
-                    "mean": ranked.objective.mean,
-                    "low": number_or_none(ranked.objective.low),
-                    "high": number_or_none(ranked.objective.high),
-                }
+                {"values": dict(zip(factors, ranked.cells, strict=True))}
+                | ranked.objective.to_dict()
                 for ranked in tally.best
             ],
             "reasons": tally.top_reasons(),

@@ -176,7 +176,7 @@ def _origin(graph: PreparedRun, engine: str) -> tuple[dict[str, str], dict[str, 
 
 
 def _resolved(graph: PreparedRun, engine: str) -> dict[str, Any]:
-    """The document with all settings of the run written out."""
+    """The document with all entries of its ``run`` section written out."""
     network = graph.network
     run = {"dt": network.dt, "until": network.until, "seed": network.seed, "engine": engine}
     if network.memory != DEFAULT_MEMORY:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -26,50 +26,14 @@ from runtime.document import (
     set_entry,
     set_wire,
 )
-from runtime.errors import GraphError, MissingExtraError, Problems
-from runtime.network import Network, build, is_variadic, replace_block, source_file
-from runtime.observation import Observation, observe
+from runtime.errors import GraphError, MissingExtraError
+from runtime.graph.content import Checked, Content, checked
+from runtime.network import Network, is_variadic, replace_block, source_file
+from runtime.observation import Observation
 
 if TYPE_CHECKING:
     from runtime.engine import Program
     from runtime.runs import PreparedRun, Result
-
-
-@dataclass(frozen=True)
-class _Content:
-    """All that a graph consists of.
-
-    classes, signal_types : of blocks that were added in Python, by name.
-    source : the file that the graph was loaded from. files : content of all files read.
-    modules : whether Python files that the graph names may be imported.
-    """
-
-    document: Node
-    classes: Mapping[str, type[Block]] = field(default_factory=dict)
-    signal_types: Mapping[str, SignalType] = field(default_factory=dict)
-    source: Path | None = None
-    overrides: tuple[Override, ...] = ()
-    notes: tuple[str, ...] = ()
-    modules: bool = True
-    files: Mapping[str, bytes] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class _Checked:
-    """What checking a graph yields; copies with another seed share the programs."""
-
-    network: Network
-    observation: Observation
-    programs: dict[tuple[str | None, bool], Program] = field(default_factory=dict)
-
-    def program(self, plots: Container[str] | None, profiled: bool) -> Program:
-        from runtime.engine import Program
-
-        key = (None if plots is None else repr(plots), profiled)
-        if key not in self.programs:
-            seen = self.observation if plots is None else self.observation.reduced(plots)
-            self.programs[key] = Program(self.network, seen, profiled)
-        return self.programs[key]
 
 
 class Graph:
@@ -83,16 +47,16 @@ class Graph:
     title : shown in plots and reports.
     """
 
-    _content: _Content
+    _content: Content
     _with_other_seed: Graph | None
 
     def __init__(
         self, title: str = "graph", *, dt: float = 0.001, until: float = 10.0, seed: int = 0
     ) -> None:
         run = {"dt": dt, "until": until, "seed": seed}
-        self._fill(_Content(from_python({"graph": title, "run": run, "blocks": {}})))
+        self._fill(Content(from_python({"graph": title, "run": run, "blocks": {}})))
 
-    def _fill(self, content: _Content, with_other_seed: Graph | None = None) -> None:
+    def _fill(self, content: Content, with_other_seed: Graph | None = None) -> None:
         object.__setattr__(self, "_content", content)
         object.__setattr__(self, "_with_other_seed", with_other_seed)
 
@@ -100,7 +64,7 @@ class Graph:
         raise AttributeError(f"a graph never changes, so '{name}' cannot be set; use a copy")
 
     @classmethod
-    def _of(cls, content: _Content, with_other_seed: Graph | None = None) -> Graph:
+    def _of(cls, content: Content, with_other_seed: Graph | None = None) -> Graph:
         graph = cls.__new__(cls)
         graph._fill(content, with_other_seed)
         return graph
@@ -134,7 +98,7 @@ class Graph:
         return self.network.title
 
     @cached_property
-    def _checked(self) -> _Checked:
+    def _checked(self) -> Checked:
         if self._with_other_seed is not None:
             try:
                 shared = self._with_other_seed._checked
@@ -142,16 +106,8 @@ class Graph:
                 pass  # the other seed may be what is wrong, and so are the positions of problems
             else:
                 seed = (self.document.get("run") or Node({})).plain()["seed"]
-                return replace(shared, network=replace(shared.network, seed=seed))
-        content, problems = self._content, Problems()
-        network, missing = build(
-            content.document, problems, content.classes, content.signal_types, content.modules
-        )
-        observation = observe(network, problems)
-        problems.raise_any()
-        if missing is not None:
-            raise missing
-        return _Checked(network, observation)
+                return shared.with_seed(seed)
+        return checked(self._content)
 
     @property
     def network(self) -> Network:
@@ -304,9 +260,7 @@ class Graph:
         ------
         GraphError : there is no such block.
         """
-        changed = add_names(self.document, "without", names, origin)
-        graph = self._changed(changed, *(Override("without", name) for name in names))
-        return graph._with_known_names(origin, "without")
+        return self._with_names("without", names, origin)
 
     def bypass(self, *names: str, origin: str = "") -> Graph:
         """A copy with these blocks bypassed: what they take in passes straight through.
@@ -315,9 +269,12 @@ class Graph:
         ------
         GraphError : there is no such block.
         """
-        changed = add_names(self.document, "bypass", names, origin)
-        graph = self._changed(changed, *(Override("bypass", name) for name in names))
-        return graph._with_known_names(origin, "bypass")
+        return self._with_names("bypass", names, origin)
+
+    def _with_names(self, kind: str, names: tuple[str, ...], origin: str) -> Graph:
+        changed = add_names(self.document, kind, names, origin)
+        graph = self._changed(changed, *(Override(kind, name) for name in names))
+        return graph._with_known_names(origin, kind)
 
     def replace(self, name: str, kind: str, *, origin: str = "") -> Graph:
         """A copy with a block of another type in a block's place, as in ``replace("lqr", "PID")``.
@@ -443,4 +400,4 @@ def load(source: str | Path | Mapping[str, Any], *, modules: bool = True) -> Gra
     """
     document, read = read_graph(source)
     path = None if isinstance(source, Mapping) else Path(document.where.file)
-    return Graph._of(_Content(document, source=path, modules=modules, files=read))
+    return Graph._of(Content(document, source=path, modules=modules, files=read))

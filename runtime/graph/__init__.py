@@ -1,0 +1,5 @@
+"""A graph in Python: ``graph`` is the class for users, ``content`` what one consists of."""
+
+from runtime.graph.graph import Graph, load
+
+__all__ = ["Graph", "load"]

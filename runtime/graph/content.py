@@ -1,0 +1,77 @@
+"""What a graph consists of, and what checking it yields."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from blocks.core import Block, SignalType
+from runtime.document import Node, Override
+from runtime.errors import Problems
+from runtime.network import Network, build
+from runtime.observation import Observation, observe
+
+if TYPE_CHECKING:
+    from runtime.engine import Program
+
+
+@dataclass(frozen=True)
+class Content:
+    """All that a graph consists of.
+
+    classes, signal_types : of blocks that were added in Python, by name.
+    source : the file that the graph was loaded from. files : content of all files read.
+    modules : whether Python files that the graph names may be imported.
+    """
+
+    document: Node
+    classes: Mapping[str, type[Block]] = field(default_factory=dict)
+    signal_types: Mapping[str, SignalType] = field(default_factory=dict)
+    source: Path | None = None
+    overrides: tuple[Override, ...] = ()
+    notes: tuple[str, ...] = ()
+    modules: bool = True
+    files: Mapping[str, bytes] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Checked:
+    """What checking a graph yields; copies with another seed share the programs."""
+
+    network: Network
+    observation: Observation
+    programs: dict[tuple[str | None, bool], Program] = field(default_factory=dict)
+
+    def program(self, plots: Container[str] | None, profiled: bool) -> Program:
+        from runtime.engine import Program
+
+        key = (None if plots is None else repr(plots), profiled)
+        if key not in self.programs:
+            seen = self.observation if plots is None else self.observation.reduced(plots)
+            self.programs[key] = Program(self.network, seen, profiled)
+        return self.programs[key]
+
+    def with_seed(self, seed: int) -> Checked:
+        """The same with another seed; the programs are shared."""
+        return replace(self, network=replace(self.network, seed=seed))
+
+
+def checked(content: Content) -> Checked:
+    """Check a graph.
+
+    Raises
+    ------
+    GraphError : listing all that is wrong.
+    MissingExtraError : nothing is wrong, but a block needs a package that is not installed.
+    """
+    problems = Problems()
+    network, missing = build(
+        content.document, problems, content.classes, content.signal_types, content.modules
+    )
+    observation = observe(network, problems)
+    problems.raise_any()
+    if missing is not None:
+        raise missing
+    return Checked(network, observation)
