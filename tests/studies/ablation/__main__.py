@@ -1,12 +1,13 @@
 """Ask where the spiking adaptive term helps, and write docs/ablation.md.
 
-python -m tests.studies.ablation [seeds] [folder]
+python -m tests.studies.ablation [--seeds 20..39] [--folder DIR]
 
 Seeds are those of the experiments if not given. What the folder holds is not run again.
 """
 
 from __future__ import annotations
 
+import argparse
 import sys
 import tempfile
 from pathlib import Path
@@ -21,11 +22,15 @@ from tests.studies.ablation.runs import CONFIGURATIONS, RULES, measure
 PAGE = Path(__file__).parents[3] / "docs" / "ablation.md"
 
 
-def main(arguments: list[str]) -> None:
+def main() -> None:
     """Run what the folder does not hold yet; write and print the page."""
-    seeds = read_seeds(arguments[0]) if arguments else None
+    parser = argparse.ArgumentParser(prog="python -m tests.studies.ablation")
+    parser.add_argument("--seeds", help="such as 20..39; those of the experiments if not given")
+    parser.add_argument("--folder", help="keeps the runs, so that a second call continues")
+    options = parser.parse_args()
+    seeds = read_seeds(options.seeds) if options.seeds else None
     with tempfile.TemporaryDirectory() as scratch:
-        folder = Path(arguments[1] if len(arguments) > 1 else scratch)
+        folder = Path(options.folder or scratch)
         folder.mkdir(parents=True, exist_ok=True)
         results = {}
         for configuration in CONFIGURATIONS:
@@ -46,4 +51,4 @@ def read_seeds(text: str) -> Seeds | None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    main()
