@@ -111,7 +111,9 @@ def decode(
     # shape save NumPy the broadcasting, which takes longer than the products.
     np.multiply(weights, activity[None], out=scratch)
     decoded: FloatArray = np.add.reduce(scratch, 1)
-    return decoded if limit == math.inf else decoded.clip(-limit, limit)
+    if limit == math.inf:
+        return decoded
+    return np.array([min(max(value, -limit), limit) for value in decoded.tolist()])
 
 
 @kernel_of(decode)
