@@ -81,15 +81,17 @@ def __getattr__(name: str) -> Any:
 
 def arctan2(y: FloatArray, x: FloatArray) -> FloatArray:
     """The angle (rad) of each point of which y and x, of one shape, are given."""
-    angles = list(map(math.atan2, y.ravel().tolist(), x.ravel().tolist()))
-    return np.array(angles, dtype=np.float64).reshape(y.shape)
+    angles = map(math.atan2, y.ravel().tolist(), x.ravel().tolist())
+    return np.fromiter(angles, np.float64, y.size).reshape(y.shape)
 
 
 def directions(angles: FloatArray) -> FloatArray:
     """Unit vectors (n, 2) at angles (n,) in rad."""
-    return np.column_stack((cos(angles), sin(angles)))
+    units = np.empty((len(angles), 2))
+    units[:, 0], units[:, 1] = cos(angles), sin(angles)
+    return units
 
 
 def _each(function: Callable[[float], float], x: FloatArray) -> FloatArray:
     """A function of the C library, element by element."""
-    return np.array(list(map(function, x.ravel().tolist())), dtype=np.float64).reshape(x.shape)
+    return np.fromiter(map(function, x.ravel().tolist()), np.float64, x.size).reshape(x.shape)

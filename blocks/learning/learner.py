@@ -100,15 +100,26 @@ class Learner(Block, ABC):
         """What was learnt up to this tick, (k,), each component within +-limit."""
 
 
-def decode(weights: FloatArray, activity: FloatArray, limit: float) -> FloatArray:
-    """weights (k, n) times activity (n,), each component within +-limit, (k,)."""
-    # Not by BLAS, whose order of summation depends on the processor.
-    decoded: FloatArray = np.add.reduce(weights * activity, 1)
-    return decoded if limit == math.inf else decoded.clip(-limit, limit)
+def decode(
+    weights: FloatArray, activity: FloatArray, limit: float, scratch: FloatArray
+) -> FloatArray:
+    """weights (k, n) times activity (n,), each component within +-limit, (k,).
+
+    ``scratch``, (k, n), is overwritten.
+    """
+    # Not by BLAS, whose order of summation depends on the processor. With k = 1, operands of equal
+    # shape save NumPy the broadcasting, which takes longer than the products.
+    np.multiply(weights, activity[None], out=scratch)
+    decoded: FloatArray = np.add.reduce(scratch, 1)
+    if limit == math.inf:
+        return decoded
+    return np.array([min(max(value, -limit), limit) for value in decoded.tolist()])
 
 
 @kernel_of(decode)
-def _decode_kernel(weights: FloatArray, activity: FloatArray, limit: float) -> FloatArray:
+def _decode_kernel(
+    weights: FloatArray, activity: FloatArray, limit: float, scratch: FloatArray
+) -> FloatArray:
     decoded = np.empty(len(weights))
     for row in range(len(weights)):
         total = dot(weights[row], activity)
@@ -146,13 +157,14 @@ def pes(
     Parameters
     ----------
     weights, activity, error : (k, n), (n,), (k,).
-    scratch : (n,), overwritten.
+    scratch : (k, n), overwritten.
     """
     if keep != 1.0:
-        weights *= keep
-    for row, slope in zip(weights, error.tolist(), strict=True):
-        np.multiply(activity, gamma * slope, out=scratch)
-        np.subtract(row, scratch, out=row)
+        weights *= np.array(keep)
+    for k, slope in enumerate(error.tolist()):
+        # NumPy takes an array without axes much faster than a number.
+        np.multiply(activity, np.array(gamma * slope), out=scratch[k])
+    weights -= scratch
 
 
 @kernel_of(pes)
@@ -234,7 +246,7 @@ class AdaptiveBias(Learner):
         state.step = self.learning_rate * power * state.dt
         # PES of one neuron whose activity is 1.
         state.weights, state.activity = state.bias[:, None], np.ones(1)
-        state.scratch = np.empty(1)
+        state.scratch = np.empty_like(state.weights)
 
     def watch(self, state: BlockState) -> float:
         """The norm of the learnt output."""
@@ -245,7 +257,7 @@ class AdaptiveBias(Learner):
         return float(state.step)
 
     def output(self, state: BlockState, t: float) -> FloatArray:
-        return decode(state.weights, state.activity, self.limit)
+        return decode(state.weights, state.activity, self.limit, state.scratch)
 
     def update(self, state: BlockState, t: float, error: FloatArray, learn: float) -> None:
         gamma = state.step * learn

@@ -89,7 +89,7 @@ class LearningEnsemble(Learner):
         state.keep = math.exp(-self.leak * state.dt)
         state.gamma = self.learning_rate * state.dt / n
         state.fade = 1.0 - state.pass_on
-        state.scratch = np.empty(n)
+        state.scratch, state.products = np.empty(n), np.empty_like(state.weights)
         state.encoder_rows = np.ascontiguousarray(state.scaled_encoders.T)
         state.further = range(1, d)
 
@@ -102,20 +102,20 @@ class LearningEnsemble(Learner):
         return float(state.gamma * np.square(state.activity).sum())
 
     def output(self, state: BlockState, t: float) -> FloatArray:
-        return decode(state.weights, state.activity, self.limit)
+        return decode(state.weights, state.activity, self.limit, state.products)
 
     def update(
         self, state: BlockState, t: float, input: FloatArray, error: FloatArray, learn: float
     ) -> None:
         current = state.current
-        np.multiply(state.encoder_rows[0], input[0], out=current)
+        np.multiply(state.encoder_rows[0], input[0, ...], out=current)
         for j in state.further:
-            np.multiply(state.encoder_rows[j], input[j], out=state.scratch)
+            np.multiply(state.encoder_rows[j], input[j, ...], out=state.scratch)
             current += state.scratch
         current += state.offset
         self._respond(state)
         gamma = state.gamma * learn
-        pes(state.weights, state.activity, error, gamma, state.keep, state.scratch)
+        pes(state.weights, state.activity, error, gamma, state.keep, state.products)
 
     @kernel_of(update)
     def _update_kernel(
@@ -133,7 +133,7 @@ class LearningEnsemble(Learner):
             current[i] += offset[i]
         self._respond(state)
         gamma = state.gamma * learn
-        pes(state.weights, state.activity, error, gamma, state.keep, state.scratch)
+        pes(state.weights, state.activity, error, gamma, state.keep, state.products)
 
     @abstractmethod
     def _respond(self, state: BlockState) -> None:
@@ -200,15 +200,18 @@ class AdaptiveEnsemble(LearningEnsemble):
         state.kick = state.pass_on * state.height
         state.silence = self.tau_ref + state.dt
         state.step, state.decay = np.full(n, state.dt), np.full(n, -self.tau_rc)
-        state.zeros, state.ones = np.zeros(n), np.ones(n)
+        state.zeros, state.ones, state.fades = np.zeros(n), np.ones(n), np.full(n, state.fade)
+        scalars = (0.0, 1.0, self.tau_rc, state.silence, state.height, state.kick)
+        state.scalars = tuple(map(np.array, scalars))
         state.rise, state.few = np.empty(n), np.empty(n, dtype=np.int64)
 
     def _respond(self, state: BlockState) -> None:
         """LIF neurons and their synapses.
 
-        Constants are arrays, and results are written in place: with a hundred neurons numpy's
-        overhead for a scalar operand costs as much as the arithmetic.
+        Constants are arrays, some without axes, and results are written in place: with a hundred
+        neurons numpy's overhead for a number as operand costs as much as the arithmetic.
         """
+        zero, one, tau_rc, silence, height, kick = state.scalars
         current, voltage, refractory = state.current, state.voltage, state.refractory
         awake, step = state.scratch, state.step
         refractory -= step
@@ -223,21 +226,21 @@ class AdaptiveEnsemble(LearningEnsemble):
         spiking = (voltage > state.ones).nonzero()[0]
         # The spike lies inside the step: the rest of the step counts to the refractory time.
         drive = current[spiking]
-        drive -= 1.0
+        drive -= one
         since = voltage[spiking]
-        np.subtract(1.0, since, out=since)
+        np.subtract(one, since, out=since)
         since /= drive
         portable.log1p(since, out=since)
-        since *= self.tau_rc
-        since += state.silence
+        since *= tau_rc
+        since += silence
         refractory[spiking] = since
         np.maximum(voltage, state.zeros, out=voltage)
-        voltage[spiking] = 0.0
+        voltage[spiking] = zero
         state.spikes.fill(0.0)
-        state.spikes[spiking] = state.height
+        state.spikes[spiking] = height
         activity = state.activity
-        activity *= state.fade
-        activity[spiking] += state.kick
+        activity *= state.fades
+        activity[spiking] += kick
 
     # Its start extends that of LearningEnsemble without changing what this kernel depends on.
     _update_kernel = kernel_of(LearningEnsemble.update)(LearningEnsemble._update_kernel)

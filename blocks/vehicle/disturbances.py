@@ -44,7 +44,8 @@ class Saturator(Block):
     limited_ticks = State(1, doc="ticks so far on which the turn rate was limited")
 
     def update(self, state: BlockState, t: float, saturated: float) -> None:
-        state.limited_ticks[0] += saturated
+        if saturated:
+            state.limited_ticks[0] += saturated
 
     def diagnose(self, state: BlockState, ticks: int, watched: tuple[float, ...]) -> Iterable[str]:
         share = float(state.limited_ticks[0]) / max(1, ticks)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -95,7 +95,8 @@ def _inverse(length: FloatArray) -> FloatArray:
 def basis_matrices(points: int, degree: int, samples: int) -> FloatArray:
     """Basis, first and second derivative at even parameters, shape (3, samples, points).
 
-    Small ones are cached, since a fitter needs the same ones ten times a second; read-only.
+    Small ones are cached, since a fitter needs the same ones ten times a second; read-only, each
+    in the order of memory that :func:`combined` takes.
     """
     make = _cached_matrices if points * samples <= LARGEST_CACHED else _matrices
     return make(points, degree, samples)
@@ -103,12 +104,23 @@ def basis_matrices(points: int, degree: int, samples: int) -> FloatArray:
 
 def _matrices(points: int, degree: int, samples: int) -> FloatArray:
     t = np.linspace(0.0, 1.0, samples)
-    result = np.stack([basis(t, points, degree, derivative) for derivative in range(3)])
+    result = np.empty((3, points, samples))
+    for derivative in range(3):
+        result[derivative] = basis(t, points, degree, derivative).T
     result.setflags(write=False)
-    return result
+    return result.swapaxes(1, 2)
 
 
 _cached_matrices = lru_cache(maxsize=CACHED)(_matrices)
+
+
+def combined(matrix: FloatArray, points: FloatArray) -> FloatArray:
+    """The product of a matrix (..., m, n), its columns contiguous, and points (n, 2): (..., m, 2).
+
+    With both factors stored by columns, the inner loop of :func:`product` runs over the m rows,
+    not over x and y alone, and takes a tenth of the time; each sum keeps its order.
+    """
+    return np.ascontiguousarray(product(matrix, np.asfortranarray(points)))
 
 
 @dataclass(frozen=True)
@@ -119,12 +131,12 @@ class Samples:
     first: FloatArray
     second: FloatArray
 
-    @property
+    @cached_property
     def theta(self) -> FloatArray:
         """Direction of the tangent (rad, continuous along the curve), shape (n,)."""
         return np.unwrap(arctan2(self.first[:, 1], self.first[:, 0]))
 
-    @property
+    @cached_property
     def kappa(self) -> FloatArray:
         """Signed curvature (1/m), positive where the curve bends left, shape (n,)."""
         return curvature(self.first, self.second)
@@ -154,7 +166,7 @@ class BSpline:
     def positions(self, samples: int) -> FloatArray:
         """Positions at that many even parameters, (samples, 2), by a cached matrix."""
         at = basis_matrices(len(self.points), self.degree, samples)[0]
-        return product(at, self.points)
+        return combined(at, self.points)
 
     def sampled_evenly(
         self, spacing: float, samples: int, start: float = 0.0, fine: int = 0
@@ -166,7 +178,7 @@ class BSpline:
         short is sampled more closely, if necessary from its beginning.
         """
         at = basis_matrices(len(self.points), self.degree, fine or 4 * samples)
-        dense = product(at, self.points)
+        dense = combined(at, self.points)
         arc = arc_length(dense[0])
         length = (samples - 1) * spacing
         start = min(start, max(0.0, float(arc[-1]) - length))
@@ -245,10 +257,10 @@ def _bends(points: int) -> FloatArray:
 
 @lru_cache(maxsize=CACHED)
 def projection(points: int, degree: int, samples: int) -> FloatArray:
-    """(B'B)^-1 B' of the basis B at even parameters, shape (points, samples)."""
+    """(B'B)^-1 B' of the basis B at even parameters, shape (points, samples), for `combined`."""
     # Not by pinv: B-splines are well conditioned, and a threaded SVD took up to 0.1 s.
-    at = basis_matrices(points, degree, samples)[0]
-    result = solve(product(at.T, at), at.T)
+    at = np.ascontiguousarray(basis_matrices(points, degree, samples)[0])
+    result = np.asfortranarray(solve(product(at.T, at), at.T))
     result.setflags(write=False)
     return result
 
@@ -264,7 +276,7 @@ def fit_even(data: FloatArray, points: int, degree: int = 3) -> BSpline:
     """
     if len(data) < points:
         raise ValueError(f"{points} control points need as many data, got {len(data)}")
-    return BSpline(product(projection(points, degree, len(data)), data), degree)
+    return BSpline(combined(projection(points, degree, len(data)), data), degree)
 
 
 def control_points(length: float, spacing: float, degree: int) -> int:

@@ -172,10 +172,12 @@ def chain(
     None if nothing is left.
     """
     broken = _broken(returns, sigma, incidence)
-    returns = returns[~(broken[:-1] & broken[1:])]
+    linked = ~(broken[:-1] & broken[1:])
+    if not linked.all():
+        returns = returns[linked]
+        broken = _broken(returns, sigma, incidence)
     if not len(returns):
         return None
-    broken = _broken(returns, sigma, incidence)
     ends = _edges(returns, broken, window, incidence)
     inside = returns.ranges < reach
     cut = broken.copy()

@@ -170,7 +170,7 @@ class WallFitter(Block):
         state.order, state.bearing, state.direction = beams.order, beams.bearing, beams.direction
         state.limit = beams.incidence(self.incidence)
         n = control_points(self._length, self.spacing, self.degree)
-        state.projection = projection(n, self.degree, 6 * n)
+        state.projection = np.ascontiguousarray(projection(n, self.degree, 6 * n))
         state.first, state.bands = banded_matrices(n, self.degree, 2 * self.samples)
 
     def beams(self, context: BlockContext) -> Beams:
