@@ -107,9 +107,9 @@ def opening(judged: Judged) -> str:
     return (
         f"In the {len(CONFIGURATIONS)} configurations above the spiking term as printed "
         f"{times(ADDED[0])}; with our rule it {times(ADDED[1])}. In its place, rate neurons "
-        f"do at least as well in {count(UNSPIKED, *least)} of {both} comparisons, a plain integrator in "
-        f"{count(INTEGRATED, *least)}. In place of learning by our rule, well-tuned gains do at "
-        f"least as well in {count(INSTEAD[:1], *least)} of {len(CONFIGURATIONS)}.\n"
+        f"do at least as well in {count(UNSPIKED, *least)} of {both} comparisons, a plain "
+        f"integrator in {count(INTEGRATED, *least)}. In place of learning by our rule, well-tuned "
+        f"gains do at least as well in {count(INSTEAD[:1], *least)} of {len(CONFIGURATIONS)}.\n"
     )
 
 
