@@ -13,20 +13,14 @@ from blocks.control.riccati import (
     riccati_kernel,
     turned,
 )
-from blocks.control.tracking import offsets
+from blocks.control.tracking import Tracker, offsets
 from blocks.core import (
-    Block,
     BlockContext,
     BlockState,
     FloatArray,
-    Input,
-    Output,
     ParameterError,
-    Pose,
     PoseValue,
     State,
-    TrackingState,
-    Twist,
     TwistValue,
     kernel_of,
     param,
@@ -141,7 +135,7 @@ def definiteness(weight: FloatArray) -> float:
     return float(np.linalg.eigvalsh(weight / np.outer(size, size))[0])
 
 
-class LQR(Block):
+class LQR(Tracker):
     """State feedback u_l = -K_ss (x - x_r) about the reference (paper, section III-B).
 
         error, reference ─▶ [ LQR ] ─▶ command
@@ -152,11 +146,6 @@ class LQR(Block):
     unequal weights each is along the path here and across it there. The sampling period is the
     block's ``dt``.
     """
-
-    error = Input(TrackingState, doc="pose minus reference")
-    reference = Input(Pose, doc="the point that the model is linearised about")
-
-    command = Output(Twist, doc="u_l = -K_ss times the error")
 
     q: FloatArray = param((1.0, 1.0, 1.0), shape=[(3,), (3, 3)], doc="state weights Q, x y theta")
     r: FloatArray = param((1.0, 1.0), shape=[(2,), (2, 2)], doc="command weights R, v omega")

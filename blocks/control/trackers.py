@@ -1,35 +1,18 @@
-"""Textbook path trackers, each with the ports of the LQR, which it can replace.
-
-Like the LQR's, their command corrects the feedforward [v_r, v_r kappa]: on the path, looking along
-it, it is zero.
-"""
+"""Textbook path trackers, each with the ports of the LQR, which it can replace."""
 
 from __future__ import annotations
 
 import math
 from typing import final
 
-from blocks.control.tracking import offsets, wrap
-from blocks.core import (
-    Block,
-    BlockState,
-    Input,
-    Output,
-    ParameterError,
-    Pose,
-    PoseValue,
-    State,
-    TrackingState,
-    Twist,
-    TwistValue,
-    param,
-)
+from blocks.control.tracking import Tracker, offsets, wrap
+from blocks.core import BlockState, ParameterError, PoseValue, State, TwistValue, param
 
 QUARTER = 0.5 * math.pi
 
 
 @final
-class PID(Block):
+class PID(Tracker):
     """Hold the course to a point ahead on the path's tangent with a PID controller.
 
         error, reference ─▶ [ PID ] ─▶ command
@@ -45,11 +28,6 @@ class PID(Block):
     (conditional integration; Åström and Hägglund, PID Controllers, 1995). Near a straight path
     kp alone gives s^2 + kp s + kp / lookahead_time, whatever the speed.
     """
-
-    error = Input(TrackingState, doc="pose minus reference")
-    reference = Input(Pose, doc="the point whose tangent is followed")
-
-    command = Output(Twist, doc="correction of the turn rate; that of the speed is 0")
 
     kp: float = param(2.0, unit="1/s", at_least=0.0, doc="turn rate per course error")
     ki: float = param(0.2, unit="1/s^2", at_least=0.0, doc="turn rate per sum of course errors")
@@ -100,7 +78,7 @@ class PID(Block):
 
 
 @final
-class PurePursuit(Block):
+class PurePursuit(Tracker):
     """Steer along the arc that leads to a point ahead on the path (Coulter, 1992).
 
         error, reference ─▶ [ PurePursuit ] ─▶ command
@@ -115,11 +93,6 @@ class PurePursuit(Block):
     lookahead_time. (CMU-RI-TR-92-01 takes the point of the path at a given L; this one exists
     at any distance from the path.)
     """
-
-    error = Input(TrackingState, doc="pose minus reference")
-    reference = Input(Pose, doc="the point to look ahead from")
-
-    command = Output(Twist, doc="correction of the turn rate; that of the speed is 0")
 
     v_r: float = param(1.0, unit="m/s", above=0.0, doc="reference speed")
     lookahead_time: float = param(1.0, unit="s", above=0.0, doc="how far ahead the point lies")
@@ -138,7 +111,7 @@ class PurePursuit(Block):
 
 
 @final
-class Stanley(Block):
+class Stanley(Tracker):
     """Steer a virtual front wheel onto the path (Hoffmann, Tomlin, Montemerlo and Thrun, 2007).
 
         error, reference ─▶ [ Stanley ] ─▶ command
@@ -154,11 +127,6 @@ class Stanley(Block):
     Automobile Trajectory Tracking for Off-Road Driving, ACC 2007; without its terms for tires,
     steering servo and low speeds.)
     """
-
-    error = Input(TrackingState, doc="pose minus reference")
-    reference = Input(Pose, doc="the point whose tangent is steered onto")
-
-    command = Output(Twist, doc="correction of speed and turn rate")
 
     v_r: float = param(1.0, unit="m/s", above=0.0, doc="reference speed, that of the front wheel")
     k: float = param(1.0, unit="1/s", above=0.0, doc="rate at which the cross-track error decays")

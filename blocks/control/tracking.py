@@ -66,6 +66,25 @@ class TrackingError(Block):
         return error, math.hypot(dx, dy), error[2], lateral, along
 
 
+class Tracker(Block):
+    """The ports of a controller that keeps a robot on its path; any can replace another.
+
+        error, reference ─▶ [ Tracker ] ─▶ command
+
+    The command corrects the feedforward [v_r, v_r kappa]: on the path, looking along it, it is 0.
+    """
+
+    error = Input(TrackingState, doc="pose minus reference")
+    reference = Input(Pose, doc="the point of the path that is followed")
+
+    command = Output(Twist, doc="correction of speed and turn rate")
+
+    def output(
+        self, state: BlockState, t: float, error: PoseValue, reference: PoseValue
+    ) -> TwistValue:
+        raise NotImplementedError
+
+
 class MatchingPoint(Block):
     """Find the path sample nearest to the robot, and its feedforward (paper, section III-C).
 

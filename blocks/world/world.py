@@ -139,6 +139,13 @@ class World:
             solid |= inside != is_room
         return solid
 
+    def extent(self, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Lower left and upper right corner (m) of all walls and the positions ``xy`` (n, 2)."""
+        centre, reach = self.circles[:, :2], self.circles[:, 2:]
+        corners = [*self.obstacles, centre - reach, centre + reach]
+        everything = np.concatenate([*corners, xy, *([] if self.room is None else [self.room])])
+        return everything.min(axis=0), everything.max(axis=0)
+
     def nearest(self, x: float, y: float) -> Nearest:
         """Signed distance to the nearest surface (m), and the unit normal there, which points
         into free space: :meth:`distance` for one point, on plain floats.

@@ -129,8 +129,9 @@ def _panels(recorded: Mapping[str, Recording]) -> dict[str, list[_Line]]:
     """The lines of each axes, by the label of its vertical axis."""
     first = next(iter(recorded.values()))
     if "Spikes" in first.kinds:
-        return {"mean rate [Hz]": [_Line(n, r.t, _rate(r)) for n, r in recorded.items()]}
-    count = int(np.prod(first.values.shape[1:]))
+        rates = {n: mean_rate(r.columns, row_spacing(r.t)) for n, r in recorded.items()}
+        return {"mean rate [Hz]": [_Line(n, recorded[n].t, rate) for n, rate in rates.items()]}
+    count = first.columns.shape[1]
     if count > FEW:
         unit = first.units[0] if len(set(first.units)) == 1 else ""
         label = axis_label([f"RMS of {count} columns"], unit)
@@ -138,20 +139,15 @@ def _panels(recorded: Mapping[str, Recording]) -> dict[str, list[_Line]]:
     names = short_labels(first.labels)
     return {
         axis_label([names[i]], first.units[i]): [
-            _Line(n, r.t, r.values.reshape(len(r.t), count)[:, i]) for n, r in recorded.items()
+            _Line(n, r.t, r.columns[:, i]) for n, r in recorded.items()
         ]
         for i in range(count)
     }
 
 
-def _rate(recorded: Recording) -> FloatArray:
-    spikes = recorded.values.reshape(len(recorded.t), -1)
-    return mean_rate(spikes, row_spacing(recorded.t))
-
-
 def _rms(recorded: Recording) -> FloatArray:
     """Root mean square of the finite values of each row; NaN where there are none."""
-    rows = recorded.values.reshape(len(recorded.t), -1)
+    rows = recorded.columns
     squares = np.where(np.isfinite(rows), rows, 0.0) ** 2
     with np.errstate(invalid="ignore"):
         rms: FloatArray = np.sqrt(squares.sum(axis=1) / np.isfinite(rows).sum(axis=1))

@@ -186,8 +186,8 @@ def pair(a: Recording, b: Recording, dt: float) -> Pair:
     return Pair(
         name=a.name,
         t=a.t[here],
-        a=_flat(a.values[here]),
-        b=_flat(b.values[there]),
+        a=a.columns[here],
+        b=b.columns[there],
         labels=labels,
         units=units,
         rows=rows,
@@ -228,7 +228,3 @@ def _names(recorded: Recording) -> tuple[tuple[str, ...], tuple[str, ...]]:
         labels = tuple(f"{label}[{i}]" for i in points for label in recorded.labels)
         return labels, recorded.units * len(points)
     return tuple(f"{recorded.name}[{i}]" for i in range(count)), ("",) * count
-
-
-def _flat(values: FloatArray) -> FloatArray:
-    return values.reshape(len(values), int(np.prod(values.shape[1:])))

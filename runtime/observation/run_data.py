@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, partial
@@ -28,6 +29,11 @@ class Recording:
     kinds: tuple[str, ...]
     addresses: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     auto: bool = False
+
+    @property
+    def columns(self) -> FloatArray:
+        """The values as (rows, columns), also those of a scalar or a table."""
+        return self.values.reshape(len(self.values), math.prod(self.values.shape[1:]))
 
     def column(self, address: str) -> FloatArray:
         """The values of one of the signals that the probe holds."""

@@ -121,7 +121,7 @@ class _Column:
 
 def _flat(recorded: Recording) -> tuple[FloatArray, list[str], list[str]]:
     """A recording as (rows, columns), with one label and one unit per column."""
-    values = recorded.values.reshape(len(recorded.values), int(np.prod(recorded.values.shape[1:])))
+    values = recorded.columns
     count = values.shape[1]
     if len(recorded.labels) == count:
         return values, list(recorded.labels), list(recorded.units)

@@ -67,13 +67,10 @@ def row_index(recorded: Recording, t: float) -> int:
 
 def view_limits(world: World, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Lower left and upper right corner of a view of all walls and the positions ``xy``."""
-    corners = [xy[np.isfinite(xy).all(axis=1)], *world.obstacles]
-    for x, y, r in world.circles.tolist():
-        corners.append(np.array([[x - r, y - r], [x + r, y + r]]))
     if world.room is not None:
-        corners = [world.room]
-    everything = np.concatenate(corners)
-    low, high = everything.min(axis=0), everything.max(axis=0)
+        low, high = world.room.min(axis=0), world.room.max(axis=0)
+    else:
+        low, high = world.extent(xy[np.isfinite(xy).all(axis=1)])
     margin = (OPEN_MARGIN if world.room is None else MARGIN) * float((high - low).max())
     return low - margin, high + margin
 
@@ -197,17 +194,23 @@ def draw_map(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
 
 
 def map_axes(
-    figure: Figure, plot: PlotSpec, result: RunData, xy: FloatArray
+    figure: Figure,
+    plot: PlotSpec,
+    result: RunData,
+    xy: FloatArray,
+    side: float = SIDE,
+    room: tuple[float, float] = (2.2, 1.0),
 ) -> tuple[Axes, list[Line2D]]:
     """Axes of one scale with the world, its contour and room for the positions ``xy`` (n, 2).
 
-    Returns the axes and the entries of their legend.
+    ``side`` is that of the square of the map's area, ``room`` what the figure is wider and higher
+    than the map (inches). Returns the axes and the entries of their legend.
     """
     world = world_of(plot, result)
     low, high = view_limits(world, np.concatenate((np.zeros((0, 2)), xy)))
     ratio = min(FLATTEST, max(TALLEST, float((high[0] - low[0]) / (high[1] - low[1]))))
-    width = SIDE * math.sqrt(ratio)
-    figure.set_size_inches(width + 2.2, width / ratio + 1.0)
+    width = side * math.sqrt(ratio)
+    figure.set_size_inches(width + room[0], width / ratio + room[1])
     axes = style.stacked_axes(figure, 1)[0]
     axes.set(xlabel="x [m]", ylabel="y [m]", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     axes.set_aspect("equal", anchor="W")

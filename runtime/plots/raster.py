@@ -92,9 +92,9 @@ def draw_raster(figure: Figure, recordings: Sequence[Recording], end: float) -> 
 
 def _trains(recordings: Sequence[Recording]) -> Iterator[_Train]:
     for recorded in recordings:
-        table = recorded.values.reshape(len(recorded.values), -1 if recorded.values.size else 0)
         for start, stop in recorded.addresses.values() or [(0, len(recorded.labels))]:
-            yield _Train(style.signal_of(recorded.labels[start]), recorded.t, table[:, start:stop])
+            spikes = recorded.columns[:, start:stop]
+            yield _Train(style.signal_of(recorded.labels[start]), recorded.t, spikes)
 
 
 def _marks(axes: Axes, train: _Train) -> None:

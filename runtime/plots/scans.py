@@ -233,17 +233,9 @@ def _write(plot: PlotSpec, result: RunData, file: Path, times: list[float]) -> N
 
 def _world_axes(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
     """The axes of an animation: the world without the robot."""
-    world = maps.world_of(plot, result)
-    robot = result.probes[next(n for n in plot.of if result.probes[n].kinds[0] == "Pose")]
-    low, high = maps.view_limits(world, np.concatenate((np.zeros((0, 2)), robot.values[:, :2])))
-    ratio = min(2.2, max(0.6, float((high[0] - low[0]) / (high[1] - low[1]))))
-    figure.set_size_inches(SIDE * math.sqrt(ratio), SIDE / math.sqrt(ratio) + 0.6)
-    axes = figure.subplots()
-    axes.set(xlabel="x [m]", ylabel="y [m]", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    axes.set_aspect("equal")
+    xy = recordings_by_kind(plot, result)["Pose"].values[:, :2]
+    axes, _ = maps.map_axes(figure, plot, result, xy, SIDE, (0.0, 0.6))
     axes.set_title(style.subtitle(result), fontsize=9.0)
-    maps.draw_world(axes, world)
-    maps.draw_contour(axes, world, plot)
     return axes
 
 

@@ -37,10 +37,7 @@ class Extent:
 
 def extent_of(world: World, path: FloatArray) -> Extent:
     """The square around the walls and a path, (n, 2) in m."""
-    shapes = [path, *world.obstacles, *([] if world.room is None else [world.room])]
-    shapes += [np.array([[x - r, y - r], [x + r, y + r]]) for x, y, r in world.circles.tolist()]
-    points = np.concatenate(shapes)
-    low, high = points.min(axis=0), points.max(axis=0)
+    low, high = world.extent(path)
     x, y = 0.5 * (low + high)
     return Extent(float(x), float(y), float(0.5 * np.max(high - low)) + MARGIN)
 

@@ -12,6 +12,7 @@ import warnings
 import zipfile
 import zlib
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -126,17 +127,12 @@ def write(result: RunData, folder: Path, commit: str | None) -> None:
 
 def manifest(result: RunData, hashes: Mapping[str, str], commit: str | None) -> dict[str, Any]:
     """The content of manifest.json; ``hashes`` are those of the folder's other files."""
-    plots = [
-        {"name": p.name, "kind": p.kind, "of": list(p.of), "title": p.title}
-        | {"options": dict(p.options)}
-        for p in result.plots
-    ]
     return {
         **result.manifest,
         "git": commit,
         "hashes": dict(hashes),
         "probes": {name: _described(recorded) for name, recorded in result.probes.items()},
-        "plots": plots,
+        "plots": [asdict(plot) for plot in result.plots],
         "world": None if result.world is None else result.world.description,
         "failures": result.failures,
     }

@@ -91,17 +91,8 @@ def simulate(
     metrics, failures, unclear = evaluate(observation.metrics, probes, network.world)
     notes = [*graph.notes, *observation.notes, *unclear]
     notes += engine.diagnosis.notes(outcome.ticks) if outcome.ticks else []
-    result = Result(
-        title=network.title,
-        probes=probes,
-        metrics=metrics,
-        plots=observation.plots,
-        manifest=_manifest(graph, outcome, program, notes, began),
-        origin=partial(_origin, graph, outcome.engine),
-        notes=notes,
-        failures=failures,
-        world=network.world,
-    )
+    result = _result(graph, outcome, probes, metrics, notes, began)
+    result.failures = failures
     if outcome.error is not None:
         outcome.error.result = result
         raise outcome.error
@@ -142,25 +133,34 @@ def _recorded(probe: Probe, values: FloatArray, times: FloatArray) -> Recording:
 
 def _begin_recording(graph: PreparedRun, engine: Engine, began: datetime, folder: Path) -> None:
     """Write what is needed to recover a recording on disk if the process is killed."""
-    program, observation = graph.program, graph.program.observation
+    observation = graph.program.observation
     outcome = Outcome({}, 0, "interrupted", "python" if engine.make_runner is None else "compiled")
     notes = [*graph.notes, *observation.notes]
     empty = {
         name: _recorded(probe, engine.arrays[name][:0], np.empty(0))
         for name, probe in observation.probes.items()
     }
-    begin(
-        Result(
-            title=graph.network.title,
-            probes=empty,
-            metrics=dict.fromkeys(metric.name for metric in observation.metrics),
-            plots=observation.plots,
-            manifest=_manifest(graph, outcome, program, notes, began),
-            origin=partial(_origin, graph, outcome.engine),
-            world=graph.network.world,
-        ),
-        observation.probes,
-        folder,
+    metrics: dict[str, float | None] = dict.fromkeys(metric.name for metric in observation.metrics)
+    begin(_result(graph, outcome, empty, metrics, notes, began), observation.probes, folder)
+
+
+def _result(
+    graph: PreparedRun,
+    outcome: Outcome,
+    probes: dict[str, Recording],
+    metrics: dict[str, float | None],
+    notes: list[str],
+    began: datetime,
+) -> Result:
+    return Result(
+        title=graph.network.title,
+        probes=probes,
+        metrics=metrics,
+        plots=graph.program.observation.plots,
+        manifest=_manifest(graph, outcome, notes, began),
+        origin=partial(_origin, graph, outcome.engine),
+        notes=notes,
+        world=graph.network.world,
     )
 
 
@@ -185,7 +185,7 @@ def _resolved(graph: PreparedRun, engine: str) -> dict[str, Any]:
 
 
 def _manifest(
-    graph: PreparedRun, outcome: Outcome, program: Program, notes: list[str], began: datetime
+    graph: PreparedRun, outcome: Outcome, notes: list[str], began: datetime
 ) -> dict[str, Any]:
     network = graph.network
     read = {path: hashlib.sha256(data).hexdigest() for path, data in graph.read.items()}
@@ -208,7 +208,7 @@ def _manifest(
         "argv": sys.argv,
         "overrides": [str(override) for override in graph.overrides],
         "removed": dict(network.removed),
-        "order": _order(program),
+        "order": _order(graph.program),
         "notes": notes,
         "versions": dict(versions()),
     }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -128,17 +128,16 @@ def _curve(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
 
 def _label(axes: Axes, axis: Axis, side: str) -> None:
     """Label a factor's axis, and its ticks if they are names."""
-    (axes.set_xlabel if side == "x" else axes.set_ylabel)(axis.path)
-    if axis.is_log:
-        (axes.set_xscale if side == "x" else axes.set_yscale)("log")
+    axes.set(**{f"{side}label": axis.path, f"{side}scale": "log" if axis.is_log else "linear"})
     if axis.names and len(axis.names) <= MANY_TICKS:
-        ticks = range(len(axis.names))
-        if side == "x":
-            turned = max(map(len, axis.names)) * len(axis.names) > 40
-            how: dict[str, Any] = {"rotation": 20, "ha": "right"} if turned else {}
-            axes.set_xticks(ticks, axis.names, **how)
-        else:
-            axes.set_yticks(ticks, axis.names)
+        _name_ticks(axes, side, range(len(axis.names)), axis.names)
+
+
+def _name_ticks(axes: Axes, side: str, ticks: Sequence[int], names: Sequence[str]) -> None:
+    """Label ticks; names that are too wide to stand side by side are turned."""
+    turned = side == "x" and max(map(len, names)) * len(names) > 40
+    how: dict[str, Any] = {"rotation": 20, "ha": "right"} if turned else {}
+    (axes.set_xticks if side == "x" else axes.set_yticks)(ticks, names, **how)
 
 
 def _heat(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
@@ -154,17 +153,9 @@ def _heat(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
     figure.colorbar(image, ax=axes, pad=0.01, aspect=18)
     for axis, positions, side in ((first, columns, "x"), (second, rows, "y")):
         names = [axis.names[int(p)] if axis.names else f"{p:.4g}" for p in positions]
-        every = -(-len(names) // MANY_TICKS)
-        ticks = range(0, len(names), every)
-        shown = [names[i] for i in ticks]
-        if side == "x":
-            turned = sum(map(len, shown)) > 36
-            how: dict[str, Any] = {"rotation": 25, "ha": "right"} if turned else {}
-            axes.set_xticks(ticks, shown, **how)
-            axes.set_xlabel(axis.path)
-        else:
-            axes.set_yticks(ticks, shown)
-            axes.set_ylabel(axis.path)
+        ticks = range(0, len(names), -(-len(names) // MANY_TICKS))
+        _name_ticks(axes, side, ticks, [names[i] for i in ticks])
+        axes.set(**{f"{side}label": axis.path})
     seeds = np.full(grid.shape, data.seeds)
     seeds[at] = [found.n for found in data.metrics[metric]]
     if grid.size <= FEW_CELLS:

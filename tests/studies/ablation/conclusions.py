@@ -108,9 +108,8 @@ def opening(judged: Judged) -> str:
         f"In the {len(CONFIGURATIONS)} configurations above the spiking term as printed "
         f"{times(ADDED[0])}; with our rule it {times(ADDED[1])}. In its place, rate neurons "
         f"do at least as well in {count(UNSPIKED, *least)} of {both} comparisons, a plain "
-        f"integrator in {count(INTEGRATED, *least)}. In place of learning by our rule, "
-        f"well-tuned gains do at least as well in {count(INSTEAD[:1], *least)} of "
-        f"{len(CONFIGURATIONS)}.\n"
+        f"integrator in {count(INTEGRATED, *least)}. In place of learning by our rule, well-tuned "
+        f"gains do at least as well in {count(INSTEAD[:1], *least)} of {len(CONFIGURATIONS)}.\n"
     )
 
 
