@@ -11,9 +11,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from blocks.core import MissingPackageError, require
 from runtime.errors import MissingExtraError, MissingLibraryError, UsageError
-from runtime.rendering.motion import recorded_motion
 
 VIEWS = ("top", "perspective")
 MODULES = ("mujoco", "OpenGL", "imageio_ffmpeg")
@@ -56,6 +54,10 @@ def render(request: RenderRequest) -> list[Path]:
     UsageError : the run has nothing to draw, or the folder cannot be written.
     MissingExtraError, MissingLibraryError : a package or library is not installed.
     """
+    # Every start of the command line imports this module for the defaults of a request.
+    from blocks.core import MissingPackageError, require
+    from runtime.rendering.motion import recorded_motion
+
     libraries = _libraries()
     # Only the child process uses it; importing mujoco here must not fail because of it.
     os.environ.pop(CHOICE, None)

@@ -62,8 +62,7 @@ def table(
     label : a description for screen readers.
     wraps : columns whose text may wrap.
     """
-    kinds = _kinds(len(head), numbers, wraps)
-    return _table(head, element("tbody", *_rows(rows, kinds)), kinds, label)
+    return grouped_table(head, {"": rows}, numbers, label=label, wraps=wraps)
 
 
 def grouped_table(
@@ -72,20 +71,22 @@ def grouped_table(
     numbers: Sequence[int] = (),
     *,
     label: str,
+    wraps: Sequence[int] = (),
 ) -> Html:
-    """A table with groups of rows, each below the name of the group."""
-    kinds = _kinds(len(head), numbers, ())
+    """A table with groups of rows, each below the name of the group, if it has one."""
+    columns = range(len(head))
+    names = ["number" if i in numbers else "wrap" if i in wraps else "" for i in columns]
+    kinds = [{"class_": name} if name else {} for name in names]
     bodies = []
     for name, rows in groups.items():
         title = element("th", name, scope="rowgroup", colspan=str(len(head)))
-        bodies.append(element("tbody", element("tr", title, class_="group"), *_rows(rows, kinds)))
-    return _table(head, join(*bodies), kinds, label)
-
-
-def _kinds(count: int, numbers: Sequence[int], wraps: Sequence[int]) -> list[dict[str, str]]:
-    """The attributes of the cells of each column."""
-    names = ["number" if i in numbers else "wrap" if i in wraps else "" for i in range(count)]
-    return [{"class_": name} if name else {} for name in names]
+        above = [element("tr", title, class_="group")] if name else []
+        bodies.append(element("tbody", *above, *_rows(rows, kinds)))
+    titles = [
+        element("th", title, scope="col", **kind) for title, kind in zip(head, kinds, strict=True)
+    ]
+    top = element("thead", element("tr", *titles))
+    return scrolling(element("table", top, "\n", *bodies), label)
 
 
 def _rows(rows: Iterable[Sequence[str]], kinds: Sequence[dict[str, str]]) -> Iterator[Html]:
@@ -93,14 +94,6 @@ def _rows(rows: Iterable[Sequence[str]], kinds: Sequence[dict[str, str]]) -> Ite
         cells = [element("th", first, scope="row", **kinds[0])]
         cells += [element("td", cell, **kind) for cell, kind in zip(others, kinds[1:], strict=True)]
         yield element("tr", *cells)
-
-
-def _table(head: Sequence[str], body: Html, kinds: Sequence[dict[str, str]], label: str) -> Html:
-    titles = [
-        element("th", title, scope="col", **kind) for title, kind in zip(head, kinds, strict=True)
-    ]
-    whole = element("table", element("thead", element("tr", *titles)), "\n", body)
-    return scrolling(whole, label)
 
 
 def scrolling(content: Html, label: str, kind: str = "") -> Html:

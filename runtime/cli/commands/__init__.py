@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import math
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from importlib import import_module
+from pathlib import Path
 from typing import Protocol, cast
+
+from runtime.terminal import show
 
 NAMES = (
     *("run", "validate", "draw", "explain", "blocks"),
@@ -41,6 +44,13 @@ def add_output(parser: ArgumentParser, folder: str, of: str) -> None:
     parser.add_argument("--no-plots", action="store_true", help="draw nothing")
     add_json(parser)
     parser.add_argument("-q", "--quiet", action="store_true", help="no progress, no notes")
+
+
+def show_folder(kind: str, folder: Path, files: Iterable[Path]) -> None:
+    """Print a folder that was written, and the pictures in it."""
+    show(f"{kind} folder: {folder}")
+    for path in files:
+        show(f"  {path.relative_to(folder)}")
 
 
 def at_least(low: float, *, above: bool = False) -> Callable[[str], float]:

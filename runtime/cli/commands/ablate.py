@@ -6,7 +6,7 @@ from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runtime.cli.commands import add_output
+from runtime.cli.commands import add_output, show_folder
 from runtime.cli.commands.changes import add_changes, changed, with_changes
 from runtime.cli.commands.workers import add_workers, chosen_seeds, pool_of, start_early
 from runtime.errors import UsageError
@@ -137,6 +137,5 @@ def _print(done: AblationResult, pictures: list[Path], quiet: bool) -> None:
         show("\nessential, cannot be removed alone:")
         for name, reason in done.essential.items():
             show(f"  {name}: {reason}")
-    show(f"\nablation folder: {done.folder}")
-    for path in pictures:
-        show(f"  {path.relative_to(done.folder)}")
+    show()
+    show_folder("ablation", done.folder, pictures)

@@ -6,7 +6,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from runtime.cli.commands import add_output
+from runtime.cli.commands import add_output, show_folder
 from runtime.cli.commands.changes import add_graph, changed_graph
 from runtime.errors import SimulationError, UsageError, one_line
 from runtime.terminal import number, show, show_json, table, tell
@@ -204,6 +204,4 @@ def _print_result(result: Result, folder: Path, pictures: list[Path], quiet: boo
     )
     if result.metrics:
         show(table([(name, number(value)) for name, value in result.metrics.items()]))
-    show(f"run folder: {folder}")
-    for path in pictures:
-        show(f"  {path.relative_to(folder)}")
+    show_folder("run", folder, pictures)

@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runtime.cli.commands import add_output
+from runtime.cli.commands import add_output, show_folder
 from runtime.cli.commands.changes import add_changes, changed
 from runtime.cli.commands.workers import add_workers, chosen_seeds, pool_of, start_early
 from runtime.errors import NOWHERE, Problems, UsageError, Where
@@ -165,6 +165,4 @@ def _print(result: SweepResult, pictures: list[Path]) -> None:
             show(f"  {found.mean:<10.4g}{ends}  {configuration}".rstrip())
     for reason in tally.top_reasons():
         tell(f"  {reason['count']} x {reason['reason']}")
-    show(f"sweep folder: {result.folder}")
-    for path in pictures:
-        show(f"  {path.relative_to(result.folder)}")
+    show_folder("sweep", result.folder, pictures)

@@ -71,7 +71,7 @@ def cluster_pool(address: str) -> WorkerPool:
         client.close()
 
     lost = UsageError(
-        f"--scheduler {address}: the scheduler is gone; once there is one again, --resume continues"
+        f"--scheduler {address}: the scheduler no longer answers; once one does, --resume continues"
     )
 
     def check() -> None:

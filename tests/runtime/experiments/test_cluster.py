@@ -88,7 +88,7 @@ def test_a_lost_scheduler_ends_the_sweep_with_its_rows_kept(
         processes[0].kill()
         message = sweep.communicate(timeout=60)[1].decode()
     assert sweep.returncode == 2, message
-    assert f"--scheduler {address}: the scheduler is gone" in message
+    assert f"--scheduler {address}: the scheduler no longer answers" in message
     assert "Traceback" not in message
     assert here(*slow).returncode == 0
     assert len(rows(index.parent)) == POINTS
