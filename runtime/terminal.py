@@ -7,6 +7,7 @@ which could move the cursor, change colours or reorder letters, are shown as esc
 from __future__ import annotations
 
 import math
+import os
 import shutil
 import sys
 import time
@@ -42,6 +43,12 @@ def draw(text: str) -> None:
     """Write a text with cursor movements on stderr; parts that are not trusted must be escaped."""
     _write(sys.stderr, text)
     sys.stderr.flush()
+
+
+def in_colour(stream: TextIO) -> bool:
+    """Whether colours may be written: a terminal that has them, and NO_COLOR is not set."""
+    capable = stream.isatty() and os.environ.get("TERM") not in (None, "", "dumb")
+    return capable and not os.environ.get("NO_COLOR")
 
 
 def show_json(value: Any) -> None:

@@ -15,6 +15,7 @@ from contextlib import suppress
 from typing import NoReturn, TextIO
 
 from runtime.cli.commands import NAMES, command
+from runtime.cli.problems import report
 from runtime.errors import SpikeblocksError, UsageError
 from runtime.terminal import printable, show, tell
 
@@ -135,7 +136,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
         code = command(options.command).run(options)
         sys.stdout.flush()
     except SpikeblocksError as error:
-        return _report(str(error), error.exit_code)
+        report(error)
+        return error.exit_code
     except KeyboardInterrupt:
         return _report("interrupted", 130)
     except BrokenPipeError:

@@ -6,6 +6,7 @@ from argparse import ArgumentParser, Namespace
 
 from runtime.cli.commands import add_json
 from runtime.cli.commands.changes import add_changes, changed_graph
+from runtime.cli.problems import report
 from runtime.errors import GraphError, MissingExtraError
 from runtime.terminal import show, show_json, tell
 
@@ -32,7 +33,7 @@ def run(options: Namespace) -> int:
         except GraphError as error:
             problems[name] = [str(problem) for problem in error.problems]
             if not options.json:
-                tell(error)
+                report(error)
             continue
         except MissingExtraError as error:
             missing = error
