@@ -12,6 +12,8 @@ Names are imported when they are first used, so that ``import runtime`` costs ne
 from __future__ import annotations
 
 import importlib
+import importlib.util
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -26,6 +28,22 @@ if TYPE_CHECKING:
     from runtime.runs import Result
     from runtime.runs import open_run as open
 
+PACKAGE = str(Path(__file__).parents[1])
+
+
+def _check_blocks() -> None:
+    """Report a folder or file of the user's own that Python finds instead of our ``blocks``."""
+    found = importlib.util.find_spec("blocks")
+    own = "" if found is None or found.origin is None else found.origin
+    ours = Path(PACKAGE, "blocks", "__init__.py")
+    if ours.is_file() and not (own and Path(own).exists() and ours.samefile(own)):
+        raise ImportError(
+            f"your own '{own or 'blocks'}' hides the package 'blocks' of spikeblocks; rename it, "
+            "or start Python in another folder"
+        )
+
+
+_check_blocks()
 _HOMES = {
     "Graph": ("runtime.graph", "Graph"),
     "load": ("runtime.graph", "load"),

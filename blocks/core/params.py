@@ -31,6 +31,7 @@ KINDS: dict[object, Kind] = {
     SignalType: "signal",
 }
 _DEGREES = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?) ?deg(.*)", re.ASCII)
+_COMMA = re.compile(r"([-+]?\d+),(\d+)", re.ASCII)
 # Suggestions: the least similarity (0 to 1), the number of names that are compared in full, the
 # length that is compared, and the number of classes in which letters are counted.
 ALIKE, CANDIDATES, LONGEST, LETTERS = 0.6, 32, 100, 64
@@ -126,7 +127,9 @@ class Param:
         except (TypeError, ValueError, OverflowError) as error:
             if self.kind == "signal" and isinstance(value, str):
                 raise ValueError(f"{error}{hint(value, TYPES)}") from None
-            raise ValueError(f"expected {self.describe()}, got {show(value)}") from None
+            found = _COMMA.fullmatch(value) if isinstance(value, str) else None
+            point = f"; a decimal point is a dot: {found[1]}.{found[2]}" if found else ""
+            raise ValueError(f"expected {self.describe()}, got {show(value)}{point}") from None
         if self.choices and converted not in self.choices:
             raise ValueError(
                 f"expected {self.describe()}, got {show(value)}{hint(value, self.choices)}"

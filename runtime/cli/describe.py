@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import math
+import sys
 from collections.abc import Container, Mapping
 from pathlib import Path
 from typing import Any
@@ -38,6 +39,23 @@ def library(module: str | None = None) -> dict[str, type[Block]]:
         except Exception as error:  # noqa: BLE001 -- a user's file may raise any exception
             raise UsageError(f"cannot load '{module}': {type(error).__name__}: {error}") from None
     return {**BUILTIN, **installed(), **own}
+
+
+def families(known: Mapping[str, type[Block]]) -> dict[str, list[str]]:
+    """The names of block types by what they are for: the rooms of the library, then others."""
+    found: dict[str, list[str]] = {}
+    for name, cls in known.items():
+        top, *rest = cls.__module__.split(".")
+        room = sys.modules.get(f"blocks.{rest[0]}") if top == "blocks" and rest else None
+        said = (room.__doc__ or "").strip().split("\n")[0].rstrip(".") if room is not None else ""
+        family = f"{rest[0]}: {said}" if said else top
+        found.setdefault("your own" if family.startswith("_") else family, []).append(name)
+    return found
+
+
+def summary(cls: type[Block]) -> str:
+    """The first line of a block's documentation."""
+    return (cls.__doc__ or "").strip().split("\n")[0]
 
 
 def describe_text(cls: type[Block]) -> str:

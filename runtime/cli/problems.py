@@ -9,7 +9,9 @@ from pathlib import Path
 from runtime.errors import GraphError, Problem, SpikeblocksError, Where
 from runtime.terminal import draw, in_colour, printable
 
-QUOTED = 20  # problems that are shown with their line; further ones would only scroll the first away
+QUOTED = (
+    20  # problems that are shown with their line; further ones would only scroll the first away
+)
 WIDTH = 96  # characters of a source line
 MAX_BYTES = 2**25
 

@@ -15,7 +15,7 @@ from runtime.document.edits import (
     set_wire,
 )
 from runtime.document.limits import Work
-from runtime.document.loader import decoded, find_file, merge, read_file, read_graph
+from runtime.document.loader import SHIPPED, decoded, find_file, merge, read_file, read_graph
 from runtime.document.node import Node, dump_yaml, from_python, parse_yaml
 from runtime.document.run_section import DEFAULT_MEMORY, MAX_TICKS, read_run, seconds
 from runtime.document.scalars import parse_scalar
@@ -40,6 +40,7 @@ __all__ = [
     "MAX_TICKS",
     "PART_SECTIONS",
     "SECTIONS",
+    "SHIPPED",
     "Node",
     "Override",
     "Work",

@@ -62,14 +62,30 @@ def set_entry(document: Node, path: str, value: Any, origin: str = "") -> Node:
         raise GraphError([Problem(where, "", f"a path of more than {MAX_DEPTH} names")])
     blocks = names_in(document)
     if names[0] not in SECTIONS and names[0] not in blocks:
-        suggestion = hint(names[0], [*SECTIONS, *blocks]) or f"; expected {', '.join(SECTIONS)}"
+        suggestion = _elsewhere(document, names[0]) or hint(names[0], [*SECTIONS, *blocks])
+        suggestion = suggestion or f"; expected {', '.join(SECTIONS)}"
         raise GraphError(
             [Problem(where, path, f"there is no '{names[0]}' in the graph{suggestion}")]
         )
     if names in (["blocks"], ["wires"]):
         raise GraphError([Problem(where, path, f"name an entry, as in {names[0]}.NAME.KEY")])
+    if isinstance(value, str) and names[-1] in blocks and names[:-1] in ([], ["blocks"]):
+        message = f"expected a parameter, as in {names[-1]}.KEY; a block of another type takes the "
+        message += f"place of this one with --replace {names[-1]}={value}"
+        raise GraphError([Problem(where, path, message)])
     node = value if value is None or isinstance(value, Node) else from_python(value, where)
     return _set(document, _completed(document, names, SECTIONS), node, path, where)
+
+
+def _elsewhere(document: Node, name: str) -> str:
+    """Where a graph has an entry of that name: among its ``params``, or in one of its blocks."""
+    params, blocks = document.get("params"), document.get("blocks")
+    found = []
+    if params is not None and params.get(name) is not None:
+        found.append(f"params.{name}")
+    if blocks is not None:
+        found += [f"{block}.{name}" for block, entry in blocks.items() if entry.get(name)]
+    return f", did you mean {' or '.join(map(repr, found[:3]))}?" if found else ""
 
 
 def full_path(document: Node, path: str) -> str:

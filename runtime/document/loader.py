@@ -104,6 +104,14 @@ def _is_another(base: Node, top: Node) -> bool:
     return False
 
 
+def _shipped_beside(written: Path) -> list[str]:
+    """The shipped files in the folder that a name such as ``conditions/lag`` has."""
+    if written.is_absolute() or len(written.parts) != 2 or ".." in written.parts:
+        return []
+    found = (SHIPPED / written).parent.glob(f"*{SUFFIX}")
+    return sorted(str(path.relative_to(SHIPPED).with_suffix("")) for path in found)
+
+
 def find_file(name: str, at: Location, folder: Path, noun: str = "graph") -> Path:
     """A graph or world by its path relative to ``folder``, or by the name of a shipped one.
 
@@ -124,6 +132,7 @@ def find_file(name: str, at: Location, folder: Path, noun: str = "graph") -> Pat
         is_folder = bool(name) and (folder / written).is_dir()
         inside = [n for n in RUNNABLE if is_folder and (folder / written / n).is_file()]
         near = [path.name for path in (folder / written).parent.glob(f"*{SUFFIX}")]
+        beside = _shipped_beside(written)
     except OSError as error:
         raise GraphError([Problem(*at, f"'{name[:60]}': {error.strerror}")]) from None
     worlds = [str(path.relative_to(SHIPPED)) for path in SHIPPED.glob(f"worlds/*{SUFFIX}")]
@@ -133,6 +142,8 @@ def find_file(name: str, at: Location, folder: Path, noun: str = "graph") -> Pat
     known |= {Path(n).stem: str(written.parent / n) for n in near if n != Path(at[0].file).name}
     close = closest(written.stem, known)
     suggestion = f"; shipped {noun}s: {', '.join(shipped)}"
+    if beside:
+        suggestion = f"; shipped {written.parts[0]}: {', '.join(beside)}"
     candidates = [str(written / n) for n in inside] or ([known[close]] if close else [])
     if candidates:
         suggestion = f", did you mean {' or '.join(map(repr, candidates))}?"

@@ -246,7 +246,10 @@ class _Reader:
             value = self.node(following, events, self.where(event), depth + 1, inner)
             if name in entries:
                 first = entries[name].key.line
-                self.note(event, inner, f"duplicate key, first in line {first}; keep one")
+                message = f"duplicate key, first in line {first}; keep one"
+                if inner.startswith("wires.") and inner.count(".") == 2:
+                    message += "; to add two signals, wire both to a Sum: {terms: [a.out, b.out]}"
+                self.note(event, inner, message)
             elif _MISSING_SPACE.fullmatch(name) and getattr(following, "value", None) == "":
                 before, _, after = name.partition(":")
                 message = f"a space is missing after the colon: {before}: {after}"

@@ -46,6 +46,8 @@ def explain(error: yaml.YAMLError | UnicodeError, text: str, file: str) -> Probl
         message = _stray(text, mark.line, mark.column) or message
     elif "unexpected end of stream" in message and context is not None:
         mark, message = context, "the quote that opens here is never closed"
+    elif mark is not None and (unquoted := _unquoted(text, mark, message)):
+        message = unquoted
     elif message.startswith("did not find expected ','") and context is not None:
         opened = message[-2:].strip("'").translate(str.maketrans("]}", "[{"))
         if problem.line > context.line:
@@ -74,6 +76,23 @@ def position(text: str, index: int, file: str) -> Where:
     breaks = list(_BREAK.finditer(text, 0, index))
     begin = breaks[-1].end() if breaks else 0
     return Where(file, len(breaks) + 1, index - begin + 1)
+
+
+def _unquoted(text: str, mark: Any, message: str) -> str:
+    """What to write where a text without quotes holds ': '; '' if that is not what is wrong."""
+    lines = _BREAK.split(text)
+    line = lines[mark.line] if mark.line < len(lines) else ""
+    before, rest = line[: mark.column], line[mark.column :]
+    if not rest.startswith(":") or ("','" not in message and "mapping values" not in message):
+        return ""
+    key, colon, start = before.rpartition(": ")
+    stop = re.split(r"[,}\]]", rest)[0] if set("{[") & set(key) else rest.partition(" #")[0]
+    value = f"{start}{stop}".strip()
+    if not (colon and start.strip()) or set("\"'[]{}") & set(value) or len(value) > 80:
+        return ""
+    name = re.split(r"[{,\s]", key)[-1]
+    quoted = f"a text that contains ': ' needs quotes: {name}: \"{value}\""
+    return f"expected ',' or '}}'; {quoted}" if "','" in message else quoted
 
 
 def _stray(text: str, line: int, column: int) -> str:

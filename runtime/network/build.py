@@ -189,7 +189,11 @@ def _constructed(
     unknown = [key for key in values if key not in known]
     for key in unknown:
         suggestion = hint(key, known) or f"; it has {', '.join(known) or 'none'}"
-        if key == "graph":
+        if key.isdecimal() and values[key].value is None and key != next(iter(values)):
+            before = list(values)[list(values).index(key) - 1]
+            whole = values[before].plain()
+            suggestion = f"; a decimal point is a dot, as in {before}: {whole}.{key}"
+        elif key == "graph":
             suggestion = "; parts are read with the file that names them"
         problems.add(values[key].key, f"{address}.{key}", f"unknown parameter{suggestion}", True)
     try:

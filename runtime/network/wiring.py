@@ -162,6 +162,8 @@ class Wiring:
             message = f"expected one producer.output, got {node.describe()}"
             if isinstance(node.value, (int, float)) and not isinstance(node.value, bool):
                 message += "; a number comes from a block {type: Constant, value: ...}"
+            elif node.is_list and len(node.value) > 1:
+                message += "; to add signals, wire them to a Sum: {terms: [a.out, b.out]}"
             self.problems.add(node.where, address, message)
             return None
         try:

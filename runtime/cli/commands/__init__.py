@@ -16,8 +16,8 @@ from typing import Protocol, cast
 from runtime.terminal import show
 
 NAMES = (
-    *("run", "validate", "draw", "explain", "blocks"),
-    *("ablate", "sweep", "compare", "report", "render", "clean"),
+    *("new", "run", "validate", "draw", "explain", "blocks", "graphs"),
+    *("ablate", "sweep", "compare", "report", "render", "clean", "completion"),
 )
 
 

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
+from typing import TYPE_CHECKING
 
 from runtime.cli.commands import add_json
 from runtime.errors import UsageError
 from runtime.terminal import show, show_json, table
+
+if TYPE_CHECKING:
+    from blocks.core import Block
 
 HELP = "list the block types, or show one block's ports and parameters"
 
@@ -14,6 +18,9 @@ HELP = "list the block types, or show one block's ports and parameters"
 def add(parser: ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("type", nargs="?", help="a block type")
+    parser.add_argument(
+        "--search", metavar="WORD", help="only types whose name or description contains the word"
+    )
     parser.add_argument("--module", metavar="FILE", help="a Python file that defines more blocks")
     add_json(parser)
 
@@ -32,9 +39,27 @@ def run(options: Namespace) -> int:
         chosen = known if options.type is None else {options.type: known[options.type]}
         show_json({name: describe_json(cls) for name, cls in chosen.items()})
     elif options.type is None:
-        summaries = [(cls.__doc__ or "").strip().split("\n")[0] for cls in known.values()]
-        show(table(list(zip(known, summaries, strict=True)), indent=""))
-        show("\n'runtime blocks TYPE' shows a block's ports and parameters.")
+        _list(known, options.search)
     else:
         show(describe_text(known[options.type]))
     return 0
+
+
+def _list(known: dict[str, type[Block]], word: str | None) -> None:
+    """Print block types by family with one line each; only those that a word matches, if given."""
+    from runtime.cli.describe import families, summary
+
+    chosen = known
+    if word is not None:
+        chosen = {
+            name: cls
+            for name, cls in known.items()
+            if word.lower() in f"{name} {cls.__doc__}".lower()
+        }
+        if not chosen:
+            raise UsageError(f"no block type has '{word}' in its name or description")
+    width = max(map(len, chosen))
+    for family, names in families(chosen).items():
+        show(family)
+        show(table([(name.ljust(width), summary(chosen[name])) for name in names]) + "\n")
+    show("'runtime blocks TYPE' shows a block's ports and parameters; '--search WORD' filters.")

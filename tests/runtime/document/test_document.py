@@ -101,9 +101,13 @@ REFUSED = {
     "a: 'b\nc: 1\n": "f:1:4: not valid YAML: the quote that opens here is never closed",
     "a: {b: 1\nc: 2\n": "f:1:4: not valid YAML: this '{' is not closed",
     "a: [1, 2\nc: 2\n": "f:1:4: not valid YAML: this '[' is not closed",
-    "a: {b: 1 c: 2}": "f:1:11: not valid YAML: expected ',' or '}'",
-    "a: b: c": (
-        "f:1:5: not valid YAML: an unexpected ':'; quote a text that contains ': ', or check the "
+    "a: {b: 1 c: 2}": (
+        "f:1:11: not valid YAML: expected ',' or '}'; a text that contains ': ' needs quotes: "
+        'b: "1 c: 2"'
+    ),
+    "a: b: c": "f:1:5: not valid YAML: a text that contains ': ' needs quotes: a: \"b: c\"",
+    "a:\n  b c\n  d: e": (
+        "f:3:4: not valid YAML: an unexpected ':'; quote a text that contains ': ', or check the "
         "indentation"
     ),
     "a:\n  b: 1\n c: 2\n": (

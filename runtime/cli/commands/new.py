@@ -1,0 +1,83 @@
+"""``runtime new``: begin a graph with a copy of a commented one."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser, Namespace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from runtime.errors import UsageError
+from runtime.terminal import show, table
+
+if TYPE_CHECKING:
+    from runtime.cli.shipped import Shipped
+
+HELP = "begin a graph with a commented starter, or a copy of a shipped one"
+DEFAULT = "adaptive"
+
+
+def add(parser: ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument("file", nargs="?", help="the graph to write, such as my.yaml")
+    parser.add_argument(
+        "--from",
+        dest="start",
+        metavar="NAME",
+        default=DEFAULT,
+        help=f"a starter, or a shipped graph ({DEFAULT}); without FILE, 'new' lists the starters",
+    )
+
+
+def run(options: Namespace) -> int:
+    """Write the graph, and the Python file of its own blocks; or list the starters."""
+    from runtime.cli.shipped import shipped
+
+    starters = shipped("starters")
+    if options.file is None:
+        show(table([(each.name, each.summary) for each in starters], indent=""))
+        show("\n'runtime new my.yaml --from NAME' writes one; so it does with a shipped graph.")
+        return 0
+    target = Path(options.file)
+    if target.suffix not in (".yaml", ".yml"):
+        raise UsageError(f"'{target}': expected a file that ends with .yaml, as in my.yaml")
+    source = _chosen(options.start, [*starters, *shipped("graphs")])
+    text = source.path.read_text(encoding="utf-8").replace("my.yaml", target.name)
+    text = text.replace("my.py", f"{target.stem}.py")
+    written = {target: text}
+    module = source.path.with_suffix(".py")
+    if module.exists():
+        own = target.with_suffix(".py")
+        written = {target: text.replace(module.name, own.name)}
+        written[own] = module.read_text(encoding="utf-8")
+    _write(written)
+    for path in written:
+        show(path)
+    show(f"next: runtime run {target}")
+    return 0
+
+
+def _chosen(name: str, known: list[Shipped]) -> Shipped:
+    from blocks.core import hint
+
+    names = [each.name for each in known]
+    if name not in names:
+        suggestion = hint(name, names) or f"; there are {', '.join(names)}"
+        raise UsageError(f"--from {name}: no such starter{suggestion}")
+    return known[names.index(name)]
+
+
+def _write(texts: dict[Path, str]) -> None:
+    """Write files that must not exist yet, all or none.
+
+    Raises
+    ------
+    UsageError : one of them exists, or cannot be written.
+    """
+    from runtime.files import system_errors
+
+    for path in texts:
+        if path.exists() or path.is_symlink():
+            raise UsageError(f"'{path}' exists already; choose another name, or remove it")
+    for path, text in texts.items():
+        with system_errors(f"write '{path}'"), path.open("x", encoding="utf-8") as file:
+            file.write(text)
