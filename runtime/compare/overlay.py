@@ -16,14 +16,18 @@ from runtime.compare.runs import Run
 from runtime.files import slug
 from runtime.observation import PlotSpec, Recording
 from runtime.plots import (
+    LOOKS,
     STYLE,
     THIN_ABOVE,
     THIN_TO,
     WIDTH,
+    arrange,
     axis_label,
     disable_math,
+    draw,
     draw_trajectory,
     equal_scales,
+    fit,
     line_style,
     map_axes,
     mean_rate,
@@ -32,6 +36,7 @@ from runtime.plots import (
     save_figure,
     short_labels,
     stacked_axes,
+    symbol,
     thin,
     time_axis,
     write_title,
@@ -79,6 +84,30 @@ def overlays(runs: Sequence[Run], probes: Sequence[str]) -> Iterator[tuple[str, 
             yield f"{name}_over_time" if name in planes else name, _over_time(runs, name, recorded)
 
 
+def versus(runs: Sequence[Run], plot: PlotSpec, look: str = "screen") -> Figure:
+    """Draw a plot of the first run with the other runs in it, as far as its kind can show them.
+
+    Trajectories and maps show the path of each run, time series an axes for each column; of any
+    other kind the first run alone is shown.
+    """
+    first = runs[0].result
+    figure: Figure | None = None
+    if plot.kind in ("trajectory", "map"):
+        figure = _plane(runs, plot, list(first.probes), look)
+    elif plot.kind == "timeseries":
+        panels: dict[str, Sequence[_Line]] = {}
+        shown: list[Recording] = []
+        for name in plot.of:
+            found = {run.label: run.result.probes.get(name) for run in runs}
+            recorded = {label: r for label, r in found.items() if r is not None and len(r.t)}
+            if recorded:
+                panels |= {f"{label}\0{name}": own for label, own in _panels(recorded).items()}
+                shown += recorded.values()
+        if panels:
+            figure = _columns(runs, plot.title, panels, shown, look, plot)
+    return draw(plot, first, look) if figure is None else figure
+
+
 def save_overlays(runs: Sequence[Run], probes: Sequence[str], folder: Path) -> list[Path]:
     """Write every overlay as <name>.png into a folder, created if it does not exist."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -91,27 +120,50 @@ def save_overlays(runs: Sequence[Run], probes: Sequence[str], folder: Path) -> l
 
 def _subtitle(runs: Sequence[Run]) -> str:
     titles = list(dict.fromkeys(run.result.title for run in runs))
-    return " and ".join(titles) if len(titles) <= 2 else f"{titles[0]} and {len(titles) - 1} more"
+    text = " and ".join(titles) if len(titles) <= 2 else f"{titles[0]} and {len(titles) - 1} more"
+    seeds = {run.result.manifest.get("seed") for run in runs}
+    return f"{text}  ·  seed {seeds.pop()}" if len(seeds) == 1 and None not in seeds else text
 
 
 def _over_time(runs: Sequence[Run], name: str, recorded: Mapping[str, Recording]) -> Figure:
     """One probe of all runs over time, an axes for each column."""
-    panels = _panels(recorded)
-    with matplotlib.rc_context(STYLE):
+    return _columns(runs, name, _panels(recorded), list(recorded.values()))
+
+
+def _columns(
+    runs: Sequence[Run],
+    title: str,
+    panels: Mapping[str, Sequence[_Line]],
+    recorded: Sequence[Recording],
+    look: str = "screen",
+    plot: PlotSpec | None = None,
+) -> Figure:
+    """Lines over time, an axes for each label of a vertical axis (what follows NUL is left out)."""
+    panels = _moving(panels)
+    with matplotlib.rc_context({**STYLE, **LOOKS[look].settings}):
         figure = Figure(layout="constrained")
         height = 1.3 + 1.55 * len(panels) + 0.5 * (len(panels) == 1)
         figure.set_size_inches(WIDTH, height)
         column = stacked_axes(figure, len(panels))
         for axes, (label, lines) in zip(column, panels.items(), strict=True):
-            axes.set_ylabel(label)
+            axes.set_ylabel(label.partition("\0")[0])
             _draw(axes, lines)
         end = max(run_end(run.result) for run in runs)
-        time_axis(column, list(recorded.values()), end)
+        time_axis(column, recorded, end)
+        if plot is not None:
+            arrange(figure, column[0], replace(plot, options={**plot.options, "labels": ()}))
         handles, labels = column[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=min(3, len(labels)))
-        write_title(column[0], name, _subtitle(runs))
+        write_title(column[0], title, _subtitle(runs))
         disable_math(figure)
+        fit(figure, LOOKS[look])
     return figure
+
+
+def _moving(panels: Mapping[str, Sequence[_Line]]) -> Mapping[str, Sequence[_Line]]:
+    """The panels without those that are zero throughout in all runs; all if none is left."""
+    shown = {k: lines for k, lines in panels.items() if any(line.y.any() for line in lines)}
+    return shown or panels
 
 
 def _draw(axes: Axes, lines: Sequence[_Line]) -> None:
@@ -136,12 +188,14 @@ def _panels(recorded: Mapping[str, Recording]) -> dict[str, list[_Line]]:
         unit = first.units[0] if len(set(first.units)) == 1 else ""
         label = axis_label([f"RMS of {count} columns"], unit)
         return {label: [_Line(n, r.t, _rms(r)) for n, r in recorded.items()]}
-    names = short_labels(first.labels)
+    names = [symbol(name) for name in short_labels(first.labels)]
     return {
         axis_label([names[i]], first.units[i]): [
-            _Line(n, r.t, r.columns[:, i]) for n, r in recorded.items()
+            _Line(n, r.t, r.columns[:, r.labels.index(label)])
+            for n, r in recorded.items()
+            if label in r.labels
         ]
-        for i in range(count)
+        for i, label in enumerate(first.labels)
     }
 
 
@@ -154,7 +208,9 @@ def _rms(recorded: Recording) -> FloatArray:
     return rms
 
 
-def _plane(runs: Sequence[Run], plot: PlotSpec, probes: Sequence[str]) -> Figure | None:
+def _plane(
+    runs: Sequence[Run], plot: PlotSpec, probes: Sequence[str], look: str = "screen"
+) -> Figure | None:
     """The trajectories of all runs in one plane; None where fewer than two recorded one."""
     poses = [
         _named(run.result.probes[name], run.label)
@@ -165,7 +221,7 @@ def _plane(runs: Sequence[Run], plot: PlotSpec, probes: Sequence[str]) -> Figure
     ]
     if len(poses) < 2:
         return None
-    with matplotlib.rc_context(STYLE):
+    with matplotlib.rc_context({**STYLE, **LOOKS[look].settings}):
         figure = Figure(layout="constrained")
         if plot.kind == "map" and runs[0].result.world is not None:
             top = _map(figure, runs[0], plot, poses)
@@ -173,9 +229,11 @@ def _plane(runs: Sequence[Run], plot: PlotSpec, probes: Sequence[str]) -> Figure
             first = runs[0].result.probes
             paths = [first[n] for n in plot.of if n in first and first[n].kinds == ("Path",)]
             top = draw_trajectory(figure, [*poses, *paths], run_end(runs[0].result))
+        arrange(figure, top, replace(plot, options={**plot.options, "labels": ()}))
         write_title(top, plot.title, _subtitle(runs))
         disable_math(figure)
-        if plot.kind == "trajectory":
+        fit(figure, LOOKS[look])
+        if plot.kind == "trajectory" and not {"xlim", "ylim"} & plot.options.keys():
             equal_scales(figure, top)
     return figure
 

@@ -11,7 +11,7 @@ from blocks.core import FloatArray, Options, param, plain, show
 from runtime.network import Network
 from runtime.observation.probes import Probe
 
-COMMON = ("kind", "of", "title")
+COMMON = ("kind", "of", "title", "labels")
 SCANNED = ("Pose", "Scan", "PointCloud", "Path")
 Checks = Iterable[tuple[str, str]]
 
@@ -20,7 +20,8 @@ Checks = Iterable[tuple[str, str]]
 class PlotSpec:
     """A plot of a graph: its kind, its probes, its title, and the options of its kind.
 
-    ``options["engaged"]`` is the name of a probe; all other options are numbers.
+    ``options["engaged"]`` is the name of a probe, ``options["labels"]`` a list of texts; all other
+    options are numbers.
     """
 
     name: str
@@ -28,6 +29,17 @@ class PlotSpec:
     of: tuple[str, ...]
     title: str
     options: Mapping[str, Any] = field(default_factory=dict)
+
+
+class Figure(Options):
+    """What every figure takes."""
+
+    xlim: FloatArray | None = param(None, shape=(2,), doc="ends of the horizontal axis")
+    ylim: FloatArray | None = param(None, shape=(2,), doc="likewise, of the upper axes")
+    size: FloatArray | None = param(
+        None, unit="in", above=0.0, at_most=40.0, shape=(2,), doc="width and height in inches"
+    )
+    legend: bool = param(True, doc="whether the lines are named")
 
 
 @dataclass(frozen=True)
@@ -49,8 +61,8 @@ class PlotKind:
 
     doc: str
     painter: str
-    options: type[Options] = Options
-    agrees: Callable[[Mapping[str, Any]], Checks] = lambda options: ()
+    options: type[Options] = Figure
+    agrees: Callable[[Mapping[str, Any]], Checks] = lambda options: ordered(options)
     signals: tuple[str, ...] = ()
     in_world: bool = False
     each: Callable[[Probe], str] = lambda probe: ""
@@ -189,13 +201,24 @@ def _one_of_each(probes: Sequence[Probe]) -> str:
     return f"expected one {twice[0]}, got {kinds.count(twice[0])}" if twice else ""
 
 
-class Distance(Options):
+class Levels(Figure):
+    """Marked levels of the vertical axis."""
+
+    limits: FloatArray | None = param(
+        None, shape=[(), (None,)], doc="levels that are drawn as dashed lines on the upper axes"
+    )
+    band: float | None = param(
+        None, at_least=0.0, doc="shade from -band to band; default: that of a settling_time of `of`"
+    )
+
+
+class Distance(Levels):
     """The distance to follow."""
 
     distance: float = param(unit="m", above=0.0, doc="the distance from the walls to follow")
 
 
-class Map(Options):
+class Map(Figure):
     """What a map shows, apart from the trajectory."""
 
     distance: float | None = param(
@@ -217,7 +240,16 @@ class Scans(Map):
     )
 
 
+def ordered(options: Mapping[str, Any]) -> Checks:
+    """Errors in the ends of axes."""
+    for key in ("xlim", "ylim"):
+        low, high = Figure.read(options)[key] if key in options else (0.0, 1.0)
+        if low >= high:
+            yield key, f"expected the lower end first, as in [0, 1], got {show(options[key])}"
+
+
 def _moments(options: Mapping[str, Any]) -> Checks:
+    yield from ordered(options)
     if options.get("at") == []:
         yield "at", f"expected {Scans.declared['at'].describe()}, got {show([])}"
     low, high = Scans.read(options)["angles"] if "angles" in options else (0.0, 1.0)
@@ -232,6 +264,7 @@ PLOT_KINDS: Mapping[str, PlotKind] = {
     "timeseries": PlotKind(
         "columns over time, one axis per unit",
         "runtime.plots.figures:draw_timeseries",
+        options=Levels,
         each=_columns,
     ),
     "trajectory": PlotKind(

@@ -115,6 +115,21 @@ class _Reader:
                 else:
                     message = f"{expected(kind)}, got {node.describe()}"
                     self.problems.add(node.where, address, message)
+        self.seen.plots[:] = [self.with_band(plot) for plot in self.seen.plots]
+
+    def with_band(self, plot: PlotSpec) -> PlotSpec:
+        """A time series with the band of the settling times of what it shows."""
+        settled = [
+            metric.options.get("band")
+            for metric in self.seen.metrics
+            if metric.kind == "settling_time" and metric.inputs["of"] in plot.of
+        ]
+        if plot.kind != "timeseries" or "band" in plot.options or len(plot.of) > 1 or not settled:
+            return plot
+        band = settled[0]
+        if not isinstance(band, (int, float)) or any(other != band for other in settled):
+            return plot
+        return replace(plot, options={**plot.options, "band": float(band)})
 
     def check_name(self, name: str, node: Node, address: str) -> None:
         message = misnamed(name, address.startswith("probes"))
@@ -251,6 +266,10 @@ class _Reader:
             self.problems.add(title.where, f"{address}.title", message)
         options = {key: item.plain() for key, item in node.items() if key not in COMMON}
         self.report(node, keys, address, check_options(kind, options, self.has_world))
+        if node.get("labels") is not None:
+            what = "a text for each line, as in [position, heading]"
+            named = texts(node.get("labels"), f"{address}.labels", what, self.problems)
+            options["labels"] = [str(item.value) for item, _ in named]
         if "engaged" in options:
             options["engaged"] = self.measured(node, "engaged", keys, address)
         if kind and of:

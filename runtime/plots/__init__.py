@@ -1,6 +1,14 @@
 """Figures of what a run recorded, drawn with matplotlib: one function per kind of plot."""
 
-from runtime.plots.figures import THIN_ABOVE, THIN_TO, draw, save_figure, save_plots
+from runtime.plots.figures import (
+    FORMATS,
+    THIN_ABOVE,
+    THIN_TO,
+    arrange,
+    draw,
+    save_figure,
+    save_plots,
+)
 from runtime.plots.map import draw_world, map_axes, view_limits
 from runtime.plots.raster import mean_rate
 from runtime.plots.scans import animate, animated
@@ -8,16 +16,19 @@ from runtime.plots.style import (
     COLOURS,
     GREY,
     LINESTYLES,
+    LOOKS,
     STYLE,
     WIDTH,
     axis_label,
     disable_math,
     explain_empty,
+    fit,
     line_style,
     row_spacing,
     run_end,
     short_labels,
     stacked_axes,
+    symbol,
     thin,
     time_axis,
     write_title,
@@ -26,14 +37,17 @@ from runtime.plots.trajectory import draw_trajectory, equal_scales
 
 __all__ = [
     "COLOURS",
+    "FORMATS",
     "GREY",
     "LINESTYLES",
+    "LOOKS",
     "STYLE",
     "THIN_ABOVE",
     "THIN_TO",
     "WIDTH",
     "animate",
     "animated",
+    "arrange",
     "axis_label",
     "disable_math",
     "draw",
@@ -41,6 +55,7 @@ __all__ = [
     "draw_world",
     "equal_scales",
     "explain_empty",
+    "fit",
     "line_style",
     "map_axes",
     "mean_rate",
@@ -50,6 +65,7 @@ __all__ = [
     "save_plots",
     "short_labels",
     "stacked_axes",
+    "symbol",
     "thin",
     "time_axis",
     "view_limits",

@@ -27,6 +27,7 @@ from runtime.plots import style
 from runtime.plots.trajectory import equal_scales
 
 DPI = 150
+FORMATS = ("png", "pdf", "svg")
 MANY_LINES = 10
 THIN_ABOVE, THIN_TO = 20_000, 4_000  # rows
 LINE_POINTS = 200_000
@@ -34,13 +35,14 @@ HEAT_ROWS = 1_000
 FEW_ROWS = 12
 
 
-def draw(plot: PlotSpec, result: RunData) -> Figure:
+def draw(plot: PlotSpec, result: RunData, look: str = "screen") -> Figure:
     """Draw one plot of a run.
 
     Parameters
     ----------
     plot : the figure's kind, title and the names of the probes that it shows.
     result : the run; an interrupted run is drawn up to where it ended.
+    look : screen, or paper or paper2 for one or two columns of a page.
 
     Returns
     -------
@@ -56,7 +58,7 @@ def draw(plot: PlotSpec, result: RunData) -> Figure:
     missing = [name for name in plot.of if name not in result.probes]
     if missing:
         raise UsageError(f"plot '{plot.name}' shows '{missing[0]}', which was not recorded")
-    with matplotlib.rc_context(style.STYLE):
+    with matplotlib.rc_context({**style.STYLE, **style.LOOKS[look].settings}):
         figure = Figure(layout="constrained")
         module, _, function = PLOT_KINDS[plot.kind].painter.partition(":")
         painter = getattr(import_module(module), function)
@@ -65,17 +67,41 @@ def draw(plot: PlotSpec, result: RunData) -> Figure:
         else:
             shown = [result.probes[name] for name in plot.of]
             top = painter(figure, shown, style.run_end(result))
+        arrange(figure, top, plot)
         style.set_title(top, plot.title, result)
         style.disable_math(figure)
-        if plot.kind == "trajectory":
+        if "size" not in plot.options:
+            style.fit(figure, style.LOOKS[look])
+        if plot.kind == "trajectory" and not {"xlim", "ylim"} & plot.options.keys():
             equal_scales(figure, top)
     return figure
 
 
+def arrange(figure: Figure, top: Axes, plot: PlotSpec) -> None:
+    """Apply the options that every kind of plot takes, and mark the levels of a time series."""
+    options = plot.options
+    if "band" in options:
+        style.shade_band(figure, float(options["band"]))
+    if "limits" in options:
+        style.mark_levels(top, np.atleast_1d(options["limits"]))
+    if "xlim" in options:
+        top.set_xlim(*options["xlim"])
+    if "ylim" in options:
+        top.set_ylim(*options["ylim"])
+    if "size" in options:
+        figure.set_size_inches(*options["size"])
+    style.name_lines(figure, options.get("labels", ()), bool(options.get("legend", True)))
+
+
 def save_plots(
-    result: RunData, folder: Path, note: Callable[[str], None] | None = None
+    result: RunData,
+    folder: Path,
+    note: Callable[[str], None] | None = None,
+    formats: Sequence[str] = ("png",),
+    look: str = "screen",
+    made: Callable[[PlotSpec], Figure] | None = None,
 ) -> list[Path]:
-    """Write every plot of a run as <name>.png.
+    """Write every plot of a run as <name>.png, or in other formats.
 
     Parameters
     ----------
@@ -83,6 +109,9 @@ def save_plots(
     folder : created if it does not exist.
     note : called with a message for each plot that cannot be drawn or written; without it, the
         first such plot raises what matplotlib or the system raised.
+    formats : of the files, among :data:`FORMATS`.
+    look : of the figures, a name in :data:`runtime.plots.LOOKS`.
+    made : draws a plot in place of :func:`draw`.
 
     Returns
     -------
@@ -90,24 +119,31 @@ def save_plots(
     """
     paths = []
     for plot in result.plots:
-        path = folder / f"{slug(plot.name, 'plot')}.png"
+        name = slug(plot.name, "plot")
+        files = [folder / f"{name}.{kind}" for kind in formats]
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            save_figure(draw(plot, result), path)
+            figure = made(plot) if made is not None else draw(plot, result, look)
+            for path in files:
+                save_figure(figure, path)
         except Exception as error:
             if note is None:
                 raise
             text = " ".join((str(error) or type(error).__name__).split())
             note(f"plot '{plot.name}' is not drawn: {one_line(text[:200])}")
         else:
-            paths.append(path)
+            paths += files
     return paths
 
 
 def save_figure(figure: Figure, path: Path) -> None:
-    """Write a figure as a PNG file, complete or not at all."""
-    content = BytesIO()
-    figure.savefig(content, dpi=DPI, format="png")
+    """Write a figure as its file's suffix says, complete or not at all."""
+    content, kind = BytesIO(), path.suffix.lstrip(".")
+    # Without dates, the same figure is the same file.
+    dated = {"pdf": "CreationDate", "svg": "Date"}.get(kind)
+    about: dict[str, Any] = {} if dated is None else {dated: None}
+    with matplotlib.rc_context({"svg.hashsalt": "spikeblocks", "pdf.fonttype": 42}):
+        figure.savefig(content, dpi=DPI, format=kind, metadata=about)
     write_whole(path, content.getvalue())
 
 
@@ -139,15 +175,30 @@ def draw_timeseries(figure: Figure, recordings: Sequence[Recording], end: float)
         every.extend(labels)
         for i, (label, unit) in enumerate(zip(labels, units, strict=True)):
             groups.setdefault(unit, []).append(_Column(label, unit, recorded.t, values[:, i]))
-    names = dict(zip(every, style.short_labels(every), strict=True))
+    names = dict(zip(every, map(style.symbol, style.short_labels(every)), strict=True))
+    groups, silent = _without_zeros(groups)
     figure.set_size_inches(style.WIDTH, 1.1 + 1.55 * max(1, len(groups)) + 0.5 * (len(groups) == 1))
     column = style.stacked_axes(figure, len(groups))
     for axes, (unit, lines) in zip(column, groups.items(), strict=False):
         shown = [names[line.label] for line in lines]
         _lines(figure, axes, lines, shown, end)
         axes.set_ylabel(style.axis_label(shown, unit))
+    if silent:
+        zero = ", ".join(names[label] for label in silent)
+        style.write_note(column[-1], f"not shown, since it is 0 throughout: {zero}")
     style.time_axis(column, recordings, end)
     return column[0]
+
+
+def _without_zeros(
+    groups: dict[str, list[_Column]],
+) -> tuple[dict[str, list[_Column]], list[str]]:
+    """The groups that are not zero throughout, and the labels of the others; all if none is."""
+    zero = [u for u, lines in groups.items() if all(len(i.y) and not i.y.any() for i in lines)]
+    if len(zero) == len(groups):
+        return groups, []
+    shown = {unit: lines for unit, lines in groups.items() if unit not in zero}
+    return shown, [line.label for unit in zero for line in groups[unit]]
 
 
 def _lines(figure: Figure, axes: Axes, lines: list[_Column], names: list[str], end: float) -> None:

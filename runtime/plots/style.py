@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,15 +18,18 @@ from runtime.document import Override
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.legend import Legend
 
     from runtime.observation import Recording, RunData
 
 WIDTH = 6.5  # inches, the text width of a one-column paper
 GREY = "0.4"
+NARROW = 16  # characters of a legend's entry, of which three fit into a column
 LONG_NAME = 20  # characters, about what fits beside the lowest axes
 # Okabe and Ito's palette for colour-blind readers, without its yellow, too pale for lines.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 LINESTYLES = ("-", "--", ":", "-.")
+GREEK = {"theta": "θ", "omega": "ω", "kappa": "κ"}
 # Any: the names of the parameters are a literal type in some versions of matplotlib only.
 STYLE: Any = {
     "font.family": "sans-serif",
@@ -59,6 +64,115 @@ STYLE: Any = {
     "legend.handlelength": 1.6,
     "figure.facecolor": "white",
 }
+
+
+@dataclass(frozen=True)
+class Look:
+    """A size of paper: the width of its figures (in), their largest height, and their fonts."""
+
+    width: float | None = None
+    height: float = 9.0
+    settings: Any = field(default_factory=dict)
+
+
+_SMALL: dict[str, Any] = {
+    "font.size": 8.0,
+    "axes.labelsize": 8.0,
+    "axes.titlesize": 8.0,
+    "legend.fontsize": 7.0,
+}
+_SMALL |= {"xtick.labelsize": 7.0, "ytick.labelsize": 7.0, "legend.fontsize": 7.0}
+_SERIF: dict[str, Any] = {"font.family": "serif", "mathtext.fontset": "dejavuserif"}
+_SERIF |= {"font.serif": ["Times New Roman", "Nimbus Roman", "Liberation Serif", "DejaVu Serif"]}
+# The columns of an IEEE page are 3.5 in wide, and 7.16 in together.
+LOOKS: Mapping[str, Look] = {
+    "screen": Look(),
+    "paper": Look(3.5, 4.0, {**_SMALL, **_SERIF}),
+    "paper2": Look(7.16, 6.0, {**_SMALL, **_SERIF}),
+}
+
+
+def fit(figure: Figure, look: Look) -> None:
+    """Give a figure the width of a column; its height keeps the proportions up to a limit.
+
+    Titles are left to the caption; the subtitle stays, in small print.
+    """
+    if look.width is None:
+        return
+    width, height = figure.get_size_inches()
+    share = look.width / width
+    # Fonts do not shrink with the figure, so its height shrinks less than its width.
+    figure.set_size_inches(look.width, min(look.height, height * min(1.0, math.sqrt(share))))
+    for axes in figure.axes:
+        if axes.get_title(loc="left"):
+            axes.set_title("", loc="left")
+        for text in axes.texts:
+            if text.get_gid() == "subtitle":
+                text.set_visible(False)
+    if look.width < WIDTH:
+        _narrow_legends(figure)
+
+
+def _narrow_legends(figure: Figure) -> None:
+    """Place the legends of axes inside them, and those of the figure below it, a few in a row."""
+    for legend in list(figure.legends):
+        labels = [text.get_text() for text in legend.get_texts()]
+        legend.remove()
+        columns = 3 if max(map(len, labels)) <= NARROW else 2
+        shown = [handle for handle in legend.legend_handles if handle is not None]
+        figure.legend(shown, labels, loc="outside lower center", ncols=columns)
+    for axes in figure.axes:
+        beside = axes.get_legend()
+        if beside is not None:
+            handles, _ = axes.get_legend_handles_labels()
+            labels = [text.get_text() for text in beside.get_texts()]
+            over: dict[str, Any] = {"frameon": True, "framealpha": 0.85, "edgecolor": "none"}
+            axes.legend(handles, labels, loc="best", **over)
+
+
+def shade_band(figure: Figure, band: float) -> None:
+    """Shade the range from -band to band on all axes that show lines, and say so."""
+    shown = [axes for axes in figure.axes if axes.lines]
+    for axes in shown:
+        axes.axhspan(-band, band, color="0.5", alpha=0.16, linewidth=0.0, zorder=0.4)
+    if shown:
+        write_note(shown[0], f"shaded: within ±{band:g}")
+
+
+def mark_levels(axes: Axes, levels: FloatArray) -> None:
+    """Draw levels of the vertical axis as dashed lines."""
+    for level in levels:
+        axes.axhline(float(level), color="0.35", linewidth=0.8, linestyle=(0, (4, 2.5)), zorder=1.5)
+
+
+def name_lines(figure: Figure, labels: Sequence[str], wanted: bool) -> None:
+    """Give the lines other names, in the order of the axes and of their lines; remove legends."""
+    left = iter(labels)
+    for legend in figure.legends:
+        _rename(legend, left)
+    for axes in figure.axes:
+        lines = axes.get_legend_handles_labels()[0]
+        if (beside := axes.get_legend()) is not None:
+            _rename(beside, left)
+        elif len(lines) == 1 and not figure.legends and (name := next(left, "")):
+            unit = re.search(r"\[[^\[\]]*\]$", axes.get_ylabel())
+            axes.set_ylabel(axis_label([name], unit[0][1:-1] if unit else ""))
+    if not wanted:
+        for each in [*figure.legends, *(axes.get_legend() for axes in figure.axes)]:
+            if each is not None:
+                each.remove()
+
+
+def _rename(legend: Legend, labels: Iterator[str]) -> None:
+    for text in legend.get_texts():
+        if text.get_text() not in ("start", "end"):
+            text.set_text(next(labels, text.get_text()))
+
+
+def symbol(name: str) -> str:
+    """A name whose component is the Greek letter that formulas write: ω for omega."""
+    head, dot, last = name.rpartition(".")
+    return f"{head}{dot}{GREEK.get(last, last)}"
 
 
 def line_style(i: int) -> dict[str, Any]:
@@ -104,7 +218,7 @@ def write_title(axes: Axes, title: str, subtitle: str) -> None:
 
 
 def subtitle(result: RunData) -> str:
-    """One line on the run: the graph, its removed blocks, and where it ended if it did early."""
+    """One line on the run: the graph, its changes, its seed, and where it ended if early."""
     removed: dict[str, str] = result.manifest.get("removed", {})
     overrides = [Override.parse(str(text)) for text in result.manifest.get("overrides", [])]
     parts = [result.title]
@@ -113,10 +227,25 @@ def subtitle(result: RunData) -> str:
         given = [override.target for override in overrides if override.kind == how]
         if names:
             parts.append(f"{message} {_listed(_grouped(names, given))}")
+    parts += [_listed([f"{o.kind} {o.target}" for o in laid])] if (laid := _laid(overrides)) else []
+    if "seed" in result.manifest:
+        parts.append(f"seed {result.manifest['seed']}")
     status = result.manifest.get("status", "complete")
     if status != "complete":
         parts.append(f"{status} at {run_end(result):.4g} s")
     return "  ·  ".join(parts)
+
+
+def _laid(overrides: Sequence[Override]) -> list[Override]:
+    """The changes that lay a condition over the graph or put another block in a place."""
+    named = [o for o in overrides if o.kind in ("with", "replace")]
+    return [replace(o, target=_stem(o)) for o in named]
+
+
+def _stem(change: Override) -> str:
+    if change.kind == "replace":
+        return f"{change.target}={change.value}"
+    return re.sub(r"\.yaml$", "", change.target.rpartition("/")[2])
 
 
 def _grouped(names: list[str], given: list[str]) -> list[str]:

@@ -11,6 +11,7 @@ from runtime.errors import UsageError
 from runtime.observation import RunData
 from runtime.runs.draft import save
 from runtime.runs.folder import read_run
+from runtime.runs.notebook import Figures, shown_in_notebook
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -19,17 +20,24 @@ if TYPE_CHECKING:
 class Result(RunData):
     """A run: ``result["plant.pose"]`` is an array, ``result.metrics`` a dict."""
 
-    def plot(self, name: str | None = None) -> Figure | dict[str, Figure]:
-        """Draw one of the graph's plots, or all of them, as matplotlib figures."""
+    def plot(self, name: str | None = None) -> Figure | Figures:
+        """Draw one of the graph's plots, or all of them, as matplotlib figures.
+
+        A notebook shows what is returned once: figures are not tied to pyplot.
+        """
         from runtime.plots import draw
 
         if name is None:
-            return {plot.name: draw(plot, self) for plot in self.plots}
+            return Figures({plot.name: draw(plot, self) for plot in self.plots})
         for plot in self.plots:
             if plot.name == name:
                 return draw(plot, self)
         names = [plot.name for plot in self.plots]
         raise UsageError(f"there is no plot '{name}'{hint(name, names) or ': ' + ', '.join(names)}")
+
+    def _repr_html_(self) -> str:
+        """The run as a notebook shows it: what ran, its metrics and its figures."""
+        return shown_in_notebook(self)
 
     def save(self, folder: str | Path) -> Path:
         """Write the run into a folder that must not exist yet; returns the folder."""

@@ -12,8 +12,13 @@ from runtime.errors import SimulationError, UsageError, one_line
 from runtime.terminal import number, show, show_json, table, tell
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from matplotlib.figure import Figure
+
     from runtime.engine import Interrupts, Profile
     from runtime.graph import Graph
+    from runtime.observation import PlotSpec
     from runtime.runs import Draft, Result
 
 HELP = "simulate, record, draw the probes, print the metrics"
@@ -23,6 +28,21 @@ def add(parser: ArgumentParser) -> None:
     """Declare the options."""
     add_graph(parser)
     add_output(parser, "runs", "run folders")
+    parser.add_argument(
+        "--vs",
+        metavar="CHANGE=VALUE",
+        help="also run with one more change, and draw both runs in the same pictures: "
+        "without=adaptive, bypass=limit, replace=lqr=PID, with=conditions/lag, set=lqr.q=[1,1,1]",
+    )
+    parser.add_argument(
+        "--figures", default="png", metavar="FORMATS", help="formats: pdf,svg,png (png)"
+    )
+    parser.add_argument(
+        "--style",
+        choices=("screen", "paper", "paper2"),
+        default="screen",
+        help="of the figures: paper is one column of an IEEE page (3.5 in), paper2 both (7.16 in)",
+    )
     parser.add_argument("--profile", action="store_true", help="show the time per block")
     parser.add_argument("--animate", action="store_true", help="also write plots/animation.gif")
 
@@ -33,6 +53,8 @@ def run(options: Namespace) -> int:
     from runtime.runs import Draft, link_latest, new_folder
 
     graph = changed_graph(options.graph, options).check()
+    formats = _formats(options.figures)
+    other = None if options.vs is None else _other(graph, options.vs).check()
     if options.animate:
         _check_animation(graph)
     if options.profile and graph.network.engine == "compiled":
@@ -49,16 +71,20 @@ def run(options: Namespace) -> int:
         link_latest(folder)
     code = _exit_code(result, failure, interrupts, folder == draft.folder)
     pictures: list[Path] = []
+    rival: Result | None = None
     if interrupts.leaves_time:
         try:
-            pictures = _pictures(result, folder, not options.no_plots, options.animate)
+            if other is not None and failure is None:
+                rival = _rival(other, quiet, Path(options.out))
+            pictures = _pictures(result, folder, options, formats, rival)
         except KeyboardInterrupt:
             code = code or 130
     rows = profile.rows(result.manifest["ticks"], result.manifest["wall_s"]) if profile else []
     if options.json:
-        show_json(_summary(result, folder) | ({"profile": rows} if rows else {}))
+        compared = {} if rival is None else {"vs": {"change": options.vs, "metrics": rival.metrics}}
+        show_json(_summary(result, folder) | compared | ({"profile": rows} if rows else {}))
     else:
-        _print_result(result, folder, pictures, options.quiet)
+        _print_result(result, folder, pictures, options, rival)
     if rows and not options.json:
         show(profile_text(rows))
     _report_failures(result, failure, folder)
@@ -153,17 +179,77 @@ def _check_animation(graph: Graph) -> None:
     animated(graph.observation.plots, graph.network.world)
 
 
-def _pictures(result: Result, folder: Path, plots: bool, animation: bool) -> list[Path]:
+def _formats(text: str) -> list[str]:
+    """The formats of figures.
+
+    Raises
+    ------
+    UsageError : one of them is unknown.
+    """
+    known = ("pdf", "svg", "png")
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    wrong = [name for name in names if name not in known]
+    if wrong or not names:
+        got = wrong[0] if wrong else text
+        raise UsageError(f"--figures {text}: expected some of {', '.join(known)}, got '{got}'")
+    return list(dict.fromkeys(names))
+
+
+def _other(graph: Graph, change: str) -> Graph:
+    """The graph that ``--vs`` compares with.
+
+    Raises
+    ------
+    UsageError : it is no change.
+    """
+    from runtime.cli.commands.changes import apply
+
+    kind, equals, text = change.partition("=")
+    kinds = ("without", "bypass", "replace", "with", "set", "wire")
+    if kind not in kinds or not equals:
+        known = ", ".join(kinds)
+        raise UsageError(f"--vs {change}: expected CHANGE=VALUE with one of {known}")
+    return apply(graph, kind, text)
+
+
+def _rival(graph: Graph, quiet: bool, out: Path) -> Result:
+    """The result of the graph that is compared with, its folder written."""
+    from runtime.runs import Draft, new_folder
+
+    draft = Draft(new_folder(out, graph.title))
+    result, failure = _simulated(graph, quiet, None, draft)
+    _saved(result, draft)
+    if failure is not None:
+        tell(f"the run that is compared with failed: {failure}")
+    return result
+
+
+def _names(change: str) -> tuple[str, str]:
+    """Short names of two runs that differ in one change: 'with snn', 'without snn'."""
+    kind, _, text = change.partition("=")
+    return (f"with {text}" if kind == "without" else "as written"), f"{kind} {text}"
+
+
+def _pictures(
+    result: Result,
+    folder: Path,
+    options: Namespace,
+    formats: list[str],
+    rival: Result | None,
+) -> list[Path]:
     """Draw the requested pictures into a run's folder; returns the files.
 
     A picture that cannot be drawn becomes a note of the result.
     """
     files = []
-    if plots:
+    if not options.no_plots:
         from runtime.plots import save_plots
 
-        files += save_plots(result, folder / "plots", result.notes.append)
-    if animation:
+        made = None if rival is None else _comparing(result, rival, folder, options)
+        files += save_plots(
+            *(result, folder / "plots", result.notes.append, formats, options.style, made)
+        )
+    if options.animate:
         from runtime.plots import animate
 
         try:
@@ -171,6 +257,18 @@ def _pictures(result: Result, folder: Path, plots: bool, animation: bool) -> lis
         except Exception as error:  # noqa: BLE001 -- matplotlib may raise any exception for unusual numbers
             result.notes.append(f"no animation: {one_line(str(error) or type(error).__name__)}")
     return files
+
+
+def _comparing(
+    result: Result, rival: Result, folder: Path, options: Namespace
+) -> Callable[[PlotSpec], Figure]:
+    """A function that draws a plot with both runs in it."""
+    from runtime.compare import Run
+    from runtime.compare.overlay import versus
+
+    named = zip(_names(options.vs), (result, rival), strict=True)
+    runs = [Run(label, folder, each, {}) for label, each in named]
+    return lambda plot: versus(runs, plot, options.style)
 
 
 def _summary(result: Result, folder: Path) -> dict[str, Any]:
@@ -191,9 +289,11 @@ def _summary(result: Result, folder: Path) -> dict[str, Any]:
     }
 
 
-def _print_result(result: Result, folder: Path, pictures: list[Path], quiet: bool) -> None:
+def _print_result(
+    result: Result, folder: Path, pictures: list[Path], options: Namespace, rival: Result | None
+) -> None:
     manifest = result.manifest
-    if not quiet:
+    if not options.quiet:
         for note in result.notes:
             tell(f"note: {note}")
     simulated = manifest["ticks"] * manifest["dt"]
@@ -202,6 +302,10 @@ def _print_result(result: Result, folder: Path, pictures: list[Path], quiet: boo
         f"({manifest['us_per_tick']:.1f} us a tick, {manifest['engine']} engine), "
         f"seed {manifest['seed']}"
     )
-    if result.metrics:
-        show(table([(name, number(value)) for name, value in result.metrics.items()]))
+    rows = [(name, number(value)) for name, value in result.metrics.items()]
+    if rows and rival is not None:
+        beside = [(*row, number(rival.metrics.get(row[0]))) for row in rows]
+        show(table([("", *_names(options.vs)), *beside], right={1, 2}))
+    elif rows:
+        show(table(rows))
     show_folder("run", folder, pictures)

@@ -244,9 +244,9 @@ class TestTimeseries:
     def test_one_axes_per_unit(self, circle: Result) -> None:
         figure = draw(circle.plots[1], circle)
         above, below = figure.axes
-        assert [above.get_ylabel(), below.get_ylabel()] == ["x, y [m]", "theta [rad]"]
+        assert [above.get_ylabel(), below.get_ylabel()] == ["x, y [m]", "θ [rad]"]
         assert [above.get_xlabel(), below.get_xlabel()] == ["", "time [s]"]
-        for axes, column, name in ((above, 0, "x"), (above, 1, "y"), (below, 2, "theta")):
+        for axes, column, name in ((above, 0, "x"), (above, 1, "y"), (below, 2, "θ")):
             line = lines(axes)[name]
             np.testing.assert_array_equal(xy(line)[:, 0], circle.time("pose"))
             np.testing.assert_array_equal(xy(line)[:, 1], circle["pose"][:, column])
