@@ -3,22 +3,29 @@
 from __future__ import annotations
 
 import json
+import math
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+import blocks
 import runtime
+from blocks.registry import blocks_of_module
 from runtime.cli.describe import blocks_page, observing_page
+from runtime.document import parse_yaml
+from tests.conftest import Run
 from tests.test_rooms import FLOORS
 
 ROOT = Path(__file__).parent.parent
 PAGES = (*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"))
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-GRAPH = re.search(r"```yaml\n(graph: my_first.*?)```", README, re.S)
+GRAPH = re.search(r"```yaml\n(graph: adaptive_line.*?)```", README, re.S)
 ERRORS = re.search(r"```text\n(my\.yaml.*?)```", README, re.S)
 
 
@@ -35,6 +42,10 @@ def written(tmp_path: Path) -> Path:
     path = tmp_path / "my.yaml"
     path.write_text(GRAPH[1], encoding="utf-8")
     return path
+
+
+def test_the_readme_graph_is_the_starter(written: Path) -> None:
+    assert runtime.load(written) == runtime.load("starters/adaptive")
 
 
 def test_the_readme_graph_runs_and_settles(written: Path) -> None:
@@ -100,13 +111,92 @@ def test_the_readme_errors_are_real(written: Path, monkeypatch: pytest.MonkeyPat
     assert str(caught.value) == ERRORS[1].strip()
 
 
-def test_the_readme_block_is_the_example() -> None:
-    found = re.search(r"```python\n# slippery_patch\.py\n(.*?)```", README, re.S)
-    assert found is not None
-    space: dict[str, object] = {}
-    exec(found[1], space)
-    block = space["SlipperyPatch"](loss=1.0)  # type: ignore[operator]
-    assert block.output(None, 1.0, (1.0, 0.4)) == (1.0, 0.0)
+def test_the_readme_is_short_and_its_first_command_shows_both_runs() -> None:
+    assert README.count("\n") < 150
+    assert "runtime run starters/adaptive --vs without=adaptive" in README
+
+
+HOW_TO = (ROOT / "docs" / "how-to.md").read_text(encoding="utf-8")
+BLOCKS = dict(re.findall(r"```python\n# (\w+)\.py\n(.*?)```", HOW_TO, re.S))
+
+
+def own(name: str, folder: Path) -> dict[str, type[blocks.Block]]:
+    """The blocks of one file of the how-to."""
+    (folder / f"{name}.py").write_text(BLOCKS[name], encoding="utf-8")
+    return blocks_of_module(folder / f"{name}.py")
+
+
+@pytest.mark.parametrize("name", BLOCKS)
+def test_blocks_of_the_how_to_keep_the_rules(name: str, tmp_path: Path) -> None:
+    for cls in own(name, tmp_path).values():
+        blocks.check_block(cls())
+
+
+def test_the_cart_of_the_how_to_drives_a_circle(tmp_path: Path) -> None:
+    """By Euler's method with steps h the radius is v / omega up to a share of h omega / 2."""
+    cart = own("cart", tmp_path)["Cart"]
+    graph = runtime.Graph(dt=0.001, until=2.0 * math.pi).add("cart", cart())
+    graph = graph.add("go", blocks.Constant(value=[1.0, 1.0], signal="Twist"))
+    pose = graph.connect("go.value", "cart.command").probe("cart.pose").run()["cart.pose"]
+    away = np.hypot(pose[:, 0], pose[:, 1] - 1.0)
+    assert np.abs(away - 1.0).max() < 0.005
+    assert pose[-1, 2] == pytest.approx(2.0 * math.pi, abs=0.002)
+
+
+def test_the_metric_of_the_how_to_is_computed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (code,) = re.findall(r"```python\n(import spikeblocks.*?)```", HOW_TO, re.S)
+    monkeypatch.chdir(tmp_path)
+    text = (ROOT / "graphs" / "starters" / "tracking.yaml").read_text(encoding="utf-8")
+    (tmp_path / "tracking.yaml").write_text(text, encoding="utf-8")
+    space: dict[str, dict[str, float]] = {}
+    exec(code, space)
+    assert space["rms"].keys() == {"lqr", "pid"}
+    assert all(0.0 < value < 1.0 for value in space["rms"].values())
+
+
+def test_the_plot_of_the_how_to_is_valid() -> None:
+    (text,) = re.findall(r"```yaml\n(plots:.*?)```", HOW_TO, re.S)
+    graph = runtime.load("starters/adaptive").overlay(parse_yaml(text, "how-to").plain())
+    assert graph.check().observation.plots[1].options["labels"] == ["e_p", "e_θ"]
+
+
+def commands(page: str) -> list[tuple[str, int, list[str]]]:
+    """The commands in a page's consoles, with exit codes and the lines that they should print."""
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    found: list[tuple[str, int, list[str]]] = []
+    for console in re.findall(r"```console\n(.*?)```", text, re.S):
+        for line in console.splitlines():
+            if line.startswith("$ "):
+                command, _, code = line[2:].partition("    # exit code ")
+                found.append((command, int(code or 0), []))
+            else:
+                found[-1][2].append(line)
+    return found
+
+
+SHORT = {"run": "--until=1.5", "ablate": "--until=1.5", "sweep": "--until=1.5"}
+
+
+@pytest.mark.parametrize("page", ["tutorial.md", "how-to.md"])
+def test_every_command_of_a_page_runs(page: str, cli: Run) -> None:
+    """Shortened; the outputs are compared by the slow test below."""
+    for command, code, _ in commands(page):
+        verb, *rest = shlex.split(command.removeprefix("runtime "))
+        done = cli(verb, *rest, *([SHORT[verb]] if verb in SHORT else []))
+        assert done.returncode == code, f"{command}: {done.stderr}"
+
+
+@pytest.mark.slow
+def test_the_tutorial_shows_what_is_printed(cli: Run) -> None:
+    for command, code, lines in commands("tutorial.md"):
+        done = cli(*shlex.split(command.removeprefix("runtime ")))
+        assert done.returncode == code, done.stderr
+        printed = (done.stdout + done.stderr).splitlines()
+        for line in lines:
+            start = line.removesuffix("...").rstrip()
+            assert any(each.startswith(start) for each in printed), f"{command}: {line}"
 
 
 @pytest.mark.parametrize("name", ["run_from_python.py", "ablation.py"])
