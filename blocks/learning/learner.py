@@ -100,26 +100,18 @@ class Learner(Block, ABC):
         """What was learnt up to this tick, (k,), each component within +-limit."""
 
 
-def decode(
-    weights: FloatArray, activity: FloatArray, limit: float, scratch: FloatArray
-) -> FloatArray:
-    """weights (k, n) times activity (n,), each component within +-limit, (k,).
-
-    ``scratch``, (k, n), is overwritten.
-    """
+def decode(weights: FloatArray, activity: FloatArray, limit: float) -> FloatArray:
+    """weights (k, n) times activity (n,), each component within +-limit, (k,)."""
     # Not by BLAS, whose order of summation depends on the processor. With k = 1, operands of equal
     # shape save NumPy the broadcasting, which takes longer than the products.
-    np.multiply(weights, activity[None], out=scratch)
-    decoded: FloatArray = np.add.reduce(scratch, 1)
+    decoded: FloatArray = np.add.reduce(weights * activity[None], 1)
     if limit == math.inf:
         return decoded
     return np.array([min(max(value, -limit), limit) for value in decoded.tolist()])
 
 
 @kernel_of(decode)
-def _decode_kernel(
-    weights: FloatArray, activity: FloatArray, limit: float, scratch: FloatArray
-) -> FloatArray:
+def _decode_kernel(weights: FloatArray, activity: FloatArray, limit: float) -> FloatArray:
     decoded = np.empty(len(weights))
     for row in range(len(weights)):
         total = dot(weights[row], activity)
@@ -257,7 +249,7 @@ class AdaptiveBias(Learner):
         return float(state.step)
 
     def output(self, state: BlockState, t: float) -> FloatArray:
-        return decode(state.weights, state.activity, self.limit, state.scratch)
+        return decode(state.weights, state.activity, self.limit)
 
     def update(self, state: BlockState, t: float, error: FloatArray, learn: float) -> None:
         gamma = state.step * learn

@@ -102,7 +102,7 @@ class LearningEnsemble(Learner):
         return float(state.gamma * np.square(state.activity).sum())
 
     def output(self, state: BlockState, t: float) -> FloatArray:
-        return decode(state.weights, state.activity, self.limit, state.products)
+        return decode(state.weights, state.activity, self.limit)
 
     def update(
         self, state: BlockState, t: float, input: FloatArray, error: FloatArray, learn: float

@@ -57,8 +57,8 @@ def cluster_pool(address: str) -> WorkerPool:
         from distributed import Client, KilledWorker
     except ImportError:
         raise MissingExtraError("--scheduler", "cluster") from None
-    for name in ("distributed", "distributed.client"):
-        # It logs a lost connection with tracebacks, which check() reports in one sentence.
+    for name in ("distributed", "distributed.client", "tornado.application", "asyncio"):
+        # They log a lost connection with tracebacks, which check() reports in one sentence.
         logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.linalg import expm, solve_discrete_are
 from scipy.signal import cont2discrete
@@ -401,6 +401,8 @@ def test_semi_definite_weights_of_any_size_are_taken(
     """G G' of rank two, in units of one's own, has a smallest eigenvalue of zero and rounding."""
     g = scale * np.array(entries).reshape(3, 2) * np.array([[1.0], [1.0], [unit]])
     q = g @ g.T
+    # A square below 2.2e-308 is stored with fewer digits, and is no longer a square to rounding.
+    assume(all(x == 0.0 or x > 1e-290 for x in np.diag(q)))
     assert blocks.LQR(q=lists(np.asarray(0.5 * (q + q.T)))).weights[0].shape == (3, 3)
 
 
