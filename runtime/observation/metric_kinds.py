@@ -61,7 +61,8 @@ class MetricKind:
     for the number of columns of that signal, or ``columns`` for those of ``of``. ``optional`` are
     roles that may be missing. ``forms`` are the signals it accepts: one number, a position (x and
     y first), or any columns. ``in_world`` is a formula that also needs the walls, instead of
-    ``function``. ``agrees`` checks conditions across options and signals.
+    ``function``. ``agrees`` checks conditions across options and signals. ``unit`` is that of the
+    value; ``of`` stands for the unit of the signal.
     """
 
     function: Callable[[Mapping[str, Series], Mapping[str, Any]], float | None]
@@ -72,6 +73,7 @@ class MetricKind:
     forms: tuple[Form, ...] = ("number",)
     in_world: Callable[[World, FloatArray, Mapping[str, Any]], float] | None = None
     agrees: Callable[[Mapping[str, Any], Mapping[str, ProbeInfo]], Checks] | None = None
+    unit: str = ""
 
     @property
     def keys(self) -> tuple[str, ...]:

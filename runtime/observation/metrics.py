@@ -44,6 +44,12 @@ class Metric:
         number = METRIC_KINDS[self.kind].value(series, self.options, world)
         return None if number is None or math.isnan(number) else float(number)
 
+    def unit(self, units: Mapping[str, tuple[str, ...]]) -> str:
+        """The unit of its value, given the units of the probes' columns; '' if it has none."""
+        declared = METRIC_KINDS[self.kind].unit
+        columns = units.get(self.inputs.get("of") or "", ())
+        return (columns[0] if columns else "") if declared == "of" else declared
+
     def expectation(self, value: float | None) -> str:
         """How a value violates ``below`` or ``above``; '' if it does not."""
         for key, holds in (("below", float.__lt__), ("above", float.__gt__)):
@@ -172,28 +178,35 @@ METRIC_KINDS: dict[str, MetricKind] = {
         "first time (s) from which all columns stay within ±`band` to the end, for `hold` at "
         "least; null if never",
         options=Band,
+        unit="s",
         forms=("columns",),
     ),
     "mean_abs": MetricKind(
-        lambda s, o: float(np.abs(_flat(s)).mean()), "mean of the absolute value"
+        lambda s, o: float(np.abs(_flat(s)).mean()), "mean of the absolute value", unit="of"
     ),
     "rms": MetricKind(
-        lambda s, o: float(np.sqrt(np.mean(_flat(s) ** 2))), "root of the mean square"
+        lambda s, o: float(np.sqrt(np.mean(_flat(s) ** 2))), "root of the mean square", unit="of"
     ),
-    "max_abs": MetricKind(lambda s, o: float(np.abs(_flat(s)).max()), "largest absolute value"),
-    "min": MetricKind(lambda s, o: float(_flat(s).min()), "smallest value"),
-    "final": MetricKind(lambda s, o: float(_flat(s)[-1]), "last value"),
+    "max_abs": MetricKind(
+        lambda s, o: float(np.abs(_flat(s)).max()), "largest absolute value", unit="of"
+    ),
+    "min": MetricKind(lambda s, o: float(_flat(s).min()), "smallest value", unit="of"),
+    "final": MetricKind(lambda s, o: float(_flat(s)[-1]), "last value", unit="of"),
     "first_time": MetricKind(
         first_time,
         "first time (s) above `level`; null if never",
         options=Level,
+        unit="s",
     ),
     "share_above": MetricKind(share_above, "share of the time above `level`", options=Level),
-    "path_length": MetricKind(path_length, "length of the path of a pose (m)", forms=("position",)),
+    "path_length": MetricKind(
+        path_length, "length of the path of a pose (m)", forms=("position",), unit="m"
+    ),
     "displacement": MetricKind(
         displacement,
         "last value minus first; for a pose the straight distance",
         forms=("number", "position"),
+        unit="of",
     ),
     "lqr_cost": MetricKind(
         lqr_cost,

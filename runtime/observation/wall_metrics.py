@@ -134,6 +134,7 @@ def _kind(
     doc: str,
     options: type[Options] = StandOff,
     optional: tuple[str, ...] = ("engaged",),
+    unit: str = "m",
 ) -> MetricKind:
     return MetricKind(
         lambda series, options: None,
@@ -142,6 +143,7 @@ def _kind(
         optional=optional,
         forms=("position",),
         in_world=formula,
+        unit=unit,
     )
 
 
@@ -173,5 +175,6 @@ WALL_KINDS: Mapping[str, MetricKind] = {
     "loops": _kind(
         loops,
         "turns around the contour that was reached first; negative with the wall on the left",
+        unit="",
     ),
 }

@@ -100,6 +100,7 @@ def save_plots(
     formats: Sequence[str] = ("png",),
     look: str = "screen",
     made: Callable[[PlotSpec], Figure] | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> list[Path]:
     """Write every plot of a run as <name>.png, or in other formats.
 
@@ -112,13 +113,16 @@ def save_plots(
     formats : of the files, among :data:`FORMATS`.
     look : of the figures, a name in :data:`runtime.plots.LOOKS`.
     made : draws a plot in place of :func:`draw`.
+    progress : called with the number of plots that are done, and of all.
 
     Returns
     -------
     list of Path : the files, in the order of the graph's plots.
     """
     paths = []
-    for plot in result.plots:
+    for i, plot in enumerate(result.plots):
+        if progress is not None:
+            progress(i, len(result.plots))
         name = slug(plot.name, "plot")
         files = [folder / f"{name}.{kind}" for kind in formats]
         try:

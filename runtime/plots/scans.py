@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -177,7 +177,9 @@ def animated(plots: Sequence[PlotSpec], world: World | None) -> PlotSpec:
     raise UsageError(message + "'plots: {scans: {kind: scans, of: [plant.pose, lidar.scan]}}'")
 
 
-def animate(result: RunData, file: str | Path) -> Path:
+def animate(
+    result: RunData, file: str | Path, progress: Callable[[int, int], None] | None = None
+) -> Path:
     """Write a run as a gif of about nine seconds.
 
     Parameters
@@ -185,6 +187,7 @@ def animate(result: RunData, file: str | Path) -> Path:
     result : the run, with a world and a plot of kind ``scans``; an interrupted run is shown up to
         where it ended.
     file : the file to write; its folder is created if it does not exist.
+    progress : called with the number of frames that are done, and of all.
 
     Returns
     -------
@@ -203,11 +206,17 @@ def animate(result: RunData, file: str | Path) -> Path:
     times = np.linspace(0.0, end, FRAMES if end > 0.0 else 1).tolist()
     with system_errors(f"write '{file}'"), matplotlib.rc_context(style.STYLE):
         file.parent.mkdir(parents=True, exist_ok=True)
-        _write(plot, result, file, times)
+        _write(plot, result, file, times, progress)
     return file
 
 
-def _write(plot: PlotSpec, result: RunData, file: Path, times: list[float]) -> None:
+def _write(
+    plot: PlotSpec,
+    result: RunData,
+    file: Path,
+    times: list[float],
+    progress: Callable[[int, int], None] | None,
+) -> None:
     """Draw and write frame by frame."""
     figure = Figure(layout="constrained", dpi=DPI)
     canvas = FigureCanvasAgg(figure)
@@ -224,7 +233,9 @@ def _write(plot: PlotSpec, result: RunData, file: Path, times: list[float]) -> N
     writer = PillowWriter(fps=RATE)
     robot = scene.recordings["Pose"]
     with writer.saving(figure, str(file), DPI):
-        for t in times:
+        for i, t in enumerate(times):
+            if progress is not None:
+                progress(i, len(times))
             scene.show(t)
             trail.set_data(*_trail(robot, t).T)
             clock.set_text(f"t = {t:5.1f} s")

@@ -93,7 +93,8 @@ def _facts(found: Mapping[str, Any], plan: Mapping[str, Any]) -> Html:
 
 
 def _differences(found: Mapping[str, Any]) -> Html:
-    head = ["variant", "seeds", "mean", "95 % interval", "difference", "95 % interval"]
+    head = ["variant", "seeds", "mean", "95 % interval of the mean"]
+    head += ["difference", "95 % interval of the difference"]
     head += ["p, corrected", "significant"]
     groups: dict[str, list[list[str]]] = {}
     for line in found["table"]:

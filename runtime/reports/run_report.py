@@ -87,7 +87,8 @@ def _metrics_table(folder: Path, result: RunData) -> Html:
         entry = entries.get(name, {})
         expected = _expected(entry, value)
         expects = expects or bool(expected)
-        rows.append([name, pieces.number(value), expected, _definition(entry)])
+        shown = f"{pieces.number(value)} {result.units.get(name, '')}".rstrip()
+        rows.append([name, shown, expected, _definition(entry)])
     head = ["metric", "value", "expected", "definition"]
     if not expects:
         head, rows = [*head[:2], head[3]], [[*row[:2], row[3]] for row in rows]

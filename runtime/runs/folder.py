@@ -135,6 +135,7 @@ def manifest(result: RunData, hashes: Mapping[str, str], commit: str | None) -> 
         "plots": [asdict(plot) for plot in result.plots],
         "world": None if result.world is None else result.world.description,
         "failures": result.failures,
+        "units": result.units,
     }
 
 
@@ -245,6 +246,7 @@ def described_run(
         # Runs written before there were worlds have none.
         walls = manifest.pop("world", None)
         world = None if walls is None else World(walls)
+        units = {str(name): str(unit) for name, unit in manifest.pop("units", {}).items()}
         failures = [str(text) for text in manifest.pop("failures")]
         notes = [str(text) for text in manifest["notes"]] + _changed_files(folder, manifest)
         _check_facts(manifest)
@@ -254,7 +256,7 @@ def described_run(
         raise _damaged(folder / MANIFEST, str(error)) from None
     return RunData(
         *(str(manifest["graph"]), probes, metrics, plots, manifest),
-        *(lambda: (texts, {}), notes, failures, world),
+        *(lambda: (texts, {}), notes, failures, world, units),
     )
 
 

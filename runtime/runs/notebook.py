@@ -34,7 +34,8 @@ def shown_in_notebook(result: RunData) -> str:
         f"<b>{escape(result.title)}</b>: {result.status}, {simulated:g} s, seed {manifest['seed']}"
     ]
     rows = "".join(
-        f"<tr><td style='text-align: left'>{escape(name)}</td><td>{number(value)}</td></tr>"
+        f"<tr><td style='text-align: left'>{escape(name)}</td>"
+        f"<td>{number(value)} {escape(result.units.get(name, ''))}</td></tr>"
         for name, value in result.metrics.items()
     )
     parts += [f"<table>{rows}</table>"] * bool(rows)

@@ -241,19 +241,26 @@ def _pictures(
 
     A picture that cannot be drawn becomes a note of the result.
     """
+    from runtime.terminal import Progress
+
     files = []
+    wanted = not (options.quiet or options.json)
     if not options.no_plots:
         from runtime.plots import save_plots
 
         made = None if rival is None else _comparing(result, rival, folder, options)
+        drawing = Progress("drawing", wanted=wanted)
         files += save_plots(
-            *(result, folder / "plots", result.notes.append, formats, options.style, made)
+            *(result, folder / "plots", result.notes.append, formats, options.style, made, drawing)
         )
+        drawing.close()
     if options.animate:
         from runtime.plots import animate
 
         try:
-            files.append(animate(result, folder / "plots" / "animation.gif"))
+            filming = Progress("filming", wanted=wanted)
+            files.append(animate(result, folder / "plots" / "animation.gif", filming))
+            filming.close()
         except Exception as error:  # noqa: BLE001 -- matplotlib may raise any exception for unusual numbers
             result.notes.append(f"no animation: {one_line(str(error) or type(error).__name__)}")
     return files
@@ -302,10 +309,15 @@ def _print_result(
         f"({manifest['us_per_tick']:.1f} us a tick, {manifest['engine']} engine), "
         f"seed {manifest['seed']}"
     )
-    rows = [(name, number(value)) for name, value in result.metrics.items()]
-    if rows and rival is not None:
-        beside = [(*row, number(rival.metrics.get(row[0]))) for row in rows]
-        show(table([("", *_names(options.vs)), *beside], right={1, 2}))
-    elif rows:
-        show(table(rows))
+    if result.metrics and rival is not None:
+        other = rival.metrics
+        rows = [
+            (name, number(value), number(other.get(name)), result.units.get(name, ""))
+            for name, value in result.metrics.items()
+        ]
+        show(table([("", *_names(options.vs)), *rows], right={1, 2}))
+    elif result.metrics:
+        values = {name: number(value) for name, value in result.metrics.items()}
+        units = result.units
+        show(table([(name, f"{v} {units.get(name, '')}".rstrip()) for name, v in values.items()]))
     show_folder("run", folder, pictures)

@@ -127,9 +127,9 @@ def comparison_table(lines: Sequence[ComparisonLine]) -> str:
         "",
         "seeds",
         "mean",
-        "95 % interval",
+        "interval of mean",
         "difference",
-        "95 % interval",
+        "interval of difference",
         "distinguishable",
     )
     rows = [header]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -350,3 +351,14 @@ def test_a_metric_of_times_after_the_end_has_a_note() -> None:
     result = measured("  m: {kind: final, of: plant.pose.x, after: 5}\n")
     assert result.metrics == {"m": None}
     assert result.notes == ["metric 'm' has no value: it looks at times after 5 s"]
+
+
+def test_a_metric_has_the_unit_of_its_kind_or_of_its_signal(tmp_path: Path) -> None:
+    graph = runtime.load("starters/adaptive").set("run.until", 0.05)
+    graph = graph.metric("bent", "final", "match.curvature").metric("on", "share_above", "turn_on")
+    result = (
+        graph.probe("turn_on", "limit.saturated").metric("far", "displacement", "plant.pose").run()
+    )
+    units = {"settled_at": "s", "mean_error": "m", "bent": "1/m", "far": "m"}
+    assert result.units == units
+    assert runtime.open(result.save(tmp_path / "run")).units == units

@@ -212,7 +212,7 @@ def test_a_notebook_shows_a_run_once_with_metrics_and_pictures() -> None:
     made = graph(p={"kind": "timeseries", "of": "turn"}).metric("last", "final", "turn")
     result = made.run()
     shown = result._repr_html_()
-    assert "<td style='text-align: left'>last</td><td>0.995</td>" in shown
+    assert "<td style='text-align: left'>last</td><td>0.995 rad</td>" in shown
     assert shown.count("<img ") == 1
     figures = result.plot()
     assert isinstance(figures, dict)
