@@ -40,6 +40,13 @@ PLAUSIBLE: dict[str, tuple[str, ...]] = {
     "run": FOLDERS,
     "runs": FOLDERS[:4],
     "path": FOLDERS,
+    "file": ("fresh.yaml", "tiny.yaml", "fresh", "a/b.yaml"),
+    "group": ("worlds", "graphs", "world"),
+    "shell": ("bash", "zsh", "tcsh"),
+    "--search": ("sum", "delay", "zzz"),
+    "--vs": ("without=gain", "set=gain.gain=3", "bypass=limit", "with=over.yaml", "gain", "run=3"),
+    "--figures": ("pdf", "png,svg", "jpeg", ","),
+    "--style": ("paper", "paper2", "screen"),
     "type": ("Sum", "Gain", "AdaptiveEnsemble", "Half", "gain"),
     "--with": ("over.yaml", "tiny.yaml", "broken.yaml"),
     "--set": (

@@ -215,8 +215,8 @@ def _used(path: Path, name: str) -> runtime.Graph:
         return runtime.load(root).overlay(path)
     if room == "wheel_faults":
         return runtime.load(folder() / "wall_following_mujoco.yaml").overlay(path)
-    homes = {"parts": root, "plants": folder() / "wall_following_mujoco.yaml", "": path}
-    return runtime.load(homes[room])
+    homes = {"parts": root, "plants": folder() / "wall_following_mujoco.yaml"}
+    return runtime.load(homes.get(room, path))
 
 
 def run_or_refuse(load: Any) -> SpikeblocksError | None:
