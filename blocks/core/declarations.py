@@ -19,7 +19,9 @@ class Input:
 
     ``default`` is the value of every component of an input that is not wired; an input without a
     default must be wired. A ``variadic`` input takes any number of wires, none included, or as many
-    as the integer parameter that it names; the block receives a tuple.
+    as the integer parameter that it names; the block receives a tuple. With ``spread``, such an
+    input takes numbers, records and vectors alike, and the block receives all their components
+    in order as one tuple of numbers; ``spread`` names the length symbol that their number gives.
     """
 
     type: PortType
@@ -27,6 +29,7 @@ class Input:
     unit: str = ""
     default: float | None = None
     variadic: bool | str = False
+    spread: str = ""
     name: str = ""
 
     @property

@@ -11,7 +11,7 @@ from typing import Any
 
 from blocks.core.declarations import BlockSpec, DeclarationError, Evaluation, Input, Output, State
 from blocks.core.params import KINDS, Kind, Param, hint, param
-from blocks.core.signals import Same, SignalType
+from blocks.core.signals import Same, Scalar, SignalType
 
 RESERVED_PARAMETERS = ("type", "module", "dt")
 STATED = "_signal"
@@ -143,8 +143,9 @@ def _kind(cls: type, attribute: str, annotation: Any) -> Kind:
         if options == [known]:
             return kind
     raise DeclarationError(
-        f"{cls.__name__}.{attribute}: annotate the parameter with float, int, bool, str or "
-        f"FloatArray (or one of them | None), not {annotation}"
+        f"{cls.__name__}.{attribute}: annotate the parameter with float, int, bool, str, "
+        "FloatArray, tuple[str, ...] or Mapping[str, float] (or one of them | None), "
+        f"not {annotation}"
     )
 
 
@@ -159,6 +160,10 @@ def _check_ports(cls: type, spec: BlockSpec) -> None:
             )
     for name, port in spec.inputs.items():
         count = port.variadic
+        if port.spread and (count is not True or port.type != Scalar):
+            raise DeclarationError(
+                f"{cls.__name__}.{name}: spread needs a variadic input of Scalar"
+            )
         if isinstance(count, str) and getattr(spec.params.get(count), "kind", "") != "int":
             raise DeclarationError(
                 f"{cls.__name__}.{name}: variadic='{count}' is not an integer parameter"

@@ -10,6 +10,8 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import numpy as np
+
 
 def floor(x: float) -> float:
     """The largest integer that is not above x, as a float of any size."""
@@ -89,6 +91,7 @@ FUNCTIONS: Mapping[str, tuple[str, int | None]] = {
     **{"sign": ("sign", 1), "clip": ("clip", 3), "wrap": ("wrap", 1)},
     **{"min": ("lesser", None), "max": ("greater", None)},
 }
+CONSTANTS = {"pi": math.pi, "e": math.e, "tau": math.tau}
 # Functions of all components of a vector.
 VECTORS = ("sum", "mean", "norm", "min", "max")
 ALIASES = {
@@ -100,4 +103,8 @@ _HELPERS: tuple[Callable[..., float], ...] = (
     *(floor, ceil, nearest, modulo, sign, lesser, greater, clip, wrap),
     *(square, cube, exponential),
 )
-SCOPE: Mapping[str, Any] = {"math": math, **{helper.__name__: helper for helper in _HELPERS}}
+SCOPE: Mapping[str, Any] = {
+    "math": math,
+    "np": np,
+    **{helper.__name__: helper for helper in _HELPERS},
+}

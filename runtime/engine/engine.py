@@ -34,7 +34,7 @@ from runtime.engine.runners import (
 from runtime.engine.schedule import GLOBALS, Plan
 from runtime.engine.values import NotFiniteError, OutputChecks, sealed
 from runtime.errors import SimulationError, UsageError
-from runtime.network import Network, state_shape
+from runtime.network import Network, columns, state_shape
 
 CHUNK_SECONDS = 0.1
 
@@ -249,8 +249,8 @@ class Engine:
             if recording.constant and (recording.end.block, recording.end.port) == (block, port):
                 kind = self.network.types[block, port]
                 array = self.namespace[recording.array]
-                column = kind.column(recording.end.component) if recording.end.component else None
-                item = value if column is None else value[column]
+                component = recording.end.component
+                item = value[columns(kind, component)] if component else value
                 array[0 if recording.columns is None else (0, recording.columns)] = item
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from blocks.core import Evaluation, Input, SignalType
 from runtime.errors import NOWHERE, Problems, Where
-from runtime.network import Endpoint, Network, Wire, component_type
+from runtime.network import Endpoint, Network, Wire, columns, component_type
 
 INDENT = "    "
 GLOBALS = ("isfinite", "isnan", "dot", "array", "full", "checked", "sealed", "not_finite")
@@ -124,7 +124,7 @@ def _report_loops(graph: object) -> None:
 def drivers(network: Network) -> dict[tuple[str, str], list[Wire]]:
     """The wires into each input, in the order of an input's terms."""
     found: dict[tuple[str, str], list[Wire]] = defaultdict(list)
-    for wire in network.wires:
+    for wire in network.driving:
         found[wire.block, wire.port].append(wire)
     return found
 
@@ -268,8 +268,12 @@ class Emitter:
         kind = self.network.types[end.block, end.port]
         text = self.variable(end.block, end.port)
         if end.component:
-            column = kind.column(end.component)
-            text = f"{text}.item({column})" if kind.form == "array" else f"{text}[{column}]"
+            column = columns(kind, end.component)
+            if isinstance(column, slice):
+                text = f"{text}[{column.start}:{column.stop}]"
+                text = f"array({text})" if kind.form == "record" else text
+            else:
+                text = f"{text}.item({column})" if kind.form == "array" else f"{text}[{column}]"
             kind = component_type(kind, end) or kind
         if target is not None and target.form != kind.form:
             return f"array(({text},))" if target.form == "array" else f"{text}.item(0)"
