@@ -12,6 +12,7 @@ from blocks.core.block import (
     State,
 )
 from blocks.core.declarations import BlockSpec
+from blocks.core.elementwise import Elementwise, spread_to
 from blocks.core.expression_reader import ExpressionError, parsed
 from blocks.core.expressions import (
     Expression,
@@ -57,6 +58,7 @@ __all__ = [
     "BlockState",
     "BoolArray",
     "DeclarationError",
+    "Elementwise",
     "Evaluation",
     "Expression",
     "ExpressionError",
@@ -108,4 +110,5 @@ __all__ = [
     "signal_type",
     "sin",
     "solve",
+    "spread_to",
 ]

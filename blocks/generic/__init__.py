@@ -2,8 +2,10 @@
 
 from blocks.generic.arithmetic import Constant, Gain, Mux, Sum, Switch, added, scaled
 from blocks.generic.functions import Function
+from blocks.generic.mathematics import Compare, Logic, MatrixGain, Norm, Product, Wrap
 from blocks.generic.memory import Lowpass, UnitDelay
-from blocks.generic.routing import Concatenate
+from blocks.generic.routing import Concatenate, MultiportSwitch, Select
 
-__all__ = ["Concatenate", "Constant", "Function", "Gain", "Lowpass", "Mux", "Sum", "Switch"]
-__all__ += ["UnitDelay", "added", "scaled"]
+__all__ = ["Compare", "Concatenate", "Constant", "Function", "Gain", "Logic", "Lowpass"]
+__all__ += ["MatrixGain", "MultiportSwitch", "Mux", "Norm", "Product", "Select", "Sum", "Switch"]
+__all__ += ["UnitDelay", "Wrap", "added", "scaled"]
