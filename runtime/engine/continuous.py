@@ -11,13 +11,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from blocks.core import Evaluation
+from runtime.engine.steps import Step
 from runtime.network import Entry, Network, Wire, state_shape
-
-if TYPE_CHECKING:
-    from runtime.engine.schedule import Step
 
 Wires = Mapping[tuple[str, str], Sequence[Wire]]
 

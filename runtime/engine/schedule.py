@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import keyword
 import math
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from blocks.core import Evaluation, Input, SignalType
 from runtime.engine.continuous import Continuous, continuous_part
 from runtime.engine.solvers import METHODS
+from runtime.engine.steps import Step, drivers
 from runtime.errors import NOWHERE, Problems, Where
-from runtime.network import Endpoint, Network, Wire, component_type
+from runtime.network import Endpoint, Network, component_type
 
 INDENT = "    "
 GLOBALS = ("isfinite", "isnan", "dot", "array", "full", "checked", "sealed", "not_finite")
@@ -26,16 +26,6 @@ CONTINUOUS_NAMES = (
     *("states", "start", "slopes", "nodes", "weights", "stage"),
     *("blend", "joined", "rates", "bad_slope"),
 )
-
-
-@dataclass(frozen=True)
-class Step:
-    """One evaluation of one block, every ``every`` base ticks."""
-
-    block: str
-    evaluation: Evaluation
-    every: int
-    constant: bool = False
 
 
 @dataclass(frozen=True)
@@ -129,14 +119,6 @@ def _report_loops(graph: object) -> None:
             file = Where(wires[0].where.file) if wires[0].where != NOWHERE else NOWHERE
             problems.add(file, "", message)
     problems.raise_any()
-
-
-def drivers(network: Network) -> dict[tuple[str, str], list[Wire]]:
-    """The wires into each input, in the order of an input's terms."""
-    found: dict[tuple[str, str], list[Wire]] = defaultdict(list)
-    for wire in network.wires:
-        found[wire.block, wire.port].append(wire)
-    return found
 
 
 def _identifiers(
