@@ -64,7 +64,9 @@ class DeadZone(Elementwise):
 
     def validate(self) -> None:
         if self.high < self.low:
-            raise ParameterError([("high", f"expected at least low = {self.low:g}, got {self.high:g}")])
+            raise ParameterError(
+                [("high", f"expected at least low = {self.low:g}, got {self.high:g}")]
+            )
 
     def of(self, state: BlockState, x: float, i: int) -> float:
         if x < self.low:

@@ -134,7 +134,7 @@ class LookupTable2D(Block):
 
 
 def piece(points: FloatArray, x: float) -> int:
-    """The piece between two of ascending points that holds x, by bisection; outside: the outermost."""
+    """The piece between ascending points that holds x, by bisection; outside: the outermost."""
     low, high = 0, len(points) - 1
     while high - low > 1:
         middle = (low + high) // 2

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC
 from typing import Any
 
@@ -84,8 +83,8 @@ class RandomWalk(_Random):
 
         [ RandomWalk ] ─▶ out
 
-    out(t_k+1) = out(t_k) + sqrt(density * dt) * n_k, with independent normal n_k: the variance grows
-    by ``density`` per second at any dt.
+    out(t_k+1) = out(t_k) + sqrt(density * dt) * n_k, with independent normal n_k: the variance
+    grows by ``density`` per second at any dt.
     """
 
     density: FloatArray = param(

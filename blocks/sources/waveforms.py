@@ -139,13 +139,13 @@ class Pulse(Block):
             return self.low
         # A time within the tolerance of an edge's end belongs to what follows.
         if x < self.rise - state.early:
-            return self.low + (self.high - self.low) * (x / self.rise)
+            return float(self.low + (self.high - self.low) * (x / self.rise))
         x -= self.rise
         if x < state.plateau - state.early:
             return self.high
         x -= state.plateau
         if x < self.fall - state.early:
-            return self.high + (self.low - self.high) * (max(0.0, x) / self.fall)
+            return float(self.high + (self.low - self.high) * (max(0.0, x) / self.fall))
         return self.low
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from importlib.util import find_spec
 
 from blocks.core import Same
-from runtime.errors import MissingExtraError
+from runtime.errors import MissingExtraError, UsageError
 from runtime.network import Network, state_shape
 
 # Rough costs in Python (s), measured on case A: a call of a block, and each number that an update
@@ -34,6 +34,11 @@ def take_compiled(network: Network, runs: int, note: Callable[[str], None]) -> b
     """
     if network.engine == "python":
         return False
+    if any(entry.cls.spec.continuous for entry in network.entries.values()):
+        if network.engine == "compiled":
+            message = "continuous states need the Python engine so far; leave engine: compiled out"
+            raise UsageError(message)
+        return False
     installed = find_spec("numba") is not None
     if network.engine == "compiled":
         if not installed:
@@ -56,10 +61,10 @@ def python_seconds(network: Network) -> float:
         for call in calls:
             cost += COMPUTED * sum(_computed(network, name, port) for port in call.outputs)
         if spec.update is not None:
-            context, sizes = network.context(name), entry.made.sizes()
+            context = network.context(name)
             for declared in spec.states.values():
                 length = 1
-                for side in state_shape(sizes, declared, context, spec):
+                for side in state_shape(entry.made, declared, context, spec):
                     length *= side
                 cost += NUMBER * length
         each_tick += cost / entry.every

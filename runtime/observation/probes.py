@@ -116,7 +116,7 @@ def make_signal(network: Network, end: Endpoint, label: str) -> Signal | None:
     spec = entry.cls.spec
     if end.port in spec.states:
         state = spec.states[end.port]
-        shape = state_shape(entry.made.sizes(), state, network.context(end.block), spec)
+        shape = state_shape(entry.made, state, network.context(end.block), spec)
         kind = state.signal.name if state.signal is not None else "State"
         unit = state.unit
         if is_range(end.component):

@@ -354,7 +354,8 @@ def translate(made: Block, state: BlockState, terms: dict[str, int], safe: bool)
     translator = Translator(made, state, terms)
     spec = type(made).spec
     wanted = [evaluation.method for evaluation in spec.evaluations]
-    wanted += [spec.update.method] if spec.update else []
+    wanted += [each.method for each in (spec.update, spec.derivative) if each is not None]
+    wanted += ["project"] if spec.projects else []
     methods = {name: translator.method(name) for name in wanted}
     options = "error_model='python', cache=True" + (", boundscheck=True" if safe else "")
     # Functions that only compiled text calls need no Python wrapper.
