@@ -26,6 +26,7 @@ from blocks.core.kernels import function_kernel, has_kernels, kernel_for, kernel
 from blocks.core.options import Options
 from blocks.core.params import Param, ParameterError, beyond_a_turn, hint, param, plain, show
 from blocks.core.portable import arctan2, cos, directions, product, sin, solve
+from blocks.core.scalar_functions import RESERVED, modulo, nearest
 from blocks.core.signals import (
     TYPES,
     BoolArray,
@@ -51,6 +52,7 @@ from blocks.core.signals import (
 )
 
 __all__ = [
+    "RESERVED",
     "TYPES",
     "Block",
     "BlockContext",
@@ -99,6 +101,8 @@ __all__ = [
     "hint",
     "kernel_for",
     "kernel_of",
+    "modulo",
+    "nearest",
     "param",
     "parsed",
     "plain",

@@ -97,13 +97,6 @@ class _Linear(Block):
         state.single = state.context.types["input"].form == "scalar"
 
     def output(self, state: BlockState, t: float, input: Any = 0.0) -> Any:
-        y = np.einsum("ij,j->i", self.outputs, state.x)
-        if state.has_direct:
-            y += np.einsum("ij,j->i", self.direct, np.atleast_1d(input))
-        return float(y[0]) if state.form == "scalar" else y
-
-    @kernel_of(output)
-    def _output_kernel(self, state: BlockState, t: float, input: Any = 0.0) -> Any:
         y = np.zeros(len(self.outputs))
         for i in range(len(y)):
             for j in range(len(state.x)):
@@ -115,7 +108,7 @@ class _Linear(Block):
                     for j in range(len(input)):
                         y[i] += self.direct[i, j] * input[j]
         if state.form == "scalar":
-            return y[0]
+            return float(y[0])
         return y
 
 

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any
 
 from blocks.core import (
+    RESERVED,
     Block,
     BlockContext,
     BlockState,
@@ -25,10 +26,9 @@ from blocks.core import (
     param,
     read_expression,
 )
-from blocks.core.scalar_functions import CONSTANTS, FUNCTIONS, VECTORS
 
 PARAMETERS = ("t", "u", "c")
-TAKEN = ("t", "u", *CONSTANTS, *FUNCTIONS, *VECTORS)
+TAKEN = RESERVED | {"t", "u"}
 
 
 class Function(Block):

@@ -19,9 +19,9 @@ from blocks.core import (
     Same,
     Scalar,
     Vector,
+    modulo,
     param,
 )
-from blocks.core.scalar_functions import modulo
 
 COMPARISONS = ("<", "<=", ">", ">=", "==", "!=")
 LOGIC = ("and", "or", "nand", "nor", "xor", "not")
@@ -61,21 +61,24 @@ class Product(Block):
     def start(self, state: BlockState) -> None:
         flags = state.context.terms["factors"]
         powers = np.ones(len(flags)) if self.powers is None else self.powers
-        state.powers = powers[np.array(flags, dtype=bool)]
+        state.powers = tuple(powers[np.array(flags, dtype=bool)].tolist())
         kind = state.context.types["out"]
         state.form, state.pack = kind.form, kind.pack
         state.size = kind.shape[0] if kind.shape else 1
+        state.one = kind.filled(1.0)
 
     def output(self, state: BlockState, t: float, factors: tuple[Any, ...]) -> Any:
+        if len(factors) == 0:
+            return state.one
         if state.form == "scalar":
             total = 1.0
-            for i in range(len(factors)):
-                total = self.times(total, factors[i], state.powers[i])
+            for power, factor in zip(state.powers, factors, strict=True):
+                total = self.times(total, factor, power)
             return total
         out = np.ones(state.size)
-        for i in range(len(factors)):
+        for power, factor in zip(state.powers, factors, strict=True):
             for j in range(state.size):
-                out[j] = self.times(out[j], factors[i][j], state.powers[i])
+                out[j] = self.times(out[j], factor[j], power)
         if state.form == "array":
             return out
         return state.pack(out)
@@ -135,6 +138,8 @@ class Norm(Block):
 
     def output(self, state: BlockState, t: float, inputs: tuple[float, ...]) -> float:
         total = 0.0
+        if len(inputs) == 0:
+            return total
         for i in range(len(inputs)):
             size = math.fabs(inputs[i])
             if self.order == "2":
@@ -220,9 +225,10 @@ class Logic(Block):
 
     def output(self, state: BlockState, t: float, inputs: tuple[float, ...]) -> float:
         true = 0
-        for i in range(len(inputs)):
-            if inputs[i] > 0.5:
-                true += 1
+        if len(inputs) > 0:
+            for i in range(len(inputs)):
+                if inputs[i] > 0.5:
+                    true += 1
         if self.operator == "and":
             holds = true == len(inputs)
         elif self.operator == "or":

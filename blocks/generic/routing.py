@@ -18,9 +18,9 @@ from blocks.core import (
     Scalar,
     Vector,
     kernel_of,
+    nearest,
     param,
 )
-from blocks.core.scalar_functions import nearest
 
 
 class Select(Block):
@@ -59,10 +59,10 @@ class Select(Block):
 
     def output(self, state: BlockState, t: float, inputs: tuple[float, ...]) -> FloatArray:
         out = np.zeros(state.count)
+        if len(inputs) == 0:
+            return out
         for i in range(state.count):
-            # An input that is open counts as zero.
-            if state.indices[i] < len(inputs):
-                out[i] = inputs[state.indices[i]]
+            out[i] = inputs[state.indices[i]]
         return out
 
 
@@ -130,6 +130,8 @@ class Concatenate(Block):
     @kernel_of(output)
     def _output_kernel(self, state: BlockState, t: float, inputs: tuple[float, ...]) -> FloatArray:
         out = np.zeros(state.n)
+        if len(inputs) == 0:
+            return out
         for i in range(len(inputs)):
             out[i] = inputs[i]
         return out

@@ -12,10 +12,10 @@ from blocks.core import (
     Elementwise,
     FloatArray,
     ParameterError,
+    nearest,
     param,
     spread_to,
 )
-from blocks.core.scalar_functions import nearest
 
 
 class Clip(Elementwise):

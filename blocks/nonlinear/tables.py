@@ -73,7 +73,7 @@ class LookupTable(Elementwise):
         if x < state.x[0] or x > state.x[last]:
             if self.outside == "error":
                 return math.nan
-            if self.outside == "hold":
+            if self.outside == "hold" or self.method == "hold":
                 return float(state.y[0]) if x < state.x[0] else float(state.y[last])
         if x == state.x[last]:
             return float(state.y[last])

@@ -15,7 +15,10 @@ from blocks.core import (
     Output,
     ParameterError,
     Same,
+    Scalar,
+    SignalType,
     State,
+    Vector,
     param,
 )
 
@@ -23,7 +26,29 @@ from blocks.core import (
 class _Random(Block, ABC):
     out = Output(Same("T"), doc="the noise")
 
+    kind: SignalType | None = param(
+        None, name="signal", doc="the output's type; default Scalar, or Vector for a list"
+    )
+
     memory = State(name="value", like="out", doc="the output of this tick")
+
+    @property
+    def variables(self) -> dict[str, SignalType]:
+        lengths = [len(value) for value in self.lists]
+        count = max(lengths, default=0)
+        kind = self.kind or (Vector(count) if count else Scalar)
+        return {"T": kind.sized(count) if kind.symbol and count else kind}
+
+    @property
+    def lists(self) -> list[FloatArray]:
+        """Parameters that have one number per component."""
+        values = [self.value(name) for name in self.spec.params]
+        return [value for value in values if isinstance(value, np.ndarray) and value.ndim]
+
+    def validate(self) -> None:
+        if self.variables["T"].symbol:
+            message = f"expected a type with its length, as in Vector(3), got {self.kind}"
+            raise ParameterError([("signal", message)])
 
     def validate_in(self, context: BlockContext) -> None:
         kind = context.types["out"]

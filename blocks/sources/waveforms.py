@@ -132,7 +132,7 @@ class Pulse(Block):
         since = t - self.begin
         if since < -state.early:
             return self.low
-        part = math.fmod(since + state.early, self.period)
+        part = (since + state.early) % self.period
         begun = (since + state.early - part) / self.period
         x = max(0.0, part - state.early)
         if begun > state.limit - 0.5:
