@@ -3,7 +3,7 @@
 Each room's blocks are what its ``__all__`` holds; :data:`blocks.registry.BUILTIN` is made of them.
 """
 
-from blocks import control, generic, learning, mujoco, vehicle, wall_fitting, world
+from blocks import control, generic, learning, mujoco, neural, vehicle, wall_fitting, world
 from blocks.control import *
 from blocks.core import (
     Block,
@@ -33,6 +33,7 @@ from blocks.core import (
 from blocks.generic import *
 from blocks.learning import *
 from blocks.mujoco import *
+from blocks.neural import *
 from blocks.testing import CheckError, check_block
 from blocks.vehicle import *
 from blocks.wall_fitting import *
@@ -46,6 +47,7 @@ __all__ += control.__all__
 __all__ += generic.__all__
 __all__ += learning.__all__
 __all__ += mujoco.__all__
+__all__ += neural.__all__
 __all__ += vehicle.__all__
 __all__ += wall_fitting.__all__
 __all__ += world.__all__
