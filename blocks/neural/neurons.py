@@ -27,7 +27,7 @@ SETTLING, COUNTING, TABLE = 0.1, 1.0, 800
 
 
 class NeuronModel(Variant, root=True):
-    """A neuron model; a subclass declares parameters, ``step`` and, if there is a formula, ``rates``.
+    """A neuron model; a subclass declares parameters, ``step`` and, if possible, ``rates``.
 
     spiking : whether ``spikes`` are spikes; their number per step is then limited by dt.
     """
