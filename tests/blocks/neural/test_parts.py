@@ -167,7 +167,7 @@ def test_noise_regularises_as_nengos_does() -> None:
 def test_lasso_meets_its_optimality_conditions() -> None:
     """Zero is in the subdifferential (Karush, Kuhn and Tucker); many decoders are zero."""
     a, y = activities(30, 200)
-    solver = Lasso(l1=1e-3, l2=1e-3)
+    solver = Lasso(l1=1e-2, l2=0.03)
     decoders = solver.solve(a, y, np.random.default_rng(0))
     s = a.max()
     slope = a.T @ (a @ decoders - y) / len(a) + solver.l2 * s**2 * decoders
