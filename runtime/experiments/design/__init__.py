@@ -1,7 +1,16 @@
 """What an experiment varies: factors, seeds, variants, the objective, and experiment files."""
 
 from runtime.experiments.design.checks import check_design, check_factor, check_objective
-from runtime.experiments.design.experiment import Experiment, read_experiment
+from runtime.experiments.design.experiment import (
+    CHANGES,
+    KEYS,
+    PLAN_KEYS,
+    VARIANT_KEYS,
+    Experiment,
+    check_experiment,
+    is_experiment,
+    read_experiment,
+)
 from runtime.experiments.design.factors import Factor, Range, parse_factor
 from runtime.experiments.design.objective import Objective
 from runtime.experiments.design.sampling import Design
@@ -17,6 +26,10 @@ from runtime.experiments.design.variants import (
 
 __all__ = [
     "BASELINE",
+    "CHANGES",
+    "KEYS",
+    "PLAN_KEYS",
+    "VARIANT_KEYS",
     "Design",
     "Experiment",
     "Factor",
@@ -25,10 +38,12 @@ __all__ = [
     "Seeds",
     "Variant",
     "check_design",
+    "check_experiment",
     "check_factor",
     "check_objective",
     "check_variants",
     "grouped",
+    "is_experiment",
     "parse_factor",
     "parse_seeds",
     "read_experiment",
