@@ -26,7 +26,14 @@ from runtime.document.loader import (
     shipped_graphs,
 )
 from runtime.document.node import Node, dump_yaml, from_python, parse_yaml
-from runtime.document.run_section import DEFAULT_MEMORY, ENGINES, MAX_TICKS, read_run, seconds
+from runtime.document.run_section import (
+    DEFAULT_MEMORY,
+    DEFAULT_SOLVER,
+    MAX_TICKS,
+    RUN_CHOICES,
+    read_run,
+    seconds,
+)
 from runtime.document.scalars import parse_scalar
 from runtime.document.sections import (
     EXAMPLES,
@@ -49,10 +56,11 @@ from runtime.document.writer import flow_yaml
 
 __all__ = [
     "DEFAULT_MEMORY",
-    "ENGINES",
+    "DEFAULT_SOLVER",
     "EXAMPLES",
     "MAX_TICKS",
     "PART_SECTIONS",
+    "RUN_CHOICES",
     "RUN_DOCS",
     "RUN_KEYS",
     "SECTIONS",

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from blocks.core import TYPES, Param, SignalType
-from runtime.document import ENGINES, SHIPPED, flow_yaml, names_in, shipped_graphs
+from runtime.document import RUN_CHOICES, SHIPPED, flow_yaml, names_in, shipped_graphs
 from runtime.experiments.design import CHANGES
 from runtime.language.cursor import ITEM, Cursor
 from runtime.language.keys import type_offers
@@ -57,7 +57,7 @@ def values_at(model: Model, cursor: Cursor) -> Iterator[Offer]:
     elif section == "world" and not names:
         yield from _files(model, SUFFIXES, _shipped("worlds"), under="worlds")
     elif section == "run":
-        yield from offers_of(ENGINES if names == ["engine"] else (), "value")
+        yield from offers_of(RUN_CHOICES.get(names[0], ()) if names else (), "value")
         yield from _params(model, scope)
 
 

@@ -1,5 +1,6 @@
 """What an experiment varies: factors, seeds, variants, the objective, and experiment files."""
 
+from runtime.experiments.design.additions import Additions
 from runtime.experiments.design.checks import check_design, check_factor, check_objective
 from runtime.experiments.design.experiment import (
     CHANGES,
@@ -13,7 +14,7 @@ from runtime.experiments.design.experiment import (
 )
 from runtime.experiments.design.factors import Factor, Range, parse_factor
 from runtime.experiments.design.objective import Objective
-from runtime.experiments.design.sampling import Design
+from runtime.experiments.design.sampling import Design, Method
 from runtime.experiments.design.seeds import Seeds, parse_seeds
 from runtime.experiments.design.variants import (
     BASELINE,
@@ -30,9 +31,11 @@ __all__ = [
     "KEYS",
     "PLAN_KEYS",
     "VARIANT_KEYS",
+    "Additions",
     "Design",
     "Experiment",
     "Factor",
+    "Method",
     "Objective",
     "Range",
     "Seeds",
