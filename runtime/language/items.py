@@ -10,6 +10,8 @@ from typing import Literal
 
 from runtime.language.text import Span
 
+_ESCAPE = re.compile(r"\\(?:x([\da-fA-F]{2})|u([\da-fA-F]{4})|U([\da-fA-F]{8})|(.))", re.DOTALL)
+_ESCAPES = {"n": "\n", "t": "\t", "r": "\r", "0": "\0", "a": "\a", "b": "\b", "e": "\x1b"}
 Kind = Literal["map", "list", "scalar", "empty"]
 
 
@@ -122,8 +124,16 @@ def closing_quote(source: str, start: int) -> int:
 
 
 def unquoted(written: str) -> str:
-    """A quoted text without its quotes; of the escapes, those of quotes and backslashes."""
+    """A quoted text without its quotes and with its escapes replaced."""
     inner = written[1:-1] if len(written) > 1 and written[-1] == written[0] else written[1:]
     if written[0] == "'":
         return inner.replace("''", "'")
-    return re.sub(r"\\(.)", r"\1", inner)
+    return _ESCAPE.sub(_unescaped, inner) if "\\" in inner else inner
+
+
+def _unescaped(found: re.Match[str]) -> str:
+    code = found[1] or found[2] or found[3]
+    if code:
+        number = int(code, 16)
+        return chr(number) if number < 0x110000 else "?"
+    return _ESCAPES.get(found[4], found[4])
