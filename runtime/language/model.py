@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from blocks.core import Block, Output, Same
 from blocks.registry import Modules
@@ -54,6 +54,11 @@ class _Outside(Block):
 @lru_cache(maxsize=128)
 def _parsed(text: str, file: str) -> Node:
     return parse_yaml(text, file)
+
+
+@lru_cache(maxsize=128)
+def _scanned(text: str) -> Item:
+    return scan(text)
 
 
 @dataclass(frozen=True)
@@ -109,11 +114,12 @@ class Model:
         self.text = Text(source)
         self.path, self.file = path, str(path)
         self.surroundings = surroundings
+        self.memo: dict[str, Any] = {}  # what other modules derive from the text, by their keys
 
     @cached_property
     def root(self) -> Item:
         """The tree of what is written."""
-        return scan(self.text.source)
+        return _scanned(self.text.source)
 
     @cached_property
     def _strict(self) -> Node | list[Problem]:
