@@ -13,7 +13,7 @@ from functools import cache
 from pathlib import Path as FilePath
 from types import ModuleType
 
-from blocks import control, generic, learning, mujoco, vehicle, wall_fitting, world
+from blocks import control, dynamics, generic, learning, mujoco, vehicle, wall_fitting, world
 from blocks.core import Block, SignalType
 
 ENTRY_POINTS = "spikeblocks.blocks"
@@ -21,7 +21,7 @@ ENTRY_POINTS = "spikeblocks.blocks"
 _LOADING = threading.RLock()
 _CONTENT = "__spikeblocks_content__"
 
-ROOMS = (control, learning, world, wall_fitting, vehicle, generic, mujoco)
+ROOMS = (control, learning, world, wall_fitting, vehicle, generic, dynamics, mujoco)
 BUILTIN: Mapping[str, type[Block]] = {
     name: value
     for room in ROOMS

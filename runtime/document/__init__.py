@@ -17,7 +17,13 @@ from runtime.document.edits import (
 from runtime.document.limits import Work
 from runtime.document.loader import SHIPPED, decoded, find_file, merge, read_file, read_graph
 from runtime.document.node import Node, dump_yaml, from_python, parse_yaml
-from runtime.document.run_section import DEFAULT_MEMORY, MAX_TICKS, read_run, seconds
+from runtime.document.run_section import (
+    DEFAULT_MEMORY,
+    DEFAULT_SOLVER,
+    MAX_TICKS,
+    read_run,
+    seconds,
+)
 from runtime.document.scalars import parse_scalar
 from runtime.document.sections import (
     PART_SECTIONS,
@@ -37,6 +43,7 @@ from runtime.document.writer import flow_yaml
 
 __all__ = [
     "DEFAULT_MEMORY",
+    "DEFAULT_SOLVER",
     "MAX_TICKS",
     "PART_SECTIONS",
     "SECTIONS",

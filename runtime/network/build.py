@@ -158,7 +158,11 @@ def _with_blocks(
         scope, node = definition.scope, definition.node
         full = scope.prefix + definition.name
         every = _ticks(node.get("dt"), network.dt, definition.address, problems)
-        entries[full] = Entry(full, scope, node, definition.cls, block, every)
+        sampled = node.get("dt") is not None
+        if sampled and definition.cls.spec.continuous:
+            message = "its states are continuous and integrated over every step; leave dt out"
+            problems.add(node.where, f"{definition.address}.dt", message)
+        entries[full] = Entry(full, scope, node, definition.cls, block, every, sampled)
         notes += seen
     return replace(network, signal_types=own, entries=entries, notes=tuple(notes))
 

@@ -207,6 +207,17 @@ CASES: dict[str, list[Case]] = {
         Case(blocks.UnitDelay(initial=[1, 2]), {"input": Twist}),
     ],
     "Lowpass": generic(blocks.Lowpass(tau=0.1, initial=3), "memory"),
+    "Integrator": [
+        *generic(blocks.Integrator(initial=0.5), "integral"),
+        *generic(blocks.Integrator(lower=-0.1, upper=0.2), "integral"),
+    ],
+    "StateSpace": [
+        Case(blocks.StateSpace(A=[[0, 1], [-1, -1]], B=[0, 1], C=[1, 0]), free=("x",)),
+        Case(
+            blocks.StateSpace(A=[[-1]], B=[[1, 2]], C=[[1], [2], [3]], D=0.5, x0=[1.0]),
+            free=("x",),
+        ),
+    ],
     "Saturator": [Case(blocks.Saturator(omega_max=1))],
     "ActuatorFault": [
         Case(blocks.ActuatorFault(gain=[1, 0.5], bias=[0, 0.1], start=0.1, stop=0.3))
@@ -272,8 +283,19 @@ class Run:
             values.update(zip(evaluation.outputs, found, strict=True))
         if spec.update is not None:
             self.call(spec.update.method, t, *[values[port] for port in spec.update.needs])
+        if spec.derivative is not None:
+            needs = [values[port] for port in spec.derivative.needs]
+            rates = self.call(spec.derivative.method, t, *needs)
+            rates = rates if len(spec.continuous) > 1 else (rates,)
+            for name, rate in zip(spec.continuous, rates, strict=True):
+                getattr(self.state, name)[...] += self.case.dt * np.asarray(rate)
+        if spec.projects:
+            self.project()
         states = {name: getattr(self.state, name).copy() for name in spec.states}
         return {**{name: values[name] for name in spec.outputs}, **states}
+
+    def project(self) -> None:
+        self.case.block.project(self.state)  # type: ignore[attr-defined]
 
 
 class TextRun(Run):
@@ -300,6 +322,9 @@ class TextRun(Run):
             invalid="ignore"
         ):  # such as infinity times zero; compiled text does not warn
             return self.functions[method](self.fields, t, *arguments)
+
+    def project(self) -> None:
+        self.functions["project"](self.fields)
 
 
 class CompiledRun(TextRun):
