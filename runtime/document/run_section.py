@@ -16,6 +16,8 @@ MAX_TICKS = 10**12
 ENGINES = ("auto", "python", "compiled")
 SOLVERS = ("euler", "heun", "rk4")
 DEFAULT_SOLVER = "rk4"
+# Keys of the section that take one of a few words.
+RUN_CHOICES = {"engine": ENGINES, "solver": SOLVERS}
 DEFAULT_MEMORY = 1024**3
 UNITS = {"": 1, "K": 1024, "M": 1024**2, "G": 1024**3}
 
