@@ -34,7 +34,7 @@ ROOM = World(SHIPPED["paper_room"])
 TICKS = 40
 STREAMS = 3
 # Called from Python under the compiled engine: it computes with another library.
-PYTHON_ONLY = {"MujocoVacuum"}
+PYTHON_ONLY = {"MujocoVacuum", "MPC"}
 
 
 @dataclass(frozen=True)
@@ -140,6 +140,22 @@ CASES: dict[str, list[Case]] = {
     "Stanley": [
         Case(blocks.Stanley(), inputs=TRACKING),
         Case(blocks.Stanley(wheel_base=0.2, delta_max=0.5), inputs=TRACKING),
+    ],
+    "LQI": [
+        Case(blocks.LQI(limit=1.0), inputs=TRACKING, free=("integral",)),
+        Case(blocks.LQI(v_r=-0.5), inputs=TRACKING, absent=True),
+    ],
+    "DisturbanceObserver": [
+        Case(blocks.DisturbanceObserver(), inputs=TRACKING, free=("estimated",)),
+        Case(blocks.DisturbanceObserver(limit=0.5, v_r=-0.3), inputs=TRACKING, absent=True),
+    ],
+    "L1Adaptive": [
+        Case(blocks.L1Adaptive(), inputs=TRACKING, free=("estimated",)),
+        Case(blocks.L1Adaptive(limit=0.5, filter=9.0), inputs=TRACKING, absent=True),
+    ],
+    "MRAC": [
+        Case(blocks.MRAC(), free=("bias", "weights")),
+        Case(blocks.MRAC(leak=1.0, e_leak=0.5, limit=0.5, power=9e3), TWO, free=("weights",)),
     ],
     "AdaptiveEnsemble": [
         Case(blocks.AdaptiveEnsemble(), free=NEURAL, dt=0.001),
