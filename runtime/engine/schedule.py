@@ -23,8 +23,8 @@ COMPILED_NAMES = (
 )
 # Names used by the text of a graph with continuous states.
 CONTINUOUS_NAMES = (
-    *("states", "start", "slopes", "nodes", "weights", "stage"),
-    *("blend", "joined", "rates", "bad_slope"),
+    *("states", "start", "slopes", "nodes", "weights", "table", "stage"),
+    *("blend", "joined", "rates", "bad_slope", "keep", "first_bad", "moved", "i0", "i1"),
 )
 
 
@@ -199,7 +199,7 @@ class Emitter:
         self.depth += 1
         self.code(f"t = k * {dt} + nodes[stage] * {dt}")
         for step in part.steps:
-            self.step(step)
+            self.again(step)
         for block, derivative in part.derivatives:
             self.slope(part, block, derivative, checked)
         self.code("isfinite(dot(slopes[stage], slopes[stage])) or bad_slope(stage, t)")
@@ -207,6 +207,10 @@ class Emitter:
         self.depth -= 1
         for block in part.projected:
             self.code(f"{self.plan.names[block]}.project({self.state(block)})", block)
+
+    def again(self, step: Step) -> None:
+        """Call an evaluation at a stage of the solver."""
+        self.step(step)
 
     def slope(self, part: Continuous, block: str, derivative: Evaluation, checked: bool) -> None:
         """Write the rates of change of a block's states into the row of the stage."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,10 +36,11 @@ class Method:
 
     @property
     def table(self) -> FloatArray:
-        """The rows as a square array."""
-        table = np.zeros((self.stages, self.stages))
+        """The rows as an array of one row per stage; the last column holds the nodes."""
+        table = np.zeros((self.stages, self.stages + 1))
         for i, row in enumerate(self.rows):
             table[i, : len(row)] = row
+        table[:, -1] = self.nodes
         return table
 
 
@@ -73,3 +75,36 @@ def joined(rates: Any) -> FloatArray:
     """The rates of change of several states, or of a table, as one row."""
     parts = rates if isinstance(rates, tuple) else (rates,)
     return np.concatenate([np.ravel(part) for part in parts])
+
+
+# The functions below are part of the compiled plan's text; see compiled/stages.py.
+
+
+def keep(start: FloatArray, states: FloatArray) -> None:
+    """Remember where the step starts."""
+    for i in range(len(states)):
+        start[i] = states[i]
+
+
+def first_bad(slopes: FloatArray, stage: int) -> int:
+    """The first column of a stage that is not finite; -1 if there is none."""
+    for i in range(slopes.shape[1]):
+        if not math.isfinite(slopes[stage, i]):
+            return i
+    return -1
+
+
+def moved(
+    states: FloatArray,
+    start: FloatArray,
+    slopes: FloatArray,
+    table: FloatArray,
+    stage: int,
+    h: float,
+) -> None:
+    """What :func:`blend` does, in loops."""
+    for i in range(len(states)):
+        total = 0.0
+        for j in range(stage + 1):
+            total += slopes[j, i] * (h * table[stage, j])
+        states[i] = start[i] + total

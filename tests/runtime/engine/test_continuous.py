@@ -150,15 +150,64 @@ def test_sampled_outputs_hold() -> None:
     assert text.count("back.output(") == 1
 
 
+class Opaque(Block):
+    """A gain that does not compile.
+
+    x ─▶ [ Opaque ] ─▶ y
+    """
+
+    x = Input(Scalar, doc="any number")
+    y = Output(Scalar, doc="-x")
+
+    def start(self, state: Any) -> None:
+        state.table = {"factor": -1.0}
+
+    def output(self, state: Any, t: float, x: float) -> float:
+        return float(state.table["factor"] * x)
+
+
+def swinging(**run: Any) -> Graph:
+    """A pendulum driven by a sampled gain, a linear system, and an integrator of a vector."""
+    graph = runtime.Graph(dt=0.02, until=2.0).add("p", Pendulum())
+    graph = graph.add("gain", blocks.Gain(gain=-0.3), dt=0.1).connect("p.angle", "gain.input")
+    graph = graph.connect("gain.out", "p.torque")
+    matrices = {"A": [[0, 1], [-4, -1]], "B": [0, 1], "C": [[1, 0], [0, 1]], "D": [[0], [1]]}
+    graph = graph.add("filter", blocks.StateSpace(**matrices)).connect("p.angle", "filter.input")
+    graph = graph.add("sum", blocks.Integrator(upper=0.1)).connect("filter.out", "sum.input")
+    graph = graph.add("opposite", blocks.Gain(gain=2.0)).connect("sum.out", "opposite.input")
+    graph = graph.add("twice", blocks.Integrator()).connect("opposite.out", "twice.input")
+    for key, value in run.items():
+        graph = graph.set(f"run.{key}", value)
+    return graph.probe("p.theta").probe("twice.out")
+
+
+@pytest.mark.parametrize("solver", ["heun", "rk4"])
+def test_engines_agree_to_the_bit(solver: str) -> None:
+    python, compiled = (swinging(engine=e, solver=solver).run() for e in ("python", "compiled"))
+    for probe in ("p.theta", "twice.out"):
+        np.testing.assert_allclose(compiled[probe], python[probe], rtol=0.0, atol=1e-13)
+
+
+def test_a_block_of_the_stages_that_does_not_compile_is_called_from_python() -> None:
+    made = {}
+    for engine in ("python", "compiled"):
+        graph = graph_of(OSCILLATOR, engine=engine).without("spring").add("o", Opaque())
+        graph = graph.connect("position.out", "o.x").wire("speed.input", "o.y")
+        made[engine] = np.asarray(graph.run()["x"])
+    np.testing.assert_array_equal(made["compiled"], made["python"])
+    assert abs(made["python"] - np.cos(0.1 * np.arange(100))).max() < 1e-4
+
+
 def test_the_text_of_a_graph_without_continuous_states_has_no_stages() -> None:
     text = runtime.load("line_actuator_failure").program().source()
     assert "stage" not in text
     assert "states" not in text
 
 
-def test_a_state_that_is_no_number_names_block_state_tick_and_time() -> None:
+@pytest.mark.parametrize("engine", ["python", "compiled"])
+def test_a_state_that_is_no_number_names_block_state_tick_and_time(engine: str) -> None:
     with pytest.raises(SimulationError) as caught:
-        alone(Blowup()).run()
+        alone(Blowup()).set("run.engine", engine).run()
     assert str(caught.value) == (
         "block 'b' at tick 5 (t = 0.5 s): the derivative of state 'x[1]' is not finite: nan "
         "(stage 2 of the solver, t = 0.55 s)"
