@@ -19,8 +19,8 @@ from runtime.document.loader import SHIPPED, decoded, find_file, merge, read_fil
 from runtime.document.node import Node, dump_yaml, from_python, parse_yaml
 from runtime.document.run_section import (
     DEFAULT_MEMORY,
-    DEFAULT_SOLVER,
     MAX_TICKS,
+    Solver,
     read_run,
     seconds,
 )
@@ -43,13 +43,13 @@ from runtime.document.writer import flow_yaml
 
 __all__ = [
     "DEFAULT_MEMORY",
-    "DEFAULT_SOLVER",
     "MAX_TICKS",
     "PART_SECTIONS",
     "SECTIONS",
     "SHIPPED",
     "Node",
     "Override",
+    "Solver",
     "Work",
     "add_block",
     "add_entry",

@@ -40,7 +40,7 @@ EXAMPLES = {
     "inputs": "speed: Scalar",
     "outputs": "command: join.out",
 }
-RUN_KEYS = ("dt", "until", "seed", "engine", "memory", "solver")
+RUN_KEYS = ("dt", "until", "seed", "engine", "memory", "solver", "rtol", "atol", "max_step")
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,99}")
 # Parameters of numpy.savez, which stores the probes by name.
 _RESERVED = ("file", "allow_pickle")

@@ -32,8 +32,8 @@ from runtime.engine.runners import (
     silent,
 )
 from runtime.engine.schedule import GLOBALS, Plan
-from runtime.engine.solvers import METHODS, blend, joined
-from runtime.engine.values import NotFiniteError, OutputChecks, bad_slope, sealed
+from runtime.engine.solvers import METHODS, blend, controls, joined, judged, substep
+from runtime.engine.values import NotFiniteError, OutputChecks, bad_slope, sealed, unreached
 from runtime.errors import SimulationError, UsageError
 from runtime.network import Network, state_shape
 
@@ -217,8 +217,12 @@ class Engine:
         part = self.plan.continuous
         if part is None:
             return {}
-        method = METHODS[self.network.solver]
+        method = METHODS[self.network.solver.name]
         slopes = np.zeros((method.stages, part.size))
+        solver, dt = self.network.solver, self.network.dt
+        control = controls(
+            solver.rtol, solver.atol, min(dt, solver.max_step or dt), self.network.until
+        )
         return {
             "states": self.continuous,
             "start": np.zeros(part.size),
@@ -230,6 +234,11 @@ class Engine:
             "joined": joined,
             "rates": self.checks.rates,
             "bad_slope": partial(bad_slope, part, slopes),
+            "errors": np.array(method.errors),
+            "control": control,
+            "substep": substep,
+            "judged": judged,
+            "unreached": partial(unreached, part, control),
         }
 
     def _guard(self, block: str, call: Callable[[], Any]) -> Any:

@@ -77,7 +77,7 @@ def _stages(network: Network) -> float:
         return 0.0
     again = [entry for entry in entries if is_memoryless(entry) or entry.cls.spec.continuous]
     calls = sum(len(entry.evaluations) + len(entry.cls.spec.continuous) for entry in again)
-    return METHODS[network.solver].stages * CALL * (STAGE + calls)
+    return METHODS[network.solver.name].stages * CALL * (STAGE + calls)
 
 
 def _computed(network: Network, block: str, port: str) -> int:

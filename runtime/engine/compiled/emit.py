@@ -19,13 +19,13 @@ from runtime.engine.compiled.kernels import Kernel
 from runtime.engine.compiled.translate import parsed
 from runtime.engine.continuous import UNROLLED, Continuous, Slot
 from runtime.engine.schedule import INDENT, Emitter, Plan, RecordSlot
-from runtime.engine.solvers import METHODS, first_bad, keep, moved
+from runtime.engine.solvers import METHODS, first_bad, judged, keep, moved, substep
 from runtime.engine.steps import Step
 from runtime.network import Endpoint
 
 Call = tuple[str, Evaluation]
-# What ``at[2]`` says: an output is not finite, or a rate of change.
-BAD_OUTPUT, BAD_SLOPE = 1, 2
+# What ``at[2]`` says: an output or a rate of change is not finite, or the tolerance is not met.
+BAD_OUTPUT, BAD_SLOPE, UNREACHED = 1, 2, 3
 HEADER = """from math import isfinite
 
 from numba import njit
@@ -171,7 +171,8 @@ class CompiledEmitter(Emitter):
 
     def helpers(self) -> str:
         """The functions that the continuous part calls."""
-        functions = (keep, first_bad, moved)
+        adaptive = METHODS[self.network.solver.name].errors
+        functions = (keep, first_bad, moved, *((substep, judged) if adaptive else ()))
         return "\n".join(_source(each) for each in functions)
 
     def item(self, item: Item, held: list[str]) -> None:
@@ -213,12 +214,20 @@ class CompiledEmitter(Emitter):
 
     def stages(self, part: Continuous, held: list[str]) -> None:
         """Integrate the continuous states to the next tick, in compiled text."""
-        method = METHODS[self.network.solver]
+        method = METHODS[self.network.solver.name]
         states, start, slopes, table = map(self.take, ("states", "start", "slopes", "table"))
+        h, since = "dt", f"{table}[stage, {method.stages}] * dt"
+        if method.errors:
+            h, since = "h", f"(done + {table}[stage, {method.stages}] * h)"
+            control, errors = map(self.take, ("control", "errors"))
+            self.code("done = 0.0")
+            self.code("while done < dt:")
+            self.depth += 1
+            self.code(f"h = substep({control}, done, dt)")
         self.code(f"keep({start}, {states})")
-        self.code(f"for stage in range({method.stages}):  # {self.network.solver}")
+        self.code(f"for stage in range({method.stages}):  # {self.network.solver.name}")
         self.depth += 1
-        self.code(f"t = k * dt + {table}[stage, {method.stages}] * dt")
+        self.code(f"t = k * dt + {since}")
         for step in part.steps:
             self.item(Item(1, step.block, step=step), held)
         for block, derivative in part.derivatives:
@@ -226,14 +235,25 @@ class CompiledEmitter(Emitter):
             for text in assigned(part.slots_of(block)):
                 self.code(text)
         self.code(f"if first_bad({slopes}, stage) >= 0:")
-        self.code(f"{INDENT}report[0], report[1] = stage, t")
-        self.code(f"{INDENT}at[2] = {BAD_SLOPE}")
-        self.code(f"{INDENT}return ({', '.join(held)},)" if held else f"{INDENT}return ()")
-        self.code(f"moved({states}, {start}, {slopes}, {table}, stage, dt)")
+        self.end(BAD_SLOPE, held, "stage", "t")
+        self.code(f"moved({states}, {start}, {slopes}, {table}, stage, {h})")
         self.depth -= 1
+        if method.errors:
+            given = f"{states}, {start}, {slopes}, {errors}, {control}, done, h, dt"
+            self.code(f"done = judged({given})")
+            self.code("if done < 0.0:")
+            self.end(UNREACHED, held, "done", "t")
         for block in part.projected:
             fields = self.take(fields_name(self.plan, block))
             self.code(f"{self.kernel(block, 'project')}({fields})")
+        self.depth -= bool(method.errors)
+
+    def end(self, why: int, held: list[str], *report: str) -> None:
+        """End the call, in a branch; ``report`` are values for the message."""
+        for i, value in enumerate(report):
+            self.code(f"{INDENT}report[{i}] = {value}")
+        self.code(f"{INDENT}at[2] = {why}")
+        self.code(f"{INDENT}return ({', '.join(held)},)" if held else f"{INDENT}return ()")
 
     def test(self, signals: dict[str, SignalType], held: list[str]) -> None:
         """Stop where a value is not finite; ``report`` then holds the outputs."""
@@ -255,10 +275,7 @@ class CompiledEmitter(Emitter):
         if numbers:
             tests.insert(0, f"isfinite({' + '.join(numbers)})")
         self.code(f"if not ({' and '.join(tests)}):")
-        for i, entry in enumerate(entries):
-            self.code(f"{INDENT}report[{i}] = {entry}")
-        self.code(f"{INDENT}at[2] = {BAD_OUTPUT}")
-        self.code(f"{INDENT}return ({', '.join(held)},)" if held else f"{INDENT}return ()")
+        self.end(BAD_OUTPUT, held, *entries)
 
     def take(self, name: str) -> str:
         """Add an argument of ``run``; returns its name in the text."""
@@ -373,6 +390,9 @@ def _source(function: Callable[..., Any]) -> str:
     node.body, node.returns = node.body[1:], None
     for argument in node.args.args:
         argument.annotation = None
+    for name in ast.walk(node):
+        if isinstance(name, ast.Name) and isinstance(function.__globals__.get(name.id), int):
+            name.id = repr(function.__globals__[name.id])
     text = ast.unparse(node).replace("math.isfinite", "isfinite")
     return f'@njit(cache=True, error_model="python")\n{text}\n\n'
 
