@@ -28,7 +28,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.terminal", "runtime.dataframes"),
     ("runtime.document",),
     ("runtime.network",),
-    ("runtime.observation",),
+    ("runtime.observation", "runtime.descriptions"),
     ("runtime.engine",),
     ("runtime.engine.compiled",),
     ("runtime.plots", "runtime.diagrams.layout"),
@@ -42,7 +42,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.experiments.analysis",),
     ("runtime.experiments.analysis.sweep_plots", "runtime.experiments.analysis.ablation_plots"),
     ("runtime.experiments",),
-    ("runtime.reports",),
+    ("runtime.reports", "runtime.language"),
     ("runtime.cli",),
     ("runtime",),
 )

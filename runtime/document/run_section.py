@@ -17,6 +17,8 @@ ENGINES = ("auto", "python", "compiled")
 SOLVERS = ("euler", "heun", "rk4", "dopri5")
 ADAPTIVE = ("dopri5",)
 TOLERANCES = ("rtol", "atol", "max_step")
+# Keys of the section that take one of a few words.
+RUN_CHOICES = {"engine": ENGINES, "solver": SOLVERS}
 DEFAULT_MEMORY = 1024**3
 UNITS = {"": 1, "K": 1024, "M": 1024**2, "G": 1024**3}
 

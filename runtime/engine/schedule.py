@@ -25,7 +25,7 @@ COMPILED_NAMES = (
 CONTINUOUS_NAMES = (
     *("states", "start", "slopes", "nodes", "weights", "table", "stage"),
     *("blend", "joined", "rates", "bad_slope", "keep", "first_bad", "moved", "i0", "i1"),
-    *("done", "h", "substep", "control", "judged", "errors", "unreached"),
+    *("sum", "done", "h", "substep", "control", "judged", "errors", "unreached"),
 )
 
 
@@ -210,7 +210,7 @@ class Emitter:
             self.again(step)
         for block, derivative in part.derivatives:
             self.slope(part, block, derivative, checked)
-        self.code("isfinite(dot(slopes[stage], slopes[stage])) or bad_slope(stage, t)")
+        self.code("isfinite(sum(slopes[stage].tolist())) or bad_slope(stage, t)")
         self.code(f"blend(states, start, slopes, weights, stage, {h})")
         self.depth -= 1
         if method.errors:

@@ -190,7 +190,6 @@ def judged(
         for i in range(len(states)):
             states[i] = start[i]
     control[STEP] = h * factor
-    too_small = control[REJECTED] > 0.0 and control[STEP] < control[SMALLEST]
-    if too_small or (control[COUNT] > MAX_SUBSTEPS and done < dt):
+    if done < dt and (control[STEP] < control[SMALLEST] or control[COUNT] > MAX_SUBSTEPS):
         return -1.0 - column
     return done

@@ -169,7 +169,7 @@ class Pulse(Block):
 
 
 class Escape(Block):
-    """x' = 1 + x^2, x = tan(t), which is infinite at pi / 2, with a kink on the way.
+    """x' = 1 + x^2: x = tan(t), which is infinite at pi / 2.
 
     [ Escape ] ─▶ y
     """
@@ -181,8 +181,7 @@ class Escape(Block):
         return 0.0
 
     def derivative(self, state: Any, t: float) -> float:
-        x = float(state.x)
-        return 1.0 + x * x if x < 1e3 else 1e30 * (x - 1e3)
+        return 1.0 + float(state.x) ** 2
 
 
 class Opaque(Block):
@@ -259,7 +258,7 @@ def test_dopri5_keeps_to_the_largest_step() -> None:
 @pytest.mark.parametrize("engine", ["python", "compiled"])
 def test_a_tolerance_that_cannot_be_met(engine: str) -> None:
     graph = alone(Escape(), "b.x", dt=0.5, until=3.0).set("run.solver", "dopri5")
-    message = r"block 'b' at tick 1 \(t = 0.5 s\): dopri5 cannot integrate state 'x' with rtol"
+    message = r"block 'b' at tick 3 \(t = 1.5 s\): dopri5 cannot integrate state 'x' with rtol"
     with pytest.raises(SimulationError, match=message):
         graph.set("run.engine", engine).run()
 
@@ -279,7 +278,7 @@ def test_options_of_solvers(key: str, value: Any, solver: str, message: str) -> 
 
 def test_a_run_folder_holds_the_solver(tmp_path: Path) -> None:
     graph = graph_of(OSCILLATOR, solver="dopri5", rtol=1e-7)
-    folder = graph.run().save(tmp_path)
+    folder = graph.run().save(tmp_path / "run")
     text = (folder / "graph.resolved.yaml").read_text(encoding="utf-8")
     assert "solver: dopri5" in text
     assert "rtol: 1e-07" in text or "rtol: 1.0e-07" in text
