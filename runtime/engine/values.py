@@ -119,11 +119,11 @@ def unreached(part: Continuous, control: FloatArray, done: float, t: float) -> N
     """Raise the error of a solver that cannot meet its tolerances; called by the plan."""
     column = round(-1.0 - done)
     slot = part.at(column)
-    many = f"after {control[COUNT]:.0f} steps since the tick" if control[COUNT] > 1 else ""
+    tolerance = f"rtol = {control[RTOL]:g} and atol = {control[ATOL]:g}"
     raise NotFiniteError(
-        f"dopri5 cannot integrate state '{slot.component(column)}' with rtol = {control[RTOL]:g} and "
-        f"atol = {control[ATOL]:g}: step {control[STEP]:.3g} s {many} at t = {t:g} s; the state "
-        "jumps, runs away, or changes much faster than the others (a stiff system)",
+        f"dopri5 cannot integrate state '{slot.component(column)}' with {tolerance}: "
+        f"step {control[COUNT]:.0f} since the tick is {control[STEP]:.3g} s at t = {t:g} s; the "
+        "state jumps, runs away, or changes much faster than the others (a stiff system)",
         slot.block,
     )
 

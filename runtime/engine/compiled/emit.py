@@ -14,9 +14,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from blocks.core import Evaluation, SignalType
+from blocks.core import Evaluation, SignalType, parsed
 from runtime.engine.compiled.kernels import Kernel
-from runtime.engine.compiled.translate import parsed
 from runtime.engine.continuous import UNROLLED, Continuous, Slot
 from runtime.engine.schedule import INDENT, Emitter, Plan, RecordSlot
 from runtime.engine.solvers import METHODS, first_bad, judged, keep, moved, substep

@@ -284,7 +284,6 @@ def test_a_run_folder_holds_the_solver(tmp_path: Path) -> None:
     assert "rtol: 1e-07" in text or "rtol: 1.0e-07" in text
 
 
-
 def test_the_text_of_a_graph_without_continuous_states_has_no_stages() -> None:
     text = runtime.load("line_actuator_failure").program().source()
     assert "stage" not in text
