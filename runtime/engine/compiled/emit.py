@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -25,6 +26,7 @@ from runtime.network import Endpoint
 Call = tuple[str, Evaluation]
 # What ``at[2]`` says: an output or a rate of change is not finite, or the tolerance is not met.
 BAD_OUTPUT, BAD_SLOPE, UNREACHED = 1, 2, 3
+_ITEM = re.compile(r"\.item\(([0-9]+)\)")
 HEADER = """from math import isfinite
 
 from numba import njit
@@ -411,8 +413,5 @@ def as_held(variable: str, kind: SignalType) -> str:
 
 
 def _subscripts(text: str) -> str:
-    """``x.item(3)`` as ``x[3]``."""
-    if not text.endswith(")") or ".item(" not in text:
-        return text
-    array, _, index = text[:-1].rpartition(".item(")
-    return f"{array}[{index}]"
+    """``x.item(3)`` as ``x[3]``, also inside ``array((x.item(3),))``."""
+    return _ITEM.sub(r"[\1]", text)
