@@ -3,7 +3,7 @@
 Each room's blocks are what its ``__all__`` holds; :data:`blocks.registry.BUILTIN` is made of them.
 """
 
-from blocks import control, generic, learning, mujoco, vehicle, wall_fitting, world
+from blocks import control, dynamics, generic, learning, mujoco, vehicle, wall_fitting, world
 from blocks.control import *
 from blocks.core import (
     Block,
@@ -30,6 +30,7 @@ from blocks.core import (
     kernel_of,
     param,
 )
+from blocks.dynamics import *
 from blocks.generic import *
 from blocks.learning import *
 from blocks.mujoco import *
@@ -43,6 +44,7 @@ __all__ += ["Input", "Output", "ParameterError", "Path", "PointCloud", "Pose", "
 __all__ += ["Scan", "SignalType", "Spikes", "State", "TrackingState", "Twist", "Vector"]
 __all__ += ["WheelSpeeds", "check_block", "kernel_of", "param"]
 __all__ += control.__all__
+__all__ += dynamics.__all__
 __all__ += generic.__all__
 __all__ += learning.__all__
 __all__ += mujoco.__all__

@@ -1,4 +1,4 @@
-"""What a block is: ports, parameters, state, signal types, kernels, and portable arithmetic."""
+"""What a block is: ports, parameters, state, signal types, kernels, expressions, arithmetic."""
 
 from blocks.core import portable
 from blocks.core.block import (
@@ -12,6 +12,14 @@ from blocks.core.block import (
     State,
 )
 from blocks.core.declarations import BlockSpec
+from blocks.core.expression_reader import ExpressionError, parsed
+from blocks.core.expressions import (
+    Expression,
+    expression_function,
+    function_from,
+    function_text,
+    read_expression,
+)
 from blocks.core.extras import MissingPackageError, require
 from blocks.core.kernels import function_kernel, has_kernels, kernel_for, kernel_of
 from blocks.core.options import Options
@@ -50,6 +58,8 @@ __all__ = [
     "BoolArray",
     "DeclarationError",
     "Evaluation",
+    "Expression",
+    "ExpressionError",
     "FloatArray",
     "Input",
     "IntArray",
@@ -79,15 +89,20 @@ __all__ = [
     "cos",
     "differ",
     "directions",
+    "expression_function",
+    "function_from",
     "function_kernel",
+    "function_text",
     "has_kernels",
     "hint",
     "kernel_for",
     "kernel_of",
     "param",
+    "parsed",
     "plain",
     "portable",
     "product",
+    "read_expression",
     "require",
     "show",
     "signal_type",

@@ -18,7 +18,34 @@ A block is written as a class::
   arrays that share memory with the state.
 * ``start(self, state)`` fills the state before the first tick.
 
-Each of them is called exactly once per tick of the block. A block is immutable: everything that
+Each of them is called exactly once per tick of the block.
+
+A block in continuous time declares continuous states and says how fast they change::
+
+    class Pendulum(Block):
+        torque = Input(Scalar, unit="N m", default=0.0)
+        angle = Output(Scalar, unit="rad")
+
+        theta = State(unit="rad", continuous=True)
+        omega = State(unit="rad/s", continuous=True)
+
+        def output(self, state, t):
+            return float(state.theta)
+
+        def derivative(self, state, t, torque):
+            theta, omega = float(state.theta), float(state.omega)
+            return omega, torque / self.inertia - self.g / self.length * math.sin(theta)
+
+* ``derivative(self, state, t, ...)`` names inputs, or outputs of the block, as ``update`` does. It
+  returns one value per continuous state in the order of their declaration: a float for ``State()``,
+  a tuple or an array for ``State(3)``. It changes nothing. The run's solver integrates all
+  continuous states of a graph together and calls it several times per tick, at times between ticks;
+  outputs of blocks without memory are then computed again.
+* ``project(self, state)`` may move the states after each step of the solver: limits, an angle
+  wrapped.
+* A block may have both: ``update`` comes first, at the tick, and may set continuous states.
+
+A block is immutable: everything that
 changes is in the :class:`BlockState` that the engine owns.
 """
 
@@ -190,6 +217,15 @@ class Block:
         """Type variables that the block's own parameters determine."""
         stated = self.__dict__.get(STATED)
         return {} if stated is None else {self.spec.generic: stated}
+
+    @property
+    def indirect(self) -> tuple[str, ...]:
+        """Inputs on which no output depends directly, with the block's parameters.
+
+        An output method that names one of them gives it a default and is called without it, as
+        that of a linear system with D = 0.
+        """
+        return ()
 
     def value(self, name: str) -> Any:
         """A parameter's value by its name in graphs."""

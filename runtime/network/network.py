@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from blocks.core import Block, BlockContext, SignalType, hint
+from blocks.core import Block, BlockContext, Evaluation, SignalType, hint
 from blocks.world import World
 from runtime.document import Node
 from runtime.errors import Where
@@ -17,7 +17,7 @@ from runtime.network.scope import Scope
 class Entry:
     """A block of the network; ``block`` is None if it could not be constructed.
 
-    ``every`` is its step in base ticks.
+    ``every`` is its step in base ticks; ``sampled`` tells whether the graph gives it a step.
     """
 
     name: str
@@ -26,6 +26,7 @@ class Entry:
     cls: type[Block]
     block: Block | None
     every: int = 1
+    sampled: bool = False
 
     @property
     def short(self) -> str:
@@ -35,6 +36,17 @@ class Entry:
     @property
     def address(self) -> str:
         return self.scope.path("blocks", self.short)
+
+    @property
+    def evaluations(self) -> tuple[Evaluation, ...]:
+        """The calls of output methods, without the inputs that the block declares indirect."""
+        indirect = () if self.block is None else self.block.indirect
+        if not indirect:
+            return self.cls.spec.evaluations
+        return tuple(
+            replace(each, needs=tuple(port for port in each.needs if port not in indirect))
+            for each in self.cls.spec.evaluations
+        )
 
     @property
     def made(self) -> Block:
@@ -92,6 +104,7 @@ class Network:
     seed: int
     engine: str
     memory: int
+    solver: str
     scope: Scope
     document: Node
     world: World | None = None

@@ -12,7 +12,8 @@ from dataclasses import dataclass, field
 
 from blocks.core import Evaluation, SignalType
 from runtime.engine.compiled.kernels import Kernel
-from runtime.engine.schedule import INDENT, Emitter, Plan, RecordSlot, Step
+from runtime.engine.schedule import INDENT, Emitter, Plan, RecordSlot
+from runtime.engine.steps import Step
 from runtime.network import Endpoint
 
 Call = tuple[str, Evaluation]
