@@ -198,7 +198,8 @@ class Engine:
             identifier = self.plan.names[name]
             self.namespace[identifier] = entry.made
             self.namespace[self.plan.variables[name, ""]] = self.states[name]
-            self._guard(name, partial(entry.made.start, self.states[name]))
+        for name in self._starting_order():
+            self._start_block(name)
         for step in self.plan.steps:
             if step.constant:
                 method = getattr(self.network.entries[step.block].made, step.evaluation.method)
@@ -210,6 +211,23 @@ class Engine:
                         item = sealed(item)
                     self.namespace[self.plan.variables[step.block, port]] = item
                     self._record_constant(step.block, port, item)
+
+    def _starting_order(self) -> list[str]:
+        """Blocks by name; those that publish descriptions before the others."""
+        outputs = {n: e.cls.spec.outputs.values() for n, e in self.network.entries.items()}
+        return sorted(outputs, key=lambda n: not any(port.publishes for port in outputs[n]))
+
+    def _start_block(self, name: str) -> None:
+        """Initialise one block's state, with what the outputs wired to it publish."""
+        published = {}
+        for port, source in self.network.publications(name):
+            made = self.network.entries[source.block].made
+            describe = getattr(made, type(made).spec.outputs[source.port].publishes)
+            call = partial(describe, self.states[source.block])
+            published[port] = self._guard(source.block, call)
+        state = self.states[name]
+        state.published = published
+        self._guard(name, partial(self.network.entries[name].made.start, state))
 
     def _continuous_names(self) -> dict[str, Any]:
         """What the text of a graph with continuous states refers to."""

@@ -118,6 +118,7 @@ PUSHING: dict[str, Draw] = {"command": seldom_new(uniform(3.0, 3.0))}
 TRACKING: dict[str, Draw] = {"error": normal(0.3, 0.3, 1.0), "reference": uniform(3.0, 3.0, 9.0)}
 TURNING: dict[str, Draw] = {**TRACKING, "reference": seldom_new(uniform(3.0, 3.0, 9.0))}
 NEURAL = ("weights", "activity")
+WEIGHTS = [[1.0, -2.0, 0.5, 0.0], [0.3, 0.1, -0.7, 2.0]]
 TWO = {"input": Vector(2), "error": Vector(2)}
 
 CASES: dict[str, list[Case]] = {
@@ -164,6 +165,16 @@ CASES: dict[str, list[Case]] = {
     "RateEnsemble": [
         Case(blocks.RateEnsemble(), free=NEURAL),
         Case(blocks.RateEnsemble(leak=1.0, limit=0.5, neurons=33), TWO, free=NEURAL),
+    ],
+    "Ensemble": [
+        Case(blocks.Ensemble(neurons=30, dimensions=2), free=("drive",), dt=0.001),
+        Case(blocks.Ensemble(dimensions=1, neuron="AdaptiveLIF"), dt=0.002, absent=True),
+        Case(blocks.Ensemble(dimensions=8, groups=2, neuron="LIFRate", neurons=9), dt=0.001),
+        Case(blocks.Ensemble(dimensions=1, neuron="Izhikevich", max_rates=30), dt=0.001),
+    ],
+    "Decoder": [
+        Case(blocks.Decoder(weights=WEIGHTS, synapse=synapse), dt=0.001)
+        for synapse in (0.01, "alpha(0.1)")
     ],
     "AdaptiveBias": [
         Case(blocks.AdaptiveBias(), free=("bias",)),
@@ -351,11 +362,8 @@ def check_equal(case: Case, form: type[Run], stream: int, ticks: int = TICKS) ->
         for name, value in expected.items():
             message = f"{name} at tick {k} of stream {stream}"
             assert np.shape(found[name]) == np.shape(value), message
-            if name == "spikes":
-                np.testing.assert_array_equal(found[name], value, message)
-            else:
-                # A difference is as accurate as its terms.
-                np.testing.assert_allclose(found[name], value, 1e-12, 1e-12, err_msg=message)
+            # A difference is as accurate as its terms.
+            np.testing.assert_allclose(found[name], value, 1e-12, 1e-12, err_msg=message)
 
 
 @pytest.mark.parametrize("case", EVERY, ids=str)
