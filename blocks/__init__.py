@@ -9,6 +9,7 @@ from blocks import (
     generic,
     learning,
     mujoco,
+    neural,
     nonlinear,
     sources,
     vehicle,
@@ -45,6 +46,7 @@ from blocks.dynamics import *
 from blocks.generic import *
 from blocks.learning import *
 from blocks.mujoco import *
+from blocks.neural import *
 from blocks.nonlinear import *
 from blocks.sources import *
 from blocks.testing import CheckError, check_block
@@ -63,6 +65,7 @@ __all__ += learning.__all__
 __all__ += mujoco.__all__
 __all__ += nonlinear.__all__
 __all__ += sources.__all__
+__all__ += neural.__all__
 __all__ += vehicle.__all__
 __all__ += wall_fitting.__all__
 __all__ += world.__all__

@@ -8,7 +8,8 @@ import importlib.util
 import linecache
 import sys
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path as FilePath
 from types import ModuleType
@@ -19,6 +20,7 @@ from blocks import (
     generic,
     learning,
     mujoco,
+    neural,
     nonlinear,
     sources,
     vehicle,
@@ -35,6 +37,7 @@ _CONTENT = "__spikeblocks_content__"
 ROOMS = (
     control,
     learning,
+    neural,
     world,
     wall_fitting,
     vehicle,
@@ -87,6 +90,21 @@ def types_of_module(file: FilePath) -> list[SignalType]:
     OSError, SyntaxError and whatever the file itself raises.
     """
     return [value for value in vars(_module(file)).values() if isinstance(value, SignalType)]
+
+
+@dataclass(frozen=True)
+class ModuleReader:
+    """How the Python files that a graph names are read; an editor lets another process do it.
+
+    ``blocks`` and ``signal_types`` are as :func:`blocks_of_module` and :func:`types_of_module`.
+    """
+
+    blocks: Callable[[FilePath], Mapping[str, type[Block]]] = blocks_of_module
+    signal_types: Callable[[FilePath], list[SignalType]] = types_of_module
+
+
+# Whether the Python files that a graph names are imported, or how they are read instead.
+Modules = bool | ModuleReader
 
 
 def _module(file: FilePath) -> ModuleType:

@@ -18,7 +18,7 @@ PACKAGES = ("blocks", "runtime")
 # do not know each other. What loads matplotlib in a room that works without it is a room by itself.
 FLOORS: tuple[tuple[str, ...], ...] = (
     ("blocks.core",),
-    ("blocks.dynamics", "blocks.generic", "blocks.learning", "blocks.nonlinear"),
+    ("blocks.dynamics", "blocks.generic", "blocks.learning", "blocks.neural", "blocks.nonlinear"),
     ("blocks.sources", "blocks.world"),
     ("blocks.testing", "blocks.control", "blocks.vehicle"),
     ("blocks.wall_fitting", "blocks.mujoco"),
@@ -26,10 +26,10 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("blocks",),
     ("runtime.errors", "runtime.schema", "runtime.streaming"),
     ("runtime.files",),
-    ("runtime.terminal", "runtime.dataframes"),
+    ("runtime.terminal", "runtime.dataframes", "runtime.toolchain"),
     ("runtime.document",),
     ("runtime.network",),
-    ("runtime.observation",),
+    ("runtime.observation", "runtime.descriptions"),
     ("runtime.engine",),
     ("runtime.engine.compiled",),
     ("runtime.plots", "runtime.diagrams.layout"),
@@ -43,7 +43,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.experiments.analysis",),
     ("runtime.experiments.analysis.sweep_plots", "runtime.experiments.analysis.ablation_plots"),
     ("runtime.experiments",),
-    ("runtime.reports",),
+    ("runtime.reports", "runtime.language"),
     ("runtime.cli",),
     ("runtime",),
 )

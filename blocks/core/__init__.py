@@ -27,6 +27,7 @@ from blocks.core.options import Options
 from blocks.core.params import Param, ParameterError, beyond_a_turn, hint, param, plain, show
 from blocks.core.portable import arctan2, cos, directions, product, sin, solve
 from blocks.core.scalar_functions import RESERVED, modulo, nearest
+from blocks.core.settings import Setting, SettingError
 from blocks.core.signals import (
     TYPES,
     BoolArray,
@@ -50,6 +51,7 @@ from blocks.core.signals import (
     differ,
     signal_type,
 )
+from blocks.core.variants import Variant
 
 __all__ = [
     "RESERVED",
@@ -80,12 +82,15 @@ __all__ = [
     "Same",
     "Scalar",
     "Scan",
+    "Setting",
+    "SettingError",
     "SignalType",
     "Spikes",
     "State",
     "TrackingState",
     "Twist",
     "TwistValue",
+    "Variant",
     "Vector",
     "WheelSpeeds",
     "arctan2",

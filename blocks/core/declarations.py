@@ -42,7 +42,10 @@ class Output:
     """An output port.
 
     ``through`` names the input that replaces it under ``bypass``. A ``constant`` output never
-    changes during a run: it is computed and recorded once.
+    changes during a run: it is computed and recorded once. ``publishes`` names a method of (state)
+    that returns a static description of the signal, such as the tuning of the neurons behind
+    spikes: a consumer finds it in ``state.published`` when it starts. The lengths in ``carries``
+    travel along the wire, too, and are known when the consumer's own lengths are inferred.
     """
 
     type: PortType
@@ -51,6 +54,8 @@ class Output:
     through: str = ""
     constant: bool = False
     name: str = ""
+    publishes: str = ""
+    carries: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, init=False)

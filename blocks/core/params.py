@@ -18,10 +18,11 @@ from typing import Any, Literal, cast
 import numpy as np
 import numpy.typing as npt
 
+from blocks.core.settings import Setting, SettingError
 from blocks.core.signals import TYPES, FloatArray, SignalType, signal_type
 
 REQUIRED: Any = object()
-Kind = Literal["float", "int", "bool", "str", "array", "signal", "texts", "numbers"]
+Kind = Literal["float", "int", "bool", "str", "array", "signal", "texts", "numbers", "setting"]
 KINDS: dict[object, Kind] = {
     float: "float",
     int: "int",
@@ -68,6 +69,7 @@ class Param:
     finite: bool
     name: str
     kind: Kind = "float"
+    setting: type[Setting] | None = None
 
     @property
     def required(self) -> bool:
@@ -85,6 +87,8 @@ class Param:
         """
         if self.choices:
             return "one of " + ", ".join(self.choices)
+        if self.setting is not None:
+            return f"{self.setting.expected} {self.unit}".strip()
         if self.kind == "array":
             known: dict[Any, Any] = dict(sizes or {})
             shapes = ["x".join(str(known.get(d, d or "n")) for d in s) for s in self.shapes if s]
@@ -100,6 +104,7 @@ class Param:
                 "signal": "a signal type such as Scalar, Pose or Vector(3)",
                 "texts": "a text or a list of texts",
                 "numbers": "a mapping of names to numbers, as in {a: 1.5}",
+                "setting": "a setting",
             }[self.kind]
         bounds = [
             f"{word} {value:g}"
@@ -113,9 +118,12 @@ class Param:
         ]
         return " ".join([noun, " and ".join(bounds), self.unit]).replace("  ", " ").strip()
 
-    def bound(self, name: str, kind: Kind) -> Param:
+    def bound(self, name: str, kind: Kind | type[Setting]) -> Param:
         """The declaration, completed by its name and annotation in the class body."""
-        return replace(self, name=self.name or name, kind=kind)
+        named = replace(self, name=self.name or name)
+        if isinstance(kind, str):
+            return replace(named, kind=kind)
+        return replace(named, kind="setting", setting=kind)
 
     def convert(self, value: Any) -> Any:
         """Check a value and turn it into what the block holds.
@@ -126,8 +134,14 @@ class Param:
         """
         if value is None and self.default is None:
             return None
+        if self.setting is not None and isinstance(value, self.setting):
+            return value
         try:
+            if self.setting is not None:
+                return self.setting.read(value)
             converted = _CONVERT[self.kind](in_radians(value, self.units))
+        except SettingError:
+            raise
         except (TypeError, ValueError, OverflowError) as error:
             if self.kind == "signal" and isinstance(value, str):
                 raise ValueError(f"{error}{hint(value, TYPES)}") from None
@@ -253,6 +267,8 @@ def plain(value: Any) -> Any:
         return list(value)
     if isinstance(value, Mapping):
         return dict(value)
+    if isinstance(value, Setting):
+        return value.written()
     if isinstance(value, SignalType) and TYPES.get(value.name) == value.sized(None):
         return value.name if value.symbol else str(value)
     return value

@@ -27,7 +27,7 @@ def whole_shape(network: Network, end: Endpoint) -> tuple[int, ...] | None:
 
 def state_shape(block: Block, state: State, context: BlockContext, spec: Any) -> tuple[int, ...]:
     """The shape of a declared state, with symbolic lengths resolved."""
-    lengths = dict(block.sizes_in(context))
+    lengths = {**context.lengths, **block.sizes_in(context)}
     for name, port in {**spec.inputs, **spec.outputs}.items():
         if isinstance(port.type, SignalType) and port.type.symbol and name in context.types:
             lengths[port.type.symbol] = context.types[name].shape[0]
