@@ -499,7 +499,7 @@ def compiled() -> Iterator[Any]:
             )
 
 
-@pytest.mark.parametrize("case", compiled())
+@pytest.mark.parametrize("case", list(compiled()))
 def test_the_compiled_block_computes_what_the_block_computes(case: Case) -> None:
     check_equal(case, CompiledRun, STREAMS)
 
