@@ -282,7 +282,7 @@ class Graph:
         return graph._with_known_names(origin, kind)
 
     def replace(self, name: str, kind: str, *, origin: str = "") -> Graph:
-        """A copy with a block of another type in a block's place, as in ``replace("lqr", "PID")``.
+        """A copy with a block of another type in a block's place: ``replace("lqr", "PathPID")``.
 
         Parameters and wires that the new type has as well stay; ``notes`` lists what is dropped.
         """

@@ -143,7 +143,9 @@ CASES: dict[str, list[Case]] = {
         Case(blocks.LQR(q=[0.01, 0.03, 0], r=[[1, 0.3], [0.3, 2]], model="exact"), inputs=TURNING),
         Case(blocks.LQR(q=[0, 1, 1]), inputs=TURNING, dt=0.1),
     ],
-    "PID": [Case(blocks.PID(limit=2.0, ki=3.0), inputs=TRACKING, free=("integral", "smooth"))],
+    "PathPID": [
+        Case(blocks.PathPID(limit=2.0, ki=3.0), inputs=TRACKING, free=("integral", "smooth"))
+    ],
     "PurePursuit": [Case(blocks.PurePursuit(), inputs=TRACKING)],
     "Stanley": [
         Case(blocks.Stanley(), inputs=TRACKING),
