@@ -39,7 +39,8 @@ class Output:
     """An output port.
 
     ``through`` names the input that replaces it under ``bypass``. A ``constant`` output never
-    changes during a run: it is computed and recorded once.
+    changes during a run: it is computed and recorded once. ``label`` is what figures call a
+    scalar, which may be a formula as ``$e_p$``.
     """
 
     type: PortType
@@ -48,6 +49,7 @@ class Output:
     through: str = ""
     constant: bool = False
     name: str = ""
+    label: str = ""
 
 
 @dataclass(frozen=True, init=False)

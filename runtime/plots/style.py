@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.mathtext import MathTextParser
 from matplotlib.text import Text
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
@@ -25,11 +26,13 @@ if TYPE_CHECKING:
 WIDTH = 6.5  # inches, the text width of a one-column paper
 GREY = "0.4"
 NARROW = 16  # characters of a legend's entry, of which three fit into a column
+NOISY = 0.3  # share of steps that go back
 LONG_NAME = 20  # characters, about what fits beside the lowest axes
 # Okabe and Ito's palette for colour-blind readers, without its yellow, too pale for lines.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 LINESTYLES = ("-", "--", ":", "-.")
 GREEK = {"theta": "θ", "omega": "ω", "kappa": "κ"}
+_FORMULA = re.compile(r"\$[^$\s]+\$")
 # Any: the names of the parameters are a literal type in some versions of matplotlib only.
 STYLE: Any = {
     "font.family": "sans-serif",
@@ -175,19 +178,68 @@ def symbol(name: str) -> str:
     return f"{head}{dot}{GREEK.get(last, last)}"
 
 
+def display_names(labels: Sequence[str], names: Sequence[str]) -> list[str]:
+    """What a figure calls its lines: the given names, unless two lines share one, or short labels.
+
+    Parameters
+    ----------
+    labels : of the columns, all different.
+    names : of the same columns; equal to the label where there is none.
+    """
+    is_own = [
+        name != label and names.count(name) == 1 for label, name in zip(labels, names, strict=True)
+    ]
+    short = iter(short_labels([each for each, own in zip(labels, is_own, strict=True) if not own]))
+    return [symbol(name if own else next(short)) for name, own in zip(names, is_own, strict=True)]
+
+
+def layers(lines: Sequence[FloatArray]) -> list[float]:
+    """The zorder of each line: a noisy one is drawn behind a smooth one, which it would hide.
+
+    Parameters
+    ----------
+    lines : values over time, or points (rows, columns).
+    """
+    noisy = [_roughness(values) > NOISY for values in lines]
+    return [2.0 if each else 2.2 for each in noisy]
+
+
+def _roughness(values: FloatArray) -> float:
+    """The share of a line's steps that go back: 0 for a smooth line, about 2/3 for noise."""
+    rows = values.reshape(len(values), -1)
+    steps = np.diff(rows[np.isfinite(rows).all(axis=1)], axis=0)
+    steps = steps[steps.any(axis=1)]
+    if len(steps) < 2:
+        return 0.0
+    return float(np.mean((steps[1:] * steps[:-1]).sum(axis=1) < 0.0))
+
+
 def line_style(i: int) -> dict[str, Any]:
     """Colour and dashes of the i-th line of an axes."""
     dashes = LINESTYLES[i // len(COLOURS) % len(LINESTYLES)]
     return {"color": COLOURS[i % len(COLOURS)], "linestyle": dashes}
 
 
+def is_formula(text: str) -> bool:
+    """Whether a text has formulas as $e_p$, without spaces, that matplotlib can draw."""
+    found = _FORMULA.findall(text)
+    if not found or text.count("$") != 2 * len(found):
+        return False
+    try:
+        for formula in found:
+            MathTextParser("path").parse(formula)
+    except ValueError:
+        return False
+    return True
+
+
 def disable_math(figure: Figure) -> None:
-    """Show names and titles as they are written, not as formulas.
+    """Show names and titles as they are written; only $e_p$, without spaces, is a formula.
 
     Tick labels of numbers stay formulas, since matplotlib writes them.
     """
     for text in figure.findobj(Text):
-        text.set_parse_math(False)
+        text.set_parse_math(is_formula(text.get_text()))
     for axes in figure.axes:
         for axis in (axes.xaxis, axes.yaxis):
             is_number = isinstance(axis.get_major_formatter(), ScalarFormatter)
