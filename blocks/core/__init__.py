@@ -25,6 +25,7 @@ from blocks.core.kernels import function_kernel, has_kernels, kernel_for, kernel
 from blocks.core.options import Options
 from blocks.core.params import Param, ParameterError, beyond_a_turn, hint, param, plain, show
 from blocks.core.portable import arctan2, cos, directions, product, sin, solve
+from blocks.core.settings import Setting, SettingError
 from blocks.core.signals import (
     TYPES,
     BoolArray,
@@ -48,6 +49,7 @@ from blocks.core.signals import (
     differ,
     signal_type,
 )
+from blocks.core.variants import Variant
 
 __all__ = [
     "TYPES",
@@ -76,12 +78,15 @@ __all__ = [
     "Same",
     "Scalar",
     "Scan",
+    "Setting",
+    "SettingError",
     "SignalType",
     "Spikes",
     "State",
     "TrackingState",
     "Twist",
     "TwistValue",
+    "Variant",
     "Vector",
     "WheelSpeeds",
     "arctan2",
