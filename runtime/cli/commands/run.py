@@ -75,10 +75,7 @@ def _once(options: Namespace, before: Result | None) -> Done:
     graph = changed_graph(options.graph, options).check()
     formats = _formats(options.figures)
     compared = rivals(graph, options.vs)
-    if options.animate:
-        _check_animation(graph)
-    if options.profile and graph.network.engine == "compiled":
-        raise UsageError("--profile measures each block, which needs --engine python")
+    _check_options(graph, options)
     quiet = options.quiet or options.json
     profile = Profile() if options.profile else None
     draft = Draft(new_folder(Path(options.out), graph.title))
@@ -99,23 +96,21 @@ def _once(options: Namespace, before: Result | None) -> Done:
                     others[change] = rival(other, quiet, Path(options.out))
             drawn = painter(result, others, folder, options.style, options.vs, before)
             pictures = _pictures(result, folder, options, formats, drawn)
-            if options.watch:
-                pictures.append(_diagram(graph, folder))
+            pictures += [_diagram(graph, folder)] if options.watch else []
         except KeyboardInterrupt:
             code = code or 130
     rows = profile.rows(result.manifest["ticks"], result.manifest["wall_s"]) if profile else []
     if options.json:
-        more = {}
+        more: dict[str, Any] = {"profile": rows} if rows else {}
         if options.vs in others:
-            more = {"vs": {"change": options.vs, "metrics": others[options.vs].metrics}}
-        show_json(_summary(result, folder) | more | ({"profile": rows} if rows else {}))
+            more["vs"] = {"change": options.vs, "metrics": others[options.vs].metrics}
+        show_json(_summary(result, folder) | more)
     else:
         columns = {names(change): other for change, other in others.items()}
-        if not columns and before is not None:
-            columns = {("now", "before"): before}
-        _print_result(result, folder, pictures, options, columns)
-    if rows and not options.json:
-        show(profile_text(rows))
+        latest = {} if before is None else {("now", "before"): before}
+        _print_result(result, folder, pictures, options, columns or latest)
+        if rows:
+            show(profile_text(rows))
     _report_failures(result, failure, folder)
     return Done(code, result, [Path(name) for name in graph.texts])
 
@@ -163,11 +158,14 @@ def _report_leftovers(folder: Path) -> None:
         tell(f"{text}, as '{found[0].path.name}'; 'runtime clean {folder}' lists them")
 
 
-def _check_animation(graph: Graph) -> None:
-    """Raise an error before the run if the graph cannot be animated."""
-    from runtime.plots import animated
+def _check_options(graph: Graph, options: Namespace) -> None:
+    """Raise an error before the run if the graph cannot be animated or profiled."""
+    if options.animate:
+        from runtime.plots import animated
 
-    animated(graph.observation.plots, graph.network.world)
+        animated(graph.observation.plots, graph.network.world)
+    if options.profile and graph.network.engine == "compiled":
+        raise UsageError("--profile measures each block, which needs --engine python")
 
 
 def _formats(text: str) -> list[str]:
