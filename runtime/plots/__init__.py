@@ -33,8 +33,8 @@ from runtime.plots.style import (
     symbol,
     thin,
     time_axis,
-    write_title,
 )
+from runtime.plots.titles import write_title
 from runtime.plots.trajectory import draw_trajectory, equal_scales
 
 __all__ = [

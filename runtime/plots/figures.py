@@ -23,7 +23,7 @@ from blocks.core import FloatArray
 from runtime.errors import UsageError, one_line
 from runtime.files import slug, write_whole
 from runtime.observation import PLOT_KINDS, PlotSpec, Recording, RunData, offered
-from runtime.plots import style
+from runtime.plots import style, titles
 from runtime.plots.trajectory import equal_scales
 
 DPI = 150
@@ -68,7 +68,7 @@ def draw(plot: PlotSpec, result: RunData, look: str = "screen") -> Figure:
             shown = [result.probes[name] for name in plot.of]
             top = painter(figure, shown, style.run_end(result))
         arrange(figure, top, plot)
-        style.set_title(top, plot.title, result)
+        titles.set_title(top, plot.title, result)
         style.disable_math(figure)
         if "size" not in plot.options:
             style.fit(figure, style.LOOKS[look])

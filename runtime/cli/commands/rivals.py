@@ -43,8 +43,12 @@ def _changed(graph: Graph, change: str) -> Graph:
     return apply(graph, kind, text).check()
 
 
-def rival(graph: Graph, quiet: bool, out: Path) -> Result:
-    """The result of the graph that is compared with, its folder written."""
+def run_rivals(graphs: Mapping[str, Graph], quiet: bool, out: Path) -> dict[str, Result]:
+    """The results of the graphs that are compared with, by change; their folders are written."""
+    return {change: _rival(graph, quiet, out) for change, graph in graphs.items()}
+
+
+def _rival(graph: Graph, quiet: bool, out: Path) -> Result:
     from runtime.runs import Draft, new_folder
 
     draft = Draft(new_folder(out, graph.title))

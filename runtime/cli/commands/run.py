@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from runtime.cli.commands import add_output, show_folder
 from runtime.cli.commands.changes import add_graph, changed_graph
-from runtime.cli.commands.rivals import names, painter, rival, rivals
+from runtime.cli.commands.rivals import names, painter, rivals, run_rivals
 from runtime.cli.commands.simulating import saved, simulated
 from runtime.errors import SimulationError, UsageError, one_line
 from runtime.terminal import number, show, show_json, table, tell
@@ -92,8 +92,7 @@ def _once(options: Namespace, before: Result | None) -> Done:
     if interrupts.leaves_time:
         try:
             if failure is None and not (options.no_plots and options.vs is None):
-                for change, other in compared.items():
-                    others[change] = rival(other, quiet, Path(options.out))
+                others = run_rivals(compared, quiet, Path(options.out))
             drawn = painter(result, others, folder, options.style, options.vs, before)
             pictures = _pictures(result, folder, options, formats, drawn)
             pictures += [_diagram(graph, folder)] if options.watch else []
@@ -109,8 +108,8 @@ def _once(options: Namespace, before: Result | None) -> Done:
         columns = {names(change): other for change, other in others.items()}
         latest = {} if before is None else {("now", "before"): before}
         _print_result(result, folder, pictures, options, columns or latest)
-        if rows:
-            show(profile_text(rows))
+    if rows and not options.json:
+        show(profile_text(rows))
     _report_failures(result, failure, folder)
     return Done(code, result, [Path(name) for name in graph.texts])
 
