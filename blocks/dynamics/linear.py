@@ -20,7 +20,6 @@ from blocks.core import (
     SignalType,
     State,
     Vector,
-    kernel_of,
     param,
 )
 
@@ -30,6 +29,10 @@ class LinearSystem(Block, ABC):
 
     signal = Input(Same("U"), name="input", doc="u, a Scalar or a Vector(m)")
     out = Output(Same("Y"), doc="y, a Scalar or a Vector(p)")
+
+    @abstractmethod
+    def sizes(self) -> dict[str, int]:
+        """The number of states, n; known before the parameters are checked."""
 
     @property
     @abstractmethod
@@ -60,9 +63,6 @@ class LinearSystem(Block, ABC):
     def direct(self) -> FloatArray:
         """D, p rows of m numbers."""
         return self.matrices[3].copy()
-
-    def sizes(self) -> dict[str, int]:
-        return {"n": len(self.matrices[0])}
 
     @property
     def variables(self) -> dict[str, SignalType]:
@@ -101,12 +101,6 @@ class ContinuousSystem(LinearSystem, ABC):
     x = State("n", name="x", continuous=True, doc="the state")
 
     def derivative(self, state: BlockState, t: float, input: Any) -> FloatArray:
-        rate: FloatArray = np.einsum("ij,j->i", self.transition, state.x)
-        rate += np.einsum("ij,j->i", self.inputs, np.atleast_1d(input))
-        return rate
-
-    @kernel_of(derivative)
-    def _derivative_kernel(self, state: BlockState, t: float, input: Any) -> FloatArray:
         rate = np.zeros(len(state.x))
         for i in range(len(rate)):
             for j in range(len(rate)):
@@ -164,6 +158,9 @@ class _Matrices(LinearSystem, ABC):
         n = len(self.a)
         d = np.broadcast_to(self.d, self.shape)
         return self.a, self.b.reshape(n, -1), self.c.reshape(-1, n), d
+
+    def sizes(self) -> dict[str, int]:
+        return {"n": len(self.a)}
 
     @property
     def first(self) -> FloatArray:

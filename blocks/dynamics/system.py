@@ -12,6 +12,7 @@ from blocks.core import (
     Block,
     BlockContext,
     BlockState,
+    Expression,
     ExpressionError,
     FloatArray,
     Input,
@@ -167,7 +168,6 @@ class DynamicSystem(Block):
         state.x[:] = self.initial
         state.n = len(self.rates)
         state.constants = tuple((self.constants or {}).values()) or (0.0,)
-        results = self.results or tuple(f"x[{i}]" for i in range(state.n))
         form = self.resolved.form
 
         def function(parameter: str, texts: tuple[str, ...], form: Any) -> Any:
@@ -175,7 +175,11 @@ class DynamicSystem(Block):
             return function_from(function_text(read, PARAMETERS, form))
 
         state.rates = function("derivative", self.rates, "array")
-        state.results = function("output", results, form)
+        if self.results is None:
+            own = [Expression("", f"x[{i}]", frozenset()) for i in range(state.n)]
+            state.results = function_from(function_text(own, PARAMETERS, form))
+        else:
+            state.results = function("output", self.results, form)
         state.has_event = self.when is not None
         state.condition = function("when", (self.when or "0",), "scalar")
         state.jump = function("then", self.then or ("0",) * state.n, "array")

@@ -31,6 +31,9 @@ class _Rational(ContinuousSystem, ABC):
     def rational(self) -> tuple[FloatArray, FloatArray]:
         """Coefficients of numerator and denominator, the highest power first."""
 
+    def sizes(self) -> dict[str, int]:
+        return {"n": max(1, len(self.rational[1]) - 1)}
+
     @property
     def matrices(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
         """The controllable canonical form."""
@@ -157,7 +160,8 @@ class Derivative(Block):
         state.x[...] = self.initial
         state.cells = state.x.reshape(-1)
 
-    def rates(self, state: BlockState, input: Any) -> FloatArray:
+    def slopes(self, state: BlockState, input: Any) -> FloatArray:
+        """The rate of change of each component."""
         rates = np.zeros(state.size)
         for i in range(state.size):
             rates[i] = (input[i] - state.cells[i]) / self.tau
@@ -166,15 +170,15 @@ class Derivative(Block):
     def output(self, state: BlockState, t: float, input: Any) -> Any:
         if state.form == "scalar":
             return float((input - state.cells[0]) / self.tau)
-        rates = self.rates(state, input)
+        found = self.slopes(state, input)
         if state.form == "array":
-            return rates
-        return state.pack(rates)
+            return found
+        return state.pack(found)
 
     def derivative(self, state: BlockState, t: float, input: Any) -> Any:
         if state.form == "scalar":
             return float((input - state.cells[0]) / self.tau)
-        return self.rates(state, input)
+        return self.slopes(state, input)
 
 
 def _polynomial(real: FloatArray | None, pairs: FloatArray | None) -> FloatArray:

@@ -59,10 +59,12 @@ class TwoLinkArm(Block):
         state.b1, state.b2 = self.friction.tolist()
 
     def output_angles(self, state: BlockState, t: float) -> FloatArray:
-        return state.x[:2].copy()
+        angles: FloatArray = state.x[:2].copy()
+        return angles
 
     def output_rates(self, state: BlockState, t: float) -> FloatArray:
-        return state.x[2:].copy()
+        rates: FloatArray = state.x[2:].copy()
+        return rates
 
     def output_tip(self, state: BlockState, t: float) -> FloatArray:
         tip = np.empty(2)

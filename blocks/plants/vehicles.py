@@ -28,8 +28,6 @@ class _Vehicle(Block, ABC):
 
     x0: FloatArray = param([0.0, 0.0, 0.0], unit="m, m, rad", shape=(3,), doc="pose at the start")
 
-    x = State(3, name="x", continuous=True, signal=Pose, doc="the pose")
-
     def start(self, state: BlockState) -> None:
         state.x[:] = self.x0
 
@@ -56,6 +54,8 @@ class Unicycle(_Vehicle):
 
     command = Input(Twist, doc="speed and turn rate")
 
+    x = State(3, name="x", continuous=True, signal=Pose, doc="the pose")
+
     def derivative(self, state: BlockState, t: float, command: TwistValue) -> FloatArray:
         return self.moved(state, command[0], command[1])
 
@@ -80,6 +80,8 @@ class Bicycle(_Vehicle):
     v_max: float = param(
         math.inf, unit="m/s", above=0.0, finite=False, doc="largest speed, either way"
     )
+
+    x = State(3, name="x", continuous=True, signal=Pose, doc="the pose")
 
     def derivative(self, state: BlockState, t: float, v: float, steering: float) -> FloatArray:
         speed = max(-self.v_max, min(self.v_max, v))
