@@ -10,6 +10,7 @@ from runtime.document import SHIPPED
 # The folders whose use needs a word; others are listed by their names alone.
 USES = {
     "graphs": "run one by its name: runtime run NAME",
+    "gallery": "run one: runtime run gallery/NAME",
     "starters": "begin with a copy: runtime new my.yaml --from NAME",
     "conditions": "lay one over a graph: --with conditions/NAME",
     "wheel_faults": "lay one over a graph with physics: --with wheel_faults/NAME",
