@@ -207,7 +207,7 @@ class Block:
         """Check that the block can run in this context; raise :class:`ParameterError`."""
 
     @property
-    def sampled(self) -> bool:
+    def stepwise(self) -> bool:
         """Whether outputs hold between ticks although no ``update`` says so: those that jump.
 
         A solver would see the value after a jump in the last stage of the step before it.

@@ -40,7 +40,7 @@ class Table(Block, ABC):
         """One of METHODS."""
 
     @property
-    def sampled(self) -> bool:
+    def stepwise(self) -> bool:
         return self.how == "hold"
 
     @property

@@ -59,7 +59,7 @@ class Step(Block):
     after: float = param(1.0, doc="value from the step on")
 
     @property
-    def sampled(self) -> bool:
+    def stepwise(self) -> bool:
         return True
 
     def start(self, state: BlockState) -> None:
@@ -128,7 +128,7 @@ class Pulse(Block):
                 raise ParameterError([("width", f"{message}{total:g} s with its edges")])
 
     @property
-    def sampled(self) -> bool:
+    def stepwise(self) -> bool:
         return self.rise == 0.0 and self.fall == 0.0
 
     def start(self, state: BlockState) -> None:
