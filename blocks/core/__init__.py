@@ -23,7 +23,16 @@ from blocks.core.expressions import (
 from blocks.core.extras import MissingPackageError, require
 from blocks.core.kernels import function_kernel, has_kernels, kernel_for, kernel_of
 from blocks.core.options import Options
-from blocks.core.params import Param, ParameterError, beyond_a_turn, hint, param, plain, show
+from blocks.core.params import (
+    REQUIRED,
+    Param,
+    ParameterError,
+    beyond_a_turn,
+    hint,
+    param,
+    plain,
+    show,
+)
 from blocks.core.portable import arctan2, cos, directions, product, sin, solve
 from blocks.core.signals import (
     TYPES,
@@ -50,6 +59,7 @@ from blocks.core.signals import (
 )
 
 __all__ = [
+    "REQUIRED",
     "TYPES",
     "Block",
     "BlockContext",
