@@ -3,7 +3,17 @@
 Each room's blocks are what its ``__all__`` holds; :data:`blocks.registry.BUILTIN` is made of them.
 """
 
-from blocks import control, dynamics, generic, learning, mujoco, vehicle, wall_fitting, world
+from blocks import (
+    control,
+    dynamics,
+    generic,
+    learning,
+    mujoco,
+    neural,
+    vehicle,
+    wall_fitting,
+    world,
+)
 from blocks.control import *
 from blocks.core import (
     Block,
@@ -34,6 +44,7 @@ from blocks.dynamics import *
 from blocks.generic import *
 from blocks.learning import *
 from blocks.mujoco import *
+from blocks.neural import *
 from blocks.testing import CheckError, check_block
 from blocks.vehicle import *
 from blocks.wall_fitting import *
@@ -48,6 +59,7 @@ __all__ += dynamics.__all__
 __all__ += generic.__all__
 __all__ += learning.__all__
 __all__ += mujoco.__all__
+__all__ += neural.__all__
 __all__ += vehicle.__all__
 __all__ += wall_fitting.__all__
 __all__ += world.__all__

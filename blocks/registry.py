@@ -14,7 +14,17 @@ from functools import cache
 from pathlib import Path as FilePath
 from types import ModuleType
 
-from blocks import control, dynamics, generic, learning, mujoco, vehicle, wall_fitting, world
+from blocks import (
+    control,
+    dynamics,
+    generic,
+    learning,
+    mujoco,
+    neural,
+    vehicle,
+    wall_fitting,
+    world,
+)
 from blocks.core import Block, SignalType
 
 ENTRY_POINTS = "spikeblocks.blocks"
@@ -22,7 +32,7 @@ ENTRY_POINTS = "spikeblocks.blocks"
 _LOADING = threading.RLock()
 _CONTENT = "__spikeblocks_content__"
 
-ROOMS = (control, learning, world, wall_fitting, vehicle, generic, dynamics, mujoco)
+ROOMS = (control, learning, neural, world, wall_fitting, vehicle, generic, dynamics, mujoco)
 BUILTIN: Mapping[str, type[Block]] = {
     name: value
     for room in ROOMS

@@ -34,6 +34,7 @@ from blocks.core.params import (
     show,
 )
 from blocks.core.portable import arctan2, cos, directions, product, sin, solve
+from blocks.core.settings import Setting, SettingError
 from blocks.core.signals import (
     TYPES,
     BoolArray,
@@ -57,6 +58,7 @@ from blocks.core.signals import (
     differ,
     signal_type,
 )
+from blocks.core.variants import Variant
 
 __all__ = [
     "REQUIRED",
@@ -86,12 +88,15 @@ __all__ = [
     "Same",
     "Scalar",
     "Scan",
+    "Setting",
+    "SettingError",
     "SignalType",
     "Spikes",
     "State",
     "TrackingState",
     "Twist",
     "TwistValue",
+    "Variant",
     "Vector",
     "WheelSpeeds",
     "arctan2",

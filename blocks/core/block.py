@@ -61,6 +61,7 @@ import numpy as np
 from blocks.core.declarations import BlockSpec, DeclarationError, Evaluation, Input, Output, State
 from blocks.core.params import ParameterError, hint, plain, show
 from blocks.core.reading import STATED, read_declarations
+from blocks.core.settings import SettingError
 from blocks.core.signals import SignalType
 
 __all__ = [
@@ -85,12 +86,16 @@ class BlockContext:
     terms : for each variadic input, one flag per term as written: whether it is still connected
         (removing a block removes its wires).
     world : the :class:`blocks.World` of the graph's ``world:`` section; None without one.
+    lengths : the lengths that are known, by symbol: of ports, and those that arrived with wires.
+    published : inputs whose wire comes from an output that publishes a description.
     """
 
     dt: float
     types: Mapping[str, SignalType]
     terms: Mapping[str, tuple[bool, ...]] = field(default_factory=dict)
     world: object = None
+    lengths: Mapping[str, int] = field(default_factory=dict)
+    published: frozenset[str] = frozenset()
 
 
 class BlockState:
@@ -98,7 +103,8 @@ class BlockState:
 
     The arrays that the block declares are attributes; an assignment to one of them writes into
     it, so that probes and both engines see it. Further attributes: ``context``, its step ``dt``,
-    and ``rng``, the block's own generator. ``start`` may add what it derives from parameters.
+    and ``rng``, the block's own generator; ``published``, for each input that has one, the static
+    description that its producer publishes. ``start`` may add what it derives from parameters.
 
     Every array is stored as a view: an output that is one of them, or a part of one, has a
     ``base``, from which the engine sees that it must be copied.
@@ -112,6 +118,7 @@ class BlockState:
         self.context = context
         self.dt = context.dt
         self.seed = seed
+        self.published: Mapping[str, Any] = {}
 
     def __setattr__(self, name: str, value: Any) -> None:
         held = self.__dict__
@@ -164,6 +171,8 @@ class Block:
                 continue
             try:
                 value = declared.convert(values.get(name, declared.default))
+            except SettingError as error:
+                problems += [(f"{name}.{at}" if at else name, text) for at, text in error.problems]
             except ValueError as error:
                 problems.append((name, str(error)))
             else:
@@ -196,6 +205,17 @@ class Block:
 
     def validate_in(self, context: BlockContext) -> None:
         """Check that the block can run in this context; raise :class:`ParameterError`."""
+
+    def infer(self, lengths: Mapping[str, int]) -> Mapping[str, int]:
+        """Lengths that follow from others that are known, by symbol."""
+        return {}
+
+    def why_open(self, published: frozenset[str]) -> str:
+        """Why a length of this block may be open, and what to do; '' for the general message.
+
+        ``published`` are the inputs that receive a published description.
+        """
+        return ""
 
     def start(self, state: BlockState) -> None:
         """Fill the state, which is all zeros, before the first tick."""

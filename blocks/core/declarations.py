@@ -39,7 +39,11 @@ class Output:
     """An output port.
 
     ``through`` names the input that replaces it under ``bypass``. A ``constant`` output never
-    changes during a run: it is computed and recorded once.
+    changes during a run: it is computed and recorded once. ``publishes`` names a method of (state)
+    that returns a static description of the signal, such as the tuning of the neurons behind
+    spikes: a consumer finds it in ``state.published`` when it starts. The lengths in ``carries``
+    travel along the wire, too, and are known when the consumer's own lengths are inferred.
+    ``label`` is what figures call a scalar, which may be a formula as ``$e_p$``.
     """
 
     type: PortType
@@ -48,6 +52,9 @@ class Output:
     through: str = ""
     constant: bool = False
     name: str = ""
+    label: str = ""
+    publishes: str = ""
+    carries: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, init=False)

@@ -12,11 +12,12 @@ from typing import Any
 
 from blocks.core.declarations import BlockSpec, DeclarationError, Evaluation, Input, Output, State
 from blocks.core.params import KINDS, Kind, Param, hint, param
+from blocks.core.settings import Setting
 from blocks.core.signals import Same, SignalType
 
 RESERVED_PARAMETERS = ("type", "module", "dt")
 STATED = "_signal"
-RESERVED_STATES = ("context", "dt", "seed", "rng", "_declared")
+RESERVED_STATES = ("context", "dt", "seed", "rng", "published", "_declared")
 
 
 def read_declarations(cls: type, own_sizes: bool = False, own_variables: bool = False) -> BlockSpec:
@@ -137,13 +138,15 @@ def _check_name(cls: type, attribute: str, name: str, kind: type, origins: dict[
         )
 
 
-def _kind(cls: type, attribute: str, annotation: Any) -> Kind:
+def _kind(cls: type, attribute: str, annotation: Any) -> Kind | type[Setting]:
     options: list[Any] = [annotation]
     if typing.get_origin(annotation) in (typing.Union, types.UnionType):
         options = [option for option in typing.get_args(annotation) if option is not type(None)]
     for known, kind in KINDS.items():
         if options == [known]:
             return kind
+    if len(options) == 1 and isinstance(options[0], type) and issubclass(options[0], Setting):
+        return options[0]
     raise DeclarationError(
         f"{cls.__name__}.{attribute}: annotate the parameter with float, int, bool, str or "
         f"FloatArray (or one of them | None), not {annotation}"

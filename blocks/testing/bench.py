@@ -80,7 +80,7 @@ class Bench:
     def _state(self, seed: int) -> BlockState:
         """The state as an engine makes it: zeros in the declared shapes."""
         context, spec = self.context, self.block.spec
-        lengths = dict(self.block.sizes())
+        lengths = {**context.lengths, **self.block.sizes()}
         for name, port in spec.ports.items():
             if isinstance(port.type, SignalType) and port.type.symbol:
                 lengths[port.type.symbol] = context.types[name].shape[0]

@@ -31,9 +31,9 @@ from runtime.engine.runners import (
     located,
     silent,
 )
-from runtime.engine.schedule import CONTINUOUS_NAMES, GLOBALS, Plan
-from runtime.engine.solvers import METHODS, blend, joined
-from runtime.engine.values import NotFiniteError, OutputChecks, bad_slope, sealed
+from runtime.engine.schedule import GLOBALS, Plan
+from runtime.engine.solvers import METHODS, blend, controls, joined, judged, substep
+from runtime.engine.values import NotFiniteError, OutputChecks, bad_slope, sealed, unreached
 from runtime.errors import SimulationError, UsageError
 from runtime.network import Network, state_shape
 
@@ -173,7 +173,8 @@ class Engine:
 
     def _failed(self, error: BaseException) -> SimulationError:
         """The error that names the block, the tick and the time of an exception."""
-        block = self.locate(error) or getattr(error, "block", "")
+        found = self.locate(error)
+        block = getattr(error, "block", "") or found
         is_message = isinstance(error, (NotFiniteError, UsageError))
         text = str(error) if is_message else _described(error)
         return SimulationError(block, self.tick, self.tick * self.network.dt, text)
@@ -198,7 +199,8 @@ class Engine:
             identifier = self.plan.names[name]
             self.namespace[identifier] = entry.made
             self.namespace[self.plan.variables[name, ""]] = self.states[name]
-            self._guard(name, partial(entry.made.start, self.states[name]))
+        for name in self._starting_order():
+            self._start_block(name)
         for step in self.plan.steps:
             if step.constant:
                 method = getattr(self.network.entries[step.block].made, step.evaluation.method)
@@ -211,18 +213,51 @@ class Engine:
                     self.namespace[self.plan.variables[step.block, port]] = item
                     self._record_constant(step.block, port, item)
 
+    def _starting_order(self) -> list[str]:
+        """Blocks by name; those that publish descriptions before the others."""
+        outputs = {n: e.cls.spec.outputs.values() for n, e in self.network.entries.items()}
+        return sorted(outputs, key=lambda n: not any(port.publishes for port in outputs[n]))
+
+    def _start_block(self, name: str) -> None:
+        """Initialise one block's state, with what the outputs wired to it publish."""
+        published = {}
+        for port, source in self.network.publications(name):
+            made = self.network.entries[source.block].made
+            describe = getattr(made, type(made).spec.outputs[source.port].publishes)
+            call = partial(describe, self.states[source.block])
+            published[port] = self._guard(source.block, call)
+        state = self.states[name]
+        state.published = published
+        self._guard(name, partial(self.network.entries[name].made.start, state))
+
     def _continuous_names(self) -> dict[str, Any]:
         """What the text of a graph with continuous states refers to."""
         part = self.plan.continuous
         if part is None:
             return {}
-        method = METHODS[self.network.solver]
+        method = METHODS[self.network.solver.name]
         slopes = np.zeros((method.stages, part.size))
-        values = (
-            *(self.continuous, np.zeros(part.size), slopes, method.nodes, method.terms, 0),
-            *(blend, joined, self.checks.rates, partial(bad_slope, part, slopes)),
+        solver, dt = self.network.solver, self.network.dt
+        control = controls(
+            solver.rtol, solver.atol, min(dt, solver.max_step or dt), self.network.until
         )
-        return dict(zip(CONTINUOUS_NAMES, values, strict=True))
+        return {
+            "states": self.continuous,
+            "start": np.zeros(part.size),
+            "slopes": slopes,
+            "nodes": method.nodes,
+            "weights": method.terms,
+            "table": method.table,
+            "blend": blend,
+            "joined": joined,
+            "rates": self.checks.rates,
+            "bad_slope": partial(bad_slope, part, slopes),
+            "errors": np.array(method.errors),
+            "control": control,
+            "substep": substep,
+            "judged": judged,
+            "unreached": partial(unreached, part, control),
+        }
 
     def _guard(self, block: str, call: Callable[[], Any]) -> Any:
         try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from blocks.core import (
@@ -21,7 +21,7 @@ from blocks.core import (
 from blocks.registry import Modules
 from blocks.world import World
 from runtime.document import MAX_TICKS, Node, closest, read_run, seconds, section
-from runtime.errors import MissingExtraError, Problems
+from runtime.errors import MissingExtraError, Problems, Where
 from runtime.network.addresses import Endpoint
 from runtime.network.block_types import block_class, own_types
 from runtime.network.inference import infer_types, report_open
@@ -60,7 +60,7 @@ def build(
     before = len(problems.found)
     run, title = read_run(document, problems), _title(document.get("graph"), problems)
     world = _world(document, problems)
-    network = Network(title, **asdict(run), scope=scope, document=document, world=world)
+    network = Network(title, **vars(run), scope=scope, document=document, world=world)
     can_run = len(problems.found) == before
     network = _with_blocks(network, classes or {}, kinds or {}, problems, modules)
     wiring = Wiring(network, problems)
@@ -72,7 +72,8 @@ def build(
         terms=wiring.terms,
     )
     network = remove(network, problems)
-    network = replace(network, types=infer_types(network, problems))
+    types, lengths = infer_types(network, problems)
+    network = replace(network, types=types, lengths=lengths)
     if not problems.found:
         notes = check_units(network, problems)
         network = replace(network, notes=(*network.notes, *notes))
@@ -212,11 +213,22 @@ def _constructed(
         misspelt = {closest(key, known) for key in unknown}
         for parameter, text in error.problems:
             if parameter in values or parameter not in misspelt:
-                where = values[parameter].where if parameter in values else node.key
+                where = _place(node, parameter)
                 problems.add(where, f"{address}.{parameter}", text)
     except (Exception, SystemExit) as error:  # noqa: BLE001 -- a user's block may raise anything
         problems.add(node.key, address, _failed(cls, error))
     return None, []
+
+
+def _place(node: Node, parameter: str) -> Where:
+    """Where a parameter is written, or the part of it that ``a.b`` names; else the block."""
+    where, found = node.key, node
+    for name in parameter.split("."):
+        inner = found.get(name) if found.is_map else None
+        if inner is None:
+            break
+        where, found = inner.where, inner
+    return where
 
 
 def _given(
@@ -318,8 +330,7 @@ def _check_contexts(network: Network, problems: Problems) -> MissingPackageError
             entry.block.validate_in(context)
         except ParameterError as error:
             for parameter, text in error.problems:
-                item = entry.node.get(parameter)
-                where = item.where if item is not None else entry.node.key
+                where = _place(entry.node, parameter)
                 problems.add(where, f"{entry.address}.{parameter}", text)
         except MissingPackageError as error:
             missing = error

@@ -34,7 +34,7 @@ ROOM = World(SHIPPED["paper_room"])
 TICKS = 40
 STREAMS = 3
 # Called from Python under the compiled engine: it computes with another library.
-PYTHON_ONLY = {"MujocoVacuum"}
+PYTHON_ONLY = {"MujocoVacuum", "MPC"}
 
 
 @dataclass(frozen=True)
@@ -118,6 +118,7 @@ PUSHING: dict[str, Draw] = {"command": seldom_new(uniform(3.0, 3.0))}
 TRACKING: dict[str, Draw] = {"error": normal(0.3, 0.3, 1.0), "reference": uniform(3.0, 3.0, 9.0)}
 TURNING: dict[str, Draw] = {**TRACKING, "reference": seldom_new(uniform(3.0, 3.0, 9.0))}
 NEURAL = ("weights", "activity")
+WEIGHTS = [[1.0, -2.0, 0.5, 0.0], [0.3, 0.1, -0.7, 2.0]]
 TWO = {"input": Vector(2), "error": Vector(2)}
 
 CASES: dict[str, list[Case]] = {
@@ -140,6 +141,22 @@ CASES: dict[str, list[Case]] = {
         Case(blocks.Stanley(), inputs=TRACKING),
         Case(blocks.Stanley(wheel_base=0.2, delta_max=0.5), inputs=TRACKING),
     ],
+    "LQI": [
+        Case(blocks.LQI(limit=1.0), inputs=TRACKING, free=("integral",)),
+        Case(blocks.LQI(v_r=-0.5), inputs=TRACKING, absent=True),
+    ],
+    "DisturbanceObserver": [
+        Case(blocks.DisturbanceObserver(), inputs=TRACKING, free=("estimated",)),
+        Case(blocks.DisturbanceObserver(limit=0.5, v_r=-0.3), inputs=TRACKING, absent=True),
+    ],
+    "L1Adaptive": [
+        Case(blocks.L1Adaptive(), inputs=TRACKING, free=("estimated",)),
+        Case(blocks.L1Adaptive(limit=0.5, filter=9.0), inputs=TRACKING, absent=True),
+    ],
+    "MRAC": [
+        Case(blocks.MRAC(), free=("bias", "weights")),
+        Case(blocks.MRAC(leak=1.0, e_leak=0.5, limit=0.5, power=9e3), TWO, free=("weights",)),
+    ],
     "AdaptiveEnsemble": [
         Case(blocks.AdaptiveEnsemble(), free=NEURAL, dt=0.001),
         Case(blocks.AdaptiveEnsemble(leak=1.0, limit=0.5), TWO, free=NEURAL, dt=0.001),
@@ -149,6 +166,21 @@ CASES: dict[str, list[Case]] = {
         Case(blocks.RateEnsemble(), free=NEURAL),
         Case(blocks.RateEnsemble(leak=1.0, limit=0.5, neurons=33), TWO, free=NEURAL),
     ],
+    "Ensemble": [
+        Case(blocks.Ensemble(neurons=30, dimensions=2), free=("drive",), dt=0.001),
+        Case(blocks.Ensemble(dimensions=1, neuron="AdaptiveLIF"), dt=0.002, absent=True),
+        Case(blocks.Ensemble(dimensions=8, groups=2, neuron="LIFRate", neurons=9), dt=0.001),
+        Case(blocks.Ensemble(dimensions=1, neuron="Izhikevich", max_rates=30), dt=0.001),
+    ],
+    "Decoder": [
+        Case(blocks.Decoder(weights=WEIGHTS, synapse=synapse), dt=0.001)
+        for synapse in (0.01, "alpha(0.1)")
+    ]
+    + [
+        Case(blocks.Decoder(weights=WEIGHTS, learning="rls", filter="spikes"), dt=0.001),
+        Case(blocks.Decoder(weights=WEIGHTS, learning="pes"), free=("pending",), dt=0.001),
+    ],
+    "Weights": [Case(blocks.Weights(weights=WEIGHTS, learning={"rule": "bcm"}), dt=0.001)],
     "AdaptiveBias": [
         Case(blocks.AdaptiveBias(), free=("bias",)),
         Case(blocks.AdaptiveBias(leak=1.0, limit=0.5, power=1e4), free=("bias",)),
@@ -335,11 +367,8 @@ def check_equal(case: Case, form: type[Run], stream: int, ticks: int = TICKS) ->
         for name, value in expected.items():
             message = f"{name} at tick {k} of stream {stream}"
             assert np.shape(found[name]) == np.shape(value), message
-            if name == "spikes":
-                np.testing.assert_array_equal(found[name], value, message)
-            else:
-                # A difference is as accurate as its terms.
-                np.testing.assert_allclose(found[name], value, 1e-12, 1e-12, err_msg=message)
+            # A difference is as accurate as its terms.
+            np.testing.assert_allclose(found[name], value, 1e-12, 1e-12, err_msg=message)
 
 
 @pytest.mark.parametrize("case", EVERY, ids=str)

@@ -1,0 +1,180 @@
+"""Decoders: from the spikes of an ensemble to a function of what it represents."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import final
+
+import numpy as np
+
+from blocks.core import (
+    BlockContext,
+    BlockState,
+    FloatArray,
+    Input,
+    ParameterError,
+    Scalar,
+    State,
+    Vector,
+    kernel_of,
+    param,
+)
+from blocks.neural.rules import DecoderRule, follow, pes_step, rls_step, share_of
+from blocks.neural.solving import Solved, decode
+from blocks.neural.synapses import Synapse, passed, remember
+from blocks.neural.tuning import Tuning
+
+
+@final
+class Decoder(Solved):
+    """Decode a function of what an ensemble represents from its spikes, and learn it online.
+
+        spikes, error, learn ─▶ [ Decoder ] ─▶ value
+
+    Decoding  value = h * (W spikes), h the synapse
+    Weights   W from the solver: decoders of the tuning curves, A D = f(points), times transform
+    Learning  pes: W -= (kappa dt / n) learn error s';  rls: recursive least squares;
+              s the spikes through a lowpass of the rule's tau
+
+    The weights follow from the tuning of the ensemble whose spikes are wired here, on points drawn
+    evenly within its radius, unless ``weights`` are given. The synapse is discretised exactly for
+    an input that holds: with a lowpass, s += (1 - exp(-dt / tau)) (W spikes - s). Spikes between
+    t_k-1 and t_k are in the value at t_k. All of it is Nengo's arithmetic, tick by tick. With
+    ``filter: spikes``, the synapse is before the weights, and its output is what the rule sees:
+    an AdaptiveEnsemble is such a pair of Ensemble and Decoder.
+    """
+
+    error = Input(Vector("k"), variadic=True, doc="what to reduce, with ``learning``; wires add up")
+    learn = Input(Scalar, default=1.0, doc="factor on the learning rate: 0 pauses learning")
+
+    synapse: Synapse = param(0.005, unit="s", doc="filter of the value")
+    filter: str = param("value", choices=("value", "spikes"), doc="what the synapse filters")
+    learning: DecoderRule | None = param(None, doc="rule by which the weights learn")
+
+    filtered = State("order", "k", doc="the synapse's states")
+    activity = State("active", unit="1/s", doc="filtered spikes s")
+    pending = State("errors", doc="learn times the error of the last tick")
+    inverse = State("squared", "squared", doc="P of recursive least squares")
+
+    def sizes(self) -> dict[str, int]:
+        order = self.synapse.order if self.filter == "value" else 0
+        return {**super().sizes(), "order": order}
+
+    def infer(self, lengths: Mapping[str, int]) -> Mapping[str, int]:
+        found = dict(super().infer(lengths))
+        known = {**lengths, **found}
+        learns = self.learning is not None
+        if "n" in known:
+            found["active"] = known["n"] if learns or self.filter == "spikes" else 0
+            found["squared"] = known["n"] if learns and self._rule == "rls" else 0
+        if "k" in known:
+            found["errors"] = known["k"] if learns else 0
+        return found
+
+    @property
+    def _rule(self) -> str:
+        return "" if self.learning is None else self.learning.label
+
+    def validate(self) -> None:
+        super().validate()
+        if self.filter == "spikes" and self.synapse.order != 1:
+            message = f"expected a lowpass for 'filter: spikes', got {self.synapse!r}"
+            raise ParameterError([("synapse", message)])
+
+    def validate_in(self, context: BlockContext) -> None:
+        super().validate_in(context)
+        wires = len(context.terms["error"])
+        if wires and self.learning is None:
+            message = "'error' is wired but nothing learns; add {rule: pes} or remove the wire"
+            raise ParameterError([("learning", message)])
+        if self.learning is not None and not wires:
+            message = f"{self._rule} learns from an error, and the input 'error' is not connected"
+            raise ParameterError([("learning", message)])
+        if self._rule == "rls" and context.lengths.get("groups", 1) > 1:
+            raise ParameterError([("learning", "rls does not learn in groups; use pes")])
+
+    def start(self, state: BlockState) -> None:
+        a, b = self.synapse.matrices(state.dt)
+        state.a, state.b = a, b
+        state.groups, state.error = 1, math.nan
+        state.rule, state.by_spikes = self._rule, self.filter == "spikes"
+        if self.weights_given is not None:
+            state.weights[...] = self.weights_given
+        else:
+            tuning: Tuning = state.published["spikes"]
+            state.groups = tuning.groups
+            self._solve(state, tuning)
+        state.gamma = state.quick = 0.0
+        if self.learning is not None:
+            n = state.weights.shape[1] // state.groups
+            state.gamma = self.learning.learning_rate * state.dt / n
+            state.quick = float(b[0]) if state.by_spikes else share_of(self.learning.tau, state.dt)
+            if self._rule == "rls":
+                np.fill_diagonal(state.inverse, state.gamma)
+        elif state.by_spikes:
+            state.quick = float(b[0])
+
+    def output(self, state: BlockState, t: float, spikes: FloatArray) -> FloatArray:
+        if state.by_spikes:
+            return self._of_filtered(state, spikes)
+        decoded = decode(state.weights, spikes, state.groups)
+        return passed(state.filtered, state.a, state.b, decoded)
+
+    def _of_filtered(self, state: BlockState, spikes: FloatArray) -> FloatArray:
+        """The value W s of filtered spikes, W with what the last error teaches."""
+        activity = state.activity + state.quick * (spikes - state.activity)
+        value = decode(state.weights, activity, state.groups)
+        if state.rule == "pes":
+            squares = decode(activity[None], activity, state.groups)
+            value = value - state.gamma * state.pending * np.repeat(
+                squares, len(value) // len(squares)
+            )
+        return value
+
+    @kernel_of(_of_filtered)
+    def _of_filtered_kernel(self, state: BlockState, spikes: FloatArray) -> FloatArray:
+        activity = state.activity.copy()
+        follow(activity, spikes, state.quick)
+        value = decode(state.weights, activity, state.groups)
+        if state.rule == "pes":
+            rows = len(value) // state.groups
+            each = len(activity) // state.groups
+            for group in range(state.groups):
+                square = 0.0
+                for i in range(group * each, (group + 1) * each):
+                    square += activity[i] * activity[i]
+                for row in range(group * rows, (group + 1) * rows):
+                    value[row] -= state.gamma * state.pending[row] * square
+        return value
+
+    def update(
+        self,
+        state: BlockState,
+        t: float,
+        spikes: FloatArray,
+        error: tuple[FloatArray, ...],
+        learn: float,
+        value: FloatArray,
+    ) -> None:
+        if not state.by_spikes and len(state.b) > 0:
+            # Only a filter of the second order needs its input again.
+            decoded = value if len(state.b) == 1 else decode(state.weights, spikes, state.groups)
+            remember(state.filtered, state.a, state.b, decoded, value)
+        if state.rule != "" or state.by_spikes:
+            follow(state.activity, spikes, state.quick)
+        if state.rule != "":
+            self._learn(state)
+            total = state.pending
+            total[:] = 0.0
+            if len(error) > 0:
+                for term in error:
+                    for i in range(len(total)):
+                        total[i] += learn * term[i]
+
+    def _learn(self, state: BlockState) -> None:
+        """Apply the error of the last tick, with the spikes that followed from it."""
+        if state.rule == "pes":
+            pes_step(state.weights, state.activity, state.pending, state.gamma, state.groups)
+        if state.rule == "rls" and state.gamma > 0.0:
+            rls_step(state.weights, state.inverse, state.activity, state.pending)
