@@ -15,7 +15,20 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import blocks
-from blocks import Block, Path, Pose, Scalar, Scan, SignalType, Twist, Vector, nonlinear, sources
+from blocks import (
+    Block,
+    Path,
+    Pose,
+    Scalar,
+    Scan,
+    SignalType,
+    Twist,
+    Vector,
+    dynamics,
+    nonlinear,
+    plants,
+    sources,
+)
 from blocks import generic as generic_room
 from blocks.generic import arithmetic
 from blocks.generic.mathematics import COMPARISONS, LOGIC
