@@ -21,6 +21,8 @@ def learner(until: float = 0.4, seed: int = 0, neurons: int = 30) -> runtime.Gra
     graph = graph.add("out", blocks.Decoder(function="0", learning="pes"))
     graph = graph.add("fused", blocks.AdaptiveEnsemble(neurons=neurons, learning_rate=1e-3))
     graph = graph.add("error", blocks.Sum(signs=[1, -1]))
+    graph = graph.add("memory", blocks.Lowpass(tau=0.1, signal="Scalar"))  # a state without axes
+    graph = graph.connect("x.value.0", "memory.input")
     graph = graph.connect("x.value", "snn.input").connect("snn.spikes", "out.spikes")
     graph = graph.connect("out.value", "error.terms").connect("x.value", "error.terms")
     graph = graph.connect("error.out", "out.error").connect("x.value", "fused.input")
