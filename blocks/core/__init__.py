@@ -12,6 +12,7 @@ from blocks.core.block import (
     State,
 )
 from blocks.core.declarations import BlockSpec
+from blocks.core.elementwise import Elementwise, spread_to
 from blocks.core.expression_reader import ExpressionError, parsed
 from blocks.core.expressions import (
     Expression,
@@ -34,6 +35,7 @@ from blocks.core.params import (
     show,
 )
 from blocks.core.portable import arctan2, cos, directions, product, sin, solve
+from blocks.core.scalar_functions import RESERVED, modulo, nearest
 from blocks.core.settings import Setting, SettingError
 from blocks.core.signals import (
     TYPES,
@@ -62,6 +64,7 @@ from blocks.core.variants import Variant
 
 __all__ = [
     "REQUIRED",
+    "RESERVED",
     "TYPES",
     "Block",
     "BlockContext",
@@ -69,6 +72,7 @@ __all__ = [
     "BlockState",
     "BoolArray",
     "DeclarationError",
+    "Elementwise",
     "Evaluation",
     "Expression",
     "ExpressionError",
@@ -112,6 +116,8 @@ __all__ = [
     "hint",
     "kernel_for",
     "kernel_of",
+    "modulo",
+    "nearest",
     "param",
     "parsed",
     "plain",
@@ -123,4 +129,5 @@ __all__ = [
     "signal_type",
     "sin",
     "solve",
+    "spread_to",
 ]
