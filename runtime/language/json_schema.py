@@ -186,6 +186,8 @@ def _forms(declared: Param) -> Iterable[Schema]:
     }
     if declared.kind in simple:
         return simple[declared.kind]
+    if declared.kind != "array":
+        return [ANY]  # a setting with a form of its own
     alone = [number, *degrees] if not declared.shapes or () in declared.shapes else []
     return [*alone, {"type": "array"}]
 
