@@ -303,7 +303,7 @@ class Graph:
         return self._changed(changed, Override("from", target))
 
     def replace(self, name: str, kind: str, *, origin: str = "") -> Graph:
-        """A copy with a block of another type in a block's place, as in ``replace("lqr", "PID")``.
+        """A copy with a block of another type in a block's place: ``replace("lqr", "PathPID")``.
 
         Parameters and wires that the new type has as well stay; ``notes`` lists what is dropped.
         """

@@ -23,7 +23,7 @@ from blocks.world import World
 from runtime.document import MAX_TICKS, Node, closest, read_run, seconds, section
 from runtime.errors import MissingExtraError, Problems, Where
 from runtime.network.addresses import Endpoint
-from runtime.network.block_types import block_class, own_types
+from runtime.network.block_types import block_class, own_types, relative_with
 from runtime.network.inference import infer_types, report_open
 from runtime.network.initial import read_initial
 from runtime.network.network import Entry, Network
@@ -206,6 +206,8 @@ def _constructed(
             before = list(values)[list(values).index(key) - 1]
             whole = values[before].plain()
             suggestion = f"; a decimal point is a dot, as in {before}: {whole}.{key}"
+        elif relative := relative_with(cls, key):
+            suggestion = f"; the block with this parameter is a {relative}"
         elif key == "graph":
             suggestion = "; parts are read with the file that names them"
         problems.add(values[key].key, f"{address}.{key}", f"unknown parameter{suggestion}", True)
