@@ -1,10 +1,11 @@
 """What an experiment varies: factors, seeds, variants, the objective, and experiment files."""
 
+from runtime.experiments.design.additions import Additions
 from runtime.experiments.design.checks import check_design, check_factor, check_objective
 from runtime.experiments.design.experiment import Experiment, read_experiment
 from runtime.experiments.design.factors import Factor, Range, parse_factor
 from runtime.experiments.design.objective import Objective
-from runtime.experiments.design.sampling import Design
+from runtime.experiments.design.sampling import Design, Method
 from runtime.experiments.design.seeds import Seeds, parse_seeds
 from runtime.experiments.design.variants import (
     BASELINE,
@@ -17,9 +18,11 @@ from runtime.experiments.design.variants import (
 
 __all__ = [
     "BASELINE",
+    "Additions",
     "Design",
     "Experiment",
     "Factor",
+    "Method",
     "Objective",
     "Range",
     "Seeds",

@@ -20,7 +20,7 @@ from runtime.graph import Graph, load
 CHANGES = ("with", "set", "wire", "without", "bypass", "replace")
 SWEEP_KEYS = ("vary", "random", "sobol", "sampling_seed", "minimize", "maximize")
 # Further keys of plan.yaml, which is an experiment file as well.
-PLAN_KEYS = ("schema_version", "kind", "metrics", "points", "digest", "made")
+PLAN_KEYS = ("schema_version", "kind", "metrics", "units", "points", "digest", "made")
 KEYS = ("experiment", "graph", "until", *CHANGES, "seeds", *SWEEP_KEYS, "variants", *PLAN_KEYS)
 VARIANT_KEYS = ("graph", "until", *CHANGES, "changes")
 MAX_SAMPLES = 10**9
