@@ -7,6 +7,18 @@ from runtime.experiments.design.factors import Factor, Range, parse_factor
 from runtime.experiments.design.objective import Objective
 from runtime.experiments.design.sampling import Design, Method
 from runtime.experiments.design.seeds import Seeds, parse_seeds
+from runtime.experiments.design.tuning import (
+    OVER,
+    SAMPLERS,
+    Constraint,
+    Over,
+    RunSet,
+    Sampler,
+    Tuning,
+    TuningEntries,
+    complete,
+    parse_constraint,
+)
 from runtime.experiments.design.variants import (
     BASELINE,
     Variant,
@@ -18,20 +30,30 @@ from runtime.experiments.design.variants import (
 
 __all__ = [
     "BASELINE",
+    "OVER",
+    "SAMPLERS",
     "Additions",
+    "Constraint",
     "Design",
     "Experiment",
     "Factor",
     "Method",
     "Objective",
+    "Over",
     "Range",
+    "RunSet",
+    "Sampler",
     "Seeds",
+    "Tuning",
+    "TuningEntries",
     "Variant",
     "check_design",
     "check_factor",
     "check_objective",
     "check_variants",
+    "complete",
     "grouped",
+    "parse_constraint",
     "parse_factor",
     "parse_seeds",
     "read_experiment",
