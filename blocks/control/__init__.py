@@ -5,7 +5,7 @@ from blocks.control.lqr import LQR
 from blocks.control.mpc import MPC
 from blocks.control.paths import CirclePath, LinePath, SinePath, WaypointPath, curvature
 from blocks.control.trackers import PID, PurePursuit, Stanley
-from blocks.control.tracking import MatchingPoint, TrackingError
+from blocks.control.tracking import CourseError, MatchingPoint, TrackingError
 
 __all__ = [
     "LQI",
@@ -13,6 +13,7 @@ __all__ = [
     "MPC",
     "PID",
     "CirclePath",
+    "CourseError",
     "DisturbanceObserver",
     "L1Adaptive",
     "LinePath",

@@ -20,6 +20,7 @@ from blocks.core import (
     SignalType,
     Twist,
     TwistValue,
+    Vector,
     kernel_of,
     param,
 )
@@ -153,6 +154,22 @@ class Mux(Block):
 
     def output(self, state: BlockState, t: float, v: float, omega: float) -> TwistValue:
         return v, omega
+
+
+class Pair(Block):
+    """Join two numbers to a vector.
+
+    first, second ─▶ [ Pair ] ─▶ out
+    """
+
+    first = Input(Scalar, default=0.0, doc="the first component")
+    second = Input(Scalar, default=0.0, doc="the second component")
+    out = Output(Vector(2), doc="[first, second]")
+
+    def output(self, state: BlockState, t: float, first: float, second: float) -> FloatArray:
+        both = np.empty(2)
+        both[0], both[1] = first, second
+        return both
 
 
 class Switch(Block):

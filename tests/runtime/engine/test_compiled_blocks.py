@@ -154,6 +154,7 @@ CASES: dict[str, list[Case]] = {
     ],
     "MRAC": [
         Case(blocks.MRAC(), free=("bias", "weights")),
+        Case(blocks.MRAC(normalised=True, learning_rate=0.5), TWO, free=("bias", "weights")),
         Case(blocks.MRAC(leak=1.0, e_leak=0.5, limit=0.5, power=9e3), TWO, free=("weights",)),
     ],
     "AdaptiveEnsemble": [
@@ -164,6 +165,7 @@ CASES: dict[str, list[Case]] = {
     "RateEnsemble": [
         Case(blocks.RateEnsemble(), free=NEURAL),
         Case(blocks.RateEnsemble(leak=1.0, limit=0.5, neurons=33), TWO, free=NEURAL),
+        Case(blocks.RateEnsemble(normalised=True, e_leak=0.3), TWO, free=NEURAL),
     ],
     "AdaptiveBias": [
         Case(blocks.AdaptiveBias(), free=("bias",)),
