@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from blocks.core import MissingPackageError, require
+from blocks.core import FloatArray, MissingPackageError, require
 from runtime.errors import MissingExtraError
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ def package(name: str, feature: str) -> ModuleType:
 
 
 def dataframe(
-    columns: Mapping[str, Sequence[object]], units: Mapping[str, str], feature: str
+    columns: Mapping[str, Sequence[object] | FloatArray], units: Mapping[str, str], feature: str
 ) -> DataFrame:
     """A table of columns; ``attrs["units"]`` has the units of those that have one.
 

@@ -18,7 +18,7 @@ PACKAGES = ("blocks", "runtime")
 # do not know each other. What loads matplotlib in a room that works without it is a room by itself.
 FLOORS: tuple[tuple[str, ...], ...] = (
     ("blocks.core",),
-    ("blocks.generic", "blocks.learning", "blocks.world"),
+    ("blocks.dynamics", "blocks.generic", "blocks.learning", "blocks.neural", "blocks.world"),
     ("blocks.testing", "blocks.control", "blocks.vehicle"),
     ("blocks.wall_fitting", "blocks.mujoco"),
     ("blocks.registry",),
@@ -28,7 +28,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.terminal", "runtime.dataframes"),
     ("runtime.document",),
     ("runtime.network",),
-    ("runtime.observation",),
+    ("runtime.observation", "runtime.descriptions"),
     ("runtime.engine",),
     ("runtime.engine.compiled",),
     ("runtime.plots", "runtime.diagrams.layout"),
@@ -44,7 +44,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.experiments.tuning",),
     ("runtime.experiments.tuning.tuning_plots",),
     ("runtime.experiments",),
-    ("runtime.reports",),
+    ("runtime.reports", "runtime.language"),
     ("runtime.cli",),
     ("runtime",),
 )

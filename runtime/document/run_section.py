@@ -1,4 +1,4 @@
-"""The ``run`` section of a graph: base step, length, seed and engine."""
+"""The ``run`` section of a graph: base step, length, seed, engine and solver."""
 
 from __future__ import annotations
 
@@ -14,6 +14,10 @@ from runtime.errors import Problems
 DEFAULT_UNTIL = 10.0
 MAX_TICKS = 10**12
 ENGINES = ("auto", "python", "compiled")
+SOLVERS = ("euler", "heun", "rk4")
+DEFAULT_SOLVER = "rk4"
+# Keys of the section that take one of a few words.
+RUN_CHOICES = {"engine": ENGINES, "solver": SOLVERS}
 DEFAULT_MEMORY = 1024**3
 UNITS = {"": 1, "K": 1024, "M": 1024**2, "G": 1024**3}
 
@@ -27,6 +31,7 @@ class RunSection:
     seed: int
     engine: str
     memory: int
+    solver: str
 
 
 def read_run(document: Node, problems: Problems) -> RunSection:
@@ -48,8 +53,9 @@ def read_run(document: Node, problems: Problems) -> RunSection:
         message += "; expected one or more" if until < dt else f"; at most {MAX_TICKS:.0e} can run"
         problems.add(where, "run.until", message)
         until = dt
-    seed, engine = _seed(run, problems), _engine(run, problems)
-    return RunSection(dt, until, seed, engine, _memory(run, problems))
+    seed, engine = _seed(run, problems), _choice(run, "engine", ENGINES, ENGINES[0], problems)
+    solver = _choice(run, "solver", SOLVERS, DEFAULT_SOLVER, problems)
+    return RunSection(dt, until, seed, engine, _memory(run, problems), solver)
 
 
 def _seed(run: dict[str, Node], problems: Problems) -> int:
@@ -62,13 +68,15 @@ def _seed(run: dict[str, Node], problems: Problems) -> int:
     return int(value)
 
 
-def _engine(run: dict[str, Node], problems: Problems) -> str:
-    node = run.get("engine")
-    value = ENGINES[0] if node is None else node.value
-    if node is not None and value not in ENGINES:
-        suggestion = hint(str(value), ENGINES) or f"; expected {', '.join(ENGINES)}"
-        problems.add(node.where, "run.engine", f"no engine {node.describe()}{suggestion}")
-        return ENGINES[0]
+def _choice(
+    run: dict[str, Node], key: str, choices: tuple[str, ...], default: str, problems: Problems
+) -> str:
+    node = run.get(key)
+    value = default if node is None else node.value
+    if node is not None and value not in choices:
+        suggestion = hint(str(value), choices) or f"; expected {', '.join(choices)}"
+        problems.add(node.where, f"run.{key}", f"no {key} {node.describe()}{suggestion}")
+        return default
     return str(value)
 
 

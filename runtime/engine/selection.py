@@ -7,7 +7,7 @@ from collections.abc import Callable
 from importlib.util import find_spec
 
 from blocks.core import Same
-from runtime.errors import MissingExtraError
+from runtime.errors import MissingExtraError, UsageError
 from runtime.network import Network, state_shape
 
 # Rough costs in Python (s), measured on case A: a call of a block, and each number that an update
@@ -33,6 +33,11 @@ def take_compiled(network: Network, runs: int, note: Callable[[str], None]) -> b
     MissingExtraError : the compiled engine is requested but not installed.
     """
     if network.engine == "python":
+        return False
+    if any(entry.cls.spec.continuous for entry in network.entries.values()):
+        if network.engine == "compiled":
+            message = "continuous states need the Python engine so far; leave engine: compiled out"
+            raise UsageError(message)
         return False
     installed = find_spec("numba") is not None
     if network.engine == "compiled":

@@ -19,7 +19,7 @@ import numpy as np
 from blocks.core import FloatArray
 from blocks.world import World
 from runtime.diagrams import stored_picture
-from runtime.document import DEFAULT_MEMORY, Override, dump_yaml
+from runtime.document import DEFAULT_MEMORY, DEFAULT_SOLVER, Override, dump_yaml
 from runtime.engine import Engine, MakeRunner, Outcome, Profile, Program, silent, take_compiled
 from runtime.network import Network
 from runtime.observation import Metric, Probe, Recording, Series
@@ -182,6 +182,8 @@ def _resolved(graph: PreparedRun, engine: str) -> dict[str, Any]:
     run = {"dt": network.dt, "until": network.until, "seed": network.seed, "engine": engine}
     if network.memory != DEFAULT_MEMORY:
         run["memory"] = network.memory
+    if network.solver != DEFAULT_SOLVER:
+        run["solver"] = network.solver
     return {**graph.document(), "run": run}
 
 

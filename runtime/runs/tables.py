@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 def run_dataframe(result: RunData, names: Sequence[str]) -> DataFrame:
     """Signals as columns over the time in seconds; see ``Result.to_dataframe``."""
     pandas = package("pandas", "to_dataframe()")
-    frames, units = [], {}
+    frames: list[DataFrame] = []
+    units: dict[str, str] = {}
     taken: set[str] = set()
     for found in _chosen(result, names):
         if found.values.ndim > 2:

@@ -8,14 +8,17 @@ which none of the others is called, one call runs several ticks.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 
 from blocks.core import Evaluation, SignalType
 from runtime.engine.compiled.kernels import Kernel
-from runtime.engine.schedule import INDENT, Emitter, Plan, RecordSlot, Step
+from runtime.engine.schedule import INDENT, Emitter, Plan, RecordSlot
+from runtime.engine.steps import Step
 from runtime.network import Endpoint
 
 Call = tuple[str, Evaluation]
+_ITEM = re.compile(r"\.item\(([0-9]+)\)")
 HEADER = """from math import isfinite
 
 from numba import njit
@@ -303,8 +306,5 @@ def as_held(variable: str, kind: SignalType) -> str:
 
 
 def _subscripts(text: str) -> str:
-    """``x.item(3)`` as ``x[3]``."""
-    if not text.endswith(")") or ".item(" not in text:
-        return text
-    array, _, index = text[:-1].rpartition(".item(")
-    return f"{array}[{index}]"
+    """``x.item(3)`` as ``x[3]``, also inside ``array((x.item(3),))``."""
+    return _ITEM.sub(r"[\1]", text)

@@ -84,7 +84,7 @@ def make_kernels(
     candidates = []
     for name, entry in sorted(network.entries.items()):
         spec = entry.cls.spec
-        calls = [e for e in spec.evaluations if not spec.is_constant(e)]
+        calls = [e for e in entry.evaluations if not spec.is_constant(e)]
         calls += [spec.update] if spec.update else []
         if not calls:
             continue

@@ -6,7 +6,6 @@ import ast
 import inspect
 import math
 import textwrap
-import threading
 import types
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -14,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from blocks.core import Block, BlockState, SignalType, function_kernel, kernel_for
+from blocks.core import Block, BlockState, SignalType, function_kernel, kernel_for, parsed
 from blocks.generic import added, scaled
 from runtime.engine.compiled.folding import Folding
 
@@ -22,16 +21,6 @@ MODULES = {math: "math", np: "np"}
 LITERALS = (str, bool, type(None))
 # Functions that numba lacks, or that do not compile as they are written.
 REPLACED: dict[Any, str] = {math.remainder: "remainder", scaled: "scaled", added: "added"}
-
-
-# Python 3.11 counts the depth of a syntax tree for all threads together, and raises an error.
-_PARSING = threading.Lock()
-
-
-def parsed(source: str) -> ast.Module:
-    """The syntax tree of a text; only one thread parses at a time."""
-    with _PARSING:
-        return ast.parse(source)
 
 
 class NotCompilableError(Exception):
@@ -365,7 +354,8 @@ def translate(made: Block, state: BlockState, terms: dict[str, int], safe: bool)
     translator = Translator(made, state, terms)
     spec = type(made).spec
     wanted = [evaluation.method for evaluation in spec.evaluations]
-    wanted += [spec.update.method] if spec.update else []
+    wanted += [each.method for each in (spec.update, spec.derivative) if each is not None]
+    wanted += ["project"] if spec.projects else []
     methods = {name: translator.method(name) for name in wanted}
     options = "error_model='python', cache=True" + (", boundscheck=True" if safe else "")
     # Functions that only compiled text calls need no Python wrapper.

@@ -2,7 +2,16 @@
 
 from runtime.experiments.design.additions import Additions
 from runtime.experiments.design.checks import check_design, check_factor, check_objective
-from runtime.experiments.design.experiment import Experiment, read_experiment
+from runtime.experiments.design.experiment import (
+    CHANGES,
+    KEYS,
+    PLAN_KEYS,
+    VARIANT_KEYS,
+    Experiment,
+    check_experiment,
+    is_experiment,
+    read_experiment,
+)
 from runtime.experiments.design.factors import Factor, Range, parse_factor
 from runtime.experiments.design.objective import Objective
 from runtime.experiments.design.sampling import Design, Method
@@ -30,8 +39,12 @@ from runtime.experiments.design.variants import (
 
 __all__ = [
     "BASELINE",
+    "CHANGES",
+    "KEYS",
     "OVER",
+    "PLAN_KEYS",
     "SAMPLERS",
+    "VARIANT_KEYS",
     "Additions",
     "Constraint",
     "Design",
@@ -48,11 +61,13 @@ __all__ = [
     "TuningEntries",
     "Variant",
     "check_design",
+    "check_experiment",
     "check_factor",
     "check_objective",
     "check_variants",
     "complete",
     "grouped",
+    "is_experiment",
     "parse_constraint",
     "parse_factor",
     "parse_seeds",

@@ -118,6 +118,7 @@ PUSHING: dict[str, Draw] = {"command": seldom_new(uniform(3.0, 3.0))}
 TRACKING: dict[str, Draw] = {"error": normal(0.3, 0.3, 1.0), "reference": uniform(3.0, 3.0, 9.0)}
 TURNING: dict[str, Draw] = {**TRACKING, "reference": seldom_new(uniform(3.0, 3.0, 9.0))}
 NEURAL = ("weights", "activity")
+WEIGHTS = [[1.0, -2.0, 0.5, 0.0], [0.3, 0.1, -0.7, 2.0]]
 TWO = {"input": Vector(2), "error": Vector(2)}
 
 CASES: dict[str, list[Case]] = {
@@ -167,6 +168,16 @@ CASES: dict[str, list[Case]] = {
         Case(blocks.RateEnsemble(leak=1.0, limit=0.5, neurons=33), TWO, free=NEURAL),
         Case(blocks.RateEnsemble(normalised=True, e_leak=0.3), TWO, free=NEURAL),
     ],
+    "Ensemble": [
+        Case(blocks.Ensemble(neurons=30, dimensions=2), free=("drive",), dt=0.001),
+        Case(blocks.Ensemble(dimensions=1, neuron="AdaptiveLIF"), dt=0.002, absent=True),
+        Case(blocks.Ensemble(dimensions=8, groups=2, neuron="LIFRate", neurons=9), dt=0.001),
+        Case(blocks.Ensemble(dimensions=1, neuron="Izhikevich", max_rates=30), dt=0.001),
+    ],
+    "Decoder": [
+        Case(blocks.Decoder(weights=WEIGHTS, synapse=synapse), dt=0.001)
+        for synapse in (0.01, "alpha(0.1)")
+    ],
     "AdaptiveBias": [
         Case(blocks.AdaptiveBias(), free=("bias",)),
         Case(blocks.AdaptiveBias(leak=1.0, limit=0.5, power=1e4), free=("bias",)),
@@ -209,6 +220,17 @@ CASES: dict[str, list[Case]] = {
         Case(blocks.UnitDelay(initial=[1, 2]), {"input": Twist}),
     ],
     "Lowpass": generic(blocks.Lowpass(tau=0.1, initial=3), "memory"),
+    "Integrator": [
+        *generic(blocks.Integrator(initial=0.5), "integral"),
+        *generic(blocks.Integrator(lower=-0.1, upper=0.2), "integral"),
+    ],
+    "StateSpace": [
+        Case(blocks.StateSpace(A=[[0, 1], [-1, -1]], B=[0, 1], C=[1, 0]), free=("x",)),
+        Case(
+            blocks.StateSpace(A=[[-1]], B=[[1, 2]], C=[[1], [2], [3]], D=0.5, x0=[1.0]),
+            free=("x",),
+        ),
+    ],
     "Saturator": [Case(blocks.Saturator(omega_max=1))],
     "ActuatorFault": [
         Case(blocks.ActuatorFault(gain=[1, 0.5], bias=[0, 0.1], start=0.1, stop=0.3))
@@ -274,8 +296,19 @@ class Run:
             values.update(zip(evaluation.outputs, found, strict=True))
         if spec.update is not None:
             self.call(spec.update.method, t, *[values[port] for port in spec.update.needs])
+        if spec.derivative is not None:
+            needs = [values[port] for port in spec.derivative.needs]
+            rates = self.call(spec.derivative.method, t, *needs)
+            rates = rates if len(spec.continuous) > 1 else (rates,)
+            for name, rate in zip(spec.continuous, rates, strict=True):
+                getattr(self.state, name)[...] += self.case.dt * np.asarray(rate)
+        if spec.projects:
+            self.project()
         states = {name: getattr(self.state, name).copy() for name in spec.states}
         return {**{name: values[name] for name in spec.outputs}, **states}
+
+    def project(self) -> None:
+        self.case.block.project(self.state)  # type: ignore[attr-defined]
 
 
 class TextRun(Run):
@@ -303,6 +336,9 @@ class TextRun(Run):
         ):  # such as infinity times zero; compiled text does not warn
             return self.functions[method](self.fields, t, *arguments)
 
+    def project(self) -> None:
+        self.functions["project"](self.fields)
+
 
 class CompiledRun(TextRun):
     """A run of the compiled text."""
@@ -328,11 +364,8 @@ def check_equal(case: Case, form: type[Run], stream: int, ticks: int = TICKS) ->
         for name, value in expected.items():
             message = f"{name} at tick {k} of stream {stream}"
             assert np.shape(found[name]) == np.shape(value), message
-            if name == "spikes":
-                np.testing.assert_array_equal(found[name], value, message)
-            else:
-                # A difference is as accurate as its terms.
-                np.testing.assert_allclose(found[name], value, 1e-12, 1e-12, err_msg=message)
+            # A difference is as accurate as its terms.
+            np.testing.assert_allclose(found[name], value, 1e-12, 1e-12, err_msg=message)
 
 
 @pytest.mark.parametrize("case", EVERY, ids=str)

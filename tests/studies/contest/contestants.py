@@ -1,4 +1,4 @@
-"""Who takes part: each as an experiment file, all with the same runs, budget and limit of effort."""
+"""Who takes part, each as an experiment file: the same runs, budget and limit of effort."""
 
 from __future__ import annotations
 
