@@ -10,7 +10,7 @@ from runtime.document import dump_yaml
 HERE = Path(__file__).parent
 EXPERIMENTS = HERE / "experiments"
 # What a command may change by from one record (50 ms) to the next, root of the mean square (rad/s).
-EFFORT = 0.12
+EFFORT = 0.15
 
 WEIGHTS = {"params.q_y": "log(1..10000)", "params.q_theta": "log(0.1..1000)"}
 LEARN = {"lqr.learn": "learning.out"}
