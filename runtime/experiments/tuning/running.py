@@ -185,6 +185,8 @@ class _Training:
             seen = self.seeds[: stage + 1]
             if stage + 1 < len(self.seeds):
                 going = [one for one in going if not self._stopped(one, seen)]
+            if not going:
+                break
         for one in batch:
             seeds = self.seeds if one.status == "complete" else _seen(one, self.seeds)
             one.score = self.scorer.score(one.rows, self.plan.tuning.training, seeds)
@@ -204,9 +206,8 @@ class _Training:
         self, optimizer: Optimizer, batch: Sequence[Suggestion], tried: Sequence[Tried]
     ) -> None:
         for suggestion, one in zip(batch, tried, strict=True):
-            assert_score = one.score
-            if assert_score is not None:
-                optimizer.tell(suggestion, assert_score.costs, assert_score.violations)
+            if one.score is not None:
+                optimizer.tell(suggestion, one.score.costs, one.score.violations)
 
     def _show(self, going: Sequence[Tried]) -> None:
         best = front(self.result.tried)
