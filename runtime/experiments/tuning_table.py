@@ -128,10 +128,7 @@ def tune(
     experiment = experiment_of(graph)
     request = TuningRequest(
         vary=[(path, node_of(values)) for path, values in (vary or {}).items()],
-        objectives=[
-            *(Objective(metric) for metric in _names(minimize)),
-            *(Objective(metric, "maximize") for metric in _names(maximize)),
-        ],
+        objectives=_objectives(minimize, maximize),
         constraints=[(text, Where("constraints")) for text in constraints],
         trials=trials,
         sampler=sampler,
@@ -155,8 +152,9 @@ def tune(
         return TuningTable.of(done)
 
 
-def _names(metrics: str | Sequence[str]) -> Sequence[str]:
-    return [metrics] if isinstance(metrics, str) else metrics
+def _objectives(minimize: str | Sequence[str], maximize: str | Sequence[str]) -> list[Objective]:
+    small, large = ([m] if isinstance(m, str) else m for m in (minimize, maximize))
+    return [*map(Objective, small), *(Objective(metric, "maximize") for metric in large)]
 
 
 def _variants(graphs: Mapping[str, Graph] | None, experiment: Experiment) -> list[Variant]:

@@ -31,6 +31,23 @@ def add(parser: ArgumentParser) -> None:
     parser.description = ABOUT.strip()
     parser.formatter_class = RawDescriptionHelpFormatter
     parser.add_argument("graph", help="a graph, or an experiment.yaml")
+    _add_search(parser)
+    parser.add_argument(
+        "--held-out", metavar="SEEDS", help="seeds that judge the winners (1000..1019)"
+    )
+    parser.add_argument("--no-stopping", action="store_true", help="run every trial to its end")
+    parser.add_argument(
+        "--write", action="store_true", help="write the winner's values into the file"
+    )
+    parser.add_argument("--name", help="name of the folder (the graph's, or the experiment's)")
+    parser.add_argument("--resume", action="store_true", help="continue an interrupted tuning")
+    add_workers(parser, "training; the graph's own seed")
+    add_output(parser, "tunings", "tunings")
+    add_changes(parser, seed=False)
+
+
+def _add_search(parser: ArgumentParser) -> None:
+    """Declare what is looked for, and how."""
     parser.add_argument("--trials", type=integer(1, 10**6), metavar="N", help="trials (100)")
     parser.add_argument(
         "--vary",
@@ -65,18 +82,6 @@ def add(parser: ArgumentParser) -> None:
         choices=("mean", "worst"),
         help="over the conditions: the mean (default) or the worst",
     )
-    parser.add_argument(
-        "--held-out", metavar="SEEDS", help="seeds that judge the winners (1000..1019)"
-    )
-    parser.add_argument("--no-stopping", action="store_true", help="run every trial to its end")
-    parser.add_argument(
-        "--write", action="store_true", help="write the winner's values into the file"
-    )
-    parser.add_argument("--name", help="name of the folder (the graph's, or the experiment's)")
-    parser.add_argument("--resume", action="store_true", help="continue an interrupted tuning")
-    add_workers(parser, "training; the graph's own seed")
-    add_output(parser, "tunings", "tunings")
-    add_changes(parser, seed=False)
 
 
 def run(options: Namespace) -> int:
@@ -85,8 +90,14 @@ def run(options: Namespace) -> int:
     from runtime.engine import silent
     from runtime.experiments import tuning_request
     from runtime.experiments.design import read_experiment
-    from runtime.experiments.tuning import TuningOptions, check_writable, run_tuning, write_values
-    from runtime.experiments.tuning.output import save_json, summary
+    from runtime.experiments.tuning import (
+        TuningOptions,
+        check_writable,
+        run_tuning,
+        save_json,
+        summary,
+        write_values,
+    )
     from runtime.terminal import Progress
 
     experiment = read_experiment(

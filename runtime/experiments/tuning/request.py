@@ -15,6 +15,7 @@ from runtime.experiments.design import (
     Over,
     Sampler,
     Seeds,
+    TuningEntries,
     Variant,
     check_factor,
     check_objective,
@@ -90,8 +91,24 @@ def tuning_request(
     problems.raise_any()
     design = replace(experiment.design, factors=(*kept, *factors))
     seed = request.sampling_seed
+    entries = _merged(experiment, request, constraints)
+    only = graph.network.seed
+    tuning = complete(entries, graph, design.seed if seed is None else seed, Seeds(((only, only),)))
+    for runs in (tuning.training, tuning.held_out):
+        check_variants(runs.conditions)
+    name = request.name or experiment.name
+    if slug(name) != name:
+        option = request.options.format("name")
+        raise UsageError(f"{option} {name}: expected letters, digits, '_', '-' and '.'")
+    return tuning_plan(name, graph, design, tuning, note)
+
+
+def _merged(
+    experiment: Experiment, request: TuningRequest, constraints: Sequence[Constraint]
+) -> TuningEntries:
+    """The entries of the experiment, replaced by what is requested."""
     entries = experiment.tuning
-    entries = replace(
+    return replace(
         entries,
         objectives=tuple(request.objectives) or entries.objectives,
         constraints=(*entries.constraints, *constraints),
@@ -109,12 +126,3 @@ def tuning_request(
             tuple(request.held_out_conditions) or entries.held_out[1],
         ),
     )
-    only = graph.network.seed
-    tuning = complete(entries, graph, design.seed if seed is None else seed, Seeds(((only, only),)))
-    for runs in (tuning.training, tuning.held_out):
-        check_variants(runs.conditions)
-    name = request.name or experiment.name
-    if slug(name) != name:
-        option = request.options.format("name")
-        raise UsageError(f"{option} {name}: expected letters, digits, '_', '-' and '.'")
-    return tuning_plan(name, graph, design, tuning, note)

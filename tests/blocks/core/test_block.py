@@ -47,6 +47,8 @@ PARAMETERS: dict[str, st.SearchStrategy[dict[str, Any]]] = {
         {}, optional={"window": SIZES, "curvature": st.sampled_from(["signed", "unsigned"])}
     ),
     "TrackingError": st.just({}),
+    "CourseError": st.fixed_dictionaries({}, optional={"v_r": SIZES, "lookahead_time": SIZES}),
+    "Pair": st.just({}),
     "LQR": st.fixed_dictionaries(
         {},
         optional={

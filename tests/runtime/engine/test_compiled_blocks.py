@@ -128,6 +128,8 @@ CASES: dict[str, list[Case]] = {
         Case(blocks.MatchingPoint(window=0.5), {"path": Path(60)}, {"path": ring(60, 1.0)}),
         Case(blocks.MatchingPoint(window=9.0), {"path": Path(60)}, {"path": ring(60, 1.0)}),
     ],
+    "CourseError": [Case(blocks.CourseError(lookahead_time=0.5), inputs=TRACKING)],
+    "Pair": [Case(blocks.Pair()), Case(blocks.Pair(), absent=True)],
     "TrackingError": [Case(blocks.TrackingError(), inputs={"pose": uniform(3.0, 3.0, 9.0)})],
     "LQR": [
         Case(blocks.LQR(), inputs=TRACKING),
