@@ -16,7 +16,7 @@ LEARNERS: tuple[type[Learner], ...] = (AdaptiveBias, MRAC, RateEnsemble, Adaptiv
 
 @pytest.mark.parametrize("learner", LEARNERS)
 def test_the_output_moves_by_the_rate_times_the_error(learner: type[Learner]) -> None:
-    """Whatever the neurons' rates: du/dt = -rate error, but for what keeps silence from dividing."""
+    """Whatever the rates of the neurons: du/dt = -rate error, but for the floor under |s|^2."""
     for more in ({}, {"max_rates": [100.0, 200.0]}):
         got = output(learner(learning_rate=0.8, normalised=True, **more), error=-0.5)
         late = T > 0.2
