@@ -10,6 +10,7 @@ import numpy as np
 
 from blocks.core import FloatArray, SignalType
 from runtime.engine.continuous import Continuous
+from runtime.engine.solvers import ATOL, COUNT, RTOL, STEP
 from runtime.errors import SimulationError
 from runtime.network import Network, state_shape
 
@@ -112,6 +113,19 @@ def bad_slope(part: Continuous, slopes: FloatArray, stage: int, t: float) -> Non
             raise NotFiniteError(
                 f"{message} (stage {stage + 1} of the solver, t = {t:g} s)", slot.block
             )
+
+
+def unreached(part: Continuous, control: FloatArray, done: float, t: float) -> NoReturn:
+    """Raise the error of a solver that cannot meet its tolerances; called by the plan."""
+    column = round(-1.0 - done)
+    slot = part.at(column)
+    tolerance = f"rtol = {control[RTOL]:g} and atol = {control[ATOL]:g}"
+    raise NotFiniteError(
+        f"dopri5 cannot integrate state '{slot.component(column)}' with {tolerance}: "
+        f"step {control[COUNT]:.0f} since the tick is {control[STEP]:.3g} s at t = {t:g} s; the "
+        "state jumps, runs away, or changes much faster than the others (a stiff system)",
+        slot.block,
+    )
 
 
 def _is_bad(kind: SignalType, value: Any) -> bool:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from blocks.core import Block, BlockContext, Evaluation, SignalType, hint
 from blocks.world import World
-from runtime.document import Node
+from runtime.document import Node, Solver
 from runtime.errors import Where
 from runtime.network.addresses import Endpoint
 from runtime.network.scope import Scope
@@ -104,7 +104,7 @@ class Network:
     seed: int
     engine: str
     memory: int
-    solver: str
+    solver: Solver
     scope: Scope
     document: Node
     world: World | None = None
