@@ -22,6 +22,7 @@ from runtime.experiments.tuning import (
     Judgement,
     Tried,
     TuningOptions,
+    TuningPlan,
     TuningRequest,
     TuningResult,
     judgements,
@@ -144,12 +145,15 @@ def tune(
     plan = tuning_request(experiment, request)
     pool = chosen_pool(jobs, scheduler, timeout)
     with folder_for(folder, plan.name) as target:
-        options = TuningOptions(target, True, pool, timeout)
-        done = run_tuning(plan, options, Progress(plan.name))
-        save_json(done)
-        if done.is_interrupted:
-            raise KeyboardInterrupt
-        return TuningTable.of(done)
+        return _tuned(plan, TuningOptions(target, True, pool, timeout))
+
+
+def _tuned(plan: TuningPlan, options: TuningOptions) -> TuningTable:
+    done = run_tuning(plan, options, Progress(plan.name))
+    save_json(done)
+    if done.is_interrupted:
+        raise KeyboardInterrupt
+    return TuningTable.of(done)
 
 
 def _objectives(minimize: str | Sequence[str], maximize: str | Sequence[str]) -> list[Objective]:
