@@ -54,7 +54,7 @@ def _continuous(plan: Plan) -> dict[str, Any] | None:
     if part is None:
         return None
     return {
-        "solver": plan.network.solver,
+        "solver": plan.network.solver.name,
         "states": {f"{slot.block}.{slot.state}": list(slot.shape) for slot in part.slots},
         "stages": [step.block for step in part.steps],
         "derivatives": [block for block, _ in part.derivatives],

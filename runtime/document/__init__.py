@@ -28,9 +28,9 @@ from runtime.document.loader import (
 from runtime.document.node import Node, dump_yaml, from_python, parse_yaml
 from runtime.document.run_section import (
     DEFAULT_MEMORY,
-    DEFAULT_SOLVER,
     MAX_TICKS,
     RUN_CHOICES,
+    Solver,
     read_run,
     seconds,
 )
@@ -56,7 +56,6 @@ from runtime.document.writer import flow_yaml
 
 __all__ = [
     "DEFAULT_MEMORY",
-    "DEFAULT_SOLVER",
     "EXAMPLES",
     "MAX_TICKS",
     "PART_SECTIONS",
@@ -67,6 +66,7 @@ __all__ = [
     "SHIPPED",
     "Node",
     "Override",
+    "Solver",
     "Work",
     "add_block",
     "add_entry",

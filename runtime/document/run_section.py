@@ -14,12 +14,36 @@ from runtime.errors import Problems
 DEFAULT_UNTIL = 10.0
 MAX_TICKS = 10**12
 ENGINES = ("auto", "python", "compiled")
-SOLVERS = ("euler", "heun", "rk4")
-DEFAULT_SOLVER = "rk4"
+SOLVERS = ("euler", "heun", "rk4", "dopri5")
+ADAPTIVE = ("dopri5",)
+TOLERANCES = ("rtol", "atol", "max_step")
 # Keys of the section that take one of a few words.
 RUN_CHOICES = {"engine": ENGINES, "solver": SOLVERS}
 DEFAULT_MEMORY = 1024**3
 UNITS = {"": 1, "K": 1024, "M": 1024**2, "G": 1024**3}
+
+
+@dataclass(frozen=True)
+class Solver:
+    """How continuous states are integrated between two ticks.
+
+    The rest is for solvers that choose their own steps: the error of each is at most atol + rtol
+    times the state, and none is longer than ``max_step`` (s; 0: as long as a tick).
+    """
+
+    name: str = "rk4"
+    rtol: float = 1e-6
+    atol: float = 1e-9
+    max_step: float = 0.0
+
+    def written(self) -> dict[str, float | str]:
+        """The entries of the section that differ from the defaults."""
+        default = vars(Solver())
+        return {
+            "solver" if key == "name" else key: value
+            for key, value in vars(self).items()
+            if value != default[key]
+        }
 
 
 @dataclass(frozen=True)
@@ -31,7 +55,7 @@ class RunSection:
     seed: int
     engine: str
     memory: int
-    solver: str
+    solver: Solver
 
 
 def read_run(document: Node, problems: Problems) -> RunSection:
@@ -54,8 +78,7 @@ def read_run(document: Node, problems: Problems) -> RunSection:
         problems.add(where, "run.until", message)
         until = dt
     seed, engine = _seed(run, problems), _choice(run, "engine", ENGINES, ENGINES[0], problems)
-    solver = _choice(run, "solver", SOLVERS, DEFAULT_SOLVER, problems)
-    return RunSection(dt, until, seed, engine, _memory(run, problems), solver)
+    return RunSection(dt, until, seed, engine, _memory(run, problems), _solver(run, problems))
 
 
 def _seed(run: dict[str, Node], problems: Problems) -> int:
@@ -78,6 +101,26 @@ def _choice(
         problems.add(node.where, f"run.{key}", f"no {key} {node.describe()}{suggestion}")
         return default
     return str(value)
+
+
+def _solver(run: dict[str, Node], problems: Problems) -> Solver:
+    name = _choice(run, "solver", SOLVERS, Solver.name, problems)
+    given = {}
+    for key in TOLERANCES:
+        if key not in run:
+            continue
+        node = run[key]
+        value = node.value
+        good = isinstance(value, (int, float)) and not isinstance(value, bool)
+        if name not in ADAPTIVE:
+            message = f"solver: {name} takes one step per tick; {key} is for solver: dopri5"
+            problems.add(node.key, f"run.{key}", message)
+        elif not good or not 0.0 < value < math.inf:
+            message = f"expected a number above 0, got {node.describe()}"
+            problems.add(node.where, f"run.{key}", message)
+        else:
+            given[key] = float(value)
+    return Solver(name, **given)
 
 
 def _memory(run: dict[str, Node], problems: Problems) -> int:

@@ -16,6 +16,8 @@ from blocks.core import Evaluation
 from runtime.engine.steps import Step
 from runtime.network import Entry, Network, Wire, state_shape
 
+# The compiled text writes states of up to so many components one by one.
+UNROLLED = 8
 Wires = Mapping[tuple[str, str], Sequence[Wire]]
 
 
@@ -62,6 +64,11 @@ class Continuous:
         """The number of continuous states, each component counted."""
         return self.slots[-1].stop
 
+    @property
+    def blocks(self) -> set[str]:
+        """The blocks that take part."""
+        return {step.block for step in self.steps} | {slot.block for slot in self.slots}
+
     def slots_of(self, block: str) -> list[Slot]:
         return [slot for slot in self.slots if slot.block == block]
 
@@ -78,10 +85,10 @@ def continuous_part(network: Network, order: list[Step], wires: Wires) -> Contin
     order : the plan's evaluations.
     wires : the wires into each input.
     """
-    slots = _slots(network)
-    if not slots:
+    found = slots(network)
+    if not found:
         return None
-    blocks = dict.fromkeys(slot.block for slot in slots)
+    blocks = dict.fromkeys(slot.block for slot in found)
     specs = {name: network.entries[name].cls.spec for name in blocks}
     derivatives = tuple((name, d) for name, spec in specs.items() if (d := spec.derivative))
     moving = _moving(network, order, wires)
@@ -99,18 +106,19 @@ def continuous_part(network: Network, order: list[Step], wires: Wires) -> Contin
             for port in step.evaluation.needs:
                 wanted.update(_sources(step.block, port, wires))
     projected = tuple(name for name, spec in specs.items() if spec.projects)
-    return Continuous(slots, tuple(steps), derivatives, projected)
+    return Continuous(found, tuple(steps), derivatives, projected)
 
 
-def _slots(network: Network) -> tuple[Slot, ...]:
-    slots: list[Slot] = []
+def slots(network: Network) -> tuple[Slot, ...]:
+    """The continuous states of a graph, in the order of the row."""
+    found: list[Slot] = []
     for name, entry in sorted(network.entries.items()):
         spec = entry.cls.spec
         for state in spec.continuous:
-            context, sizes = network.context(name), entry.made.sizes()
-            shape = state_shape(sizes, spec.states[state], context, spec)
-            slots.append(Slot(name, state, slots[-1].stop if slots else 0, shape))
-    return tuple(slots)
+            context = network.context(name)
+            shape = state_shape(entry.made, spec.states[state], context, spec)
+            found.append(Slot(name, state, found[-1].stop if found else 0, shape))
+    return tuple(found)
 
 
 def _sources(block: str, port: str, wires: Wires) -> list[tuple[str, str]]:
@@ -126,7 +134,7 @@ def _moving(network: Network, order: list[Step], wires: Wires) -> set[tuple[str,
     moving: set[tuple[str, str]] = set()
     for step in order:
         entry = network.entries[step.block]
-        if step.constant or not (entry.cls.spec.continuous or _is_memoryless(entry)):
+        if step.constant or not (entry.cls.spec.continuous or is_memoryless(entry)):
             continue
         needs = {s for p in step.evaluation.needs for s in _sources(step.block, p, wires)}
         if entry.cls.spec.continuous or step.evaluation.timed or needs & moving:
@@ -134,5 +142,6 @@ def _moving(network: Network, order: list[Step], wires: Wires) -> set[tuple[str,
     return moving
 
 
-def _is_memoryless(entry: Entry) -> bool:
+def is_memoryless(entry: Entry) -> bool:
+    """Whether a block's outputs depend on the time and its inputs alone, and are not sampled."""
     return entry.cls.spec.update is None and not entry.sampled

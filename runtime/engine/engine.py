@@ -31,11 +31,11 @@ from runtime.engine.runners import (
     located,
     silent,
 )
-from runtime.engine.schedule import CONTINUOUS_NAMES, GLOBALS, Plan
-from runtime.engine.solvers import METHODS, blend, joined
-from runtime.engine.values import NotFiniteError, OutputChecks, bad_slope, sealed
+from runtime.engine.schedule import GLOBALS, Plan
+from runtime.engine.solvers import METHODS, blend, controls, joined, judged, substep
+from runtime.engine.values import NotFiniteError, OutputChecks, bad_slope, sealed, unreached
 from runtime.errors import SimulationError, UsageError
-from runtime.network import Network, state_shape
+from runtime.network import Network, columns, state_shape
 
 CHUNK_SECONDS = 0.1
 
@@ -173,7 +173,8 @@ class Engine:
 
     def _failed(self, error: BaseException) -> SimulationError:
         """The error that names the block, the tick and the time of an exception."""
-        block = self.locate(error) or getattr(error, "block", "")
+        found = self.locate(error)
+        block = getattr(error, "block", "") or found
         is_message = isinstance(error, (NotFiniteError, UsageError))
         text = str(error) if is_message else _described(error)
         return SimulationError(block, self.tick, self.tick * self.network.dt, text)
@@ -234,13 +235,29 @@ class Engine:
         part = self.plan.continuous
         if part is None:
             return {}
-        method = METHODS[self.network.solver]
+        method = METHODS[self.network.solver.name]
         slopes = np.zeros((method.stages, part.size))
-        values = (
-            *(self.continuous, np.zeros(part.size), slopes, method.nodes, method.terms, 0),
-            *(blend, joined, self.checks.rates, partial(bad_slope, part, slopes)),
+        solver, dt = self.network.solver, self.network.dt
+        control = controls(
+            solver.rtol, solver.atol, min(dt, solver.max_step or dt), self.network.until
         )
-        return dict(zip(CONTINUOUS_NAMES, values, strict=True))
+        return {
+            "states": self.continuous,
+            "start": np.zeros(part.size),
+            "slopes": slopes,
+            "nodes": method.nodes,
+            "weights": method.terms,
+            "table": method.table,
+            "blend": blend,
+            "joined": joined,
+            "rates": self.checks.rates,
+            "bad_slope": partial(bad_slope, part, slopes),
+            "errors": np.array(method.errors),
+            "control": control,
+            "substep": substep,
+            "judged": judged,
+            "unreached": partial(unreached, part, control),
+        }
 
     def _guard(self, block: str, call: Callable[[], Any]) -> Any:
         try:
@@ -274,9 +291,8 @@ class Engine:
     def _state(self, name: str) -> BlockState:
         entry = self.network.entries[name]
         context = self.network.context(name)
-        sizes = entry.made.sizes()
         shapes = {
-            key: state_shape(sizes, declared, context, entry.cls.spec)
+            key: state_shape(entry.made, declared, context, entry.cls.spec)
             for key, declared in entry.cls.spec.states.items()
         }
         arrays = {key: np.zeros(shape) for key, shape in shapes.items()}
@@ -291,8 +307,8 @@ class Engine:
             if recording.constant and (recording.end.block, recording.end.port) == (block, port):
                 kind = self.network.types[block, port]
                 array = self.namespace[recording.array]
-                column = kind.column(recording.end.component) if recording.end.component else None
-                item = value if column is None else value[column]
+                component = recording.end.component
+                item = value[columns(kind, component)] if component else value
                 array[0 if recording.columns is None else (0, recording.columns)] = item
 
 

@@ -12,7 +12,7 @@ from runtime.engine.continuous import Continuous, continuous_part
 from runtime.engine.solvers import METHODS
 from runtime.engine.steps import Step, drivers
 from runtime.errors import NOWHERE, Problems, Where
-from runtime.network import Endpoint, Network, component_type
+from runtime.network import Endpoint, Network, columns, component_type
 
 INDENT = "    "
 GLOBALS = ("isfinite", "isnan", "dot", "array", "full", "checked", "sealed", "not_finite")
@@ -23,8 +23,9 @@ COMPILED_NAMES = (
 )
 # Names used by the text of a graph with continuous states.
 CONTINUOUS_NAMES = (
-    *("states", "start", "slopes", "nodes", "weights", "stage"),
-    *("blend", "joined", "rates", "bad_slope"),
+    *("states", "start", "slopes", "nodes", "weights", "table", "stage"),
+    *("blend", "joined", "rates", "bad_slope", "keep", "first_bad", "moved", "i0", "i1"),
+    *("sum", "done", "h", "substep", "control", "judged", "errors", "unreached"),
 )
 
 
@@ -192,21 +193,36 @@ class Emitter:
     def integrate(self, part: Continuous, checked: bool) -> None:
         """Integrate the continuous states to the next tick."""
         self.at(1)
-        method = METHODS[self.network.solver]
-        dt = repr(self.network.dt)
+        name, dt = self.network.solver.name, repr(self.network.dt)
+        method = METHODS[name]
+        h, since = dt, f"nodes[stage] * {dt}"
+        if method.errors:
+            h, since = "h", "(done + nodes[stage] * h)"
+            self.code("done = 0.0")
+            self.code(f"while done < {dt}:")
+            self.depth += 1
+            self.code(f"h = substep(control, done, {dt})")
         self.code("start[:] = states")
-        self.code(f"for stage in range({method.stages}):  # {self.network.solver}")
+        self.code(f"for stage in range({method.stages}):  # {name}")
         self.depth += 1
-        self.code(f"t = k * {dt} + nodes[stage] * {dt}")
+        self.code(f"t = k * {dt} + {since}")
         for step in part.steps:
-            self.step(step)
+            self.again(step)
         for block, derivative in part.derivatives:
             self.slope(part, block, derivative, checked)
-        self.code("isfinite(dot(slopes[stage], slopes[stage])) or bad_slope(stage, t)")
-        self.code(f"blend(states, start, slopes, weights, stage, {dt})")
+        self.code("isfinite(sum(slopes[stage].tolist())) or bad_slope(stage, t)")
+        self.code(f"blend(states, start, slopes, weights, stage, {h})")
         self.depth -= 1
+        if method.errors:
+            self.code(f"done = judged(states, start, slopes, errors, control, done, h, {dt})")
+            self.code("done >= 0.0 or unreached(done, t)")
         for block in part.projected:
             self.code(f"{self.plan.names[block]}.project({self.state(block)})", block)
+        self.depth -= bool(method.errors)
+
+    def again(self, step: Step) -> None:
+        """Call an evaluation at a stage of the solver."""
+        self.step(step)
 
     def slope(self, part: Continuous, block: str, derivative: Evaluation, checked: bool) -> None:
         """Write the rates of change of a block's states into the row of the stage."""
@@ -295,8 +311,12 @@ class Emitter:
         kind = self.network.types[end.block, end.port]
         text = self.variable(end.block, end.port)
         if end.component:
-            column = kind.column(end.component)
-            text = f"{text}.item({column})" if kind.form == "array" else f"{text}[{column}]"
+            column = columns(kind, end.component)
+            if isinstance(column, slice):
+                text = f"{text}[{column.start}:{column.stop}]"
+                text = f"array({text})" if kind.form == "record" else text
+            else:
+                text = f"{text}.item({column})" if kind.form == "array" else f"{text}[{column}]"
             kind = component_type(kind, end) or kind
         if target is not None and target.form != kind.form:
             return f"array(({text},))" if target.form == "array" else f"{text}.item(0)"

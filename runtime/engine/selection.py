@@ -7,13 +7,17 @@ from collections.abc import Callable
 from importlib.util import find_spec
 
 from blocks.core import Same
-from runtime.errors import MissingExtraError, UsageError
+from runtime.engine.continuous import is_memoryless
+from runtime.engine.solvers import METHODS
+from runtime.errors import MissingExtraError
 from runtime.network import Network, state_shape
 
 # Rough costs in Python (s), measured on case A: a call of a block, and each number that an update
 # may change; and on case C: each number of an array that a block computes from its inputs (the
 # LiDAR's ranges, the fitter's path). Generic blocks pass arrays on at almost no cost.
 CALL, NUMBER, COMPUTED = 1.2e-6, 1.5e-8, 2e-6
+# A stage of a solver, in calls: the states moved, the rates tested.
+STAGE = 5
 # The time (s) of all runs together under the Python engine above which they are compiled. With a
 # warm cache the compiled engine starts within 1 s and needs a twentieth of the time per tick in
 # cases A and C (docs/performance.md), so such runs end three times sooner.
@@ -33,11 +37,6 @@ def take_compiled(network: Network, runs: int, note: Callable[[str], None]) -> b
     MissingExtraError : the compiled engine is requested but not installed.
     """
     if network.engine == "python":
-        return False
-    if any(entry.cls.spec.continuous for entry in network.entries.values()):
-        if network.engine == "compiled":
-            message = "continuous states need the Python engine so far; leave engine: compiled out"
-            raise UsageError(message)
         return False
     installed = find_spec("numba") is not None
     if network.engine == "compiled":
@@ -61,14 +60,24 @@ def python_seconds(network: Network) -> float:
         for call in calls:
             cost += COMPUTED * sum(_computed(network, name, port) for port in call.outputs)
         if spec.update is not None:
-            context, sizes = network.context(name), entry.made.sizes()
+            context = network.context(name)
             for declared in spec.states.values():
                 length = 1
-                for side in state_shape(sizes, declared, context, spec):
+                for side in state_shape(entry.made, declared, context, spec):
                     length *= side
                 cost += NUMBER * length
         each_tick += cost / entry.every
-    return each_tick * network.ticks
+    return (each_tick + _stages(network)) * network.ticks
+
+
+def _stages(network: Network) -> float:
+    """The estimated time (s) of the stages of a solver in one tick."""
+    entries = network.entries.values()
+    if not any(entry.cls.spec.continuous for entry in entries):
+        return 0.0
+    again = [entry for entry in entries if is_memoryless(entry) or entry.cls.spec.continuous]
+    calls = sum(len(entry.evaluations) + len(entry.cls.spec.continuous) for entry in again)
+    return METHODS[network.solver.name].stages * CALL * (STAGE + calls)
 
 
 def _computed(network: Network, block: str, port: str) -> int:

@@ -10,6 +10,7 @@ import numpy as np
 
 from blocks.core import FloatArray, SignalType
 from runtime.engine.continuous import Continuous
+from runtime.engine.solvers import ATOL, COUNT, RTOL, STEP
 from runtime.errors import SimulationError
 from runtime.network import Network, state_shape
 
@@ -91,8 +92,8 @@ class OutputChecks:
             message = f"derivative must return a tuple, one value per state ({listed})"
             raise TypeError(f"{message}, got {brief(value)}")
         for name, rate in zip(names, (value,) if len(names) == 1 else value, strict=True):
-            context, sizes = self.network.context(block), entry.made.sizes()
-            shape = state_shape(sizes, spec.states[name], context, spec)
+            context = self.network.context(block)
+            shape = state_shape(entry.made, spec.states[name], context, spec)
             if np.shape(rate) != shape or np.asarray(rate).dtype.kind not in "fiu":
                 expected = f"numbers of shape {shape}" if shape else "a float"
                 message = f"derivative of state '{name}' must be {expected}"
@@ -112,6 +113,19 @@ def bad_slope(part: Continuous, slopes: FloatArray, stage: int, t: float) -> Non
             raise NotFiniteError(
                 f"{message} (stage {stage + 1} of the solver, t = {t:g} s)", slot.block
             )
+
+
+def unreached(part: Continuous, control: FloatArray, done: float, t: float) -> NoReturn:
+    """Raise the error of a solver that cannot meet its tolerances; called by the plan."""
+    column = round(-1.0 - done)
+    slot = part.at(column)
+    tolerance = f"rtol = {control[RTOL]:g} and atol = {control[ATOL]:g}"
+    raise NotFiniteError(
+        f"dopri5 cannot integrate state '{slot.component(column)}' with {tolerance}: "
+        f"step {control[COUNT]:.0f} since the tick is {control[STEP]:.3g} s at t = {t:g} s; the "
+        "state jumps, runs away, or changes much faster than the others (a stiff system)",
+        slot.block,
+    )
 
 
 def _is_bad(kind: SignalType, value: Any) -> bool:

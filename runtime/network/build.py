@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from blocks.core import (
@@ -60,7 +60,7 @@ def build(
     before = len(problems.found)
     run, title = read_run(document, problems), _title(document.get("graph"), problems)
     world = _world(document, problems)
-    network = Network(title, **asdict(run), scope=scope, document=document, world=world)
+    network = Network(title, **vars(run), scope=scope, document=document, world=world)
     can_run = len(problems.found) == before
     network = _with_blocks(network, classes or {}, kinds or {}, problems, modules)
     wiring = Wiring(network, problems)

@@ -19,7 +19,7 @@ import numpy as np
 from blocks.core import FloatArray
 from blocks.world import World
 from runtime.diagrams import stored_picture
-from runtime.document import DEFAULT_MEMORY, DEFAULT_SOLVER, Override, dump_yaml
+from runtime.document import DEFAULT_MEMORY, Override, dump_yaml
 from runtime.engine import Engine, MakeRunner, Outcome, Profile, Program, silent, take_compiled
 from runtime.network import Network
 from runtime.observation import Metric, Probe, Recording, Series
@@ -128,6 +128,7 @@ def _recorded(probe: Probe, values: FloatArray, times: FloatArray) -> Recording:
         kinds=tuple(signal.kind for signal in probe.signals),
         addresses=addresses,
         auto=probe.auto,
+        names=probe.names,
     )
 
 
@@ -182,9 +183,7 @@ def _resolved(graph: PreparedRun, engine: str) -> dict[str, Any]:
     run = {"dt": network.dt, "until": network.until, "seed": network.seed, "engine": engine}
     if network.memory != DEFAULT_MEMORY:
         run["memory"] = network.memory
-    if network.solver != DEFAULT_SOLVER:
-        run["solver"] = network.solver
-    return {**graph.document(), "run": run}
+    return {**graph.document(), "run": run | network.solver.written()}
 
 
 def _manifest(

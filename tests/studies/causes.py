@@ -36,7 +36,7 @@ CONSTANTS = (
     (
         "adaptive.snn_v.learning_rate",
         "kappa of the speed",
-        "so small that it does not matter; see above",
+        "so small that it does nothing",
     ),
     ("adaptive.snn_omega.leak", "leak, 1/s", None),
     ("adaptive.snn_omega.radius", "radius of the inputs", None),

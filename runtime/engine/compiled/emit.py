@@ -8,16 +8,24 @@ which none of the others is called, one call runs several ticks.
 
 from __future__ import annotations
 
+import ast
+import inspect
 import re
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
-from blocks.core import Evaluation, SignalType
+from blocks.core import Evaluation, SignalType, parsed
 from runtime.engine.compiled.kernels import Kernel
+from runtime.engine.continuous import UNROLLED, Continuous, Slot
 from runtime.engine.schedule import INDENT, Emitter, Plan, RecordSlot
+from runtime.engine.solvers import METHODS, first_bad, judged, keep, moved, substep
 from runtime.engine.steps import Step
 from runtime.network import Endpoint
 
 Call = tuple[str, Evaluation]
+# What ``at[2]`` says: an output or a rate of change is not finite, or the tolerance is not met.
+BAD_OUTPUT, BAD_SLOPE, UNREACHED = 1, 2, 3
 _ITEM = re.compile(r"\.item\(([0-9]+)\)")
 HEADER = """from math import isfinite
 
@@ -30,13 +38,14 @@ from runtime.engine.compiled.primitives import all_finite, no_nan, overlap, seen
 
 @dataclass
 class Item:
-    """One item of a tick: an evaluation of a block, or a row of a recording."""
+    """One item of a tick: an evaluation, a row of a recording, or the continuous part."""
 
     every: int
     block: str = ""
     step: Step | None = None
     update: Evaluation | None = None
     recording: RecordSlot | None = None
+    continuous: Continuous | None = None
 
 
 @dataclass
@@ -109,6 +118,7 @@ class CompiledEmitter(Emitter):
         ]
         lines = [
             *(HEADER, *imports, "", ""),
+            *([self.helpers()] if self.plan.continuous is not None else []),
             '@njit(cache=True, error_model="python")',
             f"def run({head}):",
             *([f"{INDENT}{packed} = held"] if held else []),
@@ -135,11 +145,14 @@ class CompiledEmitter(Emitter):
             *(Item(s.every, s.block, step=s) for s in self.plan.steps if not s.constant),
             *(Item(r.every, recording=r) for r in recordings if not r.is_event),
             *(Item(every, name, update=update) for name, every, update in self.updates()),
+            *([] if self.plan.continuous is None else [Item(1, continuous=self.plan.continuous)]),
             *(Item(r.every, recording=r) for r in recordings if r.is_event),
         ]
 
     def is_python(self, item: Item) -> bool:
-        """Whether the item belongs to a block that is not compiled."""
+        """Whether the item calls a block that is not compiled."""
+        if item.continuous is not None:
+            return not self.kernels.keys() >= item.continuous.blocks
         return bool(item.block) and item.block not in self.kernels
 
     def parts(self) -> list[list[Item]]:
@@ -157,19 +170,24 @@ class CompiledEmitter(Emitter):
         steps = [s for s in self.plan.steps if not s.constant]
         return [self.variable(s.block, port) for s in steps for port in s.evaluation.outputs]
 
+    def helpers(self) -> str:
+        """The functions that the continuous part calls."""
+        adaptive = METHODS[self.network.solver.name].errors
+        functions = (keep, first_bad, moved, *((substep, judged) if adaptive else ()))
+        return "\n".join(_source(each) for each in functions)
+
     def item(self, item: Item, held: list[str]) -> None:
         self.at(item.every)
         if item.recording is not None:
             self.recorded(item.recording)
             return
+        if item.continuous is not None:
+            self.stages(item.continuous, held)
+            return
         evaluation = item.step.evaluation if item.step else item.update
         if evaluation is None:
             return
-        self.code(f"at[0] = {len(self.calls)}")
-        self.calls.append((item.block, evaluation))
-        fields = self.take(fields_name(self.plan, item.block))
-        arguments = [fields, "t", *self.arguments(item.block, evaluation)]
-        call = f"{self.kernel(item.block, evaluation.method)}({', '.join(arguments)})"
+        call = self.called(item.block, evaluation)
         if item.step is None:
             self.code(call)
             return
@@ -180,11 +198,63 @@ class CompiledEmitter(Emitter):
         for text in kernel.casts.get(evaluation.method, ()):
             self.code(text.format(*targets))
         for target, kind in zip(targets, kinds, strict=True):
+            fields = self.take(fields_name(self.plan, item.block))
             shared = [f"overlap({target}, {fields}{at})" for at in kernel.made.arrays]
             if kind.form == "array" and shared:
                 self.code(f"if {' or '.join(shared)}:")
                 self.code(f"{INDENT}{target} = {target}.copy()")
         self.test(dict(zip(targets, kinds, strict=True)), held)
+
+    def called(self, block: str, evaluation: Evaluation) -> str:
+        """A call of a block's function; writes its number into ``at``."""
+        self.code(f"at[0] = {len(self.calls)}")
+        self.calls.append((block, evaluation))
+        fields = self.take(fields_name(self.plan, block))
+        arguments = [fields, "t", *self.arguments(block, evaluation)]
+        return f"{self.kernel(block, evaluation.method)}({', '.join(arguments)})"
+
+    def stages(self, part: Continuous, held: list[str]) -> None:
+        """Integrate the continuous states to the next tick, in compiled text."""
+        method = METHODS[self.network.solver.name]
+        states, start, slopes, table = map(self.take, ("states", "start", "slopes", "table"))
+        h, since = "dt", f"{table}[stage, {method.stages}] * dt"
+        if method.errors:
+            h, since = "h", f"(done + {table}[stage, {method.stages}] * h)"
+            control, errors = map(self.take, ("control", "errors"))
+            self.code("done = 0.0")
+            self.code("while done < dt:")
+            self.depth += 1
+            self.code(f"h = substep({control}, done, dt)")
+        self.code(f"keep({start}, {states})")
+        self.code(f"for stage in range({method.stages}):  # {self.network.solver.name}")
+        self.depth += 1
+        self.code(f"t = k * dt + {since}")
+        for step in part.steps:
+            self.item(Item(1, step.block, step=step), held)
+        for block, derivative in part.derivatives:
+            self.code(f"rates = {self.called(block, derivative)}")
+            for text in assigned(part.slots_of(block)):
+                self.code(text)
+        self.code(f"if first_bad({slopes}, stage) >= 0:")
+        self.end(BAD_SLOPE, held, "stage", "t")
+        self.code(f"moved({states}, {start}, {slopes}, {table}, stage, {h})")
+        self.depth -= 1
+        if method.errors:
+            given = f"{states}, {start}, {slopes}, {errors}, {control}, done, h, dt"
+            self.code(f"done = judged({given})")
+            self.code("if done < 0.0:")
+            self.end(UNREACHED, held, "done", "t")
+        for block in part.projected:
+            fields = self.take(fields_name(self.plan, block))
+            self.code(f"{self.kernel(block, 'project')}({fields})")
+        self.depth -= bool(method.errors)
+
+    def end(self, why: int, held: list[str], *report: str) -> None:
+        """End the call, in a branch; ``report`` are values for the message."""
+        for i, value in enumerate(report):
+            self.code(f"{INDENT}report[{i}] = {value}")
+        self.code(f"{INDENT}at[2] = {why}")
+        self.code(f"{INDENT}return ({', '.join(held)},)" if held else f"{INDENT}return ()")
 
     def test(self, signals: dict[str, SignalType], held: list[str]) -> None:
         """Stop where a value is not finite; ``report`` then holds the outputs."""
@@ -206,10 +276,7 @@ class CompiledEmitter(Emitter):
         if numbers:
             tests.insert(0, f"isfinite({' + '.join(numbers)})")
         self.code(f"if not ({' and '.join(tests)}):")
-        for i, entry in enumerate(entries):
-            self.code(f"{INDENT}report[{i}] = {entry}")
-        self.code(f"{INDENT}at[2] = 1")
-        self.code(f"{INDENT}return ({', '.join(held)},)" if held else f"{INDENT}return ()")
+        self.end(BAD_OUTPUT, held, *entries)
 
     def take(self, name: str) -> str:
         """Add an argument of ``run``; returns its name in the text."""
@@ -279,16 +346,56 @@ class CompiledEmitter(Emitter):
                 self.python_step(item.step)
             elif item.update is not None:
                 Emitter.call(self, item.block, item.update, "")
+            elif item.continuous is not None:
+                self.integrate(item.continuous, checked=False)
         self.line(2, f"{packed} = run(k, k + 1, {len(items)}, {len(items) + 1}, {packed})")
         self.line(2, "k += 1")
         self.line(1, f"return {packed}")
         made.driver, made.lines = "\n".join(self.text) + "\n", self.lines
+
+    def again(self, step: Step) -> None:
+        self.python_step(step)
 
     def python_step(self, step: Step) -> None:
         self.step(step)
         for port in step.evaluation.outputs:
             target = self.variable(step.block, port)
             self.code(f"{target} = {as_held(target, self.network.types[step.block, port])}")
+
+
+def assigned(slots: list[Slot]) -> Iterator[str]:
+    """Statements that write what a derivative returned into the row of the stage."""
+    for number, slot in enumerate(slots):
+        value = "rates" if len(slots) == 1 else f"rates[{number}]"
+        if not slot.shape:
+            yield f"slopes[stage, {slot.start}] = {value}"
+        elif len(slot.shape) == 1 and slot.shape[0] <= UNROLLED:
+            for i in range(slot.shape[0]):
+                yield f"slopes[stage, {slot.start + i}] = {value}[{i}]"
+        else:
+            indices = [f"i{axis}" for axis in range(len(slot.shape))]
+            flat = "0"
+            for index, length in zip(indices, slot.shape, strict=True):
+                flat = f"({flat}) * {length} + {index}" if flat != "0" else index
+            for axis, (index, length) in enumerate(zip(indices, slot.shape, strict=True)):
+                yield f"{INDENT * axis}for {index} in range({length}):"
+            inner = f"slopes[stage, {slot.start} + {flat}] = {value}[{', '.join(indices)}]"
+            yield INDENT * len(indices) + inner
+
+
+def _source(function: Callable[..., Any]) -> str:
+    """A helper's text for the plan, without types and documentation."""
+    node = parsed(inspect.getsource(function)).body[0]
+    if not isinstance(node, ast.FunctionDef):
+        raise TypeError(f"{function.__name__} is no plain function")
+    node.body, node.returns = node.body[1:], None
+    for argument in node.args.args:
+        argument.annotation = None
+    for name in ast.walk(node):
+        if isinstance(name, ast.Name) and isinstance(function.__globals__.get(name.id), int):
+            name.id = repr(function.__globals__[name.id])
+    text = ast.unparse(node).replace("math.isfinite", "isfinite")
+    return f'@njit(cache=True, error_model="python")\n{text}\n\n'
 
 
 def fields_name(plan: Plan, block: str) -> str:

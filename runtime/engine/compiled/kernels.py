@@ -11,8 +11,10 @@ from blocks.core import Block, BlockState, Evaluation, SignalType, has_kernels
 from blocks.registry import BUILTIN
 from runtime.engine.compiled import cache
 from runtime.engine.compiled.translate import NotCompilableError, Translated, translate
+from runtime.engine.continuous import UNROLLED, slots
 from runtime.network import Network
 
+PROJECT = Evaluation("project", (), timed=False)
 Signature = tuple[Any, ...]
 
 
@@ -85,7 +87,8 @@ def make_kernels(
     for name, entry in sorted(network.entries.items()):
         spec = entry.cls.spec
         calls = [e for e in entry.evaluations if not spec.is_constant(e)]
-        calls += [spec.update] if spec.update else []
+        calls += [each for each in (spec.update, spec.derivative) if each is not None]
+        calls += [PROJECT] if spec.projects else []
         if not calls:
             continue
         try:
@@ -115,7 +118,7 @@ def _candidate(
 
     entry = network.entries[name]
     terms = {
-        port: sum(w.block == name and w.port == port for w in network.wires)
+        port: sum(w.block == name and w.port == port for w in network.driving)
         for port, declared in entry.cls.spec.inputs.items()
         if declared.variadic
     }
@@ -154,7 +157,7 @@ def _verdict(network: Network, candidate: _Candidate, module: ModuleType) -> dic
     for call in candidate.calls:
         function = getattr(module, candidate.made.methods[call.method])
         fields, *inputs = candidate.signatures[call.method]
-        signature = (fields, types.float64, *inputs)
+        signature = (fields, *(() if call is PROJECT else (types.float64,)), *inputs)
         try:
             function.compile(signature)
         except (NumbaError, NotImplementedError) as error:
@@ -166,7 +169,32 @@ def _verdict(network: Network, candidate: _Candidate, module: ModuleType) -> dic
                 casts[call.method] = list(_casts(kinds, returned))
             except NotCompilableError as error:
                 return {"method": call.method, "refused": str(error)}
+        if call.method == "derivative":
+            returned = function.overloads[signature].signature.return_type
+            message = _misfit(network, candidate.name, returned)
+            if message:
+                return {"method": call.method, "refused": message}
     return {"casts": casts}
+
+
+def _misfit(network: Network, name: str, returned: Any) -> str:
+    """Why the text of the plan cannot take apart what a derivative returns; '' if it can."""
+    from numba import types
+
+    shapes = [slot.shape for slot in slots(network) if slot.block == name]
+    parts = [returned] if len(shapes) == 1 else list(getattr(returned, "types", ()))
+    number = (types.Integer, types.Boolean, types.Float)
+    for shape, part in zip(shapes, parts, strict=False):
+        if len(shape) == 1 and isinstance(part, types.BaseTuple):
+            good = all(isinstance(each, number) for each in part)
+            good = good and (len(shape) <= UNROLLED or isinstance(part, types.UniTuple))
+        elif shape:
+            good = isinstance(part, types.Array) and part.ndim == len(shape)
+        else:
+            good = isinstance(part, number)
+        if not good:
+            return f"returns {part} as the rate of change of a state of shape {shape}"
+    return "" if len(parts) == len(shapes) else f"returns {returned} for {len(shapes)} states"
 
 
 def _reason(error: Exception) -> str:

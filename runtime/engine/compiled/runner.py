@@ -11,7 +11,13 @@ import numpy as np
 
 from blocks.core import BlockState, FloatArray
 from runtime.engine.compiled import cache
-from runtime.engine.compiled.emit import CompiledEmitter, CompiledText, fields_name
+from runtime.engine.compiled.emit import (
+    BAD_SLOPE,
+    UNREACHED,
+    CompiledEmitter,
+    CompiledText,
+    fields_name,
+)
 from runtime.engine.compiled.kernels import Kernels, make_kernels
 from runtime.engine.compiled.translate import plain
 from runtime.engine.program import Program
@@ -137,6 +143,11 @@ class CompiledRunner:
         return drive
 
     def _not_finite(self) -> None:
+        if self.at[2] == BAD_SLOPE:
+            stage, t = self.report[:2].tolist()
+            self.context.namespace["bad_slope"](int(stage), t)
+        if self.at[2] == UNREACHED:
+            self.context.namespace["unreached"](*self.report[:2].tolist())
         block, evaluation = self.text.calls[self.at[0]]
         values: list[Any] = []
         entries = iter(self.report.tolist())

@@ -15,7 +15,7 @@ import numpy as np
 
 from blocks.core import Block, BlockState, SignalType, function_kernel, kernel_for, parsed
 from blocks.generic import added, scaled
-from runtime.engine.compiled.folding import Folding
+from runtime.engine.compiled.folding import Folding, holds_one
 
 MODULES = {math: "math", np: "np"}
 LITERALS = (str, bool, type(None))
@@ -198,6 +198,15 @@ class Writer(Folding):
         if isinstance(function, ast.Name) and function.id not in self.locals:
             if function.id == "tuple" and len(node.args) == 1 and _is_call(node.args[0], "tolist"):
                 return self.spelled(node.args[0].func.value)  # type: ignore[attr-defined]
+            if (
+                function.id == "float"
+                and len(node.args) == 1
+                and self.bound
+                and holds_one(node.args[0], self.owner.state)
+            ):
+                return ast.Subscript(
+                    self.visit(node.args[0]), ast.Tuple([], ast.Load()), ast.Load()
+                )
             if function.id == "len" and isinstance(node.args[0], ast.Name):
                 terms = self.owner.terms.get(node.args[0].id)
                 if self.bound and terms is not None:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import blocks
 import runtime
@@ -150,15 +152,148 @@ def test_sampled_outputs_hold() -> None:
     assert text.count("back.output(") == 1
 
 
+class Pulse(Block):
+    """One for a hundredth of a second at t = 0.5.
+
+    [ Pulse ] ─▶ y
+    """
+
+    y = Output(Scalar, doc="the integral")
+    x = State(continuous=True)
+
+    def output(self, state: Any, t: float) -> float:
+        return float(state.x)
+
+    def derivative(self, state: Any, t: float) -> float:
+        return 1.0 if 0.5 <= t < 0.51 else 0.0
+
+
+class Escape(Block):
+    """x' = 1 + x^2: x = tan(t), which is infinite at pi / 2.
+
+    [ Escape ] ─▶ y
+    """
+
+    y = Output(Scalar, doc="x")
+    x = State(continuous=True)
+
+    def output(self, state: Any, t: float) -> float:
+        return 0.0
+
+    def derivative(self, state: Any, t: float) -> float:
+        return 1.0 + float(state.x) ** 2
+
+
+class Opaque(Block):
+    """A gain that does not compile.
+
+    x ─▶ [ Opaque ] ─▶ y
+    """
+
+    x = Input(Scalar, doc="any number")
+    y = Output(Scalar, doc="-x")
+
+    def start(self, state: Any) -> None:
+        state.table = {"factor": -1.0}
+
+    def output(self, state: Any, t: float, x: float) -> float:
+        return float(state.table["factor"] * x)
+
+
+def swinging(**run: Any) -> Graph:
+    """A pendulum driven by a sampled gain, a linear system, and an integrator of a vector."""
+    graph = runtime.Graph(dt=0.02, until=2.0).add("p", Pendulum())
+    graph = graph.add("gain", blocks.Gain(gain=-0.3), dt=0.1).connect("p.angle", "gain.input")
+    graph = graph.connect("gain.out", "p.torque")
+    matrices = {"A": [[0, 1], [-4, -1]], "B": [0, 1], "C": [[1, 0], [0, 1]], "D": [[0], [1]]}
+    graph = graph.add("filter", blocks.StateSpace(**matrices)).connect("p.angle", "filter.input")
+    graph = graph.add("sum", blocks.Integrator(upper=0.1)).connect("filter.out", "sum.input")
+    graph = graph.add("opposite", blocks.Gain(gain=2.0)).connect("sum.out", "opposite.input")
+    graph = graph.add("twice", blocks.Integrator()).connect("opposite.out", "twice.input")
+    for key, value in run.items():
+        graph = graph.set(f"run.{key}", value)
+    return graph.probe("p.theta").probe("twice.out")
+
+
+@pytest.mark.parametrize("solver", ["heun", "rk4"])
+def test_engines_agree_to_the_bit(solver: str) -> None:
+    python, compiled = (swinging(engine=e, solver=solver).run() for e in ("python", "compiled"))
+    for probe in ("p.theta", "twice.out"):
+        np.testing.assert_allclose(compiled[probe], python[probe], rtol=0.0, atol=1e-13)
+
+
+def test_a_block_of_the_stages_that_does_not_compile_is_called_from_python() -> None:
+    made = {}
+    for engine in ("python", "compiled"):
+        graph = graph_of(OSCILLATOR, engine=engine).without("spring").add("o", Opaque())
+        graph = graph.connect("position.out", "o.x").wire("speed.input", "o.y")
+        made[engine] = np.asarray(graph.run()["x"])
+    np.testing.assert_array_equal(made["compiled"], made["python"])
+    assert abs(made["python"] - np.cos(0.1 * np.arange(100))).max() < 1e-4
+
+
+@pytest.mark.parametrize("engine", ["python", "compiled"])
+def test_dopri5_meets_its_tolerance_against_scipy(engine: str) -> None:
+    """A pendulum over a tick of half a second, with what scipy's own solver makes of it."""
+    graph = alone(Pendulum(theta0=2.0), "b.theta", dt=0.5, until=10.0)
+    graph = graph.set("run.solver", "dopri5").set("run.rtol", 1e-8).set("run.atol", 1e-10)
+    theta = np.asarray(graph.set("run.engine", engine).run()["b.theta"]).ravel()
+
+    def rates(t: float, x: Any) -> list[float]:
+        return [x[1], -9.81 * math.sin(x[0])]
+
+    t = 0.5 * np.arange(20)
+    exact = solve_ivp(rates, (0, 10), [2.0, 0.0], "DOP853", t, rtol=1e-12, atol=1e-13).y[0]
+    peer = solve_ivp(rates, (0, 10), [2.0, 0.0], "RK45", t, rtol=1e-8, atol=1e-10).y[0]
+    assert abs(theta - exact).max() < max(2e-6, 2.0 * abs(peer - exact).max())
+
+
+def test_dopri5_keeps_to_the_largest_step() -> None:
+    """A pulse that is shorter than a tick is not stepped over."""
+    graph = alone(Pulse(), "b.x", dt=1.0, until=3.0).set("run.solver", "dopri5")
+    x = np.asarray(graph.set("run.max_step", 0.01).run()["b.x"]).ravel()
+    np.testing.assert_allclose(x, [0.0, 0.01, 0.01], atol=1e-5)
+
+
+@pytest.mark.parametrize("engine", ["python", "compiled"])
+def test_a_tolerance_that_cannot_be_met(engine: str) -> None:
+    graph = alone(Escape(), "b.x", dt=0.5, until=3.0).set("run.solver", "dopri5")
+    message = r"block 'b' at tick 3 \(t = 1.5 s\): dopri5 cannot integrate state 'x' with rtol"
+    with pytest.raises(SimulationError, match=message):
+        graph.set("run.engine", engine).run()
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "solver", "message"),
+    [
+        ("rtol", 1e-6, "rk4", "run.rtol: solver: rk4 takes one step per tick"),
+        ("rtol", -1, "dopri5", "run.rtol: expected a number above 0, got -1"),
+        ("max_step", "x", "dopri5", "run.max_step: expected a number above 0"),
+    ],
+)
+def test_options_of_solvers(key: str, value: Any, solver: str, message: str) -> None:
+    with pytest.raises(GraphError, match=message):
+        graph_of(OSCILLATOR, **{"solver": solver, key: value}).check()
+
+
+def test_a_run_folder_holds_the_solver(tmp_path: Path) -> None:
+    graph = graph_of(OSCILLATOR, solver="dopri5", rtol=1e-7)
+    folder = graph.run().save(tmp_path / "run")
+    text = (folder / "graph.resolved.yaml").read_text(encoding="utf-8")
+    assert "solver: dopri5" in text
+    assert "rtol: 1e-07" in text or "rtol: 1.0e-07" in text
+
+
 def test_the_text_of_a_graph_without_continuous_states_has_no_stages() -> None:
     text = runtime.load("line_actuator_failure").program().source()
     assert "stage" not in text
     assert "states" not in text
 
 
-def test_a_state_that_is_no_number_names_block_state_tick_and_time() -> None:
+@pytest.mark.parametrize("engine", ["python", "compiled"])
+def test_a_state_that_is_no_number_names_block_state_tick_and_time(engine: str) -> None:
     with pytest.raises(SimulationError) as caught:
-        alone(Blowup()).run()
+        alone(Blowup()).set("run.engine", engine).run()
     assert str(caught.value) == (
         "block 'b' at tick 5 (t = 0.5 s): the derivative of state 'x[1]' is not finite: nan "
         "(stage 2 of the solver, t = 0.55 s)"
