@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from blocks import CourseError, Pair
+from blocks import CourseError
 from tests.blocks.direct import state_of
 
 angles = st.floats(-1.5, 1.5)
@@ -33,6 +33,3 @@ def test_near_the_path_it_is_the_sum_of_both_errors() -> None:
     block = CourseError(v_r=0.2, lookahead_time=1.0)
     assert deviation(block, 1e-4, 2e-4, 0.7) == pytest.approx(2e-4 + 5.0 * 1e-4, rel=1e-6)
 
-
-def test_a_pair_is_both() -> None:
-    assert Pair().output(state_of(Pair()), 0.0, 1.5, -2.0).tolist() == [1.5, -2.0]

@@ -48,7 +48,6 @@ PARAMETERS: dict[str, st.SearchStrategy[dict[str, Any]]] = {
     ),
     "TrackingError": st.just({}),
     "CourseError": st.fixed_dictionaries({}, optional={"v_r": SIZES, "lookahead_time": SIZES}),
-    "Pair": st.just({}),
     "LQR": st.fixed_dictionaries(
         {},
         optional={
