@@ -32,4 +32,3 @@ def test_it_is_zero_when_looking_at_the_point_ahead(
 def test_near_the_path_it_is_the_sum_of_both_errors() -> None:
     block = CourseError(v_r=0.2, lookahead_time=1.0)
     assert deviation(block, 1e-4, 2e-4, 0.7) == pytest.approx(2e-4 + 5.0 * 1e-4, rel=1e-6)
-
