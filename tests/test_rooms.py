@@ -46,6 +46,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.experiments.tuning.tuning_plots",),
     ("runtime.experiments",),
     ("runtime.reports", "runtime.language"),
+    ("runtime.lsp",),
     ("runtime.cli",),
     ("runtime",),
 )

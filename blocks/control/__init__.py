@@ -4,13 +4,8 @@ from blocks.control.compensators import LQI, DisturbanceObserver, L1Adaptive
 from blocks.control.lqr import LQR
 from blocks.control.mpc import MPC
 from blocks.control.paths import CirclePath, LinePath, SinePath, WaypointPath, curvature
-<<<<<<< HEAD
-from blocks.control.trackers import PID, PurePursuit, Stanley
-from blocks.control.tracking import CourseError, MatchingPoint, TrackingError
-=======
 from blocks.control.trackers import PathPID, PurePursuit, Stanley
-from blocks.control.tracking import MatchingPoint, TrackingError
->>>>>>> main
+from blocks.control.tracking import CourseError, MatchingPoint, TrackingError
 
 __all__ = [
     "LQI",
