@@ -35,7 +35,8 @@ class LearningEnsemble(Learner):
 
     gamma is kappa dt / neurons or, if ``normalised``, kappa dt / (|s|^2 + neurons (10 Hz)^2): steps
     of normalised LMS (Haykin, Adaptive Filter Theory), with which the output moves by kappa error
-    per second whatever the number, the rates and the range of the neurons.
+    per second whatever the number, the rates and the range of the neurons (somewhat less with
+    spikes that the synapse hardly smooths).
 
     A subclass turns J into the post-synaptic current s (:meth:`_respond`). What is drawn depends
     on the run's seed and the block's name only, in one order for all subclasses, so that one kind
@@ -98,6 +99,9 @@ class LearningEnsemble(Learner):
         state.scratch, state.products = np.empty(n), np.empty_like(state.weights)
         state.encoder_rows = np.ascontiguousarray(state.scaled_encoders.T)
         state.further = range(1, d)
+
+    def resume(self, state: BlockState) -> None:
+        state.encoder_rows[...] = state.scaled_encoders.T
 
     def watch(self, state: BlockState) -> float:
         """The norm of the weights."""

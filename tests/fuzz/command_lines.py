@@ -57,6 +57,8 @@ PLAUSIBLE: dict[str, tuple[str, ...]] = {
     "--wire": ("plant.command=go.value", "gain.input=plant.pose", "noise.pose=noise.measured"),
     "--without": ("noise", "gain", "plant", "noise,limit", "nobody"),
     "--bypass": ("limit", "gain", "noise,limit", "go"),
+    "--from": ("runs", "nowhere", "."),
+    "--initial": ("snn.weights=runs", "snn=nowhere", "snn", "=x"),
     "--replace": ("limit=ActuatorFault", "gain=Lowpass", "gain=Gian", "noise=PoseNoise,gain=Sum"),
     "--variant": ("soft", "a/b", "baseline"),
     "--seed": ("3", "-1", "1e3", "99999999999999999999"),
@@ -107,10 +109,11 @@ class Line:
 
 @cache
 def verbs() -> dict[str, ArgumentParser]:
-    """Each verb's parser."""
+    """The parser of each verb that ends by itself."""
     (commands,) = (a for a in make_parser()._actions if a.dest == "command")
     found: Any = commands.choices
-    return dict(found)
+    # A server ends when its editor does.
+    return {name: parser for name, parser in found.items() if name != "lsp"}
 
 
 def _values(action: Action, key: str) -> st.SearchStrategy[str]:

@@ -33,8 +33,8 @@ CONTESTANTS: dict[str, dict[str, Any]] = {
         "DisturbanceObserver", {"lqr.rate": "log(0.3..10)", "lqr.tau": "log(0.05..5)"}, wire=LEARN
     ),
     "Stanley": _tracker("Stanley", {"lqr.k": "log(0.3..10)", "lqr.wheel_base": "log(0.01..0.5)"}),
-    "PID": _tracker(
-        "PID",
+    "PathPID": _tracker(
+        "PathPID",
         {
             "lqr.kp": "log(0.3..20)",
             "lqr.ki": "log(0.001..5)",
