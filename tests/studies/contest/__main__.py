@@ -46,7 +46,7 @@ def main() -> int:
     names = {one.name for one in found}
     draw(found, DOCS / "images" / "comparison.png")
     ours = next((one for one in found if one.name == transfer.OURS), None)
-    if ours is not None and not (options.out / transfer.FILE).exists():
+    if ours is not None and not (options.page or (options.out / transfer.FILE).exists()):
         transfer.measure(ours.values, options.out)
     missing = [name for name in CONTESTANTS if name not in names]
     text = page(found, missing, transfer.rows(options.out))
