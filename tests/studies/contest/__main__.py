@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 from runtime.cli import run
+from tests.studies.contest import transfer
 from tests.studies.contest.contestants import CONTESTANTS, name_of, write
 from tests.studies.contest.page import draw, page
 from tests.studies.contest.results import read
@@ -44,7 +45,11 @@ def main() -> int:
     found = read(options.out)
     names = {one.name for one in found}
     draw(found, DOCS / "images" / "comparison.png")
-    text = page(found, [name for name in CONTESTANTS if name not in names])
+    ours = next((one for one in found if one.name == transfer.OURS), None)
+    if ours is not None and not (options.page or (options.out / transfer.FILE).exists()):
+        transfer.measure(ours.values, options.out)
+    missing = [name for name in CONTESTANTS if name not in names]
+    text = page(found, missing, transfer.rows(options.out))
     (DOCS / "comparison.md").write_text(text, encoding="utf-8")
     return 0
 

@@ -65,8 +65,16 @@ number of trials that is given; nothing was chosen by hand but the ranges.
 """
 
 
-def page(found: Sequence[Contestant], missing: Sequence[str]) -> str:
-    """The whole page."""
+TRANSFER = """Our rule with the setting that case C's training chose, beside an LQR of Q = R = I
+(moderate) and beside the graph's own soft one; the printed and the robust rule as they are shipped.
+Mean error in m (from 10 s on in B), and the difference that the adaptive part makes.
+"""
+
+
+def page(
+    found: Sequence[Contestant], missing: Sequence[str], transfer: Sequence[Sequence[str]]
+) -> str:
+    """The whole page; ``transfer`` are the rows about the cases A and B."""
     against = verdicts(found)
     ordered = sorted(found, key=lambda one: one.held_out(ERROR).mean)
     parts = [
@@ -101,6 +109,7 @@ def page(found: Sequence[Contestant], missing: Sequence[str]) -> str:
         "## After a fault has healed\n",
         HEALING,
         _table(("contestant", "within 10 s", "mean time"), (_healed(one) for one in ordered)),
+        *_transferred(transfer),
         "## What was found\n",
         FOUND,
         _table(("contestant", "trials", "training runs", "values"), map(_found, ordered)),
@@ -115,6 +124,13 @@ def page(found: Sequence[Contestant], missing: Sequence[str]) -> str:
     if missing:
         parts.append(f"Not run in this budget: {'; '.join(missing)}.\n")
     return "\n".join(parts)
+
+
+def _transferred(rows: Sequence[Sequence[str]]) -> list[str]:
+    if not rows:
+        return []
+    header = ("case", "LQR", "controller", "error", "against the LQR alone")
+    return ["## The same setting in cases A and B\n", TRANSFER, _table(header, rows)]
 
 
 def _runs(one: Contestant, key: str) -> str:
