@@ -15,7 +15,16 @@ from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from benchmarks import compiling, monte_carlo, per_tick, physics, start_up, sweeps, whole_loop
+from benchmarks import (
+    compiling,
+    language,
+    monte_carlo,
+    per_tick,
+    physics,
+    start_up,
+    sweeps,
+    whole_loop,
+)
 from benchmarks.agreement import TOLERANCE, DisagreementError
 from benchmarks.contests import Contest, case_a_contest, tracking_contest
 from benchmarks.peers import PEERS
@@ -129,6 +138,7 @@ def page(rounds: int, sizes: Sizes, against: Path | None = None) -> str:
         lambda: monte_carlo.section(sizes.seeds, sizes.nengo_seeds, sizes.until, rounds),
         lambda: sweeps.section(min(sizes.seeds, sweeps.SEEDS), sizes.until, 1),
         lambda: start_up.section(rounds),
+        lambda: language.section(rounds),
         lambda: compiling.section(rounds, against, quick=sizes is QUICK),
     )
     text = head
