@@ -328,7 +328,8 @@ class Model:
         loaded = [] if self.kind in ("experiment", "world") else self._loaded[1]
         found = loaded or [*map(self._unwrapped, self.examined.problems)]
         if self.kind == "part":
-            found = [p for p in found if p.where.file and p.where.line]
+            # A block may fail for want of what only the graph around a part gives.
+            found = [p for p in found if p.where.line and " failed: " not in p.text]
         if self.kind == "overlay":
             found = [p for p in found if not _needs_base(p)]
         return sorted(set(found))
