@@ -336,6 +336,8 @@ class Model:
 
     def _is_deletion(self, problem: Problem) -> bool:
         """Whether a problem is about a null, which deletes what the graph below may have."""
+        if problem.where.file not in ("", self.file):
+            return " has no input '" in problem.text  # a null there is known to that file alone
         item = deepest(self.root, self.text.at(problem.where))
         return item.kind == "empty" or (item.kind == "scalar" and item.value in ("null", "~"))
 
