@@ -11,6 +11,8 @@ from nengo.dists import Choice, Uniform
 
 Model = Callable[[], nengo.Probe]
 MODELS: dict[str, Model] = {}
+# Several processes test at once; its cache on disk leaves files open when they meet.
+nengo.rc["decoder_cache"]["enabled"] = "False"
 
 
 def model(function: Model) -> Model:
