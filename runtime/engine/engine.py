@@ -32,7 +32,19 @@ from runtime.engine.runners import (
     silent,
 )
 from runtime.engine.schedule import GLOBALS, Plan
-from runtime.engine.solvers import METHODS, blend, controls, joined, judged, substep
+from runtime.engine.solvers import (
+    BEFORE,
+    FOUND,
+    METHODS,
+    TICK,
+    TIME,
+    blend,
+    controls,
+    joined,
+    judged,
+    narrowed,
+    substep,
+)
 from runtime.engine.values import NotFiniteError, OutputChecks, bad_slope, sealed, unreached
 from runtime.errors import SimulationError, UsageError
 from runtime.network import Network, state_shape
@@ -54,6 +66,7 @@ def seed_of(seed: int, name: str) -> np.random.SeedSequence:
 class Outcome:
     """The outcome of a run: recorded arrays, ticks done, how it ended, and the seconds it took.
 
+    ``stopped_at`` is the time (s) at which ``run.stop`` ended it.
     ``ready_s`` is the part of ``wall_s`` before the second tick: initial states, compilation.
     """
 
@@ -64,6 +77,7 @@ class Outcome:
     wall_s: float = 0.0
     ready_s: float = 0.0
     error: SimulationError | None = None
+    stopped_at: float | None = None
 
 
 @dataclass
@@ -79,7 +93,8 @@ class Engine:
     profile : measures the time per block; for the Python engine only.
     folder : for recordings that are too large for memory; a temporary one by default.
 
-    ``continuous`` is the row of all continuous states, of which the blocks' arrays are views.
+    ``continuous`` is the row of all continuous states, of which the blocks' arrays are views;
+    ``stop`` says whether and where ``run.stop`` ended the run.
     """
 
     program: Program
@@ -96,6 +111,7 @@ class Engine:
     diagnosis: Diagnosis = field(init=False)
     checks: OutputChecks = field(init=False)
     continuous: FloatArray = field(init=False)
+    stop: FloatArray = field(init=False)
     tick: int = field(init=False, default=0)
     lines: Mapping[int, str] = field(init=False, default_factory=dict)
     runner: Runner = field(init=False)
@@ -107,6 +123,8 @@ class Engine:
         self.arrays = self.recorder.arrays
         part = self.plan.continuous
         self.continuous = np.zeros(0 if part is None else part.size)
+        self.stop = np.zeros(6)
+        self.stop[BEFORE] = math.nan
         self.states = {name: self._state(name) for name in self.network.entries}
         self.diagnosis = Diagnosis(self.network, self.states)
         self.checks = OutputChecks(self.network)
@@ -127,6 +145,8 @@ class Engine:
                 held = self._first_tick()
                 outcome.ready_s = time.perf_counter() - began
                 self._loop(held, progress)
+            if self.stop[FOUND]:
+                outcome.status, outcome.stopped_at = "stopped", float(self.stop[TIME])
         except KeyboardInterrupt as error:
             self.locate(error)
             outcome.status = "interrupted"
@@ -154,12 +174,13 @@ class Engine:
         total, chunk = self.network.ticks, 16
         run, recorder = self.runner.run, self.recorder
         try:
-            while self.tick < total:
+            while self.tick < total and not self.stop[FOUND]:
                 stop = min(self.diagnosis.boundary(self.tick), self.tick + chunk)
                 stop = min(total, stop, recorder.boundary())
                 began = time.perf_counter()
                 held = run(self.tick, stop, held)
                 took = time.perf_counter() - began
+                stop = round(self.stop[TICK]) + 1 if self.stop[FOUND] else stop
                 ran, self.tick = stop - self.tick, stop
                 recorder.flush(stop)
                 self.diagnosis.look(stop)
@@ -195,6 +216,8 @@ class Engine:
         self.namespace |= {f"probe_{i}": array for i, array in enumerate(self.arrays.values())}
         self.namespace |= {} if self.profile is None else self.profile.names()
         self.namespace |= self._continuous_names()
+        if self.program.observation.stop is not None:
+            self.namespace |= {"stop": self.stop, "narrowed": narrowed}
         for name, entry in self.network.entries.items():
             identifier = self.plan.names[name]
             self.namespace[identifier] = entry.made
@@ -244,6 +267,7 @@ class Engine:
         return {
             "states": self.continuous,
             "start": np.zeros(part.size),
+            "origin": np.zeros(part.size),
             "slopes": slopes,
             "nodes": method.nodes,
             "weights": method.terms,

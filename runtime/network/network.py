@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from blocks.core import Block, BlockContext, Evaluation, SignalType, hint
 from blocks.world import World
-from runtime.document import Node, Solver
+from runtime.document import Node, Solver, Stop
 from runtime.errors import Where
 from runtime.network.addresses import Endpoint
 from runtime.network.scope import Scope
@@ -105,6 +105,7 @@ class Network:
     engine: str
     memory: int
     solver: Solver
+    stop: Stop | None
     scope: Scope
     document: Node
     world: World | None = None

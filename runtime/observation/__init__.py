@@ -5,15 +5,16 @@
 """
 
 from runtime.observation.metric_kinds import MetricKind, MetricOptions
-from runtime.observation.metrics import METRIC_KINDS, Metric, Series
+from runtime.observation.metrics import METRIC_KINDS, STOP_TIME, Metric, Series
 from runtime.observation.plots import PLOT_KINDS, PlotKind, offered, plot_keys
-from runtime.observation.reader import Observation, PlotSpec, Probe, observe
+from runtime.observation.reader import Observation, PlotSpec, Probe, StopTest, observe
 from runtime.observation.run_data import Recording, RunData
 from runtime.observation.wall_metrics import since_reached
 
 __all__ = [
     "METRIC_KINDS",
     "PLOT_KINDS",
+    "STOP_TIME",
     "Metric",
     "MetricKind",
     "MetricOptions",
@@ -24,6 +25,7 @@ __all__ = [
     "Recording",
     "RunData",
     "Series",
+    "StopTest",
     "observe",
     "offered",
     "plot_keys",
