@@ -47,7 +47,7 @@ from runtime.engine.solvers import (
 )
 from runtime.engine.values import NotFiniteError, OutputChecks, bad_slope, sealed, unreached
 from runtime.errors import SimulationError, UsageError
-from runtime.network import Network, state_shape
+from runtime.network import Network, columns, state_shape
 
 CHUNK_SECONDS = 0.1
 
@@ -315,9 +315,8 @@ class Engine:
     def _state(self, name: str) -> BlockState:
         entry = self.network.entries[name]
         context = self.network.context(name)
-        sizes = entry.made.sizes()
         shapes = {
-            key: state_shape(sizes, declared, context, entry.cls.spec)
+            key: state_shape(entry.made, declared, context, entry.cls.spec)
             for key, declared in entry.cls.spec.states.items()
         }
         arrays = {key: np.zeros(shape) for key, shape in shapes.items()}
@@ -332,8 +331,8 @@ class Engine:
             if recording.constant and (recording.end.block, recording.end.port) == (block, port):
                 kind = self.network.types[block, port]
                 array = self.namespace[recording.array]
-                column = kind.column(recording.end.component) if recording.end.component else None
-                item = value if column is None else value[column]
+                component = recording.end.component
+                item = value[columns(kind, component)] if component else value
                 array[0 if recording.columns is None else (0, recording.columns)] = item
 
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 from blocks.core import Block, BlockContext, Evaluation, SignalType, hint
 from blocks.world import World
 from runtime.document import Node, Solver, Stop
 from runtime.errors import Where
 from runtime.network.addresses import Endpoint
+from runtime.network.components import component_names
 from runtime.network.scope import Scope
 
 
@@ -128,6 +131,20 @@ class Network:
     def ticks(self) -> int:
         return round(self.until / self.dt)
 
+    @cached_property
+    def driving(self) -> tuple[Wire, ...]:
+        """The wires as blocks read them: into an input that spreads, one for each component."""
+        found: list[Wire] = []
+        for wire in self.wires:
+            inputs = self.entries[wire.block].cls.spec.inputs
+            found += self._spread(wire) if inputs[wire.port].spread else [wire]
+        return tuple(found)
+
+    def _spread(self, wire: Wire) -> list[Wire]:
+        kind = self.types[wire.source.block, wire.source.port]
+        names = component_names(kind, wire.source)
+        return [replace(wire, source=replace(wire.source, component=name)) for name in names]
+
     def is_typed(self, name: str) -> bool:
         """Whether all ports of a block have their types."""
         spec = self.entries[name].cls.spec
@@ -141,7 +158,7 @@ class Network:
             dt=self.dt * entry.every,
             types={port: self.types[name, port] for port in ports if (name, port) in self.types},
             terms={
-                port: self.terms.get((name, port), ())
+                port: self._flags(name, port, bool(declared.spread))
                 for port, declared in entry.cls.spec.inputs.items()
                 if declared.variadic
             },
@@ -149,6 +166,16 @@ class Network:
             lengths=self.lengths.get(name, {}),
             published=frozenset(port for port, _ in self.publications(name)),
         )
+
+    def _flags(self, name: str, port: str, spread: bool) -> tuple[bool, ...]:
+        """Whether each term of a variadic input is connected."""
+        flags = self.terms.get((name, port), ())
+        if not spread:
+            return flags
+        widths = Counter(
+            wire.term for wire in self.driving if (wire.block, wire.port) == (name, port)
+        )
+        return tuple(flag for i, flag in enumerate(flags) for _ in range(widths[i] if flag else 1))
 
     def publications(self, name: str) -> list[tuple[str, Endpoint]]:
         """The inputs of a block that receive a published description, and from which output."""

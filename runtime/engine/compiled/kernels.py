@@ -118,7 +118,7 @@ def _candidate(
 
     entry = network.entries[name]
     terms = {
-        port: sum(w.block == name and w.port == port for w in network.wires)
+        port: sum(w.block == name and w.port == port for w in network.driving)
         for port, declared in entry.cls.spec.inputs.items()
         if declared.variadic
     }
