@@ -210,6 +210,13 @@ class Block:
         """Lengths that follow from others that are known, by symbol."""
         return {}
 
+    def why_open(self, published: frozenset[str]) -> str:
+        """Why a length of this block may be open, and what to do; '' for the general message.
+
+        ``published`` are the inputs that receive a published description.
+        """
+        return ""
+
     def start(self, state: BlockState) -> None:
         """Fill the state, which is all zeros, before the first tick."""
 

@@ -43,6 +43,7 @@ class Output:
     that returns a static description of the signal, such as the tuning of the neurons behind
     spikes: a consumer finds it in ``state.published`` when it starts. The lengths in ``carries``
     travel along the wire, too, and are known when the consumer's own lengths are inferred.
+    ``label`` is what figures call a scalar, which may be a formula as ``$e_p$``.
     """
 
     type: PortType
@@ -51,6 +52,7 @@ class Output:
     through: str = ""
     constant: bool = False
     name: str = ""
+    label: str = ""
     publishes: str = ""
     carries: tuple[str, ...] = ()
 

@@ -52,7 +52,9 @@ def report_open(network: Network, problems: Problems) -> None:
         ports = [p for p in (*spec.inputs, *spec.outputs) if (name, p) not in network.types]
         if ports:
             where = entry.node.key
-            message = _open(name, ports[0], entry.cls.spec)
+            published = frozenset(port for port, _ in network.publications(name))
+            said = "" if entry.block is None else entry.block.why_open(published)
+            message = said or _open(name, ports[0], entry.cls.spec)
             problems.add(where, entry.address if where == NOWHERE else "", message)
 
 

@@ -16,6 +16,7 @@ class Signal:
     """A recorded output or state: its source, its shape, the names of its columns.
 
     ``address`` is written in the graph, ``end`` is its source once removed blocks are bypassed.
+    ``name`` is what figures call it, '' for its address.
     """
 
     address: str
@@ -28,6 +29,14 @@ class Signal:
     is_state: bool = False
     is_event: bool = False
     constant: bool = False
+    name: str = ""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What figures call each column; '' for its label."""
+        if not self.name or len(self.labels) < 2:
+            return (self.name,) * len(self.labels)
+        return tuple(f"{self.name}{label[len(self.address) :]}" for label in self.labels)
 
     @property
     def width(self) -> int:
@@ -58,6 +67,11 @@ class Probe:
     @property
     def labels(self) -> tuple[str, ...]:
         return tuple(label for signal in self.signals for label in signal.labels)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What figures call each column; '' for its label."""
+        return tuple(name for signal in self.signals for name in signal.names)
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -127,7 +141,9 @@ def make_signal(network: Network, end: Endpoint, label: str) -> Signal | None:
     labels, units = _columns(whole, end, label, spec.outputs[end.port].unit)
     constant = spec.outputs[end.port].constant
     shape, name = kind_at.shape, kind_at.name
-    return Signal(label, end, shape, labels, units, name, entry.every, constant=constant)
+    shown = "" if end.component or shape else spec.outputs[end.port].label
+    every = entry.every
+    return Signal(label, end, shape, labels, units, name, every, constant=constant, name=shown)
 
 
 def _columns(

@@ -19,6 +19,7 @@ class Recording:
 
     t : times (rows,) in seconds. values : (rows,) for a scalar, (rows, columns) for a record or
     several signals, (rows, n, columns) for a table. ``addresses`` gives each signal its columns.
+    ``names`` are what figures call the columns, '' for those that are called by their label.
     """
 
     name: str
@@ -29,6 +30,13 @@ class Recording:
     kinds: tuple[str, ...]
     addresses: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     auto: bool = False
+    names: tuple[str, ...] = ()
+
+    @property
+    def shown(self) -> tuple[str, ...]:
+        """What figures call the columns."""
+        names = self.names or ("",) * len(self.labels)
+        return tuple(name or label for name, label in zip(names, self.labels, strict=True))
 
     @property
     def columns(self) -> FloatArray:
@@ -114,6 +122,7 @@ class RunData:
             values=found.column(address),
             labels=found.labels[start:stop],
             units=found.units[start:stop],
+            names=found.names[start:stop],
             addresses={address: (0, stop - start)},
         )
 

@@ -146,6 +146,7 @@ def _described(recorded: Recording) -> dict[str, Any]:
         "kinds": list(recorded.kinds),
         "addresses": {a: list(span) for a, span in recorded.addresses.items()},
         "auto": recorded.auto,
+        **({"names": list(recorded.names)} if any(recorded.names) else {}),
     }
 
 
@@ -276,7 +277,10 @@ def _recorded(name: str, info: dict[str, Any], arrays: dict[str, FloatArray]) ->
         raise ValueError(f"probe '{name}': {len(labels)} labels for values of {values.shape}")
     if any(not 0 <= start <= stop <= len(labels) for start, stop in addresses.values()):
         raise ValueError(f"probe '{name}': its addresses name columns that it does not have")
-    return Recording(name, t, values, labels, units, kinds, addresses, bool(info["auto"]))
+    names = tuple(map(str, info.get("names", ())))
+    if names and len(names) != len(labels):
+        raise ValueError(f"probe '{name}': {len(names)} names for {len(labels)} columns")
+    return Recording(name, t, values, labels, units, kinds, addresses, bool(info["auto"]), names)
 
 
 def _check_facts(manifest: dict[str, Any]) -> None:

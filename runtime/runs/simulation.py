@@ -130,6 +130,7 @@ def _recorded(probe: Probe, values: FloatArray, times: FloatArray) -> Recording:
         kinds=tuple(signal.kind for signal in probe.signals),
         addresses=addresses,
         auto=probe.auto,
+        names=probe.names,
     )
 
 

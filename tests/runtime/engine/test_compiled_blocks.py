@@ -175,7 +175,12 @@ CASES: dict[str, list[Case]] = {
     "Decoder": [
         Case(blocks.Decoder(weights=WEIGHTS, synapse=synapse), dt=0.001)
         for synapse in (0.01, "alpha(0.1)")
+    ]
+    + [
+        Case(blocks.Decoder(weights=WEIGHTS, learning="rls", filter="spikes"), dt=0.001),
+        Case(blocks.Decoder(weights=WEIGHTS, learning="pes"), free=("pending",), dt=0.001),
     ],
+    "Weights": [Case(blocks.Weights(weights=WEIGHTS, learning={"rule": "bcm"}), dt=0.001)],
     "AdaptiveBias": [
         Case(blocks.AdaptiveBias(), free=("bias",)),
         Case(blocks.AdaptiveBias(leak=1.0, limit=0.5, power=1e4), free=("bias",)),
