@@ -14,6 +14,7 @@ import sys
 import time
 from collections.abc import Callable
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import expm
@@ -80,9 +81,7 @@ def pathsim(steps: int, dt: float) -> Solved:
 
     ring = [Integrator(float(x)) for x in start()]
     back, scope = Amplifier(-1.0), Scope()
-    wires = [
-        Connection(a, b, scope[i]) for i, (a, b) in enumerate(zip(ring, ring[1:], strict=False))
-    ]
+    wires = [Connection(a, b, scope[i]) for i, (a, b) in enumerate(pairwise(ring))]
     wires += [Connection(ring[-1], back, scope[BLOCKS - 1]), Connection(back, ring[0])]
     simulation = Simulation([*ring, back, scope], wires, dt=dt, Solver=RK4, log=False)
     began = time.perf_counter()
