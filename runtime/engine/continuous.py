@@ -40,6 +40,10 @@ class Slot:
         """The subscript of the state in a row."""
         return f"{self.start}:{self.stop}" if self.shape else str(self.start)
 
+    def address(self, column: int) -> str:
+        """The address of one number of the row, as probes write it."""
+        return f"{self.block}.{self.state}" + (f".{column - self.start}" if self.shape else "")
+
     def component(self, column: int) -> str:
         """The address of one number of the row, for messages."""
         inside = f"[{column - self.start}]" if self.shape else ""

@@ -94,6 +94,7 @@ class Engine:
     folder : for recordings that are too large for memory; a temporary one by default.
 
     ``continuous`` is the row of all continuous states, of which the blocks' arrays are views;
+    ``held`` are the variables that go into the next tick, as the runner has them;
     ``stop`` says whether and where ``run.stop`` ended the run.
     """
 
@@ -113,6 +114,7 @@ class Engine:
     continuous: FloatArray = field(init=False)
     stop: FloatArray = field(init=False)
     tick: int = field(init=False, default=0)
+    held: Held = field(init=False, default=())
     lines: Mapping[int, str] = field(init=False, default_factory=dict)
     runner: Runner = field(init=False)
 
@@ -132,6 +134,7 @@ class Engine:
     def prepare(self) -> Runner:
         """Initialise the states and make the runner, without running a tick."""
         self._start()
+        self.held = self._held()
         self.runner = self._runner()
         return self.runner
 
@@ -162,7 +165,7 @@ class Engine:
         try:
             self.prepare()
             first = self._compile(checked=True, held=self.runner.held)
-            held = self.runner.adopt(first(0, 1, self._held()))
+            self.held = held = self.runner.adopt(first(0, 1, self._held()))
         except (SimulationError, KeyboardInterrupt):
             raise
         except BaseException as error:  # an exception of a block must not end the process
@@ -178,7 +181,7 @@ class Engine:
                 stop = min(self.diagnosis.boundary(self.tick), self.tick + chunk)
                 stop = min(total, stop, recorder.boundary())
                 began = time.perf_counter()
-                held = run(self.tick, stop, held)
+                self.held = held = run(self.tick, stop, held)
                 took = time.perf_counter() - began
                 stop = round(self.stop[TICK]) + 1 if self.stop[FOUND] else stop
                 ran, self.tick = stop - self.tick, stop
