@@ -87,26 +87,13 @@ def linearize(
     UsageError : an address is wrong, or there are no continuous states.
     SimulationError : the run up to the operating point failed.
     """
-    engine = Engine(Program(network, Observation()), network.seed)
+    engine, tick = _operating_point(network, at)
     part = engine.plan.continuous
     if part is None:
         raise UsageError("the graph has no continuous states, so there is nothing to linearize")
-    tick = round(at / network.dt)
-    if tick:
-        outcome = engine.run()
-        if outcome.error is not None:
-            raise outcome.error
-        tick = outcome.ticks
-    else:
-        engine.prepare()
     names = [slot.address(i) for slot in part.slots for i in range(slot.start, slot.stop)]
     _set_states(engine, states or {})
-    offsets: dict[tuple[str, str], int] = {}
-    labels: list[str] = []
-    for text in inputs:
-        port = _driven(network, text)
-        offsets[port] = len(labels)
-        labels += _labels(text, network.types[port])
+    offsets, labels = _offsets(network, inputs)
     watched = [_watched(network, text) for text in outputs]
     flow = flow_at(engine, tick, offsets, watched)
     x = engine.continuous
@@ -137,6 +124,18 @@ def linearize(
     )
 
 
+def _operating_point(network: Network, at: float) -> tuple[Engine, int]:
+    """An engine that has run up to a time, and its tick."""
+    engine = Engine(Program(network, Observation()), network.seed)
+    if round(at / network.dt) == 0:
+        engine.prepare()
+        return engine, 0
+    outcome = engine.run()
+    if outcome.error is not None:
+        raise outcome.error
+    return engine, outcome.ticks
+
+
 def _differences(function: Any, point: FloatArray) -> FloatArray:
     """The Jacobian of a function by central differences, one column per component."""
     columns = []
@@ -161,6 +160,19 @@ def _set_states(engine: Engine, states: Mapping[str, Any]) -> None:
         if array.shape not in ((), slot.shape):
             raise UsageError(f"'{address}' has shape {slot.shape}, got {array.shape}")
         engine.continuous[slot.start : slot.stop] = np.broadcast_to(array, slot.shape).reshape(-1)
+
+
+def _offsets(
+    network: Network, inputs: Sequence[str]
+) -> tuple[dict[tuple[str, str], int], list[str]]:
+    """The first offset of each input, and the labels of all."""
+    offsets: dict[tuple[str, str], int] = {}
+    labels: list[str] = []
+    for text in inputs:
+        port = _driven(network, text)
+        offsets[port] = len(labels)
+        labels += _labels(text, network.types[port])
+    return offsets, labels
 
 
 def _driven(network: Network, text: str) -> tuple[str, str]:
@@ -210,5 +222,5 @@ def _rows(network: Network, text: str, watched: Watched) -> list[str]:
         return _labels(text, network.types[end.block, end.port])
     entry = network.entries[end.block]
     spec = entry.cls.spec
-    shape = state_shape(entry.made.sizes(), spec.states[end.port], network.context(end.block), spec)
+    shape = state_shape(entry.made, spec.states[end.port], network.context(end.block), spec)
     return [f"{text}.{i}" for i in range(math.prod(shape))] if shape else [text]
