@@ -44,6 +44,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.experiments.analysis.sweep_plots", "runtime.experiments.analysis.ablation_plots"),
     ("runtime.experiments",),
     ("runtime.reports", "runtime.language"),
+    ("runtime.lsp",),
     ("runtime.cli",),
     ("runtime",),
 )

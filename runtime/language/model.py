@@ -25,7 +25,7 @@ from runtime.document import (
     parse_yaml,
 )
 from runtime.errors import NOWHERE, GraphError, Problem, SpikeblocksError, Where
-from runtime.experiments.design import check_experiment, is_experiment
+from runtime.experiments.design import KEYS, check_experiment, is_experiment
 from runtime.graph import Content, Examined, Graph, examined
 from runtime.language.items import Item
 from runtime.language.scan import scan
@@ -35,6 +35,8 @@ from runtime.observation import Observation
 
 Kind = Literal["graph", "part", "overlay", "experiment", "world"]
 PORTS = ("inputs", "outputs")
+# Sections that hardly any other YAML has.
+OWN = {"blocks", "wires", "probes", "bypass", "experiment", "vary", "room", "circles"}
 _OUTSIDE = "_outside_"
 
 
@@ -155,6 +157,13 @@ class Model:
             return Node(parse_scalar(item.value), where, key)
         except ValueError:
             return Node(0, where, key)
+
+    @property
+    def is_ours(self) -> bool:
+        """Whether the text is one of a graph, or may become one, and not some other YAML."""
+        names = {item.key for item in self.root.items}
+        known = {*SECTIONS, *PORTS, *KEYS, "extends", "room", "obstacles", "circles"}
+        return bool(names & OWN) or names <= known
 
     @cached_property
     def kind(self) -> Kind:
