@@ -220,6 +220,9 @@ class Block:
     def start(self, state: BlockState) -> None:
         """Fill the state, which is all zeros, before the first tick."""
 
+    def resume(self, state: BlockState) -> None:
+        """Bring what ``start`` derived into line with states that come from an earlier run."""
+
     def watch(self, state: BlockState) -> float:
         """A magnitude that :meth:`diagnose` receives as of eight evenly spaced times of a run."""
         return 0.0

@@ -14,12 +14,13 @@ from runtime.errors import Problems
 DEFAULT_UNTIL = 10.0
 MAX_TICKS = 10**12
 ENGINES = ("auto", "python", "compiled")
+KEPT = ("small", "all", "none")
 SOLVERS = ("euler", "heun", "rk4", "dopri5")
 ADAPTIVE = ("dopri5",)
 STOPS = ("above", "below", "crosses")
 TOLERANCES = ("rtol", "atol", "max_step")
 # Keys of the section that take one of a few words.
-RUN_CHOICES = {"engine": ENGINES, "solver": SOLVERS}
+RUN_CHOICES = {"engine": ENGINES, "solver": SOLVERS, "states": KEPT}
 DEFAULT_MEMORY = 1024**3
 UNITS = {"": 1, "K": 1024, "M": 1024**2, "G": 1024**3}
 
@@ -71,7 +72,8 @@ class RunSection:
     engine: str
     memory: int
     solver: Solver
-    stop: Stop | None
+    stop: Stop | None = None
+    states: str = KEPT[0]
 
 
 def read_run(document: Node, problems: Problems) -> RunSection:
@@ -94,8 +96,9 @@ def read_run(document: Node, problems: Problems) -> RunSection:
         problems.add(where, "run.until", message)
         until = dt
     seed, engine = _seed(run, problems), _choice(run, "engine", ENGINES, ENGINES[0], problems)
+    states = _choice(run, "states", KEPT, KEPT[0], problems)
     memory, solver, stop = _memory(run, problems), _solver(run, problems), _stop(run, problems)
-    return RunSection(dt, until, seed, engine, memory, solver, stop)
+    return RunSection(dt, until, seed, engine, memory, solver, stop, states)
 
 
 def _seed(run: dict[str, Node], problems: Problems) -> int:

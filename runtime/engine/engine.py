@@ -50,6 +50,7 @@ from runtime.errors import SimulationError, UsageError
 from runtime.network import Network, columns, state_shape
 
 CHUNK_SECONDS = 0.1
+SMALL_STATE = 1024**2
 
 
 def seed_of(seed: int, name: str) -> np.random.SeedSequence:
@@ -254,7 +255,24 @@ class Engine:
             published[port] = self._guard(source.block, call)
         state = self.states[name]
         state.published = published
-        self._guard(name, partial(self.network.entries[name].made.start, state))
+        block = self.network.entries[name].made
+        self._guard(name, partial(block.start, state))
+        if name in self.network.initial:
+            for key, array in self.network.initial[name].items():
+                getattr(state, key)[...] = array
+            self._guard(name, partial(block.resume, state))
+
+    def final_states(self) -> dict[str, FloatArray]:
+        """Copies of the states by ``block.state``, as far as ``run.states`` keeps them."""
+        kept = self.network.states
+        largest = {"none": -1, "small": SMALL_STATE, "all": math.inf}[kept]
+        found = {}
+        for name, entry in self.network.entries.items():
+            for key, declared in entry.cls.spec.states.items():
+                array = getattr(self.states[name], key)
+                if 0 < array.nbytes <= largest and not declared.cached:
+                    found[f"{name}.{key}"] = array.copy()
+        return found
 
     def _continuous_names(self) -> dict[str, Any]:
         """What the text of a graph with continuous states refers to."""

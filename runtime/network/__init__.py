@@ -7,6 +7,7 @@ from runtime.network.addresses import AddressError, Endpoint, ReportedError, fin
 from runtime.network.block_types import is_variadic, source_file
 from runtime.network.build import BLOCK_KEYS, build
 from runtime.network.components import columns, component_type, is_range, unknown_component
+from runtime.network.initial import STATES
 from runtime.network.network import Entry, Network, Wire, check_output
 from runtime.network.open_inputs import fits, outputs_in
 from runtime.network.removal import follow, missing_block
@@ -17,6 +18,7 @@ from runtime.network.shapes import MAX_BYTES, state_shape, whole_shape
 __all__ = [
     "BLOCK_KEYS",
     "MAX_BYTES",
+    "STATES",
     "AddressError",
     "Endpoint",
     "Entry",

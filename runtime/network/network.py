@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from blocks.core import Block, BlockContext, Evaluation, SignalType, hint
+from blocks.core import Block, BlockContext, Evaluation, FloatArray, SignalType, hint
 from blocks.world import World
 from runtime.document import Node, Solver, Stop
 from runtime.errors import Where
@@ -95,6 +95,7 @@ class Network:
     wires : into blocks; part_wires : into parts, whose typed inputs ``part_inputs`` lists.
     terms : (block, port) of a variadic input to one flag per wire as written: whether it is kept.
     types : (block, port) to signal type; lengths : block to its known lengths, by symbol.
+    initial : block to the states, by name, that it takes from an earlier run when it starts.
     removed : blocks that are left out, each with "without" or "bypass".
     removed_by : the name in ``without`` that removed a block: its own, or that of its part.
     removed_entries, removed_wires : removed blocks, and wires that went or moved with them.
@@ -111,6 +112,7 @@ class Network:
     stop: Stop | None
     scope: Scope
     document: Node
+    states: str = "small"
     world: World | None = None
     signal_types: Mapping[str, SignalType] = field(default_factory=dict)
     entries: Mapping[str, Entry] = field(default_factory=dict)
@@ -121,6 +123,7 @@ class Network:
     terms: Mapping[tuple[str, str], tuple[bool, ...]] = field(default_factory=dict)
     types: Mapping[tuple[str, str], SignalType] = field(default_factory=dict)
     lengths: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
+    initial: Mapping[str, Mapping[str, FloatArray]] = field(default_factory=dict)
     removed: Mapping[str, str] = field(default_factory=dict)
     removed_by: Mapping[str, str] = field(default_factory=dict)
     removed_entries: Mapping[str, Entry] = field(default_factory=dict)

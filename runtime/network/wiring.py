@@ -12,6 +12,7 @@ from runtime.network.addresses import (
     UnwiredError,
     find,
 )
+from runtime.network.block_types import relative_with
 from runtime.network.network import Entry, Network, Wire, check_output
 from runtime.network.scope import Scope, is_optional, part_input
 
@@ -100,6 +101,10 @@ class Wiring:
         # The input is connected, if by a misspelt name.
         self.settled.add((full, closest(port, inputs)))
         suggestion = hint(port, inputs) or f"; its inputs: {', '.join(inputs) or 'none'}"
+        entry = self.network.entries.get(full)
+        relative = relative_with(entry.cls, port) if entry is not None else ""
+        if relative:
+            suggestion = f"; the block with this input is a {relative}"
         owner = f"part '{full}'" if name in scope.parts else f"'{full}'"
         self.problems.add(node.key, address, f"{owner} has no input '{port}'{suggestion}", True)
 

@@ -95,6 +95,7 @@ def simulate(
     notes += engine.diagnosis.notes(outcome.ticks) if outcome.ticks else []
     result = _result(graph, outcome, probes, metrics, notes, began)
     result.failures = failures
+    result.states = engine.final_states() if outcome.ticks else {}
     if outcome.error is not None:
         outcome.error.result = result
         raise outcome.error
@@ -190,10 +191,11 @@ def _resolved(graph: PreparedRun, engine: str) -> dict[str, Any]:
     }
     if network.memory != DEFAULT_MEMORY:
         run["memory"] = network.memory
-    run |= network.solver.written()
+    if network.states != "small":
+        run["states"] = network.states
     if network.stop is not None:
         run["stop"] = network.stop.written()
-    return {**graph.document(), "run": run}
+    return {**graph.document(), "run": run | network.solver.written()}
 
 
 def _manifest(
