@@ -28,7 +28,8 @@ from tests.fuzz.campaign import Record, campaign
 TITLE = "Both engines"
 WHAT = (
     "Random well-typed graphs of shipped blocks, with loops, two rates, continuous states, every "
-    "solver and random parameters, run under the Python engine and the compiled engine for 200 ticks."
+    "solver and random parameters, run under the Python engine and the compiled engine for 200 "
+    "ticks."
 )
 HOLDS = (
     "All recorded signals are equal to 1e-9, spikes exactly; a run that fails does so in the same "
