@@ -66,7 +66,7 @@ def van_der_pol() -> Graph:
 
 
 def controlled() -> Graph:
-    """A PID controller of gains and an integrator around y'' + y' + y = u, with a reference of 1."""
+    """A PID law over separate blocks around y'' + y' + y = u, with a reference of 1."""
     plant = {"type": "StateSpace", "A": [[0, 1], [-1, -1]], "B": [0, 1], "C": [[1, 0], [0, 1]]}
     terms = {"names": ["integral", "y", "v"], "expression": "3*(1 - y) + 2*integral - v"}
     return runtime.load(
@@ -131,8 +131,7 @@ LOOPS: dict[str, tuple[Callable[[], Graph], Callable[..., list[float]], list[flo
 
 def recorded(graph: Graph, dt: float, **run: Any) -> np.ndarray:
     """The probe x, with a column per component."""
-    for key, value in {"dt": dt, "until": UNTIL, "engine": "python", **run}.items():
-        graph = graph.set(f"run.{key}", value)
+    graph = graph.overlay({"run": {"dt": dt, "until": UNTIL, "engine": "python", **run}})
     rows = np.asarray(graph.run()["x"])
     return rows.reshape(len(rows), -1)
 
