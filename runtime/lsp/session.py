@@ -8,6 +8,7 @@ from pathlib import Path
 from pygls.lsp.server import LanguageServer
 from pygls.uris import from_fs_path, to_fs_path
 
+from blocks.core import Block
 from runtime.language import Isolation, Model, Project, Span, Surroundings
 
 SUFFIXES = (".yaml", ".yml")
@@ -34,6 +35,7 @@ class Session:
     def __init__(self, server: LanguageServer, isolation: Isolation | None) -> None:
         self.server, self.isolation = server, isolation
         self.epoch = 0
+        self._made: dict[tuple[type[Block], str], Block] = {}
         self._models: dict[str, tuple[int, Model]] = {}
         self._surroundings: tuple[int, Surroundings] | None = None
 
@@ -57,7 +59,7 @@ class Session:
             texts = self.server.workspace.text_documents
             unsaved = {path_of(uri).resolve(): each.source for uri, each in texts.items()}
             modules = self.isolation.reader if self.isolation is not None else False
-            self._surroundings = (self.epoch, Surroundings(unsaved, modules))
+            self._surroundings = (self.epoch, Surroundings(unsaved, modules, self._made))
         return self._surroundings[1]
 
     def model(self, uri: str) -> Model:

@@ -59,8 +59,9 @@ class Wiring:
 
     def consumer(self, scope: Scope, name: str, ports: Node) -> None:
         address = scope.path("wires", name)
-        known = [*scope.names(), *scope.broken]
-        if name not in known and "blocks" not in scope.unread:
+        is_known = name in scope.blocks or name in scope.parts or name in scope.broken
+        if not is_known and "blocks" not in scope.unread:
+            known = [*scope.names(), *scope.broken]
             near = closest(name, known)
             suggestion = f"; delete these wires, or restore it and write 'without: [{name}]'"
             head, _, port = name.rpartition(".")

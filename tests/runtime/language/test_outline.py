@@ -47,7 +47,7 @@ def test_sections_parts_and_comments_fold(case_c: Model) -> None:
     }
     assert found["wires:"][0].startswith("plant: {command: fault.actual}")
     assert found["adaptive:"][1] is False
-    assert found[lines[0]] == (lines[4], True)
+    assert found[lines[0]] == (lines[5], True)
 
 
 @pytest.mark.parametrize("path", sorted(GRAPHS.rglob("*.yaml")), ids=lambda p: p.stem)
