@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from collections.abc import Mapping
 from typing import final
 
 import numpy as np
@@ -95,6 +96,10 @@ class LearningEnsemble(Learner):
 
     def resume(self, state: BlockState) -> None:
         state.encoder_rows[...] = state.scaled_encoders.T
+
+    def facts(self, state: BlockState) -> Mapping[str, float]:
+        synapses = state.scaled_encoders.size + state.weights.size
+        return {"neurons": self.neurons, "synapses": synapses}
 
     def watch(self, state: BlockState) -> float:
         """The norm of the weights."""

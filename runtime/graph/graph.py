@@ -421,7 +421,7 @@ class Graph:
         return f"<Graph '{self.document.plain().get('graph')}': {', '.join(self.names)}>"
 
     def diagram(self, format: str = "svg") -> str | bytes:
-        """The block diagram as svg, png, dot or mermaid."""
+        """The block diagram as svg, png, pdf, dot or mermaid."""
         from runtime.diagrams import diagram
 
         return diagram(self.network, format)
