@@ -327,6 +327,18 @@ CASES: dict[str, list[Case]] = {
         Case(blocks.ZeroPoleGain(zeros=[1], poles=[-1], complex_poles=[[-1, 2]]), free=("x",))
     ],
     "SecondOrder": [Case(blocks.SecondOrder(natural_frequency=5.0), free=("x",))],
+    "KalmanFilter": [
+        Case(blocks.KalmanFilter(A=[[1, 0.1], [0, 1]], C=[1, 0], Q=[[1, 0], [0, 1]], R=2.0)),
+        Case(
+            blocks.KalmanFilter(
+                A=[[1, 0.1], [0, 1]],
+                B=[[0, 1], [1, 0]],
+                C=[[1, 0], [1, 2]],
+                Q=[[1, 0], [0, 1]],
+                R=[[2, 1], [1, 2]],
+            )
+        ),
+    ],
     "Derivative": elementwise(blocks.Derivative(tau=0.1), "x"),
     "PID": [
         Case(
@@ -467,7 +479,8 @@ class Run:
         """All outputs and states of a tick, after its update."""
         spec, values = self.case.block.spec, dict(inputs)
         for evaluation in spec.evaluations:
-            arguments = [values[port] for port in evaluation.needs]
+            left = self.case.block.indirect
+            arguments = [values[port] for port in evaluation.needs if port not in left]
             found = self.call(evaluation.method, t, *arguments)
             found = found if len(evaluation.outputs) > 1 else (found,)
             values.update(zip(evaluation.outputs, found, strict=True))
