@@ -17,6 +17,7 @@ from pathlib import Path
 
 from benchmarks import (
     compiling,
+    language,
     monte_carlo,
     per_tick,
     physics,
@@ -139,6 +140,7 @@ def page(rounds: int, sizes: Sizes, against: Path | None = None) -> str:
         lambda: monte_carlo.section(sizes.seeds, sizes.nengo_seeds, sizes.until, rounds),
         lambda: sweeps.section(min(sizes.seeds, sweeps.SEEDS), sizes.until, 1),
         lambda: start_up.section(rounds),
+        lambda: language.section(rounds),
         lambda: compiling.section(rounds, against, quick=sizes is QUICK),
     )
     text = head

@@ -10,11 +10,12 @@ from runtime.compare.documents import Difference, differences
 from runtime.compare.probes import FirstDifference, Pair, pair
 from runtime.compare.runs import Run
 from runtime.errors import UsageError
+from runtime.network import STATES
 from runtime.runs import DIAGRAM, METRICS, PROBES, RESOLVED, WRITTEN
 
 CIRCUMSTANCES = ("status", "error", "ticks", "engine", "git", "versions")
 # The files of every run folder; further ones are modules of user-defined blocks.
-COMMON_FILES = (WRITTEN, RESOLVED, DIAGRAM, METRICS, PROBES)
+COMMON_FILES = (WRITTEN, RESOLVED, DIAGRAM, METRICS, PROBES, STATES)
 
 
 @dataclass(frozen=True)

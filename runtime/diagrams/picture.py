@@ -156,7 +156,8 @@ def _box(network: Network, entry: Entry) -> Box:
     period = 0.0 if is_constant and spec.update is None else entry.every * network.dt
     fate = FATES[network.removed[entry.name]] if entry.name in network.removed else ""
     values = entry.block.parameters() if entry.block is not None else {}
-    facts = [f"{entry.name}: {entry.cls.__name__}, {fate or rate_text(period)}"]
+    rate = f"continuous, {network.solver.name}" if spec.continuous else rate_text(period)
+    facts = [f"{entry.name}: {entry.cls.__name__}, {fate or rate}"]
     facts += [f"{name} = {_short(repr(value))}" for name, value in values.items()]
     part = entry.scope.prefix[:-1]
     return Box(entry.name, entry.short, entry.cls.__name__, period, part, fate, "\n".join(facts))
@@ -189,8 +190,8 @@ def _nets(
     nets = []
     for end, out in found.items():
         port = f"{end.port}.{end.component}" if end.component else end.port
-        spec = entries[end.block].cls.spec
-        evaluation = next((e for e in spec.evaluations if end.port in e.outputs), None)
+        calls = entries[end.block].evaluations
+        evaluation = next((e for e in calls if end.port in e.outputs), None)
         targets = tuple((wire.block, wire.target.removeprefix(f"{wire.block}.")) for wire in out)
         needs = evaluation.needs if evaluation is not None else ()
         kind = _type_text(network, entries, end, out)

@@ -31,6 +31,7 @@ from runtime.document.run_section import (
     MAX_TICKS,
     RUN_CHOICES,
     Solver,
+    Stop,
     read_run,
     seconds,
 )
@@ -67,6 +68,7 @@ __all__ = [
     "Node",
     "Override",
     "Solver",
+    "Stop",
     "Work",
     "add_block",
     "add_entry",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from blocks.core import hint
 from runtime.document.node import Node
@@ -17,6 +17,7 @@ ENGINES = ("auto", "python", "compiled")
 KEPT = ("small", "all", "none")
 SOLVERS = ("euler", "heun", "rk4", "dopri5")
 ADAPTIVE = ("dopri5",)
+STOPS = ("above", "below", "crosses")
 TOLERANCES = ("rtol", "atol", "max_step")
 # Keys of the section that take one of a few words.
 RUN_CHOICES = {"engine": ENGINES, "solver": SOLVERS, "states": KEPT}
@@ -48,6 +49,20 @@ class Solver:
 
 
 @dataclass(frozen=True)
+class Stop:
+    """What ends a run early: the signal ``when`` goes above or below a level, or crosses it."""
+
+    when: str
+    kind: str
+    level: float
+    node: Node = field(compare=False, repr=False)
+
+    def written(self) -> dict[str, float | str]:
+        """The entry of the section."""
+        return {"when": self.when, self.kind: self.level}
+
+
+@dataclass(frozen=True)
 class RunSection:
     """The section ``run`` with defaults filled in: dt and until in s, memory in bytes."""
 
@@ -57,6 +72,7 @@ class RunSection:
     engine: str
     memory: int
     solver: Solver
+    stop: Stop | None = None
     states: str = KEPT[0]
 
 
@@ -81,8 +97,8 @@ def read_run(document: Node, problems: Problems) -> RunSection:
         until = dt
     seed, engine = _seed(run, problems), _choice(run, "engine", ENGINES, ENGINES[0], problems)
     states = _choice(run, "states", KEPT, KEPT[0], problems)
-    solver = _solver(run, problems)
-    return RunSection(dt, until, seed, engine, _memory(run, problems), solver, states)
+    memory, solver, stop = _memory(run, problems), _solver(run, problems), _stop(run, problems)
+    return RunSection(dt, until, seed, engine, memory, solver, stop, states)
 
 
 def _seed(run: dict[str, Node], problems: Problems) -> int:
@@ -125,6 +141,32 @@ def _solver(run: dict[str, Node], problems: Problems) -> Solver:
         else:
             given[key] = float(value)
     return Solver(name, **given)
+
+
+def _stop(run: dict[str, Node], problems: Problems) -> Stop | None:
+    node = run.get("stop")
+    if node is None or node.value is None:
+        return None
+    example = "as in {when: plant.contact, above: 0.5}"
+    if not node.is_map:
+        problems.add(node.where, "run.stop", f"expected {example[6:]}, got {node.describe()}")
+        return None
+    check_keys(node, ("when", *STOPS), "run.stop", problems, "key")
+    when, kinds = node.get("when"), [kind for kind in STOPS if node.get(kind) is not None]
+    if when is None or not isinstance(when.value, str):
+        where = node.where if when is None else when.where
+        problems.add(where, "run.stop.when", f"expected the address of a number, {example}")
+        return None
+    if len(kinds) != 1:
+        message = f"expected one of {', '.join(STOPS)}, {example}"
+        problems.add(node.where, "run.stop", message)
+        return None
+    level = node.get(kinds[0]) or Node(None)
+    if not isinstance(level.value, (int, float)) or not abs(level.value) < math.inf:
+        message = f"expected a number, got {level.describe()}"
+        problems.add(level.where, f"run.stop.{kinds[0]}", message)
+        return None
+    return Stop(when.value, kinds[0], float(level.value), when)
 
 
 def _memory(run: dict[str, Node], problems: Problems) -> int:

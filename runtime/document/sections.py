@@ -54,6 +54,7 @@ RUN_KEYS = (
     "rtol",
     "atol",
     "max_step",
+    "stop",
 )
 RUN_DOCS = {
     "dt": "base step, s",
@@ -66,6 +67,7 @@ RUN_DOCS = {
     "rtol": "dopri5: largest error of a step, relative to the state",
     "atol": "dopri5: largest error of a step of a state near 0",
     "max_step": "dopri5: the largest step, s",
+    "stop": "ends the run early, as in {when: plant.contact, above: 0.5}; or below, or crosses",
 }
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,99}")
 # Parameters of numpy.savez, which stores the probes by name.

@@ -6,6 +6,7 @@ runs it, ``recorder`` stores rows, and ``compiled`` is the runner that compiles 
 
 from runtime.engine.engine import Engine, Outcome
 from runtime.engine.interrupts import Interrupts
+from runtime.engine.point import Watched, flow_at
 from runtime.engine.profile import Profile, profile_text
 from runtime.engine.program import Program
 from runtime.engine.recorder import recording_file
@@ -21,6 +22,8 @@ __all__ = [
     "Plan",
     "Profile",
     "Program",
+    "Watched",
+    "flow_at",
     "profile_text",
     "python_seconds",
     "recording_file",

@@ -9,7 +9,7 @@ that read the time or such an output. Everything else holds its value of the tic
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from blocks.core import Evaluation
@@ -18,6 +18,7 @@ from runtime.network import Entry, Network, Wire, state_shape
 
 # The compiled text writes states of up to so many components one by one.
 UNROLLED = 8
+Port = tuple[str, str]
 Wires = Mapping[tuple[str, str], Sequence[Wire]]
 
 
@@ -39,6 +40,10 @@ class Slot:
         """The subscript of the state in a row."""
         return f"{self.start}:{self.stop}" if self.shape else str(self.start)
 
+    def address(self, column: int) -> str:
+        """The address of one number of the row, as probes write it."""
+        return f"{self.block}.{self.state}" + (f".{column - self.start}" if self.shape else "")
+
     def component(self, column: int) -> str:
         """The address of one number of the row, for messages."""
         inside = f"[{column - self.start}]" if self.shape else ""
@@ -52,12 +57,14 @@ class Continuous:
     slots : the continuous states in the order of the row.
     steps : the evaluations that every stage repeats, in order.
     derivatives, projected : blocks with their derivative, and those with a ``project``.
+    moving : the outputs that may change between ticks.
     """
 
     slots: tuple[Slot, ...]
     steps: tuple[Step, ...]
     derivatives: tuple[tuple[str, Evaluation], ...]
     projected: tuple[str, ...]
+    moving: frozenset[Port]
 
     @property
     def size(self) -> int:
@@ -92,21 +99,29 @@ def continuous_part(network: Network, order: list[Step], wires: Wires) -> Contin
     specs = {name: network.entries[name].cls.spec for name in blocks}
     derivatives = tuple((name, d) for name, spec in specs.items() if (d := spec.derivative))
     moving = _moving(network, order, wires)
-    wanted = {
+    wanted = [
         source
         for name, derivative in derivatives
         for port in derivative.needs
         for source in _sources(name, port, wires)
-    }
-    steps: list[Step] = []
+    ]
+    steps = needed(wanted, order, wires, moving)
+    projected = tuple(name for name, spec in specs.items() if spec.projects)
+    return Continuous(found, steps, derivatives, projected, frozenset(moving))
+
+
+def needed(
+    wanted: Iterable[Port], order: Sequence[Step], wires: Wires, moving: Container[Port]
+) -> tuple[Step, ...]:
+    """The evaluations, in order, that compute some outputs anew between two ticks."""
+    ports, steps = set(wanted), []
     for step in reversed(order):
         outputs = {(step.block, port) for port in step.evaluation.outputs}
-        if outputs & wanted and outputs & moving:
-            steps.insert(0, step)
+        if any(port in ports and port in moving for port in outputs):
+            steps.append(step)
             for port in step.evaluation.needs:
-                wanted.update(_sources(step.block, port, wires))
-    projected = tuple(name for name, spec in specs.items() if spec.projects)
-    return Continuous(found, tuple(steps), derivatives, projected)
+                ports.update(_sources(step.block, port, wires))
+    return tuple(reversed(steps))
 
 
 def slots(network: Network) -> tuple[Slot, ...]:

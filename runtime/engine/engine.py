@@ -32,7 +32,19 @@ from runtime.engine.runners import (
     silent,
 )
 from runtime.engine.schedule import GLOBALS, Plan
-from runtime.engine.solvers import METHODS, blend, controls, joined, judged, substep
+from runtime.engine.solvers import (
+    BEFORE,
+    FOUND,
+    METHODS,
+    TICK,
+    TIME,
+    blend,
+    controls,
+    joined,
+    judged,
+    narrowed,
+    substep,
+)
 from runtime.engine.values import NotFiniteError, OutputChecks, bad_slope, sealed, unreached
 from runtime.errors import SimulationError, UsageError
 from runtime.network import Network, columns, state_shape
@@ -55,6 +67,7 @@ def seed_of(seed: int, name: str) -> np.random.SeedSequence:
 class Outcome:
     """The outcome of a run: recorded arrays, ticks done, how it ended, and the seconds it took.
 
+    ``stopped_at`` is the time (s) at which ``run.stop`` ended it.
     ``ready_s`` is the part of ``wall_s`` before the second tick: initial states, compilation.
     """
 
@@ -65,6 +78,7 @@ class Outcome:
     wall_s: float = 0.0
     ready_s: float = 0.0
     error: SimulationError | None = None
+    stopped_at: float | None = None
 
 
 @dataclass
@@ -80,7 +94,9 @@ class Engine:
     profile : measures the time per block; for the Python engine only.
     folder : for recordings that are too large for memory; a temporary one by default.
 
-    ``continuous`` is the row of all continuous states, of which the blocks' arrays are views.
+    ``continuous`` is the row of all continuous states, of which the blocks' arrays are views;
+    ``held`` are the variables that go into the next tick, as the runner has them;
+    ``stop`` says whether and where ``run.stop`` ended the run.
     """
 
     program: Program
@@ -97,7 +113,9 @@ class Engine:
     diagnosis: Diagnosis = field(init=False)
     checks: OutputChecks = field(init=False)
     continuous: FloatArray = field(init=False)
+    stop: FloatArray = field(init=False)
     tick: int = field(init=False, default=0)
+    held: Held = field(init=False, default=())
     lines: Mapping[int, str] = field(init=False, default_factory=dict)
     runner: Runner = field(init=False)
 
@@ -108,6 +126,8 @@ class Engine:
         self.arrays = self.recorder.arrays
         part = self.plan.continuous
         self.continuous = np.zeros(0 if part is None else part.size)
+        self.stop = np.zeros(6)
+        self.stop[BEFORE] = math.nan
         self.states = {name: self._state(name) for name in self.network.entries}
         self.diagnosis = Diagnosis(self.network, self.states)
         self.checks = OutputChecks(self.network)
@@ -115,6 +135,7 @@ class Engine:
     def prepare(self) -> Runner:
         """Initialise the states and make the runner, without running a tick."""
         self._start()
+        self.held = self._held()
         self.runner = self._runner()
         return self.runner
 
@@ -128,6 +149,8 @@ class Engine:
                 held = self._first_tick()
                 outcome.ready_s = time.perf_counter() - began
                 self._loop(held, progress)
+            if self.stop[FOUND]:
+                outcome.status, outcome.stopped_at = "stopped", float(self.stop[TIME])
         except KeyboardInterrupt as error:
             self.locate(error)
             outcome.status = "interrupted"
@@ -143,7 +166,7 @@ class Engine:
         try:
             self.prepare()
             first = self._compile(checked=True, held=self.runner.held)
-            held = self.runner.adopt(first(0, 1, self._held()))
+            self.held = held = self.runner.adopt(first(0, 1, self._held()))
         except (SimulationError, KeyboardInterrupt):
             raise
         except BaseException as error:  # an exception of a block must not end the process
@@ -155,12 +178,13 @@ class Engine:
         total, chunk = self.network.ticks, 16
         run, recorder = self.runner.run, self.recorder
         try:
-            while self.tick < total:
+            while self.tick < total and not self.stop[FOUND]:
                 stop = min(self.diagnosis.boundary(self.tick), self.tick + chunk)
                 stop = min(total, stop, recorder.boundary())
                 began = time.perf_counter()
-                held = run(self.tick, stop, held)
+                self.held = held = run(self.tick, stop, held)
                 took = time.perf_counter() - began
+                stop = round(self.stop[TICK]) + 1 if self.stop[FOUND] else stop
                 ran, self.tick = stop - self.tick, stop
                 recorder.flush(stop)
                 self.diagnosis.look(stop)
@@ -196,6 +220,8 @@ class Engine:
         self.namespace |= {f"probe_{i}": array for i, array in enumerate(self.arrays.values())}
         self.namespace |= {} if self.profile is None else self.profile.names()
         self.namespace |= self._continuous_names()
+        if self.program.observation.stop is not None:
+            self.namespace |= {"stop": self.stop, "narrowed": narrowed}
         for name, entry in self.network.entries.items():
             identifier = self.plan.names[name]
             self.namespace[identifier] = entry.made
@@ -262,6 +288,7 @@ class Engine:
         return {
             "states": self.continuous,
             "start": np.zeros(part.size),
+            "origin": np.zeros(part.size),
             "slopes": slopes,
             "nodes": method.nodes,
             "weights": method.terms,

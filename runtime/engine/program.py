@@ -61,7 +61,7 @@ class Program:
     def emitter(self) -> Emitter:
         """A writer of the plan's function, for one text."""
         kind = ProfilingEmitter if self.profiled else Emitter
-        return kind(self.plan, list(self.recordings))
+        return kind(self.plan, list(self.recordings), self.observation.stop)
 
     def source(self) -> str:
         """The text of the plan's function, as it is executed."""

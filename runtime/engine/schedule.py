@@ -4,28 +4,37 @@ from __future__ import annotations
 
 import keyword
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from blocks.core import Evaluation, Input, SignalType
-from runtime.engine.continuous import Continuous, continuous_part
+from runtime.engine.continuous import Continuous, continuous_part, needed
 from runtime.engine.solvers import METHODS
 from runtime.engine.steps import Step, drivers
 from runtime.errors import NOWHERE, Problems, Where
 from runtime.network import Endpoint, Network, columns, component_type
+from runtime.observation import StopTest
 
 INDENT = "    "
 GLOBALS = ("isfinite", "isnan", "dot", "array", "full", "checked", "sealed", "not_finite")
+# When a run stops: conditions on the distance ``beyond`` of a signal from the level.
+CONDITIONS = {
+    "above": "beyond > 0.0",
+    "below": "beyond < 0.0",
+    "crosses": "stop[3] < 0.0 <= beyond or beyond <= 0.0 < stop[3]",
+}
 # Names used by the compiled plan and the loop around it.
 COMPILED_NAMES = (
     *("njit", "ascontiguousarray", "all_finite", "no_nan", "overlap", "seen", "own"),
     *("low", "high", "dt", "at", "report", "drive", "due"),
 )
-# Names used by the text of a graph with continuous states.
+# Names used by the text of a graph with continuous states, or that may stop early.
 CONTINUOUS_NAMES = (
     *("states", "start", "slopes", "nodes", "weights", "table", "stage"),
     *("blend", "joined", "rates", "bad_slope", "keep", "first_bad", "moved", "i0", "i1"),
     *("sum", "done", "h", "substep", "control", "judged", "errors", "unreached"),
+    *("stop", "origin", "span", "beyond", "narrowed"),
 )
 
 
@@ -77,7 +86,8 @@ def make_plan(network: Network) -> Plan:
     """
     order = _order(network)
     continuous = continuous_part(network, order, drivers(network))
-    return Plan(network, order, *_identifiers(network, continuous is not None), continuous)
+    reserved = CONTINUOUS_NAMES if continuous is not None or network.stop is not None else ()
+    return Plan(network, order, *_identifiers(network, reserved), continuous)
 
 
 def _order(network: Network) -> list[Step]:
@@ -123,12 +133,12 @@ def _report_loops(graph: object) -> None:
 
 
 def _identifiers(
-    network: Network, has_continuous: bool
+    network: Network, reserved: Iterable[str]
 ) -> tuple[dict[str, str], dict[tuple[str, str], str]]:
     """Python names for blocks, outputs and states: ``plant``, ``plant_pose``, ``plant_s``."""
     taken = {*keyword.kwlist, *GLOBALS, *COMPILED_NAMES, "run", "first", "last", "held", "k", "t"}
     taken |= {"range", "float", "__builtins__", "clock", "spent", "began"}
-    taken |= set(CONTINUOUS_NAMES) if has_continuous else set()
+    taken |= set(reserved)
 
     def fresh(name: str) -> str:
         plain = name.replace(".", "_")
@@ -152,8 +162,13 @@ class Emitter:
     An emitter is for one text and one thread: runs share the plan and finished texts.
     """
 
-    def __init__(self, plan: Plan, recordings: list[RecordSlot]) -> None:
+    def __init__(
+        self, plan: Plan, recordings: list[RecordSlot], stop: StopTest | None = None
+    ) -> None:
         self.plan = plan
+        self.stop = stop
+        self.dt = repr(plan.network.dt)
+        self.leave = ""
         self.network = plan.network
         self.recordings = recordings
         self.wires = drivers(plan.network)
@@ -169,6 +184,7 @@ class Emitter:
         """
         incoming = self.held()
         held = incoming if held is None else held
+        self.leave = f"return ({', '.join(held)},)" if held else "return ()"
         self.line(0, "def run(first, last, held):")
         # The title is user text: it must not end the docstring or continue a line.
         title = "".join(c for c in self.network.title if c.isprintable() and c not in '"\\')
@@ -181,28 +197,82 @@ class Emitter:
             if not step.constant:
                 self.step(step, checked)
         self.record(events=False)
+        if self.stop is not None:
+            self.stop_at_tick(self.stop)
         for name, every, update in self.updates():
             self.at(every)
             self.call(name, update, "")
         if self.plan.continuous is not None:
-            self.integrate(self.plan.continuous, checked)
+            self.at(1)
+            self.search(self.plan.continuous, self.integrate, checked)
         self.record(events=True)
-        self.line(1, f"return ({', '.join(held)},)" if held else "return ()")
+        self.line(1, self.leave)
         return "\n".join(self.text) + "\n"
 
-    def integrate(self, part: Continuous, checked: bool) -> None:
-        """Integrate the continuous states to the next tick."""
-        self.at(1)
-        name, dt = self.network.solver.name, repr(self.network.dt)
+    def stop_at_tick(self, stop: StopTest) -> None:
+        """End the run at a tick at which the condition holds."""
+        self.at(stop.signal.every)
+        self.code(f"beyond = {self.tested(stop)} - {stop.level!r}")
+        self.code(f"if {CONDITIONS[stop.kind]}:")
+        self.code(f"{INDENT}stop[2], stop[4], stop[5] = 1.0, k, t")
+        self.code(INDENT + self.leave)
+        self.code("stop[3] = beyond")
+
+    def tested(self, stop: StopTest) -> str:
+        """The signal that may end the run, as an expression."""
+        signal = stop.signal
+        if not signal.is_state:
+            return self.value(signal.end)
+        return self.state_value(signal.end) + ("" if signal.end.component else "[()]")
+
+    def is_searched(self, part: Continuous) -> bool:
+        """Whether the signal that may end the run changes between ticks."""
+        if self.stop is None:
+            return False
+        end = self.stop.signal.end
+        states = {(slot.block, slot.state) for slot in part.slots}
+        return (end.block, end.port) in part.moving | states
+
+    def search(self, part: Continuous, integrate: Callable[..., None], *given: Any) -> None:
+        """Integrate to the next tick, or to the time in between at which the run stops."""
+        dt = self.dt
+        if self.stop is None or not self.is_searched(part):
+            integrate(part, dt, *given)
+            return
+        self.copied("origin", "states")
+        self.code(f"stop[0], stop[1], span = 0.0, {dt}, {dt}")
+        self.code("while span > 0.0:")
+        self.depth += 1
+        self.copied("states", "origin")
+        integrate(part, "span", *given)
+        self.code(f"t = k * {dt} + span")
+        end = self.stop.signal.end
+        watched = [] if self.stop.signal.is_state else [(end.block, end.port)]
+        for step in needed(watched, self.plan.steps, self.wires, part.moving):
+            self.again(step)
+        self.code(f"beyond = {self.tested(self.stop)} - {self.stop.level!r}")
+        self.code(f"span = narrowed(stop, {CONDITIONS[self.stop.kind]}, span, {dt})")
+        self.depth -= 1
+        self.code("if stop[2] > 0.0:")
+        self.code(f"{INDENT}stop[4], stop[5] = k, k * {dt} + stop[1]")
+        self.code(INDENT + self.leave)
+
+    def copied(self, target: str, source: str) -> None:
+        """Copy one row of states into another."""
+        self.code(f"{target}[:] = {source}")
+
+    def integrate(self, part: Continuous, span: str, checked: bool = False) -> None:
+        """Integrate the continuous states over a span from the tick."""
+        name, dt = self.network.solver.name, self.dt
         method = METHODS[name]
-        h, since = dt, f"nodes[stage] * {dt}"
+        h, since = span, f"nodes[stage] * {span}"
         if method.errors:
             h, since = "h", "(done + nodes[stage] * h)"
             self.code("done = 0.0")
-            self.code(f"while done < {dt}:")
+            self.code(f"while done < {span}:")
             self.depth += 1
-            self.code(f"h = substep(control, done, {dt})")
-        self.code("start[:] = states")
+            self.code(f"h = substep(control, done, {span})")
+        self.copied("start", "states")
         self.code(f"for stage in range({method.stages}):  # {name}")
         self.depth += 1
         self.code(f"t = k * {dt} + {since}")
@@ -214,7 +284,7 @@ class Emitter:
         self.code(f"blend(states, start, slopes, weights, stage, {h})")
         self.depth -= 1
         if method.errors:
-            self.code(f"done = judged(states, start, slopes, errors, control, done, h, {dt})")
+            self.code(f"done = judged(states, start, slopes, errors, control, done, h, {span})")
             self.code("done >= 0.0 or unreached(done, t)")
         for block in part.projected:
             self.code(f"{self.plan.names[block]}.project({self.state(block)})", block)

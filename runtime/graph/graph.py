@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -33,7 +33,7 @@ from runtime.observation import Observation
 
 if TYPE_CHECKING:
     from runtime.engine import Program
-    from runtime.runs import PreparedRun, Result
+    from runtime.runs import Linearization, PreparedRun, Result
 
 
 class Graph:
@@ -347,6 +347,26 @@ class Graph:
         if engine is not None:
             graph = graph._set("run.engine", engine)
         return simulate(graph.prepared(), progress)
+
+    def linearize(
+        self,
+        inputs: Sequence[str],
+        outputs: Sequence[str],
+        *,
+        at: float = 0.0,
+        states: Mapping[str, Any] | None = None,
+    ) -> Linearization:
+        """The graph as x' = A x + B u, y = C x + D u; see
+        :func:`runtime.runs.linearization.linearize`.
+
+        Raises
+        ------
+        UsageError : an address is wrong, or the graph has no continuous states.
+        """
+        from runtime.runs import linearize
+
+        graph = self._set("run.until", at) if at > 0.0 else self
+        return linearize(graph.network, inputs, outputs, at, states)
 
     def prepared(self, plots: Container[str] | None = None, profiled: bool = False) -> PreparedRun:
         """What a run needs of the graph; ``plots`` and ``profiled`` as for :meth:`program`."""

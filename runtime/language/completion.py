@@ -35,7 +35,7 @@ def complete(model: Model, offset: int) -> Completion:
         offers = [_as_key(offer, cursor) for offer in found]
     else:
         offers = [_as_value(offer, cursor) for offer in values_at(model, cursor)]
-    matching = [offer for offer in offers if matches(cursor.prefix, offer.label)]
+    matching = [o for o in offers if o.label and matches(cursor.prefix, o.label)]
     matching.sort(key=lambda offer: (offer.rank, not offer.label.startswith(cursor.prefix)))
     kept = tuple(matching[:MAX_OFFERED])
     return Completion(kept, cursor.span, len(kept) == len(matching))

@@ -30,7 +30,7 @@ from runtime.document import (
 from runtime.errors import NOWHERE, GraphError, Problem, SpikeblocksError, Where
 from runtime.experiments.design import KEYS, check_experiment, is_experiment
 from runtime.graph import Content, Examined, Graph, examined
-from runtime.language.items import Item
+from runtime.language.items import Item, deepest
 from runtime.language.scan import scan
 from runtime.language.text import Text
 from runtime.network import Network
@@ -328,10 +328,18 @@ class Model:
         loaded = [] if self.kind in ("experiment", "world") else self._loaded[1]
         found = loaded or [*map(self._unwrapped, self.examined.problems)]
         if self.kind == "part":
-            found = [p for p in found if p.where.file and p.where.line]
+            # A block may fail for want of what only the graph around a part gives.
+            found = [p for p in found if p.where.line and " failed: " not in p.text]
         if self.kind == "overlay":
-            found = [p for p in found if not _needs_base(p)]
+            found = [p for p in found if not (_needs_base(p) or self._is_deletion(p))]
         return sorted(set(found))
+
+    def _is_deletion(self, problem: Problem) -> bool:
+        """Whether a problem is about a null, which deletes what the graph below may have."""
+        if problem.where.file not in ("", self.file):
+            return " has no input '" in problem.text  # a null there is known to that file alone
+        item = deepest(self.root, self.text.at(problem.where))
+        return item.kind == "empty" or (item.kind == "scalar" and item.value in ("null", "~"))
 
     def _unwrapped(self, problem: Problem) -> Problem:
         """A problem of a part, with the names that its text uses."""

@@ -17,8 +17,9 @@ MAX_DEPTH = 60
 
 _LINE = re.compile(r"([^\n\r]*)(\r\n|\n|\r|$)")
 _KEY = re.compile(
-    r"""("(?:[^"\\]|\\.)*"|'(?:[^']|'')*'|[^\s\#"'{}\[\],&*!|>%@`](?:[^:\#]|:(?!\s|$)|(?<!\s)\#)*?)
-        \s*:(?=\s|$)""",
+    r"""("(?:[^"\\]|\\.)*"\s*|'(?:[^']|'')*'\s*
+        |[^\s\#"'{}\[\],&*!|>%@`:][^:\#]*(?:(?::(?!\s|$)|(?<!\s)\#)[^:\#]*)*)
+        :(?=\s|$)""",
     re.VERBOSE,
 )
 _PLAIN = re.compile(r"(?:[^#\s]|(?<!\s)#|[^\S\r\n]+(?=[^#\s]))+")
@@ -40,6 +41,7 @@ class _Scanner:
 
     def __init__(self, source: str) -> None:
         self.source = source
+        self.has_returns = "\r" in source
         self.root = Item(kind="map", end=len(source), column=0)
         self.open: list[Item] = [self.root]
         self.pending: Item | None = None  # a key whose value may be in the lines below
@@ -51,12 +53,19 @@ class _Scanner:
             position = self.line(position)
 
     def line_end(self, offset: int) -> int:
-        found = _LINE.match(self.source, offset)
-        return found.end(1) if found else len(self.source)
+        """The offset of the break that ends a line."""
+        if self.has_returns:
+            found = _LINE.match(self.source, offset)
+            return found.end(1) if found else len(self.source)
+        end = self.source.find("\n", offset)
+        return end if end >= 0 else len(self.source)
 
     def next_line(self, offset: int) -> int:
-        found = _LINE.match(self.source, offset)
-        return found.end() if found else len(self.source)
+        """The offset after the break that ends a line."""
+        if self.has_returns:
+            found = _LINE.match(self.source, offset)
+            return found.end() if found else len(self.source)
+        return min(self.line_end(offset) + 1, len(self.source))
 
     def line(self, begin: int) -> int:
         """Read a line that begins at an offset; returns where the next one begins."""
@@ -87,7 +96,8 @@ class _Scanner:
         holder = self.open[-1]
         if holder.kind != "map":
             return end
-        item = self.entry(holder, Span(found.start(1), found.end(1)), found.end())
+        key = Span(found.start(1), found.start(1) + len(found[1].rstrip()))
+        item = self.entry(holder, key, found.end())
         return self.value(item, column, found.end(), end)
 
     def entry(self, holder: Item, key: Span, colon: int) -> Item:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 from importlib.metadata import PackageNotFoundError, version
 
 from lsprotocol import types
@@ -126,9 +127,17 @@ def _soon(loop: asyncio.AbstractEventLoop, checks: _Checks) -> None:
         loop.call_soon_threadsafe(checks.ask)
 
 
+def settle() -> None:
+    """Take what is loaded so far out of garbage collections, which go through it at each edit."""
+    gc.collect()
+    gc.freeze()
+
+
 def serve_stdio(modules: bool) -> None:
     """Serve the editor at the other end of standard input and output."""
-    make_server(modules).start_io()
+    server = make_server(modules)
+    settle()
+    server.start_io()
 
 
 class _Headers:
@@ -161,6 +170,7 @@ def serve_tcp(modules: bool, host: str, port: int) -> None:
     from runtime.terminal import tell
 
     server = make_server(modules)
+    settle()
     ended: list[asyncio.Event] = []
 
     async def connected(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

@@ -50,10 +50,12 @@ def block_class(
     others = installed()
     if written.value in others:
         return others[written.value]
-    known = [*own, *classes, *BUILTIN, *others]
-    suggestion = ours_for(written.value) or hint(written.value, known)
-    if not suggestion and module is not None:
-        suggestion = f"; '{short_path(module)}' defines {', '.join(own) or 'none'}"
+    if module is None:
+        known = [*classes, *BUILTIN, *others]
+        suggestion = ours_for(written.value) or hint(written.value, known)
+    else:
+        defined = f"; '{short_path(module)}' defines {', '.join(own) or 'none'}"
+        suggestion = hint(written.value, own) or defined
     suggestion = suggestion or "; see 'runtime blocks'; your own block needs 'module: file.py'"
     problems.add(written.where, f"{address}.type", f"no block type '{written.value}'{suggestion}")
     return None

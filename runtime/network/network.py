@@ -9,7 +9,7 @@ from functools import cached_property
 
 from blocks.core import Block, BlockContext, Evaluation, FloatArray, SignalType, hint
 from blocks.world import World
-from runtime.document import Node, Solver
+from runtime.document import Node, Solver, Stop
 from runtime.errors import Where
 from runtime.network.addresses import Endpoint
 from runtime.network.components import component_names
@@ -109,6 +109,7 @@ class Network:
     engine: str
     memory: int
     solver: Solver
+    stop: Stop | None
     scope: Scope
     document: Node
     states: str = "small"

@@ -13,7 +13,7 @@ from runtime.document import Node, is_part
 from runtime.errors import GraphError, Problem, Problems, UsageError, Where
 from runtime.network.block_types import block_class
 
-SIGNAL_FREE = ("kind", "title")
+SIGNAL_FREE = ("kind", "title", "label", "labels")
 _REFERENCE = re.compile(r"\$([A-Za-z_]\w*)")
 IsGone = Callable[[str], bool]
 
@@ -190,8 +190,22 @@ class _Replacement:
                 if left is None:
                     return None
                 if left is not node:
-                    entry = entry.with_item(key, left)
+                    entry = _labels_of(entry, node, left).with_item(key, left)
         return entry
+
+
+def _labels_of(entry: Node, items: Node, left: Node) -> Node:
+    """An entry whose lists of labels, one per signal, are those of the signals that are left."""
+    for key in ("label", "labels"):
+        labels = entry.get(key)
+        if items.is_list and labels and labels.is_list and len(labels.value) == len(items.value):
+            kept = [
+                label
+                for label, item in zip(labels.value, items.value, strict=True)
+                if item in left.value
+            ]
+            entry = entry.with_item(key, Node(kept, labels.where, labels.key))
+    return entry
 
 
 def _references(node: Node) -> Iterable[str]:

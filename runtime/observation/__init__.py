@@ -5,9 +5,9 @@
 """
 
 from runtime.observation.metric_kinds import MetricKind, MetricOptions
-from runtime.observation.metrics import METRIC_KINDS, Metric, Series
+from runtime.observation.metrics import METRIC_KINDS, STOP_TIME, Metric, Series
 from runtime.observation.plots import CHANGES, PLOT_KINDS, PlotKind, offered, plot_keys
-from runtime.observation.reader import Observation, PlotSpec, Probe, observe
+from runtime.observation.reader import Observation, PlotSpec, Probe, StopTest, observe
 from runtime.observation.run_data import Recording, RunData
 from runtime.observation.wall_metrics import since_reached
 
@@ -15,6 +15,7 @@ __all__ = [
     "CHANGES",
     "METRIC_KINDS",
     "PLOT_KINDS",
+    "STOP_TIME",
     "Metric",
     "MetricKind",
     "MetricOptions",
@@ -25,6 +26,7 @@ __all__ = [
     "Recording",
     "RunData",
     "Series",
+    "StopTest",
     "observe",
     "offered",
     "plot_keys",

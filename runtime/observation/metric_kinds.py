@@ -45,12 +45,17 @@ class Series:
         return Series(self.t[first:], self.values[first:])
 
 
-class MetricOptions(Options):
+class Bounds(Options):
     """The options of every metric."""
 
-    after: float = param(0.0, unit="s", at_least=0.0, doc="rows before this time do not count")
     below: float | None = param(None, doc="expectation: the value is smaller than this")
     above: float | None = param(None, doc="expectation: the value is larger than this")
+
+
+class MetricOptions(Bounds):
+    """The options of metrics of signals."""
+
+    after: float = param(0.0, unit="s", at_least=0.0, doc="rows before this time do not count")
 
 
 @dataclass(frozen=True)

@@ -12,11 +12,13 @@ import numpy as np
 from blocks.core import FloatArray, param, show
 from blocks.world import World
 from runtime.observation import control_metrics, neural_metrics, wall_metrics
-from runtime.observation.metric_kinds import Checks, MetricKind, MetricOptions
+from runtime.observation.metric_kinds import Bounds, Checks, MetricKind, MetricOptions
 from runtime.observation.metric_kinds import ProbeInfo as ProbeInfo
 from runtime.observation.metric_kinds import Series as Series
 from runtime.streaming import row_blocks
 
+# The kind of metric whose value is not that of a signal.
+STOP_TIME = "stop_time"
 # A switch such as ``explore.engaged`` is on above this level.
 ENGAGED = 0.5
 
@@ -196,6 +198,13 @@ METRIC_KINDS: dict[str, MetricKind] = {
         first_time,
         "first time (s) above `level`; null if never",
         options=Level,
+        unit="s",
+    ),
+    STOP_TIME: MetricKind(
+        lambda s, o: None,
+        "time (s) at which `run.stop` ended the run; null if it did not",
+        options=Bounds,
+        inputs=(),
         unit="s",
     ),
     "share_above": MetricKind(share_above, "share of the time above `level`", options=Level),

@@ -194,6 +194,22 @@ def _one_pose(probes: Sequence[Probe]) -> str:
     return f"expected one Pose, got {len(probes)} signals" if len(probes) > 1 else ""
 
 
+def _in_pairs(probes: Sequence[Probe]) -> str:
+    count = sum(math.prod(probe.shape) for probe in probes)
+    if count < 2 or count % 2:
+        return f"expected pairs of columns, across and up, as in [a.x, a.y]; got {count}"
+    if len({probe.every for probe in probes}) > 1:
+        return (
+            "signals of one plot xy must be recorded equally often; give their probes one 'every'"
+        )
+    return _changing(probes)
+
+
+def _changing(probes: Sequence[Probe]) -> str:
+    constant = [probe.name for probe in probes if probe.constant]
+    return f"'{constant[0]}' is constant and recorded once" if constant else ""
+
+
 def _one_of_each(probes: Sequence[Probe]) -> str:
     kinds = [probe.signals[0].kind for probe in probes]
     if "Pose" not in kinds:
@@ -287,6 +303,21 @@ PLOT_KINDS: Mapping[str, PlotKind] = {
         "runtime.plots.trajectory:draw_trajectory",
         options=Overlaid,
         each=_in_plane,
+    ),
+    "xy": PlotKind(
+        "the second signal of `of` over the first, as in a phase plane; further pairs likewise",
+        "runtime.plots.analysis:draw_xy",
+        options=Overlaid,
+        each=_columns,
+        together=_in_pairs,
+        has_lead=True,
+    ),
+    "spectrum": PlotKind(
+        "power spectral density of columns, by Welch's method; one axis per unit",
+        "runtime.plots.analysis:draw_spectrum",
+        options=Overlaid,
+        each=_columns,
+        together=_changing,
     ),
     "raster": PlotKind(
         "spikes and the population's rate", "runtime.plots.raster:draw_raster", each=_spikes

@@ -54,14 +54,27 @@ MAX_COLUMNS = 1_000_000
 _SOURCE = "a probe's name or an address"
 
 
+@dataclass(frozen=True)
+class StopTest:
+    """The signal that ends a run early: see :class:`runtime.document.Stop`."""
+
+    signal: Signal
+    kind: str
+    level: float
+
+
 @dataclass
 class Observation:
-    """What a run records, draws and measures; ``notes`` lists what was left out, and why."""
+    """What a run records, draws and measures, and what ends it early.
+
+    ``notes`` lists what was left out, and why.
+    """
 
     probes: dict[str, Probe] = field(default_factory=dict)
     plots: list[PlotSpec] = field(default_factory=list)
     metrics: list[Metric] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    stop: StopTest | None = None
 
     @property
     def metric_units(self) -> dict[str, str]:
@@ -76,7 +89,7 @@ class Observation:
         used = {name for plot in plots for name in (*plot.of, plot.options.get("engaged"))}
         used |= {name for metric in self.metrics for name in metric.inputs.values()}
         probes = {name: probe for name, probe in self.probes.items() if name in used}
-        return Observation(probes, plots, self.metrics, self.notes)
+        return Observation(probes, plots, self.metrics, self.notes, self.stop)
 
 
 def observe(network: Network, problems: Problems) -> Observation:
@@ -122,7 +135,33 @@ class _Reader:
                 else:
                     message = f"{expected(kind)}, got {node.describe()}"
                     self.problems.add(node.where, address, message)
+        self.seen.stop = self.stop()
         self.seen.plots[:] = [self.with_band(plot) for plot in self.seen.plots]
+
+    def stop(self) -> StopTest | None:
+        """What ends the run early; None, with a note, if its block is removed."""
+        stop = self.network.stop
+        if stop is None:
+            return None
+        noted = len(self.seen.notes)
+        signal = self.signal(stop.node, "run.stop.when")
+        self.seen.notes[noted:] = [
+            note.replace("is not recorded", "cannot end the run (run.stop)")
+            for note in self.seen.notes[noted:]
+        ]
+        if signal is None:
+            return None
+        message = ""
+        if signal.shape:
+            first = signal.labels[0].rpartition(".")[2]
+            message = f"expected one number, got {len(signal.labels)}; name one, as in "
+            message += f"{stop.when}.{first}" if "[" not in first else f"{stop.when}.0"
+        elif signal.is_event:
+            message = "an event cannot end the run; name an output or another state"
+        if message:
+            self.problems.add(stop.node.where, "run.stop.when", message)
+            return None
+        return StopTest(signal, stop.kind, stop.level)
 
     def with_band(self, plot: PlotSpec) -> PlotSpec:
         """A time series with the band of the settling times of what it shows."""

@@ -9,6 +9,7 @@ from runtime.plots.figures import (
     save_figure,
     save_plots,
 )
+from runtime.plots.linear import draw_linear
 from runtime.plots.map import draw_world, map_axes, view_limits
 from runtime.plots.raster import mean_rate
 from runtime.plots.scans import animate, animated
@@ -54,6 +55,7 @@ __all__ = [
     "disable_math",
     "display_names",
     "draw",
+    "draw_linear",
     "draw_trajectory",
     "draw_world",
     "equal_scales",

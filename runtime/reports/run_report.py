@@ -15,7 +15,7 @@ from runtime.reports.html import Html, bullets, element, facts, join, page, tabl
 from runtime.runs import DIAGRAM, RESOLVED, read_run, run_folder
 from runtime.schema import is_number
 
-STATUS = {"complete": "good", "interrupted": "warn", "failed": "bad"}
+STATUS = {"complete": "good", "stopped": "good", "interrupted": "warn", "failed": "bad"}
 
 
 def run_report(path: Path) -> str:

@@ -27,6 +27,7 @@ from runtime.runs.folder import (
     read_run,
     run_folder,
 )
+from runtime.runs.linearization import Linearization, linearize
 from runtime.runs.notebook import Figures
 from runtime.runs.result import Result, open_run
 from runtime.runs.simulation import PreparedRun, chosen_runner, simulate, versions
@@ -40,12 +41,14 @@ __all__ = [
     "WRITTEN",
     "Draft",
     "Figures",
+    "Linearization",
     "PreparedRun",
     "Result",
     "chosen_runner",
     "contents",
     "git_commit",
     "leftovers",
+    "linearize",
     "link_latest",
     "new_folder",
     "open_run",

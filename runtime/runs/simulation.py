@@ -22,7 +22,7 @@ from runtime.diagrams import stored_picture
 from runtime.document import DEFAULT_MEMORY, Override, dump_yaml
 from runtime.engine import Engine, MakeRunner, Outcome, Profile, Program, silent, take_compiled
 from runtime.network import Network
-from runtime.observation import Metric, Probe, Recording, Series
+from runtime.observation import STOP_TIME, Metric, Probe, Recording, Series
 from runtime.runs.folder import (
     DIAGRAM,
     RESOLVED,
@@ -88,7 +88,9 @@ def simulate(
         for name, probe in observation.probes.items()
         for rows in (outcome.arrays[name],)
     }
-    metrics, failures, unclear = evaluate(observation.metrics, probes, network.world)
+    metrics, failures, unclear = evaluate(
+        observation.metrics, probes, network.world, outcome.stopped_at
+    )
     notes = [*graph.notes, *observation.notes, *unclear]
     notes += engine.diagnosis.notes(outcome.ticks) if outcome.ticks else []
     result = _result(graph, outcome, probes, metrics, notes, began)
@@ -181,11 +183,18 @@ def _origin(graph: PreparedRun, engine: str) -> tuple[dict[str, str], dict[str, 
 def _resolved(graph: PreparedRun, engine: str) -> dict[str, Any]:
     """The document with all entries of its ``run`` section written out."""
     network = graph.network
-    run = {"dt": network.dt, "until": network.until, "seed": network.seed, "engine": engine}
+    run: dict[str, Any] = {
+        "dt": network.dt,
+        "until": network.until,
+        "seed": network.seed,
+        "engine": engine,
+    }
     if network.memory != DEFAULT_MEMORY:
         run["memory"] = network.memory
     if network.states != "small":
         run["states"] = network.states
+    if network.stop is not None:
+        run["stop"] = network.stop.written()
     return {**graph.document(), "run": run | network.solver.written()}
 
 
@@ -205,6 +214,7 @@ def _manifest(
         "dt": network.dt,
         "until": network.until,
         "ticks": outcome.ticks,
+        "stopped_at": outcome.stopped_at,
         "engine": outcome.engine,
         "wall_s": outcome.wall_s,
         "ready_s": outcome.ready_s,
@@ -245,7 +255,10 @@ def versions() -> dict[str, str]:
 
 
 def evaluate(
-    metrics: list[Metric], probes: Mapping[str, Recording], world: World | None = None
+    metrics: list[Metric],
+    probes: Mapping[str, Recording],
+    world: World | None = None,
+    stopped_at: float | None = None,
 ) -> tuple[dict[str, float | None], list[str], list[str]]:
     """All metrics' values, the expectations that failed, and notes.
 
@@ -256,7 +269,7 @@ def evaluate(
     values: dict[str, float | None] = {}
     failures, notes = [], []
     for metric in metrics:
-        value = metric.value(series, world)
+        value = stopped_at if metric.kind == STOP_TIME else metric.value(series, world)
         failures += [text] if (text := metric.expectation(value)) else []
         if value is not None and not math.isfinite(value):
             notes.append(f"metric '{metric.name}' is infinite ({value:g}): it counts as no value")

@@ -47,6 +47,10 @@ PLAUSIBLE: dict[str, tuple[str, ...]] = {
     "--vs": ("without=gain", "set=gain.gain=3", "bypass=limit", "with=over.yaml", "gain", "run=3"),
     "--figures": ("pdf", "png,svg", "jpeg", ","),
     "--style": ("paper", "paper2", "screen"),
+    "--inputs": ("plant.command", "go.value", "nope.x", "plant.command,go.value"),
+    "--outputs": ("plant.pose", "plant.pose.x", "plant.pose_state", "nope"),
+    "--at": ("0", "0.1", "-1", "x"),
+    "--state": ("plant.pose_state=0", "x=1", "x", "x=[1, 2]"),
     "type": ("Sum", "Gain", "AdaptiveEnsemble", "Half", "gain"),
     "--with": ("over.yaml", "tiny.yaml", "broken.yaml"),
     "--set": (

@@ -17,16 +17,19 @@ from hypothesis import strategies as st
 
 import runtime
 from blocks.core.block import Block
+from blocks.core.params import ParameterError
 from blocks.core.signals import Pose, Same, Scalar, SignalType, Twist
 from blocks.registry import BUILTIN
 from runtime.document.node import dump_yaml
 from runtime.errors import GraphError, SimulationError
+from tests.blocks.direct import REQUIRED
 from tests.fuzz.campaign import Record, campaign
 
 TITLE = "Both engines"
 WHAT = (
-    "Random well-typed graphs of shipped blocks, with loops, two rates and random parameters, "
-    "run under the Python engine and the compiled engine for 200 ticks."
+    "Random well-typed graphs of shipped blocks, with loops, two rates, continuous states, every "
+    "solver and random parameters, run under the Python engine and the compiled engine for 200 "
+    "ticks."
 )
 HOLDS = (
     "All recorded signals are equal to 1e-9, spikes exactly; a run that fails does so in the same "
@@ -51,6 +54,7 @@ SOURCES: dict[str, tuple[str, str]] = {
     "Path": ("SinePath", "path"),
     "Scan": ("Lidar", "scan"),
 }
+SOLVERS = ("euler", "heun", "rk4", "dopri5")
 NUMBERS = st.sampled_from([0.0, 0.5, 1.0, -1.0, 0.1, 2.0, -0.3])
 
 
@@ -80,10 +84,10 @@ class Grower:
         cls = BUILTIN[kind]
         name = f"b{len(self.blocks)}"
         entry: dict[str, Any] = {"type": kind, **self.parameters(cls, given)}
-        if self.draw(st.integers(0, 4)) == 0:
+        if self.draw(st.integers(0, 4)) == 0 and not cls.spec.continuous:
             entry["dt"] = 5 * DT
         self.blocks[name] = entry
-        variables = dict(given)
+        variables = {**given, **own_variables(cls, entry)}
         lengths = {**SIZES}
         wires: dict[str, Any] = {}
         for port, declared in cls.spec.inputs.items():
@@ -130,7 +134,7 @@ class Grower:
             return self.draw(st.sampled_from(fitting))
         if way == "loop" and len(self.loops) < 2 and kind.name in ("Scalar", "Twist", "Pose"):
             name = f"loop{len(self.loops)}"
-            self.blocks[name] = {"type": "UnitDelay"}
+            self.blocks[name] = {"type": self.draw(st.sampled_from(["UnitDelay", "Integrator"]))}
             self.loops[name] = kind
             return f"{name}.out"
         if kind.name not in SOURCES:  # WallFitter's wall and spikes go nowhere
@@ -149,6 +153,9 @@ class Grower:
                 found[name] = self.draw(st.sampled_from(declared.choices))
             elif declared.required and declared.kind == "float":
                 found[name] = self.draw(st.sampled_from([0.05, 0.3, 2.0]))
+        for name, value in REQUIRED.get(cls.__name__, {}).items():
+            if cls.spec.params[name].required and name not in found:
+                found[name] = value
         if "tau_ref" in cls.spec.params:  # spikes need a step below it, and rates below its inverse
             found.update(tau_ref=0.06, max_rates=[5.0, 12.0])
         if cls.__name__ == "Constant":
@@ -177,6 +184,15 @@ class Grower:
             self.wires[name] = {"input": self.draw(st.sampled_from(fitting))}
 
 
+def own_variables(cls: type[Block], entry: dict[str, Any]) -> dict[str, SignalType]:
+    """The type variables that a block's parameters settle, as those of a linear system."""
+    try:
+        made = cls(**{key: value for key, value in entry.items() if key not in ("type", "dt")})
+    except ParameterError:
+        return {}
+    return {name: kind for name, kind in made.variables.items() if not kind.symbol}
+
+
 @st.composite
 def graphs(draw: st.DrawFn, most: int = 5, kinds: tuple[str, ...] = ()) -> Case:
     """A graph of up to ``most`` drawn blocks, beside what these need as sources."""
@@ -191,7 +207,7 @@ def graphs(draw: st.DrawFn, most: int = 5, kinds: tuple[str, ...] = ()) -> Case:
     probes = {address.replace(".", "_"): address for address in grower.outputs}
     graph = {
         "graph": "random",
-        "run": {"dt": DT, "until": TICKS * DT},
+        "run": {"dt": DT, "until": TICKS * DT, "solver": draw(st.sampled_from(SOLVERS))},
         "world": ROOM,
         "blocks": grower.blocks,
         "wires": grower.wires,

@@ -1,7 +1,11 @@
-"""What causes what in the paper's cases, every constant that is not in it, and our deviations."""
+"""Causes, every constant that is not in the paper, and deviations, for docs/reproduction.md.
+
+python -m tests.studies.causes [seeds]; without seeds only what needs no runs.
+"""
 
 from __future__ import annotations
 
+import sys
 from functools import cache
 
 import numpy as np
@@ -36,7 +40,7 @@ CONSTANTS = (
     (
         "adaptive.snn_v.learning_rate",
         "kappa of the speed",
-        "so small that it does nothing",
+        "removing it changes nothing: ablation.md",
     ),
     ("adaptive.snn_omega.leak", "leak, 1/s", None),
     ("adaptive.snn_omega.radius", "radius of the inputs", None),
@@ -45,11 +49,12 @@ CONSTANTS = (
     ("adaptive.snn_omega.limit", "limit of the output, rad/s", OURS),
     ("lateral.gain", "lambda, 1/m", None),
 )
+START = "## Every constant that is not in the paper"
 DEVIATIONS = """
 ## Where we deviate from the paper, or decide what it leaves open
 
 * The wheel model is omega = (v_R - v_L) / L; the paper's sign contradicts theta' = omega.
-* Curvature is signed; the paper's is not. The rows above show both.
+* Curvature is signed; the paper's is not (`match.curvature: unsigned`).
 * PES sees the spikes of its own tick; neurons have a refractory time of 2 ms.
 * The heading error is wrapped to (-pi, pi].
 * In case C learning pauses while the robot explores, and where no wall is seen.
@@ -147,13 +152,15 @@ def _written(entry: object, key: str) -> str:
 
 
 def section(seeds: tuple[int, ...]) -> str:
-    """The section of docs/reproduction.md."""
+    """The section of docs/reproduction.md; without seeds, without what has to be run."""
     header, *lines = constants()
+    measured = _table(("case", "what", "measured"), rows(seeds)) if seeds else ""
+    head = HEAD.format(first=seeds[0], last=seeds[-1]) if seeds else ""
     return "\n".join(
         (
-            HEAD.format(first=seeds[0], last=seeds[-1]),
-            _table(("case", "what", "measured"), rows(seeds)),
-            "\n## Every constant that is not in the paper\n",
+            head,
+            measured,
+            f"{START}\n",
             "How many values were tried for those that were chosen by hand was not recorded, "
             "except where it is said.\n",
             _table(header, lines),
@@ -167,9 +174,15 @@ def _table(header: tuple[str, ...], found: list[tuple[str, ...]]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
 
 
-if __name__ == "__main__":
+def write(seeds: tuple[int, ...]) -> None:
+    """Write the section to the end of docs/reproduction.md, in place of an earlier one."""
     from tests.studies.__main__ import PAGE
 
     page = PAGE.read_text(encoding="utf-8")
-    head, _, _ = page.partition(HEAD.strip().splitlines()[0])
-    PAGE.write_text(f"{head.rstrip()}\n{section(tuple(range(10, 14)))}", encoding="utf-8")
+    for begin in (HEAD.strip().splitlines()[0], START):
+        page, _, _ = page.partition(begin)
+    PAGE.write_text(f"{page.rstrip()}\n\n{section(seeds).strip()}\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    write(tuple(range(10, 10 + int(sys.argv[1]))) if len(sys.argv) > 1 else ())

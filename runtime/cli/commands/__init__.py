@@ -16,7 +16,7 @@ from typing import Protocol, cast
 from runtime.terminal import show
 
 NAMES = (
-    *("new", "run", "validate", "draw", "explain", "blocks", "graphs"),
+    *("new", "run", "validate", "draw", "explain", "linearize", "blocks", "graphs"),
     *("ablate", "sweep", "tune", "compare", "report", "render"),
     *("clean", "completion", "lsp", "schema"),
 )

@@ -144,6 +144,8 @@ def _report_failures(result: Result, failure: SimulationError | None, folder: Pa
         tell(text)
     if failure is not None:
         tell(f"what was recorded before is kept in {folder}")
+    elif result.status == "stopped":
+        tell(f"stopped at t = {result.manifest['stopped_at']:g} s (run.stop)")
     elif result.status == "interrupted":
         tell(f"interrupted; what was recorded before is kept in {folder}")
 

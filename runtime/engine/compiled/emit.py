@@ -8,20 +8,18 @@ which none of the others is called, one call runs several ticks.
 
 from __future__ import annotations
 
-import ast
-import inspect
 import re
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Any
 
-from blocks.core import Evaluation, SignalType, parsed
+from blocks.core import Evaluation, SignalType
 from runtime.engine.compiled.kernels import Kernel
-from runtime.engine.continuous import UNROLLED, Continuous, Slot
+from runtime.engine.compiled.stages import assigned, source_of
+from runtime.engine.continuous import Continuous
 from runtime.engine.schedule import INDENT, Emitter, Plan, RecordSlot
-from runtime.engine.solvers import METHODS, first_bad, judged, keep, moved, substep
+from runtime.engine.solvers import METHODS, first_bad, judged, keep, moved, narrowed, substep
 from runtime.engine.steps import Step
 from runtime.network import Endpoint
+from runtime.observation import StopTest
 
 Call = tuple[str, Evaluation]
 # What ``at[2]`` says: an output or a rate of change is not finite, or the tolerance is not met.
@@ -46,6 +44,7 @@ class Item:
     update: Evaluation | None = None
     recording: RecordSlot | None = None
     continuous: Continuous | None = None
+    stop: StopTest | None = None
 
 
 @dataclass
@@ -76,9 +75,13 @@ class CompiledEmitter(Emitter):
     """
 
     def __init__(
-        self, plan: Plan, recordings: list[RecordSlot], kernels: dict[str, Kernel]
+        self,
+        plan: Plan,
+        recordings: list[RecordSlot],
+        kernels: dict[str, Kernel],
+        stop: StopTest | None = None,
     ) -> None:
-        super().__init__(plan, recordings)
+        super().__init__(plan, recordings, stop)
         self.kernels = kernels
         self.taken: dict[str, None] = {}
         self.calls: list[Call] = []
@@ -97,13 +100,14 @@ class CompiledEmitter(Emitter):
         cut = len(parts) > 1
         self.depth = 3 if cut else 2
         held = self.crossing() if cut else self.held()
+        self.dt, self.leave = "dt", f"return ({', '.join(held)},)" if held else "return ()"
         for number, part in enumerate(parts):
             if cut:
                 self.line(2, f"if low <= {number} < high:")
                 self.line(3, "pass")
             self.rate = 0
             for item in part:
-                self.item(item, held)
+                self.item(item)
         body, self.text = self.text, []
         arguments = list(self.taken)
         names = [name.replace(".", "__") for name in arguments]
@@ -126,7 +130,7 @@ class CompiledEmitter(Emitter):
             f"{INDENT * 2}at[1] = k",
             f"{INDENT * 2}t = k * dt",
             *body,
-            f"{INDENT}return {packed}",
+            f"{INDENT}{self.leave}",
         ]
         text = "\n".join(lines) + "\n"
         made = CompiledText(text, arguments, self.calls, held, parts=len(parts))
@@ -144,6 +148,7 @@ class CompiledEmitter(Emitter):
         return [
             *(Item(s.every, s.block, step=s) for s in self.plan.steps if not s.constant),
             *(Item(r.every, recording=r) for r in recordings if not r.is_event),
+            *([] if self.stop is None else [Item(self.stop.signal.every, stop=self.stop)]),
             *(Item(every, name, update=update) for name, every, update in self.updates()),
             *([] if self.plan.continuous is None else [Item(1, continuous=self.plan.continuous)]),
             *(Item(r.every, recording=r) for r in recordings if r.is_event),
@@ -174,15 +179,23 @@ class CompiledEmitter(Emitter):
         """The functions that the continuous part calls."""
         adaptive = METHODS[self.network.solver.name].errors
         functions = (keep, first_bad, moved, *((substep, judged) if adaptive else ()))
-        return "\n".join(_source(each) for each in functions)
+        part = self.plan.continuous
+        functions += (narrowed,) if part is not None and self.is_searched(part) else ()
+        return "\n".join(source_of(each) for each in functions)
 
-    def item(self, item: Item, held: list[str]) -> None:
+    def item(self, item: Item) -> None:
         self.at(item.every)
         if item.recording is not None:
             self.recorded(item.recording)
             return
+        if item.stop is not None:
+            self.take("stop")
+            self.stop_at_tick(item.stop)
+            return
         if item.continuous is not None:
-            self.stages(item.continuous, held)
+            if self.is_searched(item.continuous):
+                self.take("stop"), self.take("origin")
+            self.search(item.continuous, self.stages)
             return
         evaluation = item.step.evaluation if item.step else item.update
         if evaluation is None:
@@ -203,7 +216,7 @@ class CompiledEmitter(Emitter):
             if kind.form == "array" and shared:
                 self.code(f"if {' or '.join(shared)}:")
                 self.code(f"{INDENT}{target} = {target}.copy()")
-        self.test(dict(zip(targets, kinds, strict=True)), held)
+        self.test(dict(zip(targets, kinds, strict=True)))
 
     def called(self, block: str, evaluation: Evaluation) -> str:
         """A call of a block's function; writes its number into ``at``."""
@@ -213,50 +226,56 @@ class CompiledEmitter(Emitter):
         arguments = [fields, "t", *self.arguments(block, evaluation)]
         return f"{self.kernel(block, evaluation.method)}({', '.join(arguments)})"
 
-    def stages(self, part: Continuous, held: list[str]) -> None:
-        """Integrate the continuous states to the next tick, in compiled text."""
+    def copied(self, target: str, source: str) -> None:
+        if self.dt == "dt":
+            self.code(f"keep({target}, {source})")
+        else:
+            super().copied(target, source)
+
+    def stages(self, part: Continuous, span: str) -> None:
+        """Integrate the continuous states over a span from the tick, in compiled text."""
         method = METHODS[self.network.solver.name]
         states, start, slopes, table = map(self.take, ("states", "start", "slopes", "table"))
-        h, since = "dt", f"{table}[stage, {method.stages}] * dt"
+        h, since = span, f"{table}[stage, {method.stages}] * {span}"
         if method.errors:
             h, since = "h", f"(done + {table}[stage, {method.stages}] * h)"
             control, errors = map(self.take, ("control", "errors"))
             self.code("done = 0.0")
-            self.code("while done < dt:")
+            self.code(f"while done < {span}:")
             self.depth += 1
-            self.code(f"h = substep({control}, done, dt)")
-        self.code(f"keep({start}, {states})")
+            self.code(f"h = substep({control}, done, {span})")
+        self.copied(start, states)
         self.code(f"for stage in range({method.stages}):  # {self.network.solver.name}")
         self.depth += 1
         self.code(f"t = k * dt + {since}")
         for step in part.steps:
-            self.item(Item(1, step.block, step=step), held)
+            self.again(step)
         for block, derivative in part.derivatives:
             self.code(f"rates = {self.called(block, derivative)}")
             for text in assigned(part.slots_of(block)):
                 self.code(text)
         self.code(f"if first_bad({slopes}, stage) >= 0:")
-        self.end(BAD_SLOPE, held, "stage", "t")
+        self.end(BAD_SLOPE, "stage", "t")
         self.code(f"moved({states}, {start}, {slopes}, {table}, stage, {h})")
         self.depth -= 1
         if method.errors:
-            given = f"{states}, {start}, {slopes}, {errors}, {control}, done, h, dt"
+            given = f"{states}, {start}, {slopes}, {errors}, {control}, done, h, {span}"
             self.code(f"done = judged({given})")
             self.code("if done < 0.0:")
-            self.end(UNREACHED, held, "done", "t")
+            self.end(UNREACHED, "done", "t")
         for block in part.projected:
             fields = self.take(fields_name(self.plan, block))
             self.code(f"{self.kernel(block, 'project')}({fields})")
         self.depth -= bool(method.errors)
 
-    def end(self, why: int, held: list[str], *report: str) -> None:
+    def end(self, why: int, *report: str) -> None:
         """End the call, in a branch; ``report`` are values for the message."""
         for i, value in enumerate(report):
             self.code(f"{INDENT}report[{i}] = {value}")
         self.code(f"{INDENT}at[2] = {why}")
-        self.code(f"{INDENT}return ({', '.join(held)},)" if held else f"{INDENT}return ()")
+        self.code(INDENT + self.leave)
 
-    def test(self, signals: dict[str, SignalType], held: list[str]) -> None:
+    def test(self, signals: dict[str, SignalType]) -> None:
         """Stop where a value is not finite; ``report`` then holds the outputs."""
         entries: list[str] = []
         tests: list[str] = []
@@ -276,7 +295,7 @@ class CompiledEmitter(Emitter):
         if numbers:
             tests.insert(0, f"isfinite({' + '.join(numbers)})")
         self.code(f"if not ({' and '.join(tests)}):")
-        self.end(BAD_OUTPUT, held, *entries)
+        self.end(BAD_OUTPUT, *entries)
 
     def take(self, name: str) -> str:
         """Add an argument of ``run``; returns its name in the text."""
@@ -324,13 +343,15 @@ class CompiledEmitter(Emitter):
     def drive(self, made: CompiledText, held: list[str]) -> None:
         """Write the Python loop that calls blocks that are not compiled between the parts."""
         self.text, self.lines, self.rate, self.depth = [], {}, 0, 2
+        self.dt, self.leave = repr(self.network.dt), f"return ({', '.join(held)},)"
         items = [item for item in self.items() if self.is_python(item)]
         rates = sorted({item.every for item in items})
         packed = f"({', '.join(held)},)"
         self.line(0, "def drive(first, last, held):")
         self.line(1, "k = first")
         self.line(1, f"{packed} = held")
-        self.line(1, "while k < last:")
+        halted = "" if self.stop is None else " and not stop[2]"
+        self.line(1, f"while k < last{halted}:")
         following = ", ".join(f"-(-k // {every}) * {every}" for every in rates)
         self.line(2, f"due = min(last, {following})")
         self.line(2, "if k < due:")
@@ -341,61 +362,32 @@ class CompiledEmitter(Emitter):
         for number, item in enumerate(items):
             self.rate = 0
             self.line(2, f"{packed} = run(k, k + 1, {number}, {number + 1}, {packed})")
+            if self.stop is not None:
+                self.line(2, "if stop[2]:")
+                self.line(3, self.leave)
             self.at(item.every)
             if item.step is not None:
                 self.python_step(item.step)
             elif item.update is not None:
                 Emitter.call(self, item.block, item.update, "")
             elif item.continuous is not None:
-                self.integrate(item.continuous, checked=False)
+                self.search(item.continuous, self.integrate)
         self.line(2, f"{packed} = run(k, k + 1, {len(items)}, {len(items) + 1}, {packed})")
         self.line(2, "k += 1")
         self.line(1, f"return {packed}")
         made.driver, made.lines = "\n".join(self.text) + "\n", self.lines
 
     def again(self, step: Step) -> None:
-        self.python_step(step)
+        if self.dt == "dt":
+            self.item(Item(1, step.block, step=step))
+        else:
+            self.python_step(step)
 
     def python_step(self, step: Step) -> None:
         self.step(step)
         for port in step.evaluation.outputs:
             target = self.variable(step.block, port)
             self.code(f"{target} = {as_held(target, self.network.types[step.block, port])}")
-
-
-def assigned(slots: list[Slot]) -> Iterator[str]:
-    """Statements that write what a derivative returned into the row of the stage."""
-    for number, slot in enumerate(slots):
-        value = "rates" if len(slots) == 1 else f"rates[{number}]"
-        if not slot.shape:
-            yield f"slopes[stage, {slot.start}] = {value}"
-        elif len(slot.shape) == 1 and slot.shape[0] <= UNROLLED:
-            for i in range(slot.shape[0]):
-                yield f"slopes[stage, {slot.start + i}] = {value}[{i}]"
-        else:
-            indices = [f"i{axis}" for axis in range(len(slot.shape))]
-            flat = "0"
-            for index, length in zip(indices, slot.shape, strict=True):
-                flat = f"({flat}) * {length} + {index}" if flat != "0" else index
-            for axis, (index, length) in enumerate(zip(indices, slot.shape, strict=True)):
-                yield f"{INDENT * axis}for {index} in range({length}):"
-            inner = f"slopes[stage, {slot.start} + {flat}] = {value}[{', '.join(indices)}]"
-            yield INDENT * len(indices) + inner
-
-
-def _source(function: Callable[..., Any]) -> str:
-    """A helper's text for the plan, without types and documentation."""
-    node = parsed(inspect.getsource(function)).body[0]
-    if not isinstance(node, ast.FunctionDef):
-        raise TypeError(f"{function.__name__} is no plain function")
-    node.body, node.returns = node.body[1:], None
-    for argument in node.args.args:
-        argument.annotation = None
-    for name in ast.walk(node):
-        if isinstance(name, ast.Name) and isinstance(function.__globals__.get(name.id), int):
-            name.id = repr(function.__globals__[name.id])
-    text = ast.unparse(node).replace("math.isfinite", "isfinite")
-    return f'@njit(cache=True, error_model="python")\n{text}\n\n'
 
 
 def fields_name(plan: Plan, block: str) -> str:

@@ -64,7 +64,9 @@ def template(
     kernels = make_kernels(program.network, states, note)
     for name in sorted(kernels.broken):
         note(f"block '{name}' is called from Python: {kernels.refused[name]}")
-    emitter = CompiledEmitter(program.plan, list(program.recordings), kernels.compiled)
+    emitter = CompiledEmitter(
+        program.plan, list(program.recordings), kernels.compiled, program.observation.stop
+    )
     text = emitter.compiled()
     owners = {fields_name(program.plan, name): name for name in kernels.compiled}
     made = Template(kernels, text, cache.module("plan", text.text).run, owners)

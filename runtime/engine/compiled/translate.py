@@ -77,6 +77,9 @@ class Writer(Folding):
             names = [n for n in names if n not in ("self", "state")]
         self.locals = {*names, *_assigned(node)}
         defaults = dict(zip(reversed(names), reversed(node.args.defaults), strict=False))
+        # The plan calls output methods without the inputs that the block declares indirect.
+        left = self.owner.made.indirect if self.bound else ()
+        names = [n for n in names if n not in left or n not in defaults]
         heads = [f"{n}={ast.unparse(defaults[n])}" if n in defaults else n for n in names]
         body = self.block(node.body)
         lines = [

@@ -82,7 +82,7 @@ def run_task(task: Task) -> TrialResult:
     reason, result = "", None
     try:
         result = _simulated(task, deadline)
-        if result.status != "complete":
+        if result.status not in ("complete", "stopped"):
             # Ctrl-C does not reach workers: only the deadline and blocks can interrupt a run.
             status, reason = "failed", f"a block raised KeyboardInterrupt at tick {result.ticks}"
     except GraphError as error:

@@ -52,7 +52,7 @@ def test_run_writes_a_folder_with_everything(cli: Run, small: Path, tmp_path: Pa
     names = {path.name for path in folder.iterdir()}
     assert names == {
         *("manifest.json", "graph.yaml", "graph.resolved.yaml"),
-        *("probes.npz", "metrics.json", "diagram.json", "plots"),
+        *("probes.npz", "states.npz", "metrics.json", "diagram.json", "plots"),
     }
     assert (folder / "graph.yaml").read_text() == SMALL
     assert (folder / "plots" / "way.png").read_bytes().startswith(b"\x89PNG")

@@ -7,6 +7,7 @@ import json
 import subprocess
 import sys
 import zipfile
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -176,7 +177,7 @@ def test_a_diagram_with_something_else_in_it_is_drawn_or_refused(
         if value is ...:
             del owner[key]
         else:
-            owner[key] = value
+            owner[key] = deepcopy(value)
     try:
         drawn = to_svg(draw(read_picture(json.dumps(changed))))
     except ValueError:

@@ -127,8 +127,8 @@ CASES = {
         "g.yaml:4:17: blocks.track.type: no block type 'LinePth', did you mean 'LinePath'?",
     ],
     "block type of its own": [
-        ("type: LinePath", "type: Mine"),
-        "g.yaml:4:17: blocks.track.type: no block type 'Mine'; see 'runtime blocks'; your own "
+        ("type: LinePath", "type: Custom"),
+        "g.yaml:4:17: blocks.track.type: no block type 'Custom'; see 'runtime blocks'; your own "
         "block needs 'module: file.py'",
     ],
     "no type": [
@@ -170,7 +170,8 @@ CASES = {
     "parameter required": [
         ("  plant: {type", "  g: {type: Gain}\n  plant: {type"),
         ("wires:\n", "wires:\n  g: {input: lqr.command}\n"),
-        "g.yaml:9:3: blocks.g.gain: missing; expected a number: the factor",
+        "g.yaml:9:3: blocks.g.gain: missing; expected a number or an array of n numbers: "
+        "the factor, or one per component",
     ],
     "decimal comma": [
         ("{type: LinePath}", "{type: LinePath, y: 3,5}"),
@@ -442,7 +443,8 @@ PARTS = {
     "param of the wrong kind": [
         with_part(("{graph: p.yaml}", "{graph: p.yaml, params: {k: x}}")),
         PART,
-        "g.yaml:9:34: blocks.p.blocks.g.gain: expected a number, got the text 'x'",
+        "g.yaml:9:34: blocks.p.blocks.g.gain: expected a number or an array of n numbers, "
+        "got the text 'x'",
     ],
     "param beside params": [
         with_part(("{graph: p.yaml}", "{graph: p.yaml, k: 3}")),

@@ -479,7 +479,8 @@ class Run:
         """All outputs and states of a tick, after its update."""
         spec, values = self.case.block.spec, dict(inputs)
         for evaluation in spec.evaluations:
-            arguments = [values[port] for port in evaluation.needs]
+            left = self.case.block.indirect
+            arguments = [values[port] for port in evaluation.needs if port not in left]
             found = self.call(evaluation.method, t, *arguments)
             found = found if len(evaluation.outputs) > 1 else (found,)
             values.update(zip(evaluation.outputs, found, strict=True))

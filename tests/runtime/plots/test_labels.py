@@ -29,7 +29,7 @@ plots:
   way: {kind: trajectory, of: [pose, line]}
   turn: {kind: timeseries, of: turn}
   both: {kind: timeseries, of: [error.position, error.lateral]}
-  errors: {compare: replace=lqr=PID}
+  errors: {compare: replace=lqr=PathPID}
 """
 
 
@@ -98,16 +98,16 @@ def test_wrong_labels_are_reported(file: Path, entry: str, message: str) -> None
 def test_a_plot_compares_with_a_change(file: Path, cli: Run) -> None:
     done = cli("run", str(file))
     assert done.returncode == 0, done.stderr
-    assert "as written  replace lqr=PID" in done.stdout
+    assert "as written  replace lqr=PathPID" in done.stdout
 
 
 def test_a_wrong_change_is_reported_before_anything_runs(file: Path, cli: Run) -> None:
-    text = GRAPH.replace("replace=lqr=PID", "without=lqrr")
+    text = GRAPH.replace("replace=lqr=PathPID", "without=lqrr")
     file.write_text(text, encoding="utf-8")
     done = cli("run", str(file))
     assert done.returncode == 2
     assert "did you mean 'lqr'" in done.stderr
-    file.write_text(GRAPH.replace("replace=lqr=PID", "lqr"), encoding="utf-8")
+    file.write_text(GRAPH.replace("replace=lqr=PathPID", "lqr"), encoding="utf-8")
     done = cli("validate", str(file))
     assert done.returncode == 2
     assert "labels.yaml:13:21: plots.errors.compare: expected a change" in done.stderr
@@ -139,7 +139,7 @@ def read_until(process: subprocess.Popen[str], start: str) -> list[str]:
 def test_watch_runs_again_after_each_save(file: Path, watching: subprocess.Popen[str]) -> None:
     first = read_until(watching, "watching")
     assert not any("before" in line for line in first)
-    text = file.read_text(encoding="utf-8").replace("compare: replace=lqr=PID", "xlim: [0, 1]")
+    text = file.read_text(encoding="utf-8").replace("compare: replace=lqr=PathPID", "xlim: [0, 1]")
     file.write_text(text.replace("label: robot}", "labl: robot}"), encoding="utf-8")
     assert read_until(watching, "watching")[:-1] == []  # an error, on stderr
     file.write_text(text, encoding="utf-8")

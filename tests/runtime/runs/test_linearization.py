@@ -1,0 +1,116 @@
+"""Linearization against closed forms and scipy."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import blocks
+import runtime
+from runtime.errors import UsageError
+from runtime.graph import Graph
+from tests.conftest import Run
+from tests.runtime.engine.test_continuous import OSCILLATOR, Pendulum, graph_of
+
+
+def pendulum(theta0: float = 0.0) -> Graph:
+    return runtime.Graph(dt=0.01, until=5.0).add("p", Pendulum(theta0=theta0))
+
+
+def test_a_pendulum_at_rest_and_upright() -> None:
+    for theta, sign in ((0.0, -1.0), (math.pi, 1.0)):
+        found = pendulum().linearize(["p.torque"], ["p.angle"], states={"p.theta": theta})
+        assert found.states == ("p.theta", "p.omega")
+        np.testing.assert_allclose(found.a, [[0.0, 1.0], [sign * 9.81, 0.0]], atol=1e-8)
+        np.testing.assert_allclose(found.b, [[0.0], [1.0]], atol=1e-9)
+        np.testing.assert_allclose(found.c, [[1.0, 0.0]], atol=1e-9)
+        np.testing.assert_allclose(found.d, [[0.0]], atol=1e-9)
+        expected = sorted(np.roots([1.0, 0.0, -sign * 9.81]), key=lambda p: (-p.real, p.imag))
+        np.testing.assert_allclose(found.poles, expected, atol=1e-6)
+
+
+def test_the_operating_point_is_found_by_running() -> None:
+    found = pendulum(1.0).linearize(["p.torque"], ["p.theta"], at=0.5)
+    run = pendulum(1.0).probe("p.theta").run()
+    theta = float(np.ravel(run["p.theta"])[50])
+    assert found.t == 0.5
+    assert found.point[0] == pytest.approx(theta, abs=1e-12)
+    assert found.a[1, 0] == pytest.approx(-9.81 * math.cos(theta), abs=1e-7)
+
+
+def test_blocks_between_states_are_part_of_it() -> None:
+    """x'' = -x over three blocks, driven at the gain's input and read behind it."""
+    found = graph_of(OSCILLATOR).linearize(["spring.input"], ["spring.out", "speed.integral"])
+    assert found.states == ("position.integral", "speed.integral")
+    np.testing.assert_allclose(found.a, [[0.0, 1.0], [-1.0, 0.0]], atol=1e-9)
+    np.testing.assert_allclose(found.b, [[0.0], [-1.0]], atol=1e-9)
+    np.testing.assert_allclose(found.c, [[-1.0, 0.0], [0.0, 1.0]], atol=1e-9)
+    np.testing.assert_allclose(found.d, [[-1.0], [0.0]], atol=1e-9)
+
+
+def test_a_linear_system_is_found_again_through_its_source() -> None:
+    a, b = [[0.0, 1.0], [-2.0, -3.0]], [[1.0, 0.0], [0.5, 2.0]]
+    c, d = [[1.0, 2.0], [0.0, 1.0]], [[0.1, 0.2], [0.3, 0.4]]
+    graph = runtime.Graph(dt=0.01, until=1.0).add("s", blocks.StateSpace(A=a, B=b, C=c, D=d))
+    graph = graph.add("u", blocks.Constant(value=[1.0, -1.0], signal="Vector"))
+    graph = graph.connect("u.value", "s.input")
+    found = graph.linearize(["u.value"], ["s.out"], at=0.3)
+    for name, expected in (("a", a), ("b", b), ("c", c), ("d", d)):
+        np.testing.assert_allclose(getattr(found, name), expected, atol=1e-8)
+    assert found.inputs == ("u.value.0", "u.value.1")
+    assert found.outputs == ("s.out.0", "s.out.1")
+    from scipy import signal
+
+    numerators, denominator = signal.ss2tf(np.array(a), np.array(b), np.array(c), np.array(d))
+    system = found.system()
+    np.testing.assert_allclose(
+        signal.ss2tf(system.A, system.B, system.C, system.D)[0], numerators, atol=1e-7
+    )
+    assert denominator[0] == 1.0
+
+
+def test_sampled_blocks_hold() -> None:
+    graph = graph_of(OSCILLATOR).set("blocks.spring.dt", 0.1)
+    found = graph.linearize([], ["position.out"], at=1.0)
+    np.testing.assert_allclose(found.a, [[0.0, 1.0], [0.0, 0.0]], atol=1e-9)
+    with pytest.raises(UsageError, match="'spring.input' is read by a sampled block"):
+        graph.linearize(["spring.input"], [])
+
+
+@pytest.mark.parametrize(
+    ("inputs", "outputs", "message"),
+    [
+        (["spring.inpt"], [], "'spring' has no output or state 'inpt'"),
+        ([], ["positon.out"], "did you mean 'position'"),
+        (["position.integral"], [], "expected a whole input or output"),
+    ],
+)
+def test_wrong_addresses(inputs: list[str], outputs: list[str], message: str) -> None:
+    with pytest.raises(UsageError, match=message):
+        graph_of(OSCILLATOR).linearize(inputs, outputs)
+
+
+def test_states_that_do_not_exist_and_graphs_without_any() -> None:
+    with pytest.raises(UsageError, match="no continuous state 'p.thet', did you mean 'p.theta'"):
+        pendulum().linearize([], [], states={"p.thet": 0.0})
+    with pytest.raises(UsageError, match="no continuous states"):
+        runtime.load("line_actuator_failure").linearize([], [])
+
+
+def test_the_command(cli: Run, tmp_path: Path) -> None:
+    (tmp_path / "g.yaml").write_text(graph_of(OSCILLATOR).to_yaml(), encoding="utf-8")
+    line = ["linearize", "g.yaml", "--inputs", "spring.input", "--outputs", "position.out"]
+    done = cli(*line, "--state", "position.integral=2", "-o", "bode.png")
+    assert done.returncode == 0, done.stderr
+    assert "position.integral = 2" in done.stdout
+    assert "Poles (1/s)" in done.stdout
+    assert (tmp_path / "bode.png").stat().st_size > 10_000
+    found = json.loads(cli(*line, "--json").stdout)
+    np.testing.assert_allclose(found["A"], [[0, 1], [-1, 0]], atol=1e-9)
+    wrong = cli(*line, "-o", "bode.xyz")
+    assert wrong.returncode == 2
+    assert "expected a file that ends in" in wrong.stderr
