@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from hypothesis import reject
 from hypothesis import strategies as st
 
 import runtime
@@ -137,7 +138,9 @@ class Grower:
             self.blocks[name] = {"type": self.draw(st.sampled_from(["UnitDelay", "Integrator"]))}
             self.loops[name] = kind
             return f"{name}.out"
-        if kind.name not in SOURCES:  # WallFitter's wall and spikes go nowhere
+        if kind.name not in SOURCES:  # such as spikes, which come from a population only
+            if not fitting:
+                reject()
             return self.draw(st.sampled_from(fitting))
         source, port = SOURCES[kind.name]
         name = self.add(source, T=kind) if source == "Constant" else self.add(source)

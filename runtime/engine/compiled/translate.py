@@ -79,12 +79,15 @@ class Writer(Folding):
         defaults = dict(zip(reversed(names), reversed(node.args.defaults), strict=False))
         # The plan calls output methods without the inputs that the block declares indirect.
         left = self.owner.made.indirect if self.bound else ()
-        names = [n for n in names if n not in left or n not in defaults]
+        absent = [n for n in names if n in left and n in defaults]
+        names = [n for n in names if n not in absent]
         heads = [f"{n}={ast.unparse(defaults[n])}" if n in defaults else n for n in names]
         body = self.block(node.body)
-        lines = [
-            f"{key} = b[{list(self.owner.fields).index(key)}]" for key in self.used
-        ] + ast.unparse(ast.fix_missing_locations(ast.Module(body or [ast.Pass()], []))).split("\n")
+        lines = [f"{n} = {ast.unparse(defaults[n])}" for n in absent if _reads(node, n)]
+        lines += [f"{key} = b[{list(self.owner.fields).index(key)}]" for key in self.used]
+        lines += ast.unparse(ast.fix_missing_locations(ast.Module(body or [ast.Pass()], []))).split(
+            "\n"
+        )
         first = ["b"] if self.bound else []
         return f"def {name}({', '.join(first + heads)}):\n" + textwrap.indent(
             "\n".join(lines), "    "
@@ -302,6 +305,10 @@ def _is_call(node: ast.expr, attribute: str) -> bool:
         and node.func.attr == attribute
         and not node.args
     )
+
+
+def _reads(node: ast.FunctionDef, name: str) -> bool:
+    return any(isinstance(inner, ast.Name) and inner.id == name for inner in ast.walk(node))
 
 
 def _assigned(node: ast.AST) -> set[str]:

@@ -112,7 +112,7 @@ def test_wire_moves_an_input(cli: Run, small: Path) -> None:
         (["run", "small.yaml", "--seed", "x"], "invalid int value"),
         (["run", "small.yaml", "--seed", "-1"], "run.seed: expected a non-negative integer"),
         (["run", "small.yaml", "--until", "0"], "run.until: expected a number of seconds above 0"),
-        (["draw", "small.yaml", "-o", "x.bmp"], "svg, png, dot, mermaid"),
+        (["draw", "small.yaml", "-o", "x.bmp"], "svg, png, pdf, dot, mermaid"),
         (["blocks", "Saturater"], "did you mean 'Saturator'?"),
     ],
 )
