@@ -273,7 +273,10 @@ CLASHES = {
         ],
     ),
     "a block that cannot be made": (
-        {"c": {"type": "Constant", "value": [1, 2]}, "g": {"type": "Gain", "gain": 1}},
+        {
+            "c": {"type": "Constant", "value": [1, 2], "signal": "Scalar"},
+            "g": {"type": "Gain", "gain": 1},
+        },
         {"g": {"input": "c.value"}},
         ["blocks.c.value: expected a number for Scalar, got [1.0, 2.0]"],
     ),
