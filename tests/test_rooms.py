@@ -25,7 +25,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("blocks",),
     ("runtime.errors", "runtime.schema", "runtime.streaming"),
     ("runtime.files",),
-    ("runtime.terminal",),
+    ("runtime.terminal", "runtime.toolchain"),
     ("runtime.document",),
     ("runtime.network",),
     ("runtime.observation",),

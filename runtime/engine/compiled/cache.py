@@ -11,9 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import shutil
-import stat
 import sys
 import tempfile
 import threading
@@ -23,56 +21,13 @@ from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
-from weakref import finalize
+
+from runtime.toolchain import VARIABLE, folder
+
+__all__ = ["PACKAGE", "VARIABLE", "digest", "folder", "module", "seal", "write"]
 
 PACKAGE = "spikeblocks_kernels"
-VARIABLE = "SPIKEBLOCKS_CACHE"
-OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 _LOADING = threading.RLock()
-
-
-def folder() -> Path:
-    """The cache folder: ``$SPIKEBLOCKS_CACHE``, or one in the user's cache folder.
-
-    If that cannot be written, or others may write to it, a temporary folder of this process.
-    """
-    return _folder(os.environ.get(VARIABLE), os.environ.get("XDG_CACHE_HOME"))
-
-
-@cache
-def _folder(chosen: str | None, base: str | None) -> Path:
-    try:
-        wanted = Path(chosen) if chosen else Path(base or Path.home() / ".cache") / "spikeblocks"
-        if _is_private(wanted):
-            return wanted
-    except (OSError, RuntimeError):  # no home folder is a RuntimeError
-        pass
-    return _own_folder()
-
-
-def _is_private(wanted: Path) -> bool:
-    """Create a folder if it is missing; returns whether only the user may write to it.
-
-    Raises
-    ------
-    OSError : it cannot be created or written.
-    """
-    wanted.mkdir(mode=0o700, parents=True, exist_ok=True)
-    found = wanted.lstat()
-    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
-        return False
-    if found.st_mode & OTHERS_WRITE:
-        return False  # others may have written to it
-    wanted.chmod(0o700)
-    with tempfile.TemporaryFile(dir=wanted):
-        return True
-
-
-@cache
-def _own_folder() -> Path:
-    made = Path(tempfile.mkdtemp(prefix="spikeblocks-"))
-    finalize(_own_folder, shutil.rmtree, made, ignore_errors=True)
-    return made
 
 
 @cache

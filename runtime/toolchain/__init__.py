@@ -1,0 +1,28 @@
+"""The system's C compiler: units of C text become one loaded library, kept in the user's cache.
+
+``compilers`` finds the compiler, ``store`` is the cache folder, ``library`` compiles and loads.
+"""
+
+from runtime.toolchain.compilers import (
+    Compiler,
+    MissingCompilerError,
+    available,
+    find_compiler,
+    install_command,
+)
+from runtime.toolchain.library import BuildError, Library, Unit, build
+from runtime.toolchain.store import VARIABLE, folder
+
+__all__ = [
+    "VARIABLE",
+    "BuildError",
+    "Compiler",
+    "Library",
+    "MissingCompilerError",
+    "Unit",
+    "available",
+    "build",
+    "find_compiler",
+    "folder",
+    "install_command",
+]

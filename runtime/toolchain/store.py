@@ -1,0 +1,172 @@
+"""The cache folder: files named by a hash of what they were made from, kept with their own hash.
+
+An entry's name says what it was made from, so no entry is ever out of date, and two processes that
+write the same entry write equally good files. An entry counts only if its content has the hash that
+was stored with it. Only the user may write to the folder, since its content is executed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import secrets
+import shutil
+import stat
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
+from pathlib import Path
+from weakref import finalize
+
+from runtime.files import remove_tree, write_whole
+
+VARIABLE = "SPIKEBLOCKS_CACHE"
+OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
+LIMIT = 500 * 2**20  # bytes of the whole folder; the oldest entries beyond it are removed
+KEPT = 0.9  # share of the limit that remains, so that not every build removes something
+DAY = 86400.0  # s
+SEAL = ".sha256"
+WORK = ".build-"
+
+
+def folder() -> Path:
+    """The cache folder: ``$SPIKEBLOCKS_CACHE``, or one in the user's cache folder.
+
+    If that cannot be written, or others may write to it, a temporary folder of this process.
+    """
+    return _folder(os.environ.get(VARIABLE), os.environ.get("XDG_CACHE_HOME"))
+
+
+@cache
+def _folder(chosen: str | None, base: str | None) -> Path:
+    try:
+        wanted = Path(chosen) if chosen else Path(base or Path.home() / ".cache") / "spikeblocks"
+        if _is_private(wanted):
+            return wanted.absolute()
+    except (OSError, RuntimeError):  # no home folder is a RuntimeError
+        pass
+    return _own_folder()
+
+
+def _is_private(wanted: Path) -> bool:
+    """Create a folder if it is missing; returns whether only the user may write to it.
+
+    Raises
+    ------
+    OSError : it cannot be created or written.
+    """
+    wanted.mkdir(mode=0o700, parents=True, exist_ok=True)
+    found = wanted.lstat()
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
+        return False
+    if found.st_mode & OTHERS_WRITE:
+        return False  # others may have written to it
+    if any(_is_open(parent) for parent in wanted.resolve().parents):
+        return False  # others could put another folder in its place
+    wanted.chmod(0o700)
+    with tempfile.TemporaryFile(dir=wanted):
+        return True
+
+
+def _is_open(parent: Path) -> bool:
+    """Whether everybody may rename what is in a folder."""
+    mode = parent.stat().st_mode
+    return bool(mode & stat.S_IWOTH) and not mode & stat.S_ISVTX
+
+
+@cache
+def _own_folder() -> Path:
+    made = Path(tempfile.mkdtemp(prefix="spikeblocks-"))
+    finalize(_own_folder, _remove_own, made, os.getpid())
+    return made
+
+
+def _remove_own(made: Path, process: int) -> None:
+    if os.getpid() == process:  # not at the end of a process that was forked from it
+        shutil.rmtree(made, ignore_errors=True)
+
+
+def digest(*parts: str) -> str:
+    """A name for what an entry is made from."""
+    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:32]
+
+
+def verified(name: str) -> Path | None:
+    """The file of an entry; None if it is missing or its content is not what was stored."""
+    return None if read(name) is None else folder() / name
+
+
+def read(name: str) -> bytes | None:
+    """The content of an entry; None if it is missing or is not what was stored."""
+    path = folder() / name
+    try:
+        content, seal = path.read_bytes(), (folder() / f"{name}{SEAL}").read_bytes()
+    except OSError:
+        return None
+    if seal != _hash(content):
+        return None
+    with suppress(OSError):
+        if time.time() - path.stat().st_mtime > DAY:
+            os.utime(path)  # used lately: not the next to be removed
+    return content
+
+
+def write(name: str, content: bytes) -> Path:
+    """Store an entry.
+
+    Raises
+    ------
+    OSError : it cannot be written.
+    """
+    path = folder() / name
+    for file, data in ((path, content), (folder() / f"{name}{SEAL}", _hash(content))):
+        if file.is_dir():
+            remove_tree(file)
+        write_whole(file, data)
+    return path
+
+
+@contextmanager
+def work_folder() -> Iterator[Path]:
+    """A folder for the files of one build, removed afterwards.
+
+    Raises
+    ------
+    OSError : it cannot be created.
+    """
+    made = folder() / f"{WORK}{secrets.token_hex(8)}"
+    made.mkdir(mode=0o700)
+    try:
+        yield made
+    finally:
+        remove_tree(made)
+
+
+def bound(limit: int = LIMIT) -> None:
+    """Remove the oldest files if the folder is larger than its limit (bytes), and what killed
+    builds left."""
+    now, files = time.time(), []
+    for path in folder().rglob("*"):
+        with suppress(OSError):  # removed meanwhile by another process
+            found = path.lstat()
+            if path.name.startswith(WORK) and now - found.st_mtime > DAY:
+                remove_tree(path)
+            elif not stat.S_ISDIR(found.st_mode) and path.suffix != SEAL:
+                files.append((found.st_mtime, str(path), found.st_size))
+    total = sum(size for _, _, size in files)
+    if total <= limit:
+        return
+    for _, path_text, size in sorted(files):
+        for file in (Path(path_text), Path(path_text + SEAL)):
+            with suppress(OSError):
+                file.unlink()
+        total -= size
+        if total <= limit * KEPT:
+            return
+
+
+def _hash(content: bytes) -> bytes:
+    return hashlib.sha256(content).hexdigest().encode()
