@@ -6,6 +6,7 @@ typed is refused with file and line. Scalar arithmetic gives Python's bits; arra
 loops; local arrays come from an arena; there is no recursion.
 """
 
+from runtime.codegen.interface import Entry
 from runtime.codegen.source import Function, Source
 from runtime.codegen.types import (
     BOOL,
@@ -19,7 +20,7 @@ from runtime.codegen.types import (
     Type,
     leaves,
 )
-from runtime.codegen.unit import Entry, RefusedError, Unit, Writer, support
+from runtime.codegen.unit import RefusedError, Unit, Writer, support
 
 __all__ = [
     "BOOL",

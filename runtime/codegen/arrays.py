@@ -41,6 +41,12 @@ def elements(value: Value) -> Number:
     return NUMBERS[value.type.kind] if isinstance(value.type, Array) else _number(value)
 
 
+def common(values: Sequence[Value]) -> Number:
+    """The type of a result of numbers and arrays together."""
+    kinds = [elements(value) for value in values]
+    return FLOAT if FLOAT in kinds else INT if INT in kinds else BOOL
+
+
 def _number(value: Value) -> Number:
     if not isinstance(value.type, Number):
         raise NotTypedError(f"computes with a {value.type} and arrays")

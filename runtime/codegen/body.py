@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from runtime.codegen.names import local_name
+from runtime.codegen.source import Function, Source
 from runtime.codegen.types import (
     BOOL,
     FLOAT,
@@ -28,9 +29,6 @@ from runtime.codegen.values import (
     size_text,
 )
 
-if TYPE_CHECKING:
-    from runtime.codegen.source import Function
-
 C_SIZES = {"bool": 1, "int": 8, "float": 8}
 
 
@@ -48,6 +46,22 @@ class Failures:
             self.numbers[entry] = len(self.listed)
             self.listed.append(entry)
         return self.numbers[entry]
+
+
+class Caller(Protocol):
+    """What a function's text needs of its unit."""
+
+    source: Source
+    check: bool
+    leaving: str
+
+    def call(
+        self, body: Body, target: Function, given: Sequence[Value], named: Mapping[str, Value]
+    ) -> Value:
+        """A call of a function of the source."""
+
+    def returning(self, value: Value) -> str:
+        """The statement that returns a value."""
 
 
 class Body:
@@ -85,6 +99,10 @@ class Body:
         self.line = function.line
 
     # Text
+
+    def expr(self, node: ast.expr) -> Value:
+        """The value of an expression; defined by :class:`Expressions`."""
+        raise NotImplementedError
 
     def put(self, text: str) -> None:
         """Add a line."""

@@ -86,7 +86,7 @@ def _sum(body: Body, given: Given) -> Value:
             total = scalars.binary(body, add, total, part)
         return total
     value = body.stored(given[0])
-    start = converted(start, library.common([start, value]))
+    start = converted(start, arrays.common([start, value]))
     return arrays.reduced(body, value, start, lambda a, b: scalars.binary(body, add, a, b))
 
 

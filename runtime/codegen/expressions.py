@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import ast
-import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from runtime.codegen import arrays, builtins, library, scalars
-from runtime.codegen.body import Body, Failures
+from runtime.codegen import arrays, builtins, creation, library, scalars
+from runtime.codegen.body import Body, Caller, Failures
+from runtime.codegen.knowing import both, constant, identical, is_instance, is_module, lowest
 from runtime.codegen.names import local_name
+from runtime.codegen.source import Function
 from runtime.codegen.types import (
     BOOL,
-    INT,
     NONE,
     Array,
-    Draws,
     Known,
     Maybe,
     NotTypedError,
@@ -28,7 +24,6 @@ from runtime.codegen.types import (
     leaves,
 )
 from runtime.codegen.values import (
-    LOOSE,
     UNKNOWN,
     Value,
     converted,
@@ -39,10 +34,6 @@ from runtime.codegen.values import (
     parts_of,
     size_of,
 )
-
-if TYPE_CHECKING:
-    from runtime.codegen.source import Function
-    from runtime.codegen.unit import Writer
 
 KINDS = {"float64", "int64", "bool_"}
 
@@ -57,7 +48,7 @@ class Expressions(Body, ast.NodeVisitor):
 
     def __init__(
         self,
-        writer: Writer,
+        writer: Caller,
         function: Function,
         failures: Failures,
         types: dict[str, Type],
@@ -134,12 +125,12 @@ class Expressions(Body, ast.NodeVisitor):
 
     def visit_Attribute(self, node: ast.Attribute) -> Value:
         if isinstance(node.value, ast.Name) and node.value.id in ("math", "np"):
-            return _constant(node.value.id, node.attr)
+            return constant(node.value.id, node.attr)
         value = self.expr(node.value)
         if isinstance(value.type, Array):
             axes = range(len(value.type.dims))
             if node.attr == "shape":
-                return group_of([size_of(value, k) for k in axes])
+                return group([size_of(value, k) for k in axes])
             if node.attr == "ndim":
                 return number(len(axes))
             if node.attr == "size":
@@ -151,7 +142,7 @@ class Expressions(Body, ast.NodeVisitor):
         raise NotTypedError(f"reads '{ast.unparse(node)}'")
 
     def visit_Tuple(self, node: ast.Tuple | ast.List) -> Value:
-        return group_of([self.stored(v) for v in self.each(node.elts)])
+        return group([self.stored(v) for v in self.each(node.elts)])
 
     def visit_List(self, node: ast.List) -> Value:
         return self.visit_Tuple(node)
@@ -177,12 +168,12 @@ class Expressions(Body, ast.NodeVisitor):
     def operated(self, op: ast.operator, a: Value, b: Value) -> Value:
         """A binary operator."""
         if isinstance(a.type, Tuple) and isinstance(b.type, Tuple) and isinstance(op, ast.Add):
-            return group_of([*parts_of(a), *parts_of(b)])
+            return group([*parts_of(a), *parts_of(b)])
         if isinstance(a.type, Tuple) and isinstance(op, ast.Mult) and b.is_known:
-            return group_of(parts_of(a) * int(b.const))
+            return group(parts_of(a) * int(b.const))
         if isinstance(op, ast.MatMult):
             return library.dot(self, [a, b], {})
-        a, b = (library.as_array(self, [v], {}) if self._mixed(v, a, b) else v for v in (a, b))
+        a, b = (creation.as_array(self, [v], {}) if self._mixed(v, a, b) else v for v in (a, b))
         return library.operator(self, op, [a, b])
 
     @staticmethod
@@ -201,7 +192,7 @@ class Expressions(Body, ast.NodeVisitor):
     def compared(self, op: ast.cmpop, a: Value, b: Value) -> Value:
         """One comparison."""
         if isinstance(op, (ast.Is, ast.IsNot, ast.Eq, ast.NotEq)):
-            same = _identical(a, b)
+            same = identical(a, b)
             if same is not None:
                 return scalars.inverted(same) if isinstance(op, (ast.IsNot, ast.NotEq)) else same
         if isinstance(op, (ast.In, ast.NotIn)):
@@ -283,7 +274,7 @@ class Expressions(Body, ast.NodeVisitor):
         a, b = converted(yes[1], kind), converted(no[1], kind)
         if not yes[0] and not no[0] and len(a.texts) == 1 and isinstance(kind, Number):
             text = f"{test.within(3)} ? {a.within(1)} : {b.within(1)}"
-            return Value(kind, (f"({text})",), low=_low(a, b))
+            return Value(kind, (f"({text})",), low=lowest(a, b))
         name = self.fresh("chosen")
         targets = [f"{name}{suffix}" for suffix, _ in leaves(kind)]
         for target, (_, c_type) in zip(targets, leaves(kind), strict=True):
@@ -321,7 +312,7 @@ class Expressions(Body, ast.NodeVisitor):
             if any(b is not None and b.const is UNKNOWN for b in bounds):
                 raise NotTypedError("slices a tuple with bounds that are not literal numbers")
             first, last, step = (None if b is None else int(b.const) for b in bounds)
-            return group_of(parts[first:last:step])
+            return group(parts[first:last:step])
         index = self.expr(node)
         if index.const is not UNKNOWN:
             if not -len(parts) <= int(index.const) < len(parts):
@@ -367,7 +358,10 @@ class Expressions(Body, ast.NodeVisitor):
             return self.called(node, function.id)
         if isinstance(function, ast.Attribute):
             owner = function.value
-            given = [] if _is_module(owner) else [self.expr(owner)]
+            if ast.unparse(owner).startswith(("np.", "math.")):
+                name = ast.unparse(function)
+                raise NotTypedError(f"calls {name}, which is not compiled; write the loop")
+            given = [] if is_module(owner) else [self.expr(owner)]
             values = self.each(node.args)
             options = {k.arg or "**": self.expr(k.value) for k in node.keywords}
             if given:
@@ -387,7 +381,7 @@ class Expressions(Body, ast.NodeVisitor):
             options = {k.arg or "**": self.expr(k.value) for k in node.keywords}
             return self.writer.call(self, target, self.each(nodes), options)
         if name == "isinstance" and len(node.args) == 2:
-            return number(_is_instance(self.expr(node.args[0]), node.args[1]))
+            return number(is_instance(self.expr(node.args[0]), node.args[1]))
         if name == "tuple" and len(node.args) == 1:
             return self.as_tuple(node.args[0])
         function = builtins.BUILTINS.get(name)
@@ -405,7 +399,7 @@ class Expressions(Body, ast.NodeVisitor):
             if size is None:
                 raise NotTypedError("makes a tuple of an array of unknown length")
             value = self.stored(value)
-            return group_of([arrays.subscript(self, value, [number(i)]) for i in range(size)])
+            return group([arrays.subscript(self, value, [number(i)]) for i in range(size)])
         parts_of(value)
         return value
 
@@ -418,7 +412,7 @@ class Expressions(Body, ast.NodeVisitor):
         for part in self.items(loop.iter):
             self.unpack(loop.target, part)
             found.append(self.kept(self.expr(node.elt)))
-        return group_of(found)
+        return group(found)
 
     def visit_GeneratorExp(self, node: ast.GeneratorExp) -> Value:
         return self.visit_ListComp(node)
@@ -429,10 +423,10 @@ class Expressions(Body, ast.NodeVisitor):
             inside = [v for v in node.args if not isinstance(v, ast.Starred)]
             if node.func.id == "zip":
                 columns = [self.items(part) for part in inside]
-                return [group_of(list(row)) for row in zip(*columns, strict=False)]
+                return [group(list(row)) for row in zip(*columns, strict=False)]
             if node.func.id == "enumerate":
                 items = self.items(inside[0])
-                return [group_of([number(i), item]) for i, item in enumerate(items)]
+                return [group([number(i), item]) for i, item in enumerate(items)]
             if node.func.id == "range":
                 bounds = [self.expr(part) for part in inside]
                 if all(b.const is not UNKNOWN for b in bounds):
@@ -447,87 +441,3 @@ class Expressions(Body, ast.NodeVisitor):
     def unpack(self, target: ast.expr, value: Value) -> None:
         """Assign to a target; defined by :class:`Statements`."""
         raise NotImplementedError
-
-
-def group_of(values: Sequence[Value]) -> Value:
-    """A tuple; parts that are known stay known."""
-    made = group(values)
-    return Value(made.type, made.texts)
-
-
-def both(values: Sequence[Value], sign: str) -> Value:
-    """``&&`` or ``||`` of conditions."""
-    left: list[Value] = []
-    for value in values:
-        if value.const is UNKNOWN:
-            left.append(value)
-        elif bool(value.const) == (sign == "||"):
-            return number(bool(value.const))
-    if not left:
-        return number(sign == "&&")
-    if len(left) == 1:
-        return left[0]
-    if any(isinstance(v.type, Array) for v in left):
-        raise NotTypedError("uses 'and' or a chained comparison on arrays")
-    text = f" {sign} ".join(v.text if _plain_test(v) else f"({v.text})" for v in left)
-    return Value(BOOL, (f"({text})",))
-
-
-def _plain_test(value: Value) -> bool:
-    return "?" not in value.text or value.text.startswith("(")
-
-
-def _low(a: Value, b: Value) -> int | None:
-    if a.type != INT or a.low is None or b.low is None:
-        return None
-    return min(a.low, b.low)
-
-
-def _identical(a: Value, b: Value) -> Value | None:
-    """Whether values that are partly known while compiling are the same; None for others."""
-    if isinstance(a.type, Known) and isinstance(b.type, Known):
-        return number(a.type.value == b.type.value)
-    for x, y in ((a, b), (b, a)):
-        if x.type == NONE:
-            if isinstance(y.type, Maybe):
-                return scalars.inverted(Value(BOOL, y.texts[:1]))
-            return number(False)
-        if isinstance(x.type, Known) and isinstance(y.type, (Number, Tuple, Array)):
-            return number(False)
-    return None
-
-
-def _is_module(node: ast.expr) -> bool:
-    return isinstance(node, ast.Name) and node.id in ("math", "np")
-
-
-def _constant(module: str, name: str) -> Value:
-    found: Any = getattr(math if module == "math" else np, name, None)
-    if isinstance(found, (bool, int, float)):
-        return number(found)
-    if module == "np" and name in library.KINDS:
-        return known(name)
-    if found is None and name == "newaxis":
-        return none()
-    raise NotTypedError(f"uses '{module}.{name}', which is not compiled")
-
-
-def _is_instance(value: Value, kinds: ast.expr) -> bool:
-    names = [ast.unparse(n) for n in (kinds.elts if isinstance(kinds, ast.Tuple) else [kinds])]
-    kind = value.type
-    if isinstance(kind, Draws):
-        raise NotTypedError("tests the type of a generator")
-    of = {
-        "tuple": isinstance(kind, Tuple),
-        "np.ndarray": isinstance(kind, Array),
-        "float": isinstance(kind, Number) and kind.kind == "float",
-        "int": isinstance(kind, Number) and kind.kind in ("int", "bool"),
-        "bool": kind == BOOL,
-        "str": isinstance(kind, Known) and isinstance(kind.value, str),
-    }
-    if any(name not in of for name in names):
-        raise NotTypedError(f"tests for {ast.unparse(kinds)}")
-    return any(of[name] for name in names)
-
-
-__all__ = ["LOOSE", "Expressions", "both", "group_of"]

@@ -6,9 +6,8 @@ import ast
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
-from runtime.codegen import arrays, scalars
+from runtime.codegen import arrays, creation, draws, scalars
 from runtime.codegen.body import Body
 from runtime.codegen.types import BOOL, FLOAT, INT, Array, Draws, NotTypedError, Number, Tuple
 from runtime.codegen.values import (
@@ -62,13 +61,6 @@ OPERATORS: dict[str, ast.operator] = {
     **{"power": ast.Pow(), "mod": ast.Mod(), "remainder": ast.Mod()},
 }
 TESTS = ("isnan", "isinf", "isfinite")
-KINDS = {"float64": FLOAT, "float": FLOAT, "int64": INT, "int": INT, "bool_": BOOL, "bool": BOOL}
-
-
-def common(values: Given) -> Number:
-    """The type of a result of numbers and arrays together."""
-    kinds = [arrays.elements(value) for value in values]
-    return FLOAT if FLOAT in kinds else INT if INT in kinds else BOOL
 
 
 def lifted(body: Body, values: Given, function: Callable[..., Value], kind: Number) -> Value:
@@ -83,7 +75,7 @@ def operator(body: Body, op: ast.operator, values: Given) -> Value:
     each = any(isinstance(v.type, Array) for v in values)
     if not each:
         return scalars.binary(body, op, values[0], values[1])
-    kind = FLOAT if isinstance(op, ast.Div) else common(values)
+    kind = FLOAT if isinstance(op, ast.Div) else arrays.common(values)
     if kind == BOOL and type(op) not in scalars.BITS:
         kind = INT
     return lifted(body, values, lambda a, b: scalars.binary(body, op, a, b, each=True), kind)
@@ -95,7 +87,7 @@ def compared(body: Body, op: ast.cmpop, values: Given) -> Value:
 
 
 def negated(body: Body, value: Value) -> Value:
-    kind = INT if common([value]) == BOOL else common([value])
+    kind = INT if arrays.common([value]) == BOOL else arrays.common([value])
     return lifted(body, [value], scalars.negated, kind)
 
 
@@ -108,11 +100,11 @@ def _test(name: str, value: Value) -> Value:
 
 
 def _absolute(body: Body, given: Given, options: Mapping[str, Value]) -> Value:
-    return lifted(body, given, scalars.absolute, common(given))
+    return lifted(body, given, scalars.absolute, arrays.common(given))
 
 
 def _extreme(name: str, body: Body, given: Given, options: Mapping[str, Value]) -> Value:
-    kind = common(given)
+    kind = arrays.common(given)
 
     def of(a: Value, b: Value) -> Value:
         if kind != FLOAT:
@@ -137,7 +129,7 @@ def _square(body: Body, given: Given, options: Mapping[str, Value]) -> Value:
 
 
 def _where(body: Body, given: Given, options: Mapping[str, Value]) -> Value:
-    kind = common(given[1:])
+    kind = arrays.common(given[1:])
 
     def of(test: Value, a: Value, b: Value) -> Value:
         a, b = converted(a, kind), converted(b, kind)
@@ -163,7 +155,7 @@ def whole_array(given: Given, options: Mapping[str, Value], name: str) -> Value:
 
 def _sum(body: Body, given: Given, options: Mapping[str, Value]) -> Value:
     value = whole_array(given, options, "sum")
-    kind = common([value])
+    kind = arrays.common([value])
     if kind == FLOAT:
         flat = arrays.flat(body, body.stored(value))
         text = f"sum_of({flat.text}, {size_text(flat, 0)})"
@@ -269,115 +261,6 @@ def dot(body: Body, given: Given, options: Mapping[str, Value]) -> Value:
     return made or Value(FLOAT, (total,))
 
 
-# New arrays
-
-
-def shape_of(value: Value) -> list[Value]:
-    """The sizes in a shape argument."""
-    sizes = parts_of(value) if isinstance(value.type, Tuple) else [value]
-    if any(size.type != INT for size in sizes):
-        raise NotTypedError("makes an array with a size that is no integer; use int(...)")
-    return sizes
-
-
-def _kind(given: Given, options: Mapping[str, Value], at: int, default: Number) -> Number:
-    value = given[at] if len(given) > at else options.get("dtype")
-    if value is None:
-        return default
-    found = KINDS.get(value.type.value) if value.is_known and not value.texts else None  # type: ignore[union-attr]
-    if found is None:
-        raise NotTypedError("uses a dtype other than float64, int64 and bool")
-    return found
-
-
-def _new(body: Body, sizes: Sequence[Value], kind: Number) -> Value:
-    texts = []
-    for size in sizes:
-        text = size.text
-        if size.const is UNKNOWN and (size.low is None or size.low < 0):
-            text = f"not_negative({text})"
-        texts.append(text)
-    dims = tuple(int(s.const) if s.const is not UNKNOWN else None for s in sizes)
-    return body.new(kind.kind, texts, dims)
-
-
-def _filled(fill: float | None, body: Body, given: Given, options: Mapping[str, Value]) -> Value:
-    kind = _kind(given, options, 1, FLOAT)
-    made = _new(body, shape_of(given[0]), kind)
-    if fill is not None:
-        body.fill(made, number({BOOL: bool, INT: int}.get(kind, float)(fill)))
-    return made
-
-
-def _full(body: Body, given: Given, options: Mapping[str, Value]) -> Value:
-    value = body.kept(given[1])
-    kind = _kind(given, options, 2, arrays.elements(value))
-    made = _new(body, shape_of(given[0]), kind)
-    body.fill(made, converted(value, kind))
-    return made
-
-
-def _like(fill: float | None, body: Body, given: Given, options: Mapping[str, Value]) -> Value:
-    kind = _kind(given, options, 1, arrays.elements(given[0]))
-    axes = range(len(array_type(given[0]).dims))
-    made = _new(body, [size_of(given[0], k) for k in axes], kind)
-    if fill is not None:
-        body.fill(made, number({BOOL: bool, INT: int}.get(kind, float)(fill)))
-    return made
-
-
-def _eye(body: Body, given: Given, options: Mapping[str, Value]) -> Value:
-    n = given[0]
-    made = _new(body, [n, n], FLOAT)
-    i, j = arrays.loops(body, [size_text(made, 0), size_text(made, 1)])
-    body.act(f"{body.place(made, [i, j])} = {i} == {j} ? 1.0 : 0.0;")
-    arrays.close(body, 2)
-    return made
-
-
-def _arange(body: Body, given: Given, options: Mapping[str, Value]) -> Value:
-    if len(given) != 1 or options or given[0].type != INT:
-        raise NotTypedError("calls np.arange with more than a length; write the loop")
-    made = _new(body, given, INT)
-    (i,) = arrays.loops(body, [size_text(made, 0)])
-    body.act(f"{body.place(made, [i])} = {i};")
-    arrays.close(body, 1)
-    return made
-
-
-def as_array(body: Body, given: Given, options: Mapping[str, Value]) -> Value:
-    """``np.array`` of an array, a number, or tuples of numbers."""
-    value = given[0]
-    if isinstance(value.type, Array):
-        return arrays.copied(body, value)
-    if not isinstance(value.type, Tuple):
-        made = body.new(scalars.as_number(value).type.kind, [], ())  # type: ignore[union-attr]
-        body.fill(made, value)
-        return made
-    rows = parts_of(value)
-    numbers = [n for r in rows for n in (parts_of(r) if isinstance(r.type, Tuple) else [r])]
-    kind = _kind(given, options, 1, common(numbers) if numbers else FLOAT)
-    dims: tuple[int, ...] = (len(rows),)
-    lengths = {len(r.type.parts) if isinstance(r.type, Tuple) else None for r in rows}
-    if lengths not in ({None}, set()):
-        width = lengths.pop()
-        if lengths or width is None:
-            raise NotTypedError("makes an array of rows of different lengths")
-        dims = (len(rows), width)
-    made = body.new(kind.kind, [str(d) for d in dims], dims)
-    for at, entry in enumerate(numbers):
-        body.act(f"{made.text}[{at}] = {converted(entry, kind).text};")
-    return made
-
-
-def _unchanged(body: Body, given: Given, options: Mapping[str, Value]) -> Value:
-    value = given[0]
-    if not isinstance(value.type, Array):
-        return as_array(body, given, options)
-    value = body.stored(value)
-    return value if array_type(value).packed else arrays.copied(body, value)
-
-
 FUNCTIONS: dict[str, Call] = {
     **{
         n: lambda b, g, o, c=c: lifted(b, g, partial(_c_function, c), FLOAT)  # type: ignore[misc]
@@ -392,11 +275,28 @@ FUNCTIONS: dict[str, Call] = {
     **{"amin": partial(_ends, "min"), "amax": partial(_ends, "max")},
     **{n: partial(_place_of, n) for n in ("argmin", "argmax")},
     **{n: partial(_tests_all, n) for n in ("all", "any")},
-    **{"count_nonzero": _count, "zeros": partial(_filled, 0.0), "ones": partial(_filled, 1.0)},
-    **{"empty": partial(_filled, None), "full": _full, "eye": _eye, "identity": _eye},
-    **{"zeros_like": partial(_like, 0.0), "ones_like": partial(_like, 1.0)},
-    **{"empty_like": partial(_like, None), "arange": _arange, "array": as_array},
-    **{"asarray": _unchanged, "ascontiguousarray": _unchanged, "copy": as_array},
+    **{
+        "count_nonzero": _count,
+        "zeros": partial(creation.filled, 0.0),
+        "ones": partial(creation.filled, 1.0),
+    },
+    **{
+        "empty": partial(creation.filled, None),
+        "full": creation.full,
+        "eye": creation.eye,
+        "identity": creation.eye,
+    },
+    **{"zeros_like": partial(creation.like, 0.0), "ones_like": partial(creation.like, 1.0)},
+    **{
+        "empty_like": partial(creation.like, None),
+        "arange": creation.arange,
+        "array": creation.as_array,
+    },
+    **{
+        "asarray": creation.unchanged,
+        "ascontiguousarray": creation.unchanged,
+        "copy": creation.as_array,
+    },
 }
 
 
@@ -420,7 +320,7 @@ def method(
 ) -> Value:
     """A call of a method of an array or a generator."""
     if isinstance(value.type, Draws):
-        return drawn(body, value, name, given)
+        return draws.drawn(body, value, name, given)
     if not isinstance(value.type, Array):
         if isinstance(value.type, Number) and name == "item" and not given:
             return value
@@ -439,7 +339,7 @@ def method(
     if name == "transpose" and not given:
         return arrays.transposed(body.stored(value))
     if name == "astype" and len(given) == 1:
-        kind = _kind(given, {}, 0, FLOAT)
+        kind = creation.kind_of(given, {}, 0, FLOAT)
         if kind == FLOAT or arrays.elements(value) == kind:
             return body.stored(lifted(body, [value], lambda v: v, kind))
     raise NotTypedError(f"calls the method '{name}' of an array, which is not compiled")
@@ -456,7 +356,7 @@ def _item(body: Body, value: Value, given: Given) -> Value:
 
 
 def _reshaped(body: Body, value: Value, given: Given) -> Value:
-    sizes = shape_of(given[0] if len(given) == 1 else group(given))
+    sizes = creation.shape_of(given[0] if len(given) == 1 else group(given))
     if any(size.const is UNKNOWN or size.const < 0 for size in sizes):
         raise NotTypedError("reshapes to sizes that are not literal numbers")
     flat = arrays.flat(body, value)
@@ -469,49 +369,3 @@ def _reshaped(body: Body, value: Value, given: Given) -> Value:
         body.act(f"same_size(ctx, {size_text(flat, 0)}, {total}, {failure});")
     kind = array_type(flat)
     return Value(replace(kind, dims=dims), (flat.text,))
-
-
-# Random numbers
-
-
-def drawn(body: Body, generator: Value, name: str, given: Given) -> Value:
-    """A draw, or an array of draws, with NumPy's arithmetic."""
-    functions: dict[str, tuple[str, int]] = {
-        **{"random": ("uniform", 0), "standard_normal": ("normal", 0)},
-        **{"standard_exponential": ("exponential", 0), "exponential": ("exponential", 1)},
-        **{"uniform": ("uniform", 2), "normal": ("normal", 2)},
-    }
-    if name not in functions:
-        raise NotTypedError(f"draws with '{name}', which is not compiled")
-    function, wanted = functions[name]
-    if len(given) < wanted:
-        raise NotTypedError(f"draws with '{name}' without its {wanted} numbers")
-    parameters = [body.kept(scalars.as_float(value)) for value in given[:wanted]]
-    size = given[wanted] if len(given) > wanted else None
-    if size is None:
-        return body.kept(_one_draw(body, generator, function, name, parameters), "drawn")
-    made = _new(body, shape_of(size), FLOAT)
-    axes = range(len(array_type(made).dims))
-    indices = arrays.loops(body, [size_text(made, k) for k in axes])
-    one = _one_draw(body, generator, function, name, parameters)
-    body.act(f"{body.place(made, indices)} = {one.text};")
-    arrays.close(body, len(indices))
-    return made
-
-
-def _one_draw(
-    body: Body, generator: Value, function: str, name: str, parameters: Sequence[Value]
-) -> Value:
-    body.effects += 1
-    draw = Value(FLOAT, (f"{generator.text}->{function}({generator.text}->bits)",))
-    times: Any = ast.Mult()
-    if name == "uniform":
-        low, high = parameters
-        width = scalars.binary(body, ast.Sub(), high, low)
-        return scalars.binary(body, ast.Add(), low, scalars.binary(body, times, width, draw))
-    if name == "normal":
-        mean, sigma = parameters
-        return scalars.binary(body, ast.Add(), mean, scalars.binary(body, times, sigma, draw))
-    if name == "exponential":
-        return scalars.binary(body, times, parameters[0], draw)
-    return draw

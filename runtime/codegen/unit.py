@@ -3,29 +3,26 @@
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
-from runtime.codegen.body import Failures
-from runtime.codegen.expressions import Expressions
+from runtime.codegen.body import Body, Failures
+from runtime.codegen.interface import Entry, given, results
 from runtime.codegen.names import function_name, local_name
 from runtime.codegen.source import Function, Source
 from runtime.codegen.statements import Statements
+from runtime.codegen.tidying import tidied
 from runtime.codegen.types import (
-    FLOAT,
     NONE,
-    Array,
     NotTypedError,
-    Tuple,
     Type,
     general,
     join,
     leaves,
 )
-from runtime.codegen.values import Value, converted, group, none, parts_of, size_text, zero
+from runtime.codegen.values import Value, converted, none, zero
 
 PASSES = 8
 SIZES_SEEN = 4
@@ -35,26 +32,6 @@ CODES = {"double": "d", "int64_t": "i", "bool": "b"}
 
 class RefusedError(Exception):
     """Text that cannot be compiled: the reason with file and line."""
-
-
-@dataclass(frozen=True)
-class Entry:
-    """A method that other units call.
-
-    Parameters
-    ----------
-    symbol : the C name.
-    function : the source's function.
-    arguments : names and types: floats are passed as they are, tuples of floats and arrays of
-        floats as pointers, other tuples part by part.
-    results : types of the outputs, which are written through pointers: floats, tuples of floats
-        and arrays of floats of known shape.
-    """
-
-    symbol: str
-    function: str
-    arguments: Sequence[tuple[str, Type]]
-    results: Sequence[Type] = ()
 
 
 @dataclass(frozen=True)
@@ -167,7 +144,7 @@ class Writer:
 
     def call(
         self,
-        body: Expressions,
+        body: Body,
         target: Function,
         given: Sequence[Value],
         named: Mapping[str, Value],
@@ -206,7 +183,7 @@ class Writer:
 
     def arguments(
         self,
-        body: Expressions,
+        body: Body,
         target: Function,
         given: Sequence[Value],
         named: Mapping[str, Value],
@@ -368,13 +345,13 @@ class Writer:
         """The text of a method that other units call, and the functions that it calls."""
         target = self.source.functions[entry.function]
         parameters: list[str] = []
-        values = [_given(name, kind, parameters) for name, kind in entry.arguments]
+        values = [given(name, kind, parameters) for name, kind in entry.arguments]
         self.stack.append(set())
         body = Statements(self, target, self.failures, {})
         try:
             body.put("ctx->arena_used = 0;")
             found = self.call(body, target, values, {})
-            self.results(body, entry, found, parameters)
+            results(body, entry, found, parameters)
         except NotTypedError as error:
             raise RefusedError(f"{error} ({target.file}:{target.line + 1})") from None
         finally:
@@ -399,89 +376,6 @@ class Writer:
             ]
         )
         return text, calls
-
-    def results(self, body: Statements, entry: Entry, found: Value, parameters: list[str]) -> None:
-        """Copy what a method returns to its outputs."""
-        if not entry.results:
-            return
-        parts = [found]
-        if len(entry.results) > 1:
-            if not isinstance(found.type, Tuple) or len(found.type.parts) != len(entry.results):
-                message = f"returns a {found.type}, expected {len(entry.results)} outputs"
-                raise NotTypedError(message)
-            parts = parts_of(found)
-        for i, (part, kind) in enumerate(zip(parts, entry.results, strict=True)):
-            parameters.append(f"double *out{i}")
-            if isinstance(kind, Array):
-                self.array_result(body, part, kind, f"out{i}")
-                continue
-            try:
-                numbers = converted(part, kind)
-            except NotTypedError:
-                raise NotTypedError(f"returns a {part.type}, expected a {kind}") from None
-            for at, text in enumerate(numbers.texts):
-                body.put(f"out{i}[{at}] = {text};")
-
-    def array_result(self, body: Statements, part: Value, kind: Array, name: str) -> None:
-        """Copy an array of the right shape to an output."""
-        if not isinstance(part.type, Array) or len(part.type.dims) != len(kind.dims):
-            raise NotTypedError(f"returns a {part.type}, expected an array of shape {kind.dims}")
-        for axis, size in enumerate(kind.dims):
-            if part.type.dims[axis] is None:
-                message = "an output has {index} elements along an axis, expected {size}"
-                failure = body.fail("ValueError", message)
-                body.put(f"same_size(ctx, {size_text(part, axis)}, {size}, {failure});")
-            elif part.type.dims[axis] != size:
-                shape = f"returns an array of shape {part.type.dims}, expected {kind.dims}"
-                raise NotTypedError(shape)
-        if part.type.packed and part.type.kind == "float":
-            count = 1
-            for size in kind.dims:
-                count *= size or 1
-            body.put(f"copy_numbers({name}, {part.text}, {count});")
-            return
-        body.fill(Value(kind, (name,)), part)
-
-
-def _given(name: str, kind: Type, parameters: list[str]) -> Value:
-    """An argument from another unit; adds its C parameters."""
-    plain = local_name(name)
-    if kind == FLOAT:
-        parameters.append(f"double {plain}")
-        return Value(kind, (plain,))
-    if isinstance(kind, Array):
-        parameters.append(f"const double *{plain}")
-        return Value(kind, (plain,))
-    if isinstance(kind, Tuple):
-        if kind.parts and all(part == FLOAT for part in kind.parts) and not name.endswith("..."):
-            parameters.append(f"const double *{plain}")
-            return Value(kind, tuple(f"{plain}[{i}]" for i in range(len(kind.parts))))
-        stem = name.removesuffix("...")
-        made = [_given(f"{stem}_{i}", part, parameters) for i, part in enumerate(kind.parts)]
-        return group(made)
-    raise NotTypedError(f"takes a {kind} as an argument")
-
-
-DECLARED = re.compile(r"^( *)(?:const )?\w+ (?:\*?(?:const )?)?\*?(\w+) = (.*);$")
-ASSIGNED = re.compile(r"^( *)(\w+) = (.*);$")
-
-
-def tidied(lines: Sequence[str]) -> list[str]:
-    """Lines without variables that are never read; calls for their effects stay."""
-    kept = list(lines)
-    while True:
-        times = Counter(re.findall(r"(?<!->)\b\w+", "\n".join(kept)))
-        matches = [DECLARED.match(line) or ASSIGNED.match(line) for line in kept]
-        writes = Counter(match.group(2) for match in matches if match)
-        found = []
-        for line, match in zip(kept, matches, strict=True):
-            if match is None or times[match.group(2)] > writes[match.group(2)]:
-                found.append(line)
-            elif "(" in match.group(3):
-                found.append(f"{match.group(1)}(void){match.group(3)};")
-        if found == kept:
-            return found
-        kept = found
 
 
 def _declared(c_type: str, name: str) -> str:

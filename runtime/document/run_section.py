@@ -13,7 +13,7 @@ from runtime.errors import Problems
 
 DEFAULT_UNTIL = 10.0
 MAX_TICKS = 10**12
-ENGINES = ("auto", "python", "compiled")
+ENGINES = ("auto", "python", "compiled", "checked")
 DEFAULT_MEMORY = 1024**3
 UNITS = {"": 1, "K": 1024, "M": 1024**2, "G": 1024**3}
 

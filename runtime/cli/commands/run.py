@@ -57,7 +57,7 @@ def run(options: Namespace) -> int:
     other = None if options.vs is None else _other(graph, options.vs).check()
     if options.animate:
         _check_animation(graph)
-    if options.profile and graph.network.engine == "compiled":
+    if options.profile and graph.network.engine in ("compiled", "checked"):
         raise UsageError("--profile measures each block, which needs --engine python")
     quiet = options.quiet or options.json
     profile = Profile() if options.profile else None

@@ -1,6 +1,6 @@
 """The compiled engine: the plan and the blocks that it calls as C, compiled and loaded.
 
-``translate`` writes a block's methods as plain functions, ``kernels`` these as C units, ``emit`` the
+``translate`` writes the methods of blocks as functions, ``kernels`` these as C units, ``emit`` the
 plan that calls them, ``memory`` what both languages share, and ``runner`` runs it for the engine.
 """
 

@@ -12,7 +12,16 @@ import numpy as np
 ARENA = 1 << 28  # bytes of address space for a tick's local arrays; memory is used when touched
 DRAWS = ("random_standard_uniform", "random_standard_normal", "random_standard_exponential")
 # The members of struct context, see support.h.
-CONTEXT = ("resume", "failure", "index", "size", "axis", "arena", "arena_size", "arena_used")
+CONTEXT: tuple[str, ...] = (
+    "resume",
+    "failure",
+    "index",
+    "size",
+    "axis",
+    "arena",
+    "arena_size",
+    "arena_used",
+)
 CONTEXT += ("arena_most", "tick", "at")
 
 
