@@ -3,7 +3,17 @@
 Each room's blocks are what its ``__all__`` holds; :data:`blocks.registry.BUILTIN` is made of them.
 """
 
-from blocks import control, generic, learning, mujoco, vehicle, wall_fitting, world
+from blocks import (
+    control,
+    dynamics,
+    generic,
+    learning,
+    mujoco,
+    neural,
+    vehicle,
+    wall_fitting,
+    world,
+)
 from blocks.control import *
 from blocks.core import (
     Block,
@@ -30,9 +40,11 @@ from blocks.core import (
     kernel_of,
     param,
 )
+from blocks.dynamics import *
 from blocks.generic import *
 from blocks.learning import *
 from blocks.mujoco import *
+from blocks.neural import *
 from blocks.testing import CheckError, check_block
 from blocks.vehicle import *
 from blocks.wall_fitting import *
@@ -43,9 +55,11 @@ __all__ += ["Input", "Output", "ParameterError", "Path", "PointCloud", "Pose", "
 __all__ += ["Scan", "SignalType", "Spikes", "State", "TrackingState", "Twist", "Vector"]
 __all__ += ["WheelSpeeds", "check_block", "kernel_of", "param"]
 __all__ += control.__all__
+__all__ += dynamics.__all__
 __all__ += generic.__all__
 __all__ += learning.__all__
 __all__ += mujoco.__all__
+__all__ += neural.__all__
 __all__ += vehicle.__all__
 __all__ += wall_fitting.__all__
 __all__ += world.__all__

@@ -8,12 +8,23 @@ import importlib.util
 import linecache
 import sys
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path as FilePath
 from types import ModuleType
 
-from blocks import control, generic, learning, mujoco, vehicle, wall_fitting, world
+from blocks import (
+    control,
+    dynamics,
+    generic,
+    learning,
+    mujoco,
+    neural,
+    vehicle,
+    wall_fitting,
+    world,
+)
 from blocks.core import Block, SignalType
 
 ENTRY_POINTS = "spikeblocks.blocks"
@@ -21,7 +32,7 @@ ENTRY_POINTS = "spikeblocks.blocks"
 _LOADING = threading.RLock()
 _CONTENT = "__spikeblocks_content__"
 
-ROOMS = (control, learning, world, wall_fitting, vehicle, generic, mujoco)
+ROOMS = (control, learning, neural, world, wall_fitting, vehicle, generic, dynamics, mujoco)
 BUILTIN: Mapping[str, type[Block]] = {
     name: value
     for room in ROOMS
@@ -65,6 +76,21 @@ def types_of_module(file: FilePath) -> list[SignalType]:
     OSError, SyntaxError and whatever the file itself raises.
     """
     return [value for value in vars(_module(file)).values() if isinstance(value, SignalType)]
+
+
+@dataclass(frozen=True)
+class ModuleReader:
+    """How the Python files that a graph names are read; an editor lets another process do it.
+
+    ``blocks`` and ``signal_types`` are as :func:`blocks_of_module` and :func:`types_of_module`.
+    """
+
+    blocks: Callable[[FilePath], Mapping[str, type[Block]]] = blocks_of_module
+    signal_types: Callable[[FilePath], list[SignalType]] = types_of_module
+
+
+# Whether the Python files that a graph names are imported, or how they are read instead.
+Modules = bool | ModuleReader
 
 
 def _module(file: FilePath) -> ModuleType:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         SpikeblocksError,
         UsageError,
     )
+    from runtime.experiments import AblationTable, SweepTable, ablate, sweep
     from runtime.graph import Graph, load
     from runtime.runs import Result
     from runtime.runs import open_run as open
@@ -50,6 +51,10 @@ _HOMES = {
     "open": ("runtime.runs.result", "open_run"),
     "Result": ("runtime.runs.result", "Result"),
     **{
+        name: ("runtime.experiments", name)
+        for name in ("AblationTable", "SweepTable", "ablate", "sweep")
+    },
+    **{
         name: ("runtime.errors", name)
         for name in (
             "GraphError",
@@ -62,15 +67,19 @@ _HOMES = {
 }
 
 __all__ = [
+    "AblationTable",
     "Graph",
     "GraphError",
     "MissingExtraError",
     "Result",
     "SimulationError",
     "SpikeblocksError",
+    "SweepTable",
     "UsageError",
+    "ablate",
     "load",
     "open",
+    "sweep",
 ]
 
 

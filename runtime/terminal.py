@@ -11,7 +11,7 @@ import os
 import shutil
 import sys
 import time
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import zip_longest
 from typing import Any, TextIO
 
@@ -70,6 +70,11 @@ def number(value: float | None, sign: str = "") -> str:
     ``sign`` is that of a format specification: ``+`` shows the sign of positive numbers too.
     """
     return "-" if value is None or math.isnan(value) else f"{value:{sign}.4g}"
+
+
+def with_unit(name: str, units: Mapping[str, str]) -> str:
+    """A name with its unit, if it has one: ``settled_at [s]``."""
+    return f"{name} [{units[name]}]" if units.get(name) else name
 
 
 def readable_bytes(size: float) -> str:

@@ -244,3 +244,15 @@ def test_the_architecture_lists_every_room() -> None:
     rooms = {name.partition(".")[2].replace(".", "/") for floor in FLOORS for name in floor}
     parts = {room for room in rooms if room.startswith(("experiments/", "compare/", "diagrams/"))}
     assert rooms - parts - {""} == listed
+
+
+def test_the_python_of_the_experiments_page_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = (ROOT / "docs" / "experiments.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(import runtime\n.*?)```", page, re.S)
+    monkeypatch.chdir(tmp_path)
+    space: dict[str, Any] = {}
+    exec(code, space)
+    assert space["found"].runs == 3
+    assert (tmp_path / "ablation.pdf").is_file()

@@ -1,4 +1,4 @@
-"""What a block is: ports, parameters, state, signal types, kernels, and portable arithmetic."""
+"""What a block is: ports, parameters, state, signal types, kernels, expressions, arithmetic."""
 
 from blocks.core import portable
 from blocks.core.block import (
@@ -12,11 +12,20 @@ from blocks.core.block import (
     State,
 )
 from blocks.core.declarations import BlockSpec
+from blocks.core.expression_reader import ExpressionError, parsed
+from blocks.core.expressions import (
+    Expression,
+    expression_function,
+    function_from,
+    function_text,
+    read_expression,
+)
 from blocks.core.extras import MissingPackageError, require
 from blocks.core.kernels import function_kernel, has_kernels, kernel_for, kernel_of
 from blocks.core.options import Options
 from blocks.core.params import Param, ParameterError, beyond_a_turn, hint, param, plain, show
 from blocks.core.portable import arctan2, cos, directions, product, sin, solve
+from blocks.core.settings import Setting, SettingError
 from blocks.core.signals import (
     TYPES,
     BoolArray,
@@ -40,6 +49,7 @@ from blocks.core.signals import (
     differ,
     signal_type,
 )
+from blocks.core.variants import Variant
 
 __all__ = [
     "TYPES",
@@ -50,6 +60,8 @@ __all__ = [
     "BoolArray",
     "DeclarationError",
     "Evaluation",
+    "Expression",
+    "ExpressionError",
     "FloatArray",
     "Input",
     "IntArray",
@@ -66,12 +78,15 @@ __all__ = [
     "Same",
     "Scalar",
     "Scan",
+    "Setting",
+    "SettingError",
     "SignalType",
     "Spikes",
     "State",
     "TrackingState",
     "Twist",
     "TwistValue",
+    "Variant",
     "Vector",
     "WheelSpeeds",
     "arctan2",
@@ -79,15 +94,20 @@ __all__ = [
     "cos",
     "differ",
     "directions",
+    "expression_function",
+    "function_from",
     "function_kernel",
+    "function_text",
     "has_kernels",
     "hint",
     "kernel_for",
     "kernel_of",
     "param",
+    "parsed",
     "plain",
     "portable",
     "product",
+    "read_expression",
     "require",
     "show",
     "signal_type",

@@ -18,7 +18,34 @@ A block is written as a class::
   arrays that share memory with the state.
 * ``start(self, state)`` fills the state before the first tick.
 
-Each of them is called exactly once per tick of the block. A block is immutable: everything that
+Each of them is called exactly once per tick of the block.
+
+A block in continuous time declares continuous states and says how fast they change::
+
+    class Pendulum(Block):
+        torque = Input(Scalar, unit="N m", default=0.0)
+        angle = Output(Scalar, unit="rad")
+
+        theta = State(unit="rad", continuous=True)
+        omega = State(unit="rad/s", continuous=True)
+
+        def output(self, state, t):
+            return float(state.theta)
+
+        def derivative(self, state, t, torque):
+            theta, omega = float(state.theta), float(state.omega)
+            return omega, torque / self.inertia - self.g / self.length * math.sin(theta)
+
+* ``derivative(self, state, t, ...)`` names inputs, or outputs of the block, as ``update`` does. It
+  returns one value per continuous state in the order of their declaration: a float for ``State()``,
+  a tuple or an array for ``State(3)``. It changes nothing. The run's solver integrates all
+  continuous states of a graph together and calls it several times per tick, at times between ticks;
+  outputs of blocks without memory are then computed again.
+* ``project(self, state)`` may move the states after each step of the solver: limits, an angle
+  wrapped.
+* A block may have both: ``update`` comes first, at the tick, and may set continuous states.
+
+A block is immutable: everything that
 changes is in the :class:`BlockState` that the engine owns.
 """
 
@@ -34,6 +61,7 @@ import numpy as np
 from blocks.core.declarations import BlockSpec, DeclarationError, Evaluation, Input, Output, State
 from blocks.core.params import ParameterError, hint, plain, show
 from blocks.core.reading import STATED, read_declarations
+from blocks.core.settings import SettingError
 from blocks.core.signals import SignalType
 
 __all__ = [
@@ -58,12 +86,16 @@ class BlockContext:
     terms : for each variadic input, one flag per term as written: whether it is still connected
         (removing a block removes its wires).
     world : the :class:`blocks.World` of the graph's ``world:`` section; None without one.
+    lengths : the lengths that are known, by symbol: of ports, and those that arrived with wires.
+    published : inputs whose wire comes from an output that publishes a description.
     """
 
     dt: float
     types: Mapping[str, SignalType]
     terms: Mapping[str, tuple[bool, ...]] = field(default_factory=dict)
     world: object = None
+    lengths: Mapping[str, int] = field(default_factory=dict)
+    published: frozenset[str] = frozenset()
 
 
 class BlockState:
@@ -71,7 +103,8 @@ class BlockState:
 
     The arrays that the block declares are attributes; an assignment to one of them writes into
     it, so that probes and both engines see it. Further attributes: ``context``, its step ``dt``,
-    and ``rng``, the block's own generator. ``start`` may add what it derives from parameters.
+    and ``rng``, the block's own generator; ``published``, for each input that has one, the static
+    description that its producer publishes. ``start`` may add what it derives from parameters.
 
     Every array is stored as a view: an output that is one of them, or a part of one, has a
     ``base``, from which the engine sees that it must be copied.
@@ -85,6 +118,7 @@ class BlockState:
         self.context = context
         self.dt = context.dt
         self.seed = seed
+        self.published: Mapping[str, Any] = {}
 
     def __setattr__(self, name: str, value: Any) -> None:
         held = self.__dict__
@@ -137,6 +171,8 @@ class Block:
                 continue
             try:
                 value = declared.convert(values.get(name, declared.default))
+            except SettingError as error:
+                problems += [(f"{name}.{at}" if at else name, text) for at, text in error.problems]
             except ValueError as error:
                 problems.append((name, str(error)))
             else:
@@ -170,6 +206,10 @@ class Block:
     def validate_in(self, context: BlockContext) -> None:
         """Check that the block can run in this context; raise :class:`ParameterError`."""
 
+    def infer(self, lengths: Mapping[str, int]) -> Mapping[str, int]:
+        """Lengths that follow from others that are known, by symbol."""
+        return {}
+
     def start(self, state: BlockState) -> None:
         """Fill the state, which is all zeros, before the first tick."""
 
@@ -190,6 +230,15 @@ class Block:
         """Type variables that the block's own parameters determine."""
         stated = self.__dict__.get(STATED)
         return {} if stated is None else {self.spec.generic: stated}
+
+    @property
+    def indirect(self) -> tuple[str, ...]:
+        """Inputs on which no output depends directly, with the block's parameters.
+
+        An output method that names one of them gives it a default and is called without it, as
+        that of a linear system with D = 0.
+        """
+        return ()
 
     def value(self, name: str) -> Any:
         """A parameter's value by its name in graphs."""

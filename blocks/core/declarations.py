@@ -39,7 +39,10 @@ class Output:
     """An output port.
 
     ``through`` names the input that replaces it under ``bypass``. A ``constant`` output never
-    changes during a run: it is computed and recorded once.
+    changes during a run: it is computed and recorded once. ``publishes`` names a method of (state)
+    that returns a static description of the signal, such as the tuning of the neurons behind
+    spikes: a consumer finds it in ``state.published`` when it starts. The lengths in ``carries``
+    travel along the wire, too, and are known when the consumer's own lengths are inferred.
     """
 
     type: PortType
@@ -48,6 +51,8 @@ class Output:
     through: str = ""
     constant: bool = False
     name: str = ""
+    publishes: str = ""
+    carries: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, init=False)
@@ -59,6 +64,8 @@ class State:
     update; an ``event``, which is what happened in the tick, after it.
     A ``cached`` state saves an output from repeating a computation: outputs may write it, and must
     return the same values without it.
+    A ``continuous`` state is integrated from tick to tick by the run's solver, together with those
+    of all other blocks; the block's ``derivative`` returns its rate of change.
     """
 
     shape: tuple[int | str, ...]
@@ -69,6 +76,7 @@ class State:
     signal: SignalType | None = None
     event: bool = False
     cached: bool = False
+    continuous: bool = False
 
     def __init__(
         self,
@@ -79,19 +87,24 @@ class State:
         signal: SignalType | None = None,
         event: bool = False,
         cached: bool = False,
+        continuous: bool = False,
         name: str = "",
     ) -> None:
         self.__dict__.update(shape=shape, like=like, doc=doc, unit=unit, name=name)
-        self.__dict__.update(signal=signal, event=event, cached=cached)
+        self.__dict__.update(signal=signal, event=event, cached=cached, continuous=continuous)
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """One call of the plan: a method, the ports it needs, and the outputs it computes."""
+    """One call of the plan: a method, the ports it needs, and the outputs it computes.
+
+    ``timed`` tells whether the method reads its argument ``t``.
+    """
 
     method: str
     needs: tuple[str, ...]
     outputs: tuple[str, ...] = ()
+    timed: bool = field(default=True, compare=False)
 
 
 @dataclass(frozen=True)
@@ -105,6 +118,13 @@ class BlockSpec:
     attributes: Mapping[str, str] = field(default_factory=dict)
     evaluations: tuple[Evaluation, ...] = ()
     update: Evaluation | None = None
+    derivative: Evaluation | None = None
+    projects: bool = False
+
+    @property
+    def continuous(self) -> tuple[str, ...]:
+        """The names of the continuous states, in the order in which ``derivative`` returns them."""
+        return tuple(name for name, state in self.states.items() if state.continuous)
 
     @property
     def through(self) -> tuple[str, str] | None:

@@ -18,10 +18,11 @@ from typing import Any, Literal, cast
 import numpy as np
 import numpy.typing as npt
 
+from blocks.core.settings import Setting, SettingError
 from blocks.core.signals import TYPES, FloatArray, SignalType, signal_type
 
 REQUIRED: Any = object()
-Kind = Literal["float", "int", "bool", "str", "array", "signal"]
+Kind = Literal["float", "int", "bool", "str", "array", "signal", "setting"]
 KINDS: dict[object, Kind] = {
     float: "float",
     int: "int",
@@ -66,6 +67,7 @@ class Param:
     finite: bool
     name: str
     kind: Kind = "float"
+    setting: type[Setting] | None = None
 
     @property
     def required(self) -> bool:
@@ -83,6 +85,8 @@ class Param:
         """
         if self.choices:
             return "one of " + ", ".join(self.choices)
+        if self.setting is not None:
+            return f"{self.setting.expected} {self.unit}".strip()
         if self.kind == "array":
             known: dict[Any, Any] = dict(sizes or {})
             shapes = ["x".join(str(known.get(d, d or "n")) for d in s) for s in self.shapes if s]
@@ -96,6 +100,7 @@ class Param:
                 "bool": "true or false",
                 "str": "a text",
                 "signal": "a signal type such as Scalar, Pose or Vector(3)",
+                "setting": "a setting",
             }[self.kind]
         bounds = [
             f"{word} {value:g}"
@@ -109,9 +114,12 @@ class Param:
         ]
         return " ".join([noun, " and ".join(bounds), self.unit]).replace("  ", " ").strip()
 
-    def bound(self, name: str, kind: Kind) -> Param:
+    def bound(self, name: str, kind: Kind | type[Setting]) -> Param:
         """The declaration, completed by its name and annotation in the class body."""
-        return replace(self, name=self.name or name, kind=kind)
+        named = replace(self, name=self.name or name)
+        if isinstance(kind, str):
+            return replace(named, kind=kind)
+        return replace(named, kind="setting", setting=kind)
 
     def convert(self, value: Any) -> Any:
         """Check a value and turn it into what the block holds.
@@ -122,8 +130,14 @@ class Param:
         """
         if value is None and self.default is None:
             return None
+        if self.setting is not None and isinstance(value, self.setting):
+            return value
         try:
+            if self.setting is not None:
+                return self.setting.read(value)
             converted = _CONVERT[self.kind](in_radians(value, self.units))
+        except SettingError:
+            raise
         except (TypeError, ValueError, OverflowError) as error:
             if self.kind == "signal" and isinstance(value, str):
                 raise ValueError(f"{error}{hint(value, TYPES)}") from None
@@ -245,6 +259,8 @@ def plain(value: Any) -> Any:
     """A parameter's value as graphs write it; a user's own signal type stays as it is."""
     if isinstance(value, np.ndarray):
         return value.tolist()
+    if isinstance(value, Setting):
+        return value.written()
     if isinstance(value, SignalType) and TYPES.get(value.name) == value.sized(None):
         return value.name if value.symbol else str(value)
     return value

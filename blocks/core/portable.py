@@ -69,6 +69,18 @@ def exp(x: FloatArray) -> FloatArray:
     return _each(math.exp, x)
 
 
+def log(x: FloatArray) -> FloatArray:
+    return _each(math.log, x)
+
+
+def tanh(x: FloatArray) -> FloatArray:
+    return _each(math.tanh, x)
+
+
+def atanh(x: FloatArray) -> FloatArray:
+    return _each(math.atanh, x)
+
+
 def __getattr__(name: str) -> Any:
     """``expm1`` and ``log1p``: SciPy's, as fast as NumPy's and the same on all processors."""
     if name not in ("expm1", "log1p"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dis
 import inspect
 import types
 import typing
@@ -11,11 +12,12 @@ from typing import Any
 
 from blocks.core.declarations import BlockSpec, DeclarationError, Evaluation, Input, Output, State
 from blocks.core.params import KINDS, Kind, Param, hint, param
+from blocks.core.settings import Setting
 from blocks.core.signals import Same, SignalType
 
 RESERVED_PARAMETERS = ("type", "module", "dt")
 STATED = "_signal"
-RESERVED_STATES = ("context", "dt", "seed", "rng", "_declared")
+RESERVED_STATES = ("context", "dt", "seed", "rng", "published", "_declared")
 
 
 def read_declarations(cls: type, own_sizes: bool = False, own_variables: bool = False) -> BlockSpec:
@@ -49,9 +51,9 @@ def read_declarations(cls: type, own_sizes: bool = False, own_variables: bool = 
         params=found[Param],
         attributes=attributes,
         evaluations=_output_methods(cls, inputs, outputs),
-        update=None
-        if getattr(cls, "update", None) is None
-        else Evaluation("update", _needs(cls, "update", {**inputs, **outputs})),
+        update=_optional(cls, "update", {**inputs, **outputs}),
+        derivative=_optional(cls, "derivative", {**inputs, **outputs}),
+        projects=getattr(cls, "project", None) is not None,
     )
     if spec.generic and not own_variables and "signal" not in spec.params:
         spec = replace(
@@ -61,6 +63,7 @@ def read_declarations(cls: type, own_sizes: bool = False, own_variables: bool = 
         )
     _check_ports(cls, spec)
     _check_states(cls, spec, own_sizes)
+    _check_continuous(cls, spec)
     _check_defaults(cls, spec.params)
     return spec
 
@@ -135,13 +138,15 @@ def _check_name(cls: type, attribute: str, name: str, kind: type, origins: dict[
         )
 
 
-def _kind(cls: type, attribute: str, annotation: Any) -> Kind:
+def _kind(cls: type, attribute: str, annotation: Any) -> Kind | type[Setting]:
     options: list[Any] = [annotation]
     if typing.get_origin(annotation) in (typing.Union, types.UnionType):
         options = [option for option in typing.get_args(annotation) if option is not type(None)]
     for known, kind in KINDS.items():
         if options == [known]:
             return kind
+    if len(options) == 1 and isinstance(options[0], type) and issubclass(options[0], Setting):
+        return options[0]
     raise DeclarationError(
         f"{cls.__name__}.{attribute}: annotate the parameter with float, int, bool, str or "
         f"FloatArray (or one of them | None), not {annotation}"
@@ -204,6 +209,30 @@ def _check_states(cls: type, spec: BlockSpec, own_sizes: bool) -> None:
             )
 
 
+def _check_continuous(cls: type, spec: BlockSpec) -> None:
+    """Continuous states and ``derivative`` belong together, and are nothing else."""
+    if spec.continuous and spec.derivative is None:
+        raise DeclarationError(
+            f"{cls.__name__} declares the continuous state '{spec.continuous[0]}' but has no "
+            "method derivative(self, state, t, ...) that returns its rate of change"
+        )
+    for method in ("derivative", "project"):
+        if getattr(cls, method, None) is not None and not spec.continuous:
+            raise DeclarationError(
+                f"{cls.__name__}.{method}: the class has no continuous state; declare one, as in "
+                "x = State(3, continuous=True)"
+            )
+    for name in spec.continuous:
+        for other in ("event", "cached"):
+            if getattr(spec.states[name], other):
+                message = f"a continuous state cannot be {other}: the solver integrates it"
+                raise DeclarationError(f"{cls.__name__}.{name}: {message}")
+    if spec.projects:
+        names = list(inspect.signature(getattr(cls, "project")).parameters)  # noqa: B009
+        if names[1:] != ["state"]:
+            raise DeclarationError(f"{cls.__name__}.project must take (self, state)")
+
+
 def _check_defaults(cls: type, params: Mapping[str, Param]) -> None:
     for name, declared in params.items():
         if declared.required:
@@ -227,15 +256,44 @@ def _output_methods(
             )
     own = {port: f"output_{port}" for port in outputs if f"output_{port}" in methods}
     rest = tuple(port for port in outputs if port not in own)
-    evaluations = [Evaluation(m, _needs(cls, m, inputs), (port,)) for port, m in own.items()]
+    evaluations = [_evaluation(cls, m, inputs, (port,)) for port, m in own.items()]
     if rest:
         if not inspect.isfunction(getattr(cls, "output", None)):
             raise DeclarationError(
                 f"{cls.__name__} declares {', '.join(rest)} but has no method "
                 f"output(self, state, t, ...) to compute it"
             )
-        evaluations.append(Evaluation("output", _needs(cls, "output", inputs), rest))
+        evaluations.append(_evaluation(cls, "output", inputs, rest))
     return tuple(evaluations)
+
+
+def _optional(cls: type, method: str, ports: Mapping[str, Any]) -> Evaluation | None:
+    """A method that a class need not have."""
+    return None if getattr(cls, method, None) is None else _evaluation(cls, method, ports)
+
+
+def _evaluation(
+    cls: type, method: str, ports: Mapping[str, Any], outputs: tuple[str, ...] = ()
+) -> Evaluation:
+    return Evaluation(
+        method, _needs(cls, method, ports), outputs, _reads_time(getattr(cls, method))
+    )
+
+
+def _reads_time(method: Any) -> bool:
+    """Whether a method's code, or a function inside it, reads ``t``; True if nobody can tell."""
+    code = getattr(inspect.unwrap(method), "__code__", None)
+    if code is None:
+        return True
+    waiting: list[types.CodeType] = [code]
+    while waiting:
+        code = waiting.pop()
+        for instruction in dis.get_instructions(code):
+            read = instruction.argval if isinstance(instruction.argval, tuple) else ()
+            if "LOAD" in instruction.opname and "t" in (instruction.argval, *read):
+                return True
+        waiting += [each for each in code.co_consts if isinstance(each, types.CodeType)]
+    return False
 
 
 def _needs(cls: type, method: str, ports: Mapping[str, Any]) -> tuple[str, ...]:

@@ -64,6 +64,8 @@ class Bench:
             yield {**seen, **states}
             if spec.update is not None:
                 self._update(spec.update, state, t, values)
+            if spec.derivative is not None:
+                self._integrate(spec.derivative, state, t, values)
             if resumed:
                 state = self._resumed(state, seed)
 
@@ -78,7 +80,7 @@ class Bench:
     def _state(self, seed: int) -> BlockState:
         """The state as an engine makes it: zeros in the declared shapes."""
         context, spec = self.context, self.block.spec
-        lengths = dict(self.block.sizes())
+        lengths = {**context.lengths, **self.block.sizes()}
         for name, port in spec.ports.items():
             if isinstance(port.type, SignalType) and port.type.symbol:
                 lengths[port.type.symbol] = context.types[name].shape[0]
@@ -155,6 +157,33 @@ class Bench:
             self._fail("update", "returns a value, which is not used; write into the state")
         self._check_given("update", given, values)
 
+    def _integrate(
+        self, derivative: Evaluation, state: BlockState, t: float, values: dict[str, Any]
+    ) -> None:
+        """One step of Euler's method; ``derivative`` is called twice to detect side effects."""
+        names = self.block.spec.continuous
+        before, given = contents(state), contents(values)
+        first, again = (self._call(derivative, state, t, values) for _ in range(2))
+        for name in changed(before, contents(state)):
+            self._fail(
+                "derivative", f"changes '{name}' of the state; it returns the rate of change"
+            )
+        self._check_given("derivative", given, values)
+        if snapshot(first) != snapshot(again):
+            message = "returns different values when called again with the same state and inputs"
+            self._fail("derivative", f"{message}; {OUTSIDE}")
+        rates = (first,) if len(names) == 1 else first
+        if not isinstance(rates, tuple) or len(rates) != len(names):
+            message = f"must return a tuple, one value per continuous state ({', '.join(names)})"
+            self._fail("derivative", f"{message}, got {brief(first)}")
+        for name, rate in zip(names, rates, strict=True):
+            message = misfit(getattr(state, name).shape, rate)
+            if message:
+                self._fail("derivative", f"state '{name}': {message}")
+            getattr(state, name)[...] += self.context.dt * np.asarray(rate, dtype=np.float64)
+        if self.block.spec.projects:
+            self._guard("project", functools.partial(self.block.project, state))  # type: ignore[attr-defined]
+
     def _call(
         self, evaluation: Evaluation, state: BlockState, t: float, values: dict[str, Any]
     ) -> Any:
@@ -205,6 +234,19 @@ class Bench:
     def _fail(self, method: str, message: str) -> NoReturn:
         where = type(self.block).__name__ + (f".{method}" if method else "")
         raise CheckError(f"{where}: {message}")
+
+
+def misfit(shape: tuple[int, ...], rate: Any) -> str:
+    """Why a value is not the rate of change of a state of a shape; '' if it is."""
+    expected = f"an array of shape {shape}" if shape else "a float"
+    expected += f" or a tuple of {shape[0]} floats" if len(shape) == 1 else ""
+    try:
+        numbers = np.asarray(rate)
+    except ValueError:
+        return f"expected {expected}, got {brief(rate)}"
+    if numbers.dtype.kind not in "fiu" or numbers.shape != shape:
+        return f"expected {expected}, got {brief(rate)}"
+    return "" if np.isfinite(numbers).all() else f"its rate of change is not finite: {brief(rate)}"
 
 
 def contents(values: Any) -> dict[str, Any]:

@@ -112,6 +112,8 @@ def settle(
         elif declared.symbol and isinstance(kind.length, int):
             lengths.setdefault(declared.symbol, kind.length)
 
+    lengths.update({s: n for s, n in block.infer(lengths).items() if s not in lengths})
+
     def resolve(declared: PortType) -> SignalType:
         kind = variables.get(declared.variable, Scalar) if isinstance(declared, Same) else declared
         return kind.sized(lengths.get(kind.symbol, LENGTH)) if kind.symbol else kind
@@ -123,7 +125,8 @@ def settle(
     variadic = [name for name, port in spec.inputs.items() if port.variadic]
     rejections = []
     for count in TERMS if variadic else (0,):
-        context = BlockContext(dt, types, dict.fromkeys(variadic, (True,) * count), world)
+        terms = dict.fromkeys(variadic, (True,) * count)
+        context = BlockContext(dt, types, terms, world, lengths)
         try:
             block.validate_in(context)
         except ParameterError as error:

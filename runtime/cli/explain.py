@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from runtime.engine import Engine, python_seconds
+from runtime.engine import Engine, Plan, python_seconds
 from runtime.graph import Graph
 from runtime.runs import chosen_runner
 
@@ -37,6 +37,7 @@ def explain_json(graph: Graph) -> dict[str, Any]:
             {"from": str(w.source), "to": w.target, "type": str(network.types[w.block, w.port])}
             for w in network.wires
         ],
+        "continuous": _continuous(engine.plan),
         "removed": dict(network.removed),
         "engine": {"asked": network.engine, "python_s": python_seconds(network)}
         | (
@@ -44,6 +45,19 @@ def explain_json(graph: Graph) -> dict[str, Any]:
             if runner is not None
             else {"taken": "python", "source": engine.program.source()}
         ),
+    }
+
+
+def _continuous(plan: Plan) -> dict[str, Any] | None:
+    """The states that a solver integrates, and the blocks that each of its stages calls again."""
+    part = plan.continuous
+    if part is None:
+        return None
+    return {
+        "solver": plan.network.solver.name,
+        "states": {f"{slot.block}.{slot.state}": list(slot.shape) for slot in part.slots},
+        "stages": [step.block for step in part.steps],
+        "derivatives": [block for block, _ in part.derivatives],
     }
 
 
@@ -80,8 +94,23 @@ def explain_text(graph: Graph) -> str:
         lines.append(f"  {i:>3}  {step['block']:<{width}}  {rate:>8}  {writes}{reads}")
     for name, how in facts["removed"].items():
         lines.append(f"       {name:<{width}}  {'removed' if how == 'without' else 'bypassed':>8}")
+    if facts["continuous"] is not None:
+        lines += ["", *_continuous_lines(facts["continuous"])]
     lines += ["", *_engine_lines(facts["engine"]), "", facts["engine"]["source"]]
     return "\n".join(lines).rstrip()
+
+
+def _continuous_lines(facts: dict[str, Any]) -> list[str]:
+    """What is integrated between two ticks."""
+    states = [
+        name + (f" {tuple(shape)}" if shape else "") for name, shape in facts["states"].items()
+    ]
+    again = ", ".join(dict.fromkeys(facts["stages"])) or "none"
+    return [
+        f"Integrated between ticks by {facts['solver']}",
+        f"  states       {', '.join(states)}",
+        f"  each stage   outputs of {again}; derivatives of {', '.join(facts['derivatives'])}",
+    ]
 
 
 def _engine_lines(engine: dict[str, Any]) -> list[str]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from runtime.codegen.body import Body
 from runtime.codegen.names import local_name
-from runtime.codegen.types import FLOAT, Array, NotTypedError, Tuple, Type
+from runtime.codegen.types import FLOAT, INT, Array, NotTypedError, Tuple, Type
 from runtime.codegen.values import Value, converted, group, parts_of, size_text
 
 
@@ -19,7 +19,7 @@ class Entry:
     ----------
     symbol : the C name.
     function : the source's function.
-    arguments : names and types: floats are passed as they are, tuples of floats and arrays of
+    arguments : names and types: numbers are passed as they are, tuples of floats and arrays of
         floats as pointers, other tuples part by part.
     results : types of the outputs, which are written through pointers: floats, tuples of floats
         and arrays of floats of known shape.
@@ -37,8 +37,11 @@ def given(name: str, kind: Type, parameters: list[str]) -> Value:
     if kind == FLOAT:
         parameters.append(f"double {plain}")
         return Value(kind, (plain,))
+    if kind == INT:
+        parameters.append(f"int64_t {plain}")
+        return Value(kind, (plain,))
     if isinstance(kind, Array):
-        parameters.append(f"const double *{plain}")
+        parameters.append(f"{'const ' if kind.frozen else ''}double *{plain}")
         return Value(kind, (plain,))
     if isinstance(kind, Tuple):
         if kind.parts and all(part == FLOAT for part in kind.parts) and not name.endswith("..."):
@@ -74,7 +77,11 @@ def results(body: Body, entry: Entry, found: Value, parameters: list[str]) -> No
 
 
 def _array_result(body: Body, part: Value, kind: Array, name: str) -> None:
-    """Copy an array of the right shape to an output."""
+    """Copy an array, or a tuple of numbers, of the right shape to an output."""
+    if isinstance(part.type, Tuple) and kind.dims == (len(part.type.parts),):
+        for at, entry in enumerate(parts_of(part)):
+            body.put(f"{name}[{at}] = {converted(entry, FLOAT).text};")
+        return
     if not isinstance(part.type, Array) or len(part.type.dims) != len(kind.dims):
         raise NotTypedError(f"returns a {part.type}, expected an array of shape {kind.dims}")
     for axis, size in enumerate(kind.dims):

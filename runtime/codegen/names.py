@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 C_WORDS = [
     "auto",
     "break",
@@ -158,6 +160,7 @@ FUNCTIONS = [
     "abs",
     "div",
 ]
+SUFFIX = re.compile(r"_(?:[nsv]?[0-9]+|given|v)$")
 RESERVED = {*C_WORDS, *FUNCTIONS}
 
 
@@ -165,8 +168,9 @@ def local_name(name: str) -> str:
     """The C name of a local variable."""
     plain = name if name.isascii() else name.encode("ascii", "backslashreplace").decode()
     plain = plain.replace("\\", "_")
-    # Names that end with an underscore are those of temporaries.
-    return f"{plain.rstrip('_') or 'unused'}_v" if plain in RESERVED or plain[-1] == "_" else plain
+    # Names that end with an underscore are those of temporaries, others with a suffix of leaves.
+    taken = plain in RESERVED or plain[-1] == "_" or SUFFIX.search(plain)
+    return f"{plain.rstrip('_') or 'unused'}_v" if taken else plain
 
 
 def function_name(name: str, taken: set[str]) -> str:

@@ -76,7 +76,9 @@ class Writer:
         self.source, self.check = source, check
         self.failures = Failures()
         self.instances: dict[tuple[str, tuple[Type, ...]], Instance | None] = {}
-        self.names: set[str] = set()
+        # A function is not hidden by a variable of its name.
+        self.names = {local_name(n) for f in source.functions.values() for n in f.counts}
+        self.names |= set(map(local_name, source.entries))
         self.structs: dict[tuple[str, ...], str] = {}
         self.stack: list[set[str]] = []
         self.leaving = LEAVE

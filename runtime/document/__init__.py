@@ -15,12 +15,31 @@ from runtime.document.edits import (
     set_wire,
 )
 from runtime.document.limits import Work
-from runtime.document.loader import SHIPPED, decoded, find_file, merge, read_file, read_graph
+from runtime.document.loader import (
+    SHIPPED,
+    complete_document,
+    decoded,
+    find_file,
+    merge,
+    read_file,
+    read_graph,
+    shipped_graphs,
+)
 from runtime.document.node import Node, dump_yaml, from_python, parse_yaml
-from runtime.document.run_section import DEFAULT_MEMORY, MAX_TICKS, read_run, seconds
+from runtime.document.run_section import (
+    DEFAULT_MEMORY,
+    MAX_TICKS,
+    RUN_CHOICES,
+    Solver,
+    read_run,
+    seconds,
+)
 from runtime.document.scalars import parse_scalar
 from runtime.document.sections import (
+    EXAMPLES,
     PART_SECTIONS,
+    RUN_DOCS,
+    RUN_KEYS,
     SECTIONS,
     check_keys,
     closest,
@@ -37,12 +56,17 @@ from runtime.document.writer import flow_yaml
 
 __all__ = [
     "DEFAULT_MEMORY",
+    "EXAMPLES",
     "MAX_TICKS",
     "PART_SECTIONS",
+    "RUN_CHOICES",
+    "RUN_DOCS",
+    "RUN_KEYS",
     "SECTIONS",
     "SHIPPED",
     "Node",
     "Override",
+    "Solver",
     "Work",
     "add_block",
     "add_entry",
@@ -50,6 +74,7 @@ __all__ = [
     "add_wire",
     "check_keys",
     "closest",
+    "complete_document",
     "decoded",
     "dump_yaml",
     "expected",
@@ -73,5 +98,6 @@ __all__ = [
     "section",
     "set_entry",
     "set_wire",
+    "shipped_graphs",
     "texts",
 ]

@@ -20,6 +20,7 @@ RUNNABLE = ("plan.yaml", "graph.resolved.yaml")
 SUFFIX = ".yaml"
 MAX_BYTES = 32 * 2**20  # of one file: enough for a million values
 TYPED = ("blocks", "plots", "metrics")
+Parse = Callable[[str, str], Node]
 
 
 def shipped_graphs() -> list[str]:
@@ -54,6 +55,32 @@ def read_graph(source: str | Path | Mapping[str, Any]) -> tuple[Node, dict[str, 
         document = loader.file(str(source), (NOWHERE, ""), Path(), ())
     loader.problems.raise_any()
     return document or Node({}), loader.contents
+
+
+def complete_document(
+    document: Node,
+    path: Path,
+    unsaved: Mapping[Path, str],
+    parse: Parse = parse_yaml,
+) -> tuple[Node, list[Problem]]:
+    """A graph whose text is in memory, with all that it extends and all its parts.
+
+    Parameters
+    ----------
+    document : the parsed text; path : its file, which need not exist.
+    unsaved : texts that replace the content of files, by resolved path.
+    parse : reads a file's text; the default, or one that remembers.
+
+    Returns
+    -------
+    tuple : the document as far as it can be read, and what is wrong.
+    """
+    loader = _Loader(unsaved, parse)
+    try:
+        document = loader.complete(document, (path.resolve(),))
+    except GraphError as error:
+        return document, error.problems
+    return document, loader.problems.found
 
 
 def _unlimited(entries: int) -> None:
@@ -191,10 +218,13 @@ class _Loader:
     """Reads files, and continues after a problem, so that all problems are found.
 
     ``above`` holds the files that are being read, the outermost first; ``contents`` the content
-    of each file read.
+    of each file read; ``unsaved`` texts take the place of files, and ``parse`` reads them.
     """
 
-    def __init__(self) -> None:
+    def __init__(
+        self, unsaved: Mapping[Path, str] | None = None, parse: Parse = parse_yaml
+    ) -> None:
+        self.unsaved, self.parse = unsaved or {}, parse
         self.problems = Problems()
         self.work = Work(self.problems)
         self.done: dict[str, Node | None] = {}
@@ -225,7 +255,7 @@ class _Loader:
 
     def read(self, path: Path, at: Location, above: tuple[Path, ...]) -> Node | None:
         try:
-            document = parse_yaml(self.text(path, at), str(path))
+            document = self.parse(self.text(path, at), str(path))
         except GraphError as error:
             self.problems.found += error.problems
             return None
@@ -238,6 +268,8 @@ class _Loader:
 
     def text(self, path: Path, at: Location) -> str:
         """The text of a file; its content is stored."""
+        if self.unsaved and path.resolve() in self.unsaved:
+            return self.unsaved[path.resolve()]
         data = read_file(path, at)
         self.contents[str(path.resolve())] = data
         return decoded(data, path)
@@ -277,7 +309,7 @@ class _Loader:
         try:
             at = (node.where, "world")
             path = find_file(node.value, at, _folder(node), "world")
-            world = parse_yaml(self.text(path, at), str(path))
+            world = self.parse(self.text(path, at), str(path))
         except GraphError as error:
             self.problems.found += error.problems
             return document.with_item("world", None)

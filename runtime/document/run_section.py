@@ -1,4 +1,4 @@
-"""The ``run`` section of a graph: base step, length, seed and engine."""
+"""The ``run`` section of a graph: base step, length, seed, engine and solver."""
 
 from __future__ import annotations
 
@@ -14,8 +14,36 @@ from runtime.errors import Problems
 DEFAULT_UNTIL = 10.0
 MAX_TICKS = 10**12
 ENGINES = ("auto", "python", "compiled", "checked")
+SOLVERS = ("euler", "heun", "rk4", "dopri5")
+ADAPTIVE = ("dopri5",)
+TOLERANCES = ("rtol", "atol", "max_step")
+# Keys of the section that take one of a few words.
+RUN_CHOICES = {"engine": ENGINES, "solver": SOLVERS}
 DEFAULT_MEMORY = 1024**3
 UNITS = {"": 1, "K": 1024, "M": 1024**2, "G": 1024**3}
+
+
+@dataclass(frozen=True)
+class Solver:
+    """How continuous states are integrated between two ticks.
+
+    The rest is for solvers that choose their own steps: the error of each is at most atol + rtol
+    times the state, and none is longer than ``max_step`` (s; 0: as long as a tick).
+    """
+
+    name: str = "rk4"
+    rtol: float = 1e-6
+    atol: float = 1e-9
+    max_step: float = 0.0
+
+    def written(self) -> dict[str, float | str]:
+        """The entries of the section that differ from the defaults."""
+        default = vars(Solver())
+        return {
+            "solver" if key == "name" else key: value
+            for key, value in vars(self).items()
+            if value != default[key]
+        }
 
 
 @dataclass(frozen=True)
@@ -27,6 +55,7 @@ class RunSection:
     seed: int
     engine: str
     memory: int
+    solver: Solver
 
 
 def read_run(document: Node, problems: Problems) -> RunSection:
@@ -48,8 +77,8 @@ def read_run(document: Node, problems: Problems) -> RunSection:
         message += "; expected one or more" if until < dt else f"; at most {MAX_TICKS:.0e} can run"
         problems.add(where, "run.until", message)
         until = dt
-    seed, engine = _seed(run, problems), _engine(run, problems)
-    return RunSection(dt, until, seed, engine, _memory(run, problems))
+    seed, engine = _seed(run, problems), _choice(run, "engine", ENGINES, ENGINES[0], problems)
+    return RunSection(dt, until, seed, engine, _memory(run, problems), _solver(run, problems))
 
 
 def _seed(run: dict[str, Node], problems: Problems) -> int:
@@ -62,14 +91,36 @@ def _seed(run: dict[str, Node], problems: Problems) -> int:
     return int(value)
 
 
-def _engine(run: dict[str, Node], problems: Problems) -> str:
-    node = run.get("engine")
-    value = ENGINES[0] if node is None else node.value
-    if node is not None and value not in ENGINES:
-        suggestion = hint(str(value), ENGINES) or f"; expected {', '.join(ENGINES)}"
-        problems.add(node.where, "run.engine", f"no engine {node.describe()}{suggestion}")
-        return ENGINES[0]
+def _choice(
+    run: dict[str, Node], key: str, choices: tuple[str, ...], default: str, problems: Problems
+) -> str:
+    node = run.get(key)
+    value = default if node is None else node.value
+    if node is not None and value not in choices:
+        suggestion = hint(str(value), choices) or f"; expected {', '.join(choices)}"
+        problems.add(node.where, f"run.{key}", f"no {key} {node.describe()}{suggestion}")
+        return default
     return str(value)
+
+
+def _solver(run: dict[str, Node], problems: Problems) -> Solver:
+    name = _choice(run, "solver", SOLVERS, Solver.name, problems)
+    given = {}
+    for key in TOLERANCES:
+        if key not in run:
+            continue
+        node = run[key]
+        value = node.value
+        good = isinstance(value, (int, float)) and not isinstance(value, bool)
+        if name not in ADAPTIVE:
+            message = f"solver: {name} takes one step per tick; {key} is for solver: dopri5"
+            problems.add(node.key, f"run.{key}", message)
+        elif not good or not 0.0 < value < math.inf:
+            message = f"expected a number above 0, got {node.describe()}"
+            problems.add(node.where, f"run.{key}", message)
+        else:
+            given[key] = float(value)
+    return Solver(name, **given)
 
 
 def _memory(run: dict[str, Node], problems: Problems) -> int:

@@ -40,7 +40,18 @@ EXAMPLES = {
     "inputs": "speed: Scalar",
     "outputs": "command: join.out",
 }
-RUN_KEYS = ("dt", "until", "seed", "engine", "memory")
+RUN_KEYS = ("dt", "until", "seed", "engine", "memory", "solver", "rtol", "atol", "max_step")
+RUN_DOCS = {
+    "dt": "base step, s",
+    "until": "length of the run, s",
+    "seed": "of all noise and neurons",
+    "engine": "python, compiled (extra 'fast'), or auto: compiled where that pays off",
+    "memory": "memory for recordings, as in 512M; larger ones are written to disk",
+    "solver": "how continuous states are integrated between two ticks",
+    "rtol": "dopri5: largest error of a step, relative to the state",
+    "atol": "dopri5: largest error of a step of a state near 0",
+    "max_step": "dopri5: the largest step, s",
+}
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,99}")
 # Parameters of numpy.savez, which stores the probes by name.
 _RESERVED = ("file", "allow_pickle")

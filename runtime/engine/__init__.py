@@ -10,6 +10,7 @@ from runtime.engine.profile import Profile, profile_text
 from runtime.engine.program import Program
 from runtime.engine.recorder import recording_file
 from runtime.engine.runners import MakeRunner, silent
+from runtime.engine.schedule import Plan
 from runtime.engine.selection import python_seconds, take_compiled
 
 __all__ = [
@@ -17,6 +18,7 @@ __all__ = [
     "Interrupts",
     "MakeRunner",
     "Outcome",
+    "Plan",
     "Profile",
     "Program",
     "profile_text",

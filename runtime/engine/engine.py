@@ -32,7 +32,8 @@ from runtime.engine.runners import (
     silent,
 )
 from runtime.engine.schedule import GLOBALS, Plan
-from runtime.engine.values import NotFiniteError, OutputChecks, sealed
+from runtime.engine.solvers import METHODS, blend, controls, joined, judged, substep
+from runtime.engine.values import NotFiniteError, OutputChecks, bad_slope, sealed, unreached
 from runtime.errors import SimulationError, UsageError
 from runtime.network import Network, state_shape
 
@@ -77,6 +78,8 @@ class Engine:
     note : called with a message for the user when something takes a while.
     profile : measures the time per block; for the Python engine only.
     folder : for recordings that are too large for memory; a temporary one by default.
+
+    ``continuous`` is the row of all continuous states, of which the blocks' arrays are views.
     """
 
     program: Program
@@ -92,6 +95,7 @@ class Engine:
     arrays: dict[str, FloatArray] = field(init=False)
     diagnosis: Diagnosis = field(init=False)
     checks: OutputChecks = field(init=False)
+    continuous: FloatArray = field(init=False)
     tick: int = field(init=False, default=0)
     lines: Mapping[int, str] = field(init=False, default_factory=dict)
     runner: Runner = field(init=False)
@@ -101,6 +105,8 @@ class Engine:
         probes, ticks = self.program.observation.probes, self.network.ticks
         self.recorder = Recorder(probes, ticks, self.program.gathered, self.folder)
         self.arrays = self.recorder.arrays
+        part = self.plan.continuous
+        self.continuous = np.zeros(0 if part is None else part.size)
         self.states = {name: self._state(name) for name in self.network.entries}
         self.diagnosis = Diagnosis(self.network, self.states)
         self.checks = OutputChecks(self.network)
@@ -167,7 +173,8 @@ class Engine:
 
     def _failed(self, error: BaseException) -> SimulationError:
         """The error that names the block, the tick and the time of an exception."""
-        block = self.locate(error)
+        found = self.locate(error)
+        block = getattr(error, "block", "") or found
         is_message = isinstance(error, (NotFiniteError, UsageError))
         text = str(error) if is_message else _described(error)
         return SimulationError(block, self.tick, self.tick * self.network.dt, text)
@@ -187,11 +194,13 @@ class Engine:
         self.namespace: dict[str, Any] = dict(zip(GLOBALS, functions, strict=True))
         self.namespace |= {f"probe_{i}": array for i, array in enumerate(self.arrays.values())}
         self.namespace |= {} if self.profile is None else self.profile.names()
+        self.namespace |= self._continuous_names()
         for name, entry in self.network.entries.items():
             identifier = self.plan.names[name]
             self.namespace[identifier] = entry.made
             self.namespace[self.plan.variables[name, ""]] = self.states[name]
-            self._guard(name, partial(entry.made.start, self.states[name]))
+        for name in self._starting_order():
+            self._start_block(name)
         for step in self.plan.steps:
             if step.constant:
                 method = getattr(self.network.entries[step.block].made, step.evaluation.method)
@@ -203,6 +212,52 @@ class Engine:
                         item = sealed(item)
                     self.namespace[self.plan.variables[step.block, port]] = item
                     self._record_constant(step.block, port, item)
+
+    def _starting_order(self) -> list[str]:
+        """Blocks by name; those that publish descriptions before the others."""
+        outputs = {n: e.cls.spec.outputs.values() for n, e in self.network.entries.items()}
+        return sorted(outputs, key=lambda n: not any(port.publishes for port in outputs[n]))
+
+    def _start_block(self, name: str) -> None:
+        """Initialise one block's state, with what the outputs wired to it publish."""
+        published = {}
+        for port, source in self.network.publications(name):
+            made = self.network.entries[source.block].made
+            describe = getattr(made, type(made).spec.outputs[source.port].publishes)
+            call = partial(describe, self.states[source.block])
+            published[port] = self._guard(source.block, call)
+        state = self.states[name]
+        state.published = published
+        self._guard(name, partial(self.network.entries[name].made.start, state))
+
+    def _continuous_names(self) -> dict[str, Any]:
+        """What the text of a graph with continuous states refers to."""
+        part = self.plan.continuous
+        if part is None:
+            return {}
+        method = METHODS[self.network.solver.name]
+        slopes = np.zeros((method.stages, part.size))
+        solver, dt = self.network.solver, self.network.dt
+        control = controls(
+            solver.rtol, solver.atol, min(dt, solver.max_step or dt), self.network.until
+        )
+        return {
+            "states": self.continuous,
+            "start": np.zeros(part.size),
+            "slopes": slopes,
+            "nodes": method.nodes,
+            "weights": method.terms,
+            "table": method.table,
+            "blend": blend,
+            "joined": joined,
+            "rates": self.checks.rates,
+            "bad_slope": partial(bad_slope, part, slopes),
+            "errors": np.array(method.errors),
+            "control": control,
+            "substep": substep,
+            "judged": judged,
+            "unreached": partial(unreached, part, control),
+        }
 
     def _guard(self, block: str, call: Callable[[], Any]) -> Any:
         try:
@@ -242,6 +297,10 @@ class Engine:
             for key, declared in entry.cls.spec.states.items()
         }
         arrays = {key: np.zeros(shape) for key, shape in shapes.items()}
+        if self.plan.continuous is not None:
+            for slot in self.plan.continuous.slots_of(name):
+                whole = self.continuous[slot.start : slot.stop]
+                arrays[slot.state] = whole.reshape(slot.shape)
         return BlockState(context, seed_of(self.seed, name), arrays)
 
     def _record_constant(self, block: str, port: str, value: Any) -> None:

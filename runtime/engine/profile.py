@@ -51,9 +51,9 @@ class Profile:
 class ProfilingEmitter(Emitter):
     """Writes the plan's function with the clock."""
 
-    def call(self, block: str, evaluation: Evaluation, targets: str, checked: bool = False) -> None:
+    def call(self, block: str, evaluation: Evaluation, targets: str, around: str = "{}") -> None:
         self.code(f"began = {CLOCK}()")
-        super().call(block, evaluation, targets, checked)
+        super().call(block, evaluation, targets, around)
         self.code(f"{SPENT}({block!r}, began)")
 
 

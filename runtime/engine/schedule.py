@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import keyword
 import math
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from blocks.core import Evaluation, Input, SignalType
+from runtime.engine.continuous import Continuous, continuous_part
+from runtime.engine.solvers import METHODS
+from runtime.engine.steps import Step, drivers
 from runtime.errors import NOWHERE, Problems, Where
-from runtime.network import Endpoint, Network, Wire, component_type
+from runtime.network import Endpoint, Network, component_type
 
 INDENT = "    "
 GLOBALS = ("isfinite", "isnan", "dot", "array", "full", "checked", "sealed", "not_finite")
@@ -19,16 +21,12 @@ COMPILED_NAMES = (
     *("njit", "ascontiguousarray", "all_finite", "no_nan", "overlap", "seen", "own"),
     *("low", "high", "dt", "at", "report", "drive", "due"),
 )
-
-
-@dataclass(frozen=True)
-class Step:
-    """One evaluation of one block, every ``every`` base ticks."""
-
-    block: str
-    evaluation: Evaluation
-    every: int
-    constant: bool = False
+# Names used by the text of a graph with continuous states.
+CONTINUOUS_NAMES = (
+    *("states", "start", "slopes", "nodes", "weights", "table", "stage"),
+    *("blend", "joined", "rates", "bad_slope", "keep", "first_bad", "moved", "i0", "i1"),
+    *("sum", "done", "h", "substep", "control", "judged", "errors", "unreached"),
+)
 
 
 @dataclass(frozen=True)
@@ -60,13 +58,14 @@ class Plan:
     """The order of a graph's evaluations, and their names in the function.
 
     ``names`` maps blocks to their names, ``variables`` (block, port) to the names of outputs and
-    (block, "") to those of states.
+    (block, "") to those of states. ``continuous`` is what a solver integrates between two ticks.
     """
 
     network: Network
     steps: list[Step]
     names: dict[str, str]
     variables: dict[tuple[str, str], str]
+    continuous: Continuous | None = None
 
 
 def make_plan(network: Network) -> Plan:
@@ -76,7 +75,9 @@ def make_plan(network: Network) -> Plan:
     ------
     GraphError : naming every algebraic loop.
     """
-    return Plan(network, _order(network), *_identifiers(network))
+    order = _order(network)
+    continuous = continuous_part(network, order, drivers(network))
+    return Plan(network, order, *_identifiers(network, continuous is not None), continuous)
 
 
 def _order(network: Network) -> list[Step]:
@@ -89,7 +90,7 @@ def _order(network: Network) -> list[Step]:
     graph = nx.DiGraph()
     for name, entry in network.entries.items():
         spec = entry.cls.spec
-        for i, evaluation in enumerate(spec.evaluations):
+        for i, evaluation in enumerate(entry.evaluations):
             steps[name, i] = Step(name, evaluation, entry.every, spec.is_constant(evaluation))
             graph.add_node((name, i))
             makes.update({(name, port): (name, i) for port in evaluation.outputs})
@@ -121,18 +122,13 @@ def _report_loops(graph: object) -> None:
     problems.raise_any()
 
 
-def drivers(network: Network) -> dict[tuple[str, str], list[Wire]]:
-    """The wires into each input, in the order of an input's terms."""
-    found: dict[tuple[str, str], list[Wire]] = defaultdict(list)
-    for wire in network.wires:
-        found[wire.block, wire.port].append(wire)
-    return found
-
-
-def _identifiers(network: Network) -> tuple[dict[str, str], dict[tuple[str, str], str]]:
+def _identifiers(
+    network: Network, has_continuous: bool
+) -> tuple[dict[str, str], dict[tuple[str, str], str]]:
     """Python names for blocks, outputs and states: ``plant``, ``plant_pose``, ``plant_s``."""
     taken = {*keyword.kwlist, *GLOBALS, *COMPILED_NAMES, "run", "first", "last", "held", "k", "t"}
     taken |= {"range", "float", "__builtins__", "clock", "spent", "began"}
+    taken |= set(CONTINUOUS_NAMES) if has_continuous else set()
 
     def fresh(name: str) -> str:
         plain = name.replace(".", "_")
@@ -188,9 +184,56 @@ class Emitter:
         for name, every, update in self.updates():
             self.at(every)
             self.call(name, update, "")
+        if self.plan.continuous is not None:
+            self.integrate(self.plan.continuous, checked)
         self.record(events=True)
         self.line(1, f"return ({', '.join(held)},)" if held else "return ()")
         return "\n".join(self.text) + "\n"
+
+    def integrate(self, part: Continuous, checked: bool) -> None:
+        """Integrate the continuous states to the next tick."""
+        self.at(1)
+        name, dt = self.network.solver.name, repr(self.network.dt)
+        method = METHODS[name]
+        h, since = dt, f"nodes[stage] * {dt}"
+        if method.errors:
+            h, since = "h", "(done + nodes[stage] * h)"
+            self.code("done = 0.0")
+            self.code(f"while done < {dt}:")
+            self.depth += 1
+            self.code(f"h = substep(control, done, {dt})")
+        self.code("start[:] = states")
+        self.code(f"for stage in range({method.stages}):  # {name}")
+        self.depth += 1
+        self.code(f"t = k * {dt} + {since}")
+        for step in part.steps:
+            self.again(step)
+        for block, derivative in part.derivatives:
+            self.slope(part, block, derivative, checked)
+        self.code("isfinite(sum(slopes[stage].tolist())) or bad_slope(stage, t)")
+        self.code(f"blend(states, start, slopes, weights, stage, {h})")
+        self.depth -= 1
+        if method.errors:
+            self.code(f"done = judged(states, start, slopes, errors, control, done, h, {dt})")
+            self.code("done >= 0.0 or unreached(done, t)")
+        for block in part.projected:
+            self.code(f"{self.plan.names[block]}.project({self.state(block)})", block)
+        self.depth -= bool(method.errors)
+
+    def again(self, step: Step) -> None:
+        """Call an evaluation at a stage of the solver."""
+        self.step(step)
+
+    def slope(self, part: Continuous, block: str, derivative: Evaluation, checked: bool) -> None:
+        """Write the rates of change of a block's states into the row of the stage."""
+        slots = part.slots_of(block)
+        targets = ", ".join(f"slopes[stage, {slot.place}]" for slot in slots)
+        around = "{}"
+        if any(len(slot.shape) > 1 for slot in slots):
+            targets, around = f"slopes[stage, {slots[0].start}:{slots[-1].stop}]", "joined({})"
+        if checked:
+            around = around.format(f"rates({block!r}, {{}})")
+        self.call(block, derivative, f"{targets} = ", around=around)
 
     def held(self) -> list[str]:
         """The variables that outlive a call: outputs of slow blocks."""
@@ -227,7 +270,8 @@ class Emitter:
         """Call an evaluation, and check its outputs."""
         self.at(step.every)
         targets = [self.variable(step.block, port) for port in step.evaluation.outputs]
-        self.call(step.block, step.evaluation, ", ".join(targets) + " = ", checked)
+        around = f"checked({step.block!r}, {step.evaluation.outputs!r}, {{}})" if checked else "{}"
+        self.call(step.block, step.evaluation, ", ".join(targets) + " = ", around)
         kinds = [self.network.types[step.block, port] for port in step.evaluation.outputs]
         for target, kind in zip(targets, kinds, strict=True):
             if kind.form == "array":
@@ -236,13 +280,12 @@ class Emitter:
         which = ", ".join(map(repr, (step.block, step.evaluation.method)))
         self.code(f"{test} or not_finite({which}, {', '.join(targets)})", step.block)
 
-    def call(self, block: str, evaluation: Evaluation, targets: str, checked: bool = False) -> None:
+    def call(self, block: str, evaluation: Evaluation, targets: str, around: str = "{}") -> None:
+        """Call a method; ``around`` is what the call is wrapped in."""
         name = self.plan.names[block]
         arguments = [self.state(block), "t", *self.arguments(block, evaluation)]
         call = f"{name}.{evaluation.method}({', '.join(arguments)})"
-        if checked and targets:
-            call = f"checked({block!r}, {evaluation.outputs!r}, {call})"
-        self.code(targets + call, block)
+        self.code(targets + around.format(call), block)
 
     def arguments(self, block: str, evaluation: Evaluation) -> list[str]:
         """An evaluation's arguments as expressions: inputs, and outputs of the block itself."""

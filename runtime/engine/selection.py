@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable
 
 from blocks.core import Same
+from runtime.engine.continuous import is_memoryless
+from runtime.engine.solvers import METHODS
 from runtime.network import Network, state_shape
 from runtime.toolchain import available, find_compiler, install_command
 
@@ -13,6 +15,8 @@ from runtime.toolchain import available, find_compiler, install_command
 # may change; and on case C: each number of an array that a block computes from its inputs (the
 # LiDAR's ranges, the fitter's path). Generic blocks pass arrays on at almost no cost.
 CALL, NUMBER, COMPUTED = 1.2e-6, 1.5e-8, 2e-6
+# A stage of a solver, in calls: the states moved, the rates tested.
+STAGE = 5
 # The time (s) of all runs together under the Python engine above which they are compiled. With a
 # warm cache the compiled engine starts within 1 s and needs a twentieth of the time per tick in
 # cases A and C (docs/performance.md), so such runs end three times sooner.
@@ -60,7 +64,17 @@ def python_seconds(network: Network) -> float:
                     length *= side
                 cost += NUMBER * length
         each_tick += cost / entry.every
-    return each_tick * network.ticks
+    return (each_tick + _stages(network)) * network.ticks
+
+
+def _stages(network: Network) -> float:
+    """The estimated time (s) of the stages of a solver in one tick."""
+    entries = network.entries.values()
+    if not any(entry.cls.spec.continuous for entry in entries):
+        return 0.0
+    again = [entry for entry in entries if is_memoryless(entry) or entry.cls.spec.continuous]
+    calls = sum(len(entry.evaluations) + len(entry.cls.spec.continuous) for entry in again)
+    return METHODS[network.solver.name].stages * CALL * (STAGE + calls)
 
 
 def _computed(network: Network, block: str, port: str) -> int:

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
 import numpy as np
 
-from blocks.core import SignalType
+from blocks.core import FloatArray, SignalType
+from runtime.engine.continuous import Continuous
+from runtime.engine.solvers import ATOL, COUNT, RTOL, STEP
 from runtime.errors import SimulationError
-from runtime.network import Network
+from runtime.network import Network, state_shape
 
 
 class NotFiniteError(ArithmeticError):
-    """A block produced NaN or infinity."""
+    """A block produced NaN or infinity; ``block`` names it where the plan's line does not."""
+
+    def __init__(self, message: str, block: str = "") -> None:
+        super().__init__(message)
+        self.block = block
 
 
 def sealed(value: Any) -> Any:
@@ -69,6 +76,56 @@ class OutputChecks:
             if _is_bad(self.network.types[block, port], value):
                 raise NotFiniteError(f"output '{port}' is not finite: {brief(value)}")
         raise NotFiniteError(f"an output is not finite: {brief(values)}")
+
+    def rates(self, block: str, value: Any) -> Any:
+        """Check what a block's derivative returned on its first tick; returns the value.
+
+        Raises
+        ------
+        TypeError : it is not one value per continuous state, each of the state's shape.
+        """
+        entry = self.network.entries[block]
+        spec = entry.cls.spec
+        names = spec.continuous
+        if len(names) > 1 and (not isinstance(value, tuple) or len(value) != len(names)):
+            listed = ", ".join(names)
+            message = f"derivative must return a tuple, one value per state ({listed})"
+            raise TypeError(f"{message}, got {brief(value)}")
+        for name, rate in zip(names, (value,) if len(names) == 1 else value, strict=True):
+            context, sizes = self.network.context(block), entry.made.sizes()
+            shape = state_shape(sizes, spec.states[name], context, spec)
+            if np.shape(rate) != shape or np.asarray(rate).dtype.kind not in "fiu":
+                expected = f"numbers of shape {shape}" if shape else "a float"
+                message = f"derivative of state '{name}' must be {expected}"
+                raise TypeError(f"{message}, got {brief(rate)}")
+        return value
+
+
+def bad_slope(part: Continuous, slopes: FloatArray, stage: int, t: float) -> None:
+    """Raise the error of a rate of change that is not finite; called by the plan.
+
+    Returns if only the square of a large number is infinite.
+    """
+    for column, value in enumerate(slopes[stage].tolist()):
+        if not math.isfinite(value):
+            slot = part.at(column)
+            message = f"the derivative of state '{slot.component(column)}' is not finite: {value}"
+            raise NotFiniteError(
+                f"{message} (stage {stage + 1} of the solver, t = {t:g} s)", slot.block
+            )
+
+
+def unreached(part: Continuous, control: FloatArray, done: float, t: float) -> NoReturn:
+    """Raise the error of a solver that cannot meet its tolerances; called by the plan."""
+    column = round(-1.0 - done)
+    slot = part.at(column)
+    tolerance = f"rtol = {control[RTOL]:g} and atol = {control[ATOL]:g}"
+    raise NotFiniteError(
+        f"dopri5 cannot integrate state '{slot.component(column)}' with {tolerance}: "
+        f"step {control[COUNT]:.0f} since the tick is {control[STEP]:.3g} s at t = {t:g} s; the "
+        "state jumps, runs away, or changes much faster than the others (a stiff system)",
+        slot.block,
+    )
 
 
 def _is_bad(kind: SignalType, value: Any) -> bool:

@@ -1,6 +1,23 @@
-"""Experiments over graphs: parameter sweeps and ablations, in parallel and resumable."""
+"""Experiments over graphs: parameter sweeps and ablations, in parallel and resumable.
 
-from runtime.experiments.ablation import AblationResult, ablate
-from runtime.experiments.sweeping import SweepOptions, SweepResult, sweep
+``sweep`` and ``ablate`` are those of Python, ``run_sweep`` and ``run_ablation`` run a plan.
+"""
 
-__all__ = ["AblationResult", "SweepOptions", "SweepResult", "ablate", "sweep"]
+from runtime.experiments.ablation import AblationResult, run_ablation
+from runtime.experiments.from_python import ablate, sweep
+from runtime.experiments.sweeping import SweepOptions, SweepResult, run_sweep
+from runtime.experiments.tables import AblationTable, SweepConfiguration, SweepTable, TrialRecord
+
+__all__ = [
+    "AblationResult",
+    "AblationTable",
+    "SweepConfiguration",
+    "SweepOptions",
+    "SweepResult",
+    "SweepTable",
+    "TrialRecord",
+    "ablate",
+    "run_ablation",
+    "run_sweep",
+    "sweep",
+]

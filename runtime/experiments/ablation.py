@@ -87,6 +87,7 @@ class AblationResult:
             "folder": str(self.folder),
             "seeds": list(plan.seeds),
             "metrics": list(plan.metrics),
+            "units": plan.units,
             "confidence": CONFIDENCE,
             "test": TESTS[self.test],
             "correction": CORRECTION,
@@ -111,7 +112,7 @@ class AblationResult:
         }
 
 
-def ablate(
+def run_ablation(
     plan: ExperimentPlan,
     variants: list[Variant],
     essential: dict[str, str],

@@ -78,6 +78,7 @@ class SweepResult:
             "knobs": factors,
             "seeds": str(plan.seeds),
             "metrics": list(plan.metrics),
+            "units": plan.units,
             "objective": None if goal is None else {"metric": goal.metric, "goal": goal.goal},
             "best": [
                 {"values": dict(zip(factors, ranked.cells, strict=True))}
@@ -89,7 +90,7 @@ class SweepResult:
         }
 
 
-def sweep(plan: ExperimentPlan, options: SweepOptions, progress: Progress) -> SweepResult:
+def run_sweep(plan: ExperimentPlan, options: SweepOptions, progress: Progress) -> SweepResult:
     """Run the trials of a plan that have no row in the index yet.
 
     Raises

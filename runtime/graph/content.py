@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from blocks.core import Block, SignalType
+from blocks.registry import Modules
 from runtime.document import Node, Override
-from runtime.errors import Problems
+from runtime.errors import GraphError, MissingExtraError, Problem, Problems
 from runtime.network import Network, build
 from runtime.observation import Observation, observe
 
@@ -23,7 +24,7 @@ class Content:
 
     classes, signal_types : of blocks that were added in Python, by name.
     source : the file that the graph was loaded from. files : content of all files read.
-    modules : whether Python files that the graph names may be imported.
+    modules : whether Python files that the graph names may be imported, or how they are read.
     """
 
     document: Node
@@ -32,7 +33,7 @@ class Content:
     source: Path | None = None
     overrides: tuple[Override, ...] = ()
     notes: tuple[str, ...] = ()
-    modules: bool = True
+    modules: Modules = True
     files: Mapping[str, bytes] = field(default_factory=dict)
 
 
@@ -58,6 +59,39 @@ class Checked:
         return replace(self, network=replace(self.network, seed=seed))
 
 
+@dataclass(frozen=True)
+class Examined:
+    """A graph as far as it could be read, and all that is wrong with it.
+
+    ``network`` and ``observation`` are None where reading stopped at a limit; ``missing`` is the
+    error of a block whose package is not installed.
+    """
+
+    problems: list[Problem]
+    network: Network | None = None
+    observation: Observation | None = None
+    missing: MissingExtraError | None = None
+
+
+def examined(content: Content, loops: bool = False) -> Examined:
+    """Check a graph however much is wrong with it; ``loops`` looks for algebraic loops as well."""
+    problems = Problems()
+    network = observation = missing = None
+    try:
+        network, missing = build(
+            content.document, problems, content.classes, content.signal_types, content.modules
+        )
+        observation = observe(network, problems)
+    except GraphError as error:
+        return Examined(error.problems, network)
+    if loops and not problems.found:
+        try:
+            Checked(network, observation).program(None, False)
+        except GraphError as error:
+            problems.found += error.problems
+    return Examined(problems.found, network, observation, missing)
+
+
 def checked(content: Content) -> Checked:
     """Check a graph.
 
@@ -66,12 +100,9 @@ def checked(content: Content) -> Checked:
     GraphError : listing all that is wrong.
     MissingExtraError : nothing is wrong, but a block needs a package that is not installed.
     """
-    problems = Problems()
-    network, missing = build(
-        content.document, problems, content.classes, content.signal_types, content.modules
-    )
-    observation = observe(network, problems)
-    problems.raise_any()
-    if missing is not None:
-        raise missing
-    return Checked(network, observation)
+    found = examined(content)
+    if found.problems or found.network is None or found.observation is None:
+        raise GraphError(found.problems)
+    if found.missing is not None:
+        raise found.missing
+    return Checked(found.network, found.observation)

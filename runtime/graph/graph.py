@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from blocks.core import Block, SignalType
-from blocks.registry import BUILTIN, module_text
+from blocks.registry import BUILTIN, Modules, module_text
 from runtime.document import (
     Node,
     Override,
@@ -72,6 +72,11 @@ class Graph:
     def _changed(self, document: Node, *overrides: Override, **changes: Any) -> Graph:
         made = (*self.overrides, *overrides)
         return Graph._of(replace(self._content, document=document, overrides=made, **changes))
+
+    @classmethod
+    def of_document(cls, document: Node, source: Path, modules: Modules) -> Graph:
+        """A graph of a document that is read already, as an editor holds it."""
+        return cls._of(Content(document, source=source, modules=modules))
 
     @property
     def source(self) -> Path | None:

@@ -5,30 +5,35 @@
 
 from runtime.network.addresses import AddressError, Endpoint, ReportedError, find
 from runtime.network.block_types import is_variadic, source_file
-from runtime.network.build import build
+from runtime.network.build import BLOCK_KEYS, build
 from runtime.network.inference import component_type, unknown_component
 from runtime.network.network import Entry, Network, Wire, check_output
+from runtime.network.open_inputs import fits, outputs_in
 from runtime.network.removal import follow, missing_block
 from runtime.network.replacement import replace_block
-from runtime.network.scope import expand
+from runtime.network.scope import Scope, expand
 from runtime.network.shapes import MAX_BYTES, state_shape, whole_shape
 
 __all__ = [
+    "BLOCK_KEYS",
     "MAX_BYTES",
     "AddressError",
     "Endpoint",
     "Entry",
     "Network",
     "ReportedError",
+    "Scope",
     "Wire",
     "build",
     "check_output",
     "component_type",
     "expand",
     "find",
+    "fits",
     "follow",
     "is_variadic",
     "missing_block",
+    "outputs_in",
     "replace_block",
     "source_file",
     "state_shape",

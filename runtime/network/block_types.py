@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from blocks.core import TYPES, Block, DeclarationError, SignalType, hint
-from blocks.registry import BUILTIN, blocks_of_module, installed, types_of_module
+from blocks.registry import BUILTIN, ModuleReader, Modules, installed
 from runtime.document import Node, closest
 from runtime.errors import Problems, UsageError
 
@@ -16,7 +16,7 @@ def block_class(
     address: str,
     classes: Mapping[str, type[Block]],
     problems: Problems,
-    modules: bool = True,
+    modules: Modules = True,
 ) -> type[Block] | None:
     """The class that a block's entry names; None, and a problem, if it does not exist.
 
@@ -38,7 +38,9 @@ def block_class(
         message = f"'{path}' was not imported, since modules are refused (--no-modules)"
         problems.add(written.where, f"{address}.type", f"{message}; its types are unknown")
         return None
-    own = {} if module is None else _module_blocks(module, address, problems)
+    own: Mapping[str, type[Block]] | None = {}
+    if module is not None:
+        own = _module_blocks(module, address, problems, modules)
     if own is None:
         return None
     for library in (own, classes, BUILTIN):
@@ -66,11 +68,15 @@ def is_variadic(document: Node, target: str, classes: Mapping[str, type[Block]])
     return declared is not None and bool(declared.variadic)
 
 
-def own_types(cls: type[Block], node: Node) -> list[SignalType]:
+def _reader(modules: Modules) -> ModuleReader:
+    return modules if isinstance(modules, ModuleReader) else ModuleReader()
+
+
+def own_types(cls: type[Block], node: Node, modules: Modules = True) -> list[SignalType]:
     """Signal types, other than the library's, that a block or its ``module`` defines."""
     kinds: list[object] = [port.type for port in cls.spec.ports.values()]
     module = node.get("module")
-    kinds += [] if module is None else types_of_module(Path(module.value))
+    kinds += [] if module is None else _reader(modules).signal_types(Path(module.value))
     plain = {kind.sized(None) for kind in kinds if isinstance(kind, SignalType)}
     return sorted((kind for kind in plain if TYPES.get(kind.name) != kind), key=str)
 
@@ -82,7 +88,9 @@ def short_path(module: Node) -> str:
     return str(path.relative_to(here)) if path.is_relative_to(here) else str(path)
 
 
-def _module_blocks(node: Node, address: str, problems: Problems) -> dict[str, type[Block]] | None:
+def _module_blocks(
+    node: Node, address: str, problems: Problems, modules: Modules
+) -> Mapping[str, type[Block]] | None:
     message = ""
     if not isinstance(node.value, str) or not node.value.endswith(".py"):
         got = f"'{short_path(node)}'" if isinstance(node.value, str) else node.describe()
@@ -91,7 +99,7 @@ def _module_blocks(node: Node, address: str, problems: Problems) -> dict[str, ty
         return None
     file = short_path(node)
     try:
-        return blocks_of_module(Path(node.value))
+        return _reader(modules).blocks(Path(node.value))
     except FileNotFoundError:
         message = f"no such file: '{file}'; paths are relative to the graph's own file"
     except SyntaxError as error:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from blocks.core import (
@@ -18,9 +18,10 @@ from blocks.core import (
     hint,
     signal_type,
 )
+from blocks.registry import Modules
 from blocks.world import World
 from runtime.document import MAX_TICKS, Node, closest, read_run, seconds, section
-from runtime.errors import MissingExtraError, Problems
+from runtime.errors import MissingExtraError, Problems, Where
 from runtime.network.addresses import Endpoint
 from runtime.network.block_types import block_class, own_types
 from runtime.network.inference import infer_types, report_open
@@ -41,7 +42,7 @@ def build(
     problems: Problems,
     classes: Mapping[str, type[Block]] | None = None,
     kinds: Mapping[str, SignalType] | None = None,
-    modules: bool = True,
+    modules: Modules = True,
 ) -> tuple[Network, MissingExtraError | None]:
     """Build the network of a document in which nothing is left to extend or inline.
 
@@ -49,7 +50,7 @@ def build(
     ----------
     problems : collects what is wrong; the network is valid only if nothing is.
     classes, kinds : block types and signal types beside the library's, of graphs made in Python.
-    modules : whether Python files that the graph names are imported.
+    modules : whether Python files that the graph names are imported, or how they are read.
 
     Returns
     -------
@@ -59,7 +60,7 @@ def build(
     before = len(problems.found)
     run, title = read_run(document, problems), _title(document.get("graph"), problems)
     world = _world(document, problems)
-    network = Network(title, **asdict(run), scope=scope, document=document, world=world)
+    network = Network(title, **vars(run), scope=scope, document=document, world=world)
     can_run = len(problems.found) == before
     network = _with_blocks(network, classes or {}, kinds or {}, problems, modules)
     wiring = Wiring(network, problems)
@@ -71,7 +72,8 @@ def build(
         terms=wiring.terms,
     )
     network = remove(network, problems)
-    network = replace(network, types=infer_types(network, problems))
+    types, lengths = infer_types(network, problems)
+    network = replace(network, types=types, lengths=lengths)
     if not problems.found:
         notes = check_units(network, problems)
         network = replace(network, notes=(*network.notes, *notes))
@@ -142,7 +144,7 @@ def _with_blocks(
     classes: Mapping[str, type[Block]],
     kinds: Mapping[str, SignalType],
     problems: Problems,
-    modules: bool,
+    modules: Modules,
 ) -> Network:
     """The network with its blocks, constructed once all classes and signal types are known."""
     found = []
@@ -151,25 +153,32 @@ def _with_blocks(
             cls = block_class(node, scope.path("blocks", name), classes, problems, modules)
             if cls is not None:
                 found.append(_Definition(scope, name, node, cls))
-    own = _signal_types(found, kinds, problems)
+    own = _signal_types(found, kinds, problems, modules)
     entries, notes = {}, []
     for definition in found:
         block, seen = _constructed(definition, own, problems)
         scope, node = definition.scope, definition.node
         full = scope.prefix + definition.name
         every = _ticks(node.get("dt"), network.dt, definition.address, problems)
-        entries[full] = Entry(full, scope, node, definition.cls, block, every)
+        sampled = node.get("dt") is not None
+        if sampled and definition.cls.spec.continuous:
+            message = "its states are continuous and integrated over every step; leave dt out"
+            problems.add(node.where, f"{definition.address}.dt", message)
+        entries[full] = Entry(full, scope, node, definition.cls, block, every, sampled)
         notes += seen
     return replace(network, signal_types=own, entries=entries, notes=tuple(notes))
 
 
 def _signal_types(
-    found: Iterable[_Definition], kinds: Mapping[str, SignalType], problems: Problems
+    found: Iterable[_Definition],
+    kinds: Mapping[str, SignalType],
+    problems: Problems,
+    modules: Modules,
 ) -> dict[str, SignalType]:
     """The signal types that the blocks' classes and modules define, beside those given."""
     types = dict(kinds)
     for definition in found:
-        for kind in own_types(definition.cls, definition.node):
+        for kind in own_types(definition.cls, definition.node, modules):
             if types.setdefault(kind.name, kind) != kind or kind.name in TYPES:
                 message = (
                     f"the signal type '{kind.name}' of this block differs from another of that "
@@ -204,11 +213,22 @@ def _constructed(
         misspelt = {closest(key, known) for key in unknown}
         for parameter, text in error.problems:
             if parameter in values or parameter not in misspelt:
-                where = values[parameter].where if parameter in values else node.key
+                where = _place(node, parameter)
                 problems.add(where, f"{address}.{parameter}", text)
     except (Exception, SystemExit) as error:  # noqa: BLE001 -- a user's block may raise anything
         problems.add(node.key, address, _failed(cls, error))
     return None, []
+
+
+def _place(node: Node, parameter: str) -> Where:
+    """Where a parameter is written, or the part of it that ``a.b`` names; else the block."""
+    where, found = node.key, node
+    for name in parameter.split("."):
+        inner = found.get(name) if found.is_map else None
+        if inner is None:
+            break
+        where, found = inner.where, inner
+    return where
 
 
 def _given(
@@ -310,8 +330,7 @@ def _check_contexts(network: Network, problems: Problems) -> MissingPackageError
             entry.block.validate_in(context)
         except ParameterError as error:
             for parameter, text in error.problems:
-                item = entry.node.get(parameter)
-                where = item.where if item is not None else entry.node.key
+                where = _place(entry.node, parameter)
                 problems.add(where, f"{entry.address}.{parameter}", text)
         except MissingPackageError as error:
             missing = error

@@ -22,8 +22,11 @@ class _Block:
     why: dict[str, str] = field(default_factory=dict)
 
 
-def infer_types(network: Network, problems: Problems) -> dict[tuple[str, str], SignalType]:
-    """The types of ports, as far as blocks and wires determine them; reports contradictions."""
+def infer_types(
+    network: Network, problems: Problems
+) -> tuple[dict[tuple[str, str], SignalType], dict[str, dict[str, int]]]:
+    """The types of ports, and each block's lengths by symbol, as far as blocks and wires determine
+    them; reports contradictions."""
     known = {
         name: _Block(dict(entry.made.variables), dict(entry.made.sizes()))
         for name, entry in network.entries.items()
@@ -39,7 +42,7 @@ def infer_types(network: Network, problems: Problems) -> dict[tuple[str, str], S
             kind = _concrete(_resolved(spec.ports[port].type, block))
             if kind is not None:
                 types[name, port] = kind
-    return types
+    return types, {name: block.lengths for name, block in known.items()}
 
 
 def report_open(network: Network, problems: Problems) -> None:
@@ -137,6 +140,8 @@ class _Inference:
         return None if kind is None else component_type(kind, own)
 
     def settle(self) -> None:
+        for name in self.known:
+            self.derive(name)
         self.vote()
         touching: dict[str, list[Wire]] = defaultdict(list)
         for wire in self.wires:
@@ -205,7 +210,27 @@ class _Inference:
         whole = wanted if not wire.source.component else None
         if whole is not None and _bind(self.out(wire), source, whole, wire.target):
             changed.append(wire.source.block)
+        if not wire.source.component and self.carry(wire) and wire.block not in changed:
+            changed.append(wire.block)
+        for name in changed:
+            self.derive(name)
         return changed
+
+    def carry(self, wire: Wire) -> bool:
+        """Pass on the lengths that travel with a signal; returns whether one was new."""
+        source, target = self.known[wire.source.block], self.known[wire.block]
+        declared = self.network.entries[wire.source.block].cls.spec.outputs[wire.source.port]
+        new = {s: source.lengths[s] for s in declared.carries if s in source.lengths}
+        new = {symbol: length for symbol, length in new.items() if symbol not in target.lengths}
+        target.lengths.update(new)
+        target.why.update(dict.fromkeys(new, wire.source_text))
+        return bool(new)
+
+    def derive(self, name: str) -> None:
+        """Let a block derive lengths from those that are known."""
+        block = self.known[name]
+        found = self.network.entries[name].made.infer(dict(block.lengths))
+        block.lengths.update({s: n for s, n in found.items() if s not in block.lengths})
 
     def report(self) -> None:
         """Report wires whose ends have different types, and components that do not exist."""

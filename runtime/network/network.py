@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from blocks.core import Block, BlockContext, SignalType, hint
+from blocks.core import Block, BlockContext, Evaluation, SignalType, hint
 from blocks.world import World
-from runtime.document import Node
+from runtime.document import Node, Solver
 from runtime.errors import Where
 from runtime.network.addresses import Endpoint
 from runtime.network.scope import Scope
@@ -17,7 +17,7 @@ from runtime.network.scope import Scope
 class Entry:
     """A block of the network; ``block`` is None if it could not be constructed.
 
-    ``every`` is its step in base ticks.
+    ``every`` is its step in base ticks; ``sampled`` tells whether the graph gives it a step.
     """
 
     name: str
@@ -26,6 +26,7 @@ class Entry:
     cls: type[Block]
     block: Block | None
     every: int = 1
+    sampled: bool = False
 
     @property
     def short(self) -> str:
@@ -35,6 +36,17 @@ class Entry:
     @property
     def address(self) -> str:
         return self.scope.path("blocks", self.short)
+
+    @property
+    def evaluations(self) -> tuple[Evaluation, ...]:
+        """The calls of output methods, without the inputs that the block declares indirect."""
+        indirect = () if self.block is None else self.block.indirect
+        if not indirect:
+            return self.cls.spec.evaluations
+        return tuple(
+            replace(each, needs=tuple(port for port in each.needs if port not in indirect))
+            for each in self.cls.spec.evaluations
+        )
 
     @property
     def made(self) -> Block:
@@ -79,7 +91,7 @@ class Network:
     notes : what looks wrong but can run.
     wires : into blocks; part_wires : into parts, whose typed inputs ``part_inputs`` lists.
     terms : (block, port) of a variadic input to one flag per wire as written: whether it is kept.
-    types : (block, port) to signal type.
+    types : (block, port) to signal type; lengths : block to its known lengths, by symbol.
     removed : blocks that are left out, each with "without" or "bypass".
     removed_by : the name in ``without`` that removed a block: its own, or that of its part.
     removed_entries, removed_wires : removed blocks, and wires that went or moved with them.
@@ -92,6 +104,7 @@ class Network:
     seed: int
     engine: str
     memory: int
+    solver: Solver
     scope: Scope
     document: Node
     world: World | None = None
@@ -103,6 +116,7 @@ class Network:
     part_inputs: Mapping[str, SignalType] = field(default_factory=dict)
     terms: Mapping[tuple[str, str], tuple[bool, ...]] = field(default_factory=dict)
     types: Mapping[tuple[str, str], SignalType] = field(default_factory=dict)
+    lengths: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
     removed: Mapping[str, str] = field(default_factory=dict)
     removed_by: Mapping[str, str] = field(default_factory=dict)
     removed_entries: Mapping[str, Entry] = field(default_factory=dict)
@@ -131,7 +145,20 @@ class Network:
                 if declared.variadic
             },
             world=self.world,
+            lengths=self.lengths.get(name, {}),
+            published=frozenset(port for port, _ in self.publications(name)),
         )
+
+    def publications(self, name: str) -> list[tuple[str, Endpoint]]:
+        """The inputs of a block that receive a published description, and from which output."""
+        return [
+            (wire.port, wire.source)
+            for wire in self.wires
+            if wire.block == name
+            and not wire.source.component
+            and (entry := self.entries.get(wire.source.block)) is not None
+            and entry.cls.spec.outputs[wire.source.port].publishes
+        ]
 
 
 def check_output(network: Network, end: Endpoint, states: bool = False) -> str:

@@ -89,21 +89,22 @@ def _suggestion(network: Network, found: _Open) -> str:
     kind = found.kind
     if not isinstance(kind, SignalType):
         return "; wire any output to it"
-    outputs = _outputs(network, found.scope, found.consumer)
-    fitting = [name for name, have in outputs if _fits(have, kind)]
+    outputs = outputs_in(network, found.scope, found.consumer)
+    fitting = [name for name, have in outputs if fits(have, kind)]
     if not fitting:
         return f"; no output is a {kind.name}; add a block that has one"
     more = ", ..." if len(fitting) > MAX_SUGGESTED else ""
     return f"; outputs of that type: {', '.join(fitting[:MAX_SUGGESTED])}{more}"
 
 
-def _fits(have: SignalType | None, want: SignalType) -> bool:
+def fits(have: SignalType | None, want: SignalType) -> bool:
+    """Whether an output of one type may be wired to an input of another (of open length)."""
     if have is None:
         return False
     return compatible(have, want if not want.symbol else want.sized(have.length or 1))
 
 
-def _outputs(
+def outputs_in(
     network: Network, scope: Scope, consumer: str
 ) -> Iterator[tuple[str, SignalType | None]]:
     """What a graph can connect to one of its blocks, with its type."""

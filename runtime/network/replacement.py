@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from blocks.core import Block, hint
+from blocks.registry import Modules
 from runtime.document import Node, is_part
 from runtime.errors import GraphError, Problem, Problems, UsageError, Where
 from runtime.network.block_types import block_class
@@ -23,7 +24,7 @@ def replace_block(
     kind: str,
     classes: Mapping[str, type[Block]],
     origin: str = "",
-    modules: bool = True,
+    modules: Modules = True,
 ) -> tuple[Node, list[str]]:
     """The document with a block, or a whole part, replaced by a block of another type.
 

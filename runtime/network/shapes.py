@@ -31,7 +31,7 @@ def state_shape(
     """The shape of a declared state, with symbolic lengths resolved."""
     if state.like:
         return context.types[state.like].shape
-    lengths = dict(sizes)
+    lengths = {**context.lengths, **sizes}
     for name, port in {**spec.inputs, **spec.outputs}.items():
         if isinstance(port.type, SignalType) and port.type.symbol and name in context.types:
             lengths[port.type.symbol] = context.types[name].shape[0]

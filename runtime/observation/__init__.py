@@ -6,7 +6,7 @@
 
 from runtime.observation.metric_kinds import MetricKind, MetricOptions
 from runtime.observation.metrics import METRIC_KINDS, Metric, Series
-from runtime.observation.plots import PLOT_KINDS, PlotKind, offered
+from runtime.observation.plots import PLOT_KINDS, PlotKind, offered, plot_keys
 from runtime.observation.reader import Observation, PlotSpec, Probe, observe
 from runtime.observation.run_data import Recording, RunData
 from runtime.observation.wall_metrics import since_reached
@@ -26,5 +26,6 @@ __all__ = [
     "Series",
     "observe",
     "offered",
+    "plot_keys",
     "since_reached",
 ]

@@ -63,6 +63,13 @@ class Observation:
     metrics: list[Metric] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
+    @property
+    def metric_units(self) -> dict[str, str]:
+        """The units of the metrics that have one."""
+        columns = {name: probe.units for name, probe in self.probes.items()}
+        found = {metric.name: metric.unit(columns) for metric in self.metrics}
+        return {name: unit for name, unit in found.items() if unit}
+
     def reduced(self, kinds: Container[str]) -> Observation:
         """Only the probes that metrics and plots of these kinds need."""
         plots = [plot for plot in self.plots if plot.kind in kinds]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -102,6 +102,21 @@ class RunData:
         """Times (s) of the rows of ``result[name]``."""
         return self._find(name)[0].t
 
+    def recording(self, name: str) -> Recording:
+        """The signals of ``result[name]`` with their times, labels and units."""
+        found, address = self._find(name)
+        if not address:
+            return found
+        start, stop = found.addresses[address]
+        return replace(
+            found,
+            name=name,
+            values=found.column(address),
+            labels=found.labels[start:stop],
+            units=found.units[start:stop],
+            addresses={address: (0, stop - start)},
+        )
+
     def __contains__(self, name: object) -> bool:
         return name in set(self)
 
@@ -121,8 +136,9 @@ class RunData:
             if whole in recorded.addresses and name in recorded.labels:
                 at = recorded.labels.index(name)
                 values = recorded.values[:, at]
+                unit = (recorded.units[at],)
                 return Recording(
-                    name, recorded.t, values, (name,), ("",), ("Scalar",), {name: (0, 1)}
+                    name, recorded.t, values, (name,), unit, ("Scalar",), {name: (0, 1)}
                 ), ""
         known = sorted(self)
         raise KeyError(f"'{name}' was not recorded{hint(name, known) or ': ' + ', '.join(known)}")

@@ -21,6 +21,7 @@ from runtime.experiments.execution import (
 from runtime.reports import pieces
 from runtime.reports.html import Html, element, facts, grouped_table, join, page, table
 from runtime.schema import MAYBE_NUMBER, check
+from runtime.terminal import with_unit
 
 _ESTIMATE = {"n": int, "mean": MAYBE_NUMBER, "low": MAYBE_NUMBER, "high": MAYBE_NUMBER}
 _DIFFERENCE = {
@@ -98,7 +99,8 @@ def _differences(found: Mapping[str, Any]) -> Html:
     head += ["p, corrected", "significant"]
     groups: dict[str, list[list[str]]] = {}
     for line in found["table"]:
-        groups.setdefault(line["metric"], []).append(_line(line))
+        name = with_unit(line["metric"], found.get("units") or {})
+        groups.setdefault(name, []).append(_line(line))
     note = element(
         "p",
         f"Differences are from the baseline, paired by seed ({found['test']}). A difference is "

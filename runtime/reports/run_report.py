@@ -87,7 +87,8 @@ def _metrics_table(folder: Path, result: RunData) -> Html:
         entry = entries.get(name, {})
         expected = _expected(entry, value)
         expects = expects or bool(expected)
-        shown = f"{pieces.number(value)} {result.units.get(name, '')}".rstrip()
+        unit = result.units.get(name, "") if value is not None else ""
+        shown = join(pieces.number(value), f" {unit}" if unit else "")
         rows.append([name, shown, expected, _definition(entry)])
     head = ["metric", "value", "expected", "definition"]
     if not expects:

@@ -146,7 +146,7 @@ def _table(swept: _Sweep, best: Mapping[tuple[str, ...], int] | None, label: str
         chosen = sorted(found, key=lambda group: best[group.cells])[: len(best)]
     head = [*swept.factors, "ok"]
     for metric in swept.shown:
-        head += [metric, "95 % interval"]
+        head += [swept.data.label(metric), f"{metric}: 95 % interval"]
     rows = [_configuration(swept, group) for group in chosen]
     numbers = range(len(swept.factors), len(head))
     note = element(

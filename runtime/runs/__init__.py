@@ -27,6 +27,7 @@ from runtime.runs.folder import (
     read_run,
     run_folder,
 )
+from runtime.runs.notebook import Figures
 from runtime.runs.result import Result, open_run
 from runtime.runs.simulation import PreparedRun, chosen_runner, simulate, versions
 
@@ -38,6 +39,7 @@ __all__ = [
     "RESOLVED",
     "WRITTEN",
     "Draft",
+    "Figures",
     "PreparedRun",
     "Result",
     "chosen_runner",

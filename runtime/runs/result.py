@@ -12,9 +12,12 @@ from runtime.observation import RunData
 from runtime.runs.draft import save
 from runtime.runs.folder import read_run
 from runtime.runs.notebook import Figures, shown_in_notebook
+from runtime.runs.tables import run_dataframe, run_dataset
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from pandas import DataFrame
+    from xarray import Dataset
 
 
 class Result(RunData):
@@ -34,6 +37,34 @@ class Result(RunData):
                 return draw(plot, self)
         names = [plot.name for plot in self.plots]
         raise UsageError(f"there is no plot '{name}'{hint(name, names) or ': ' + ', '.join(names)}")
+
+    def to_dataframe(self, *names: str) -> DataFrame:
+        """Signals as columns over the time ``t`` in seconds, for pandas (extra ``dataframes``).
+
+        Parameters
+        ----------
+        names : as in ``result[name]``; without names, all that changes in time and is not a table
+            in each row. Signals with other steps leave NaN where they have no row.
+
+        ``attrs["units"]`` of the frame has the units of its columns.
+
+        Raises
+        ------
+        MissingExtraError : pandas is not installed.
+        KeyError : a name was not recorded.
+        """
+        return run_dataframe(self, names)
+
+    def to_xarray(self) -> Dataset:
+        """All probes, for xarray (extra ``dataframes``): dimensions named, units in ``attrs``.
+
+        Probes with the same times share the dimension ``t``; others have their own, ``t_<probe>``.
+
+        Raises
+        ------
+        MissingExtraError : xarray is not installed.
+        """
+        return run_dataset(self)
 
     def _repr_html_(self) -> str:
         """The run as a notebook shows it: what ran, its metrics and its figures."""

@@ -22,7 +22,7 @@ from runtime.diagrams import stored_picture
 from runtime.document import DEFAULT_MEMORY, Override, dump_yaml
 from runtime.engine import Engine, MakeRunner, Outcome, Profile, Program, silent, take_compiled
 from runtime.network import Network
-from runtime.observation import Metric, Observation, Probe, Recording, Series
+from runtime.observation import Metric, Probe, Recording, Series
 from runtime.runs.folder import (
     DIAGRAM,
     RESOLVED,
@@ -161,15 +161,8 @@ def _result(
         origin=partial(_origin, graph, outcome.engine),
         notes=notes,
         world=graph.network.world,
-        units=_units(graph.program.observation),
+        units=graph.program.observation.metric_units,
     )
-
-
-def _units(observation: Observation) -> dict[str, str]:
-    """The units of the metrics that have one."""
-    columns = {name: probe.units for name, probe in observation.probes.items()}
-    found = {metric.name: metric.unit(columns) for metric in observation.metrics}
-    return {name: unit for name, unit in found.items() if unit}
 
 
 def _origin(graph: PreparedRun, engine: str) -> tuple[dict[str, str], dict[str, bytes]]:
@@ -189,7 +182,7 @@ def _resolved(graph: PreparedRun, engine: str) -> dict[str, Any]:
     run = {"dt": network.dt, "until": network.until, "seed": network.seed, "engine": engine}
     if network.memory != DEFAULT_MEMORY:
         run["memory"] = network.memory
-    return {**graph.document(), "run": run}
+    return {**graph.document(), "run": run | network.solver.written()}
 
 
 def _manifest(

@@ -16,6 +16,8 @@ REQUIRED: dict[str, dict[str, Any]] = {
     "Constant": {"value": 1.0},
     "Gain": {"gain": 2.0},
     "Lowpass": {"tau": 0.1},
+    "Decoder": {"weights": [[1.0, -2.0, 0.5, 0.0]]},
+    "StateSpace": {"A": [[0, 1], [-1, -1]], "B": [0, 1], "C": [1, 0]},
     "Saturator": {"omega_max": 1.0},
     "ActuatorLag": {"tau": 0.1},
     "ActuatorDelay": {"delay": 0.03},

@@ -81,7 +81,8 @@ def measure(job: Job) -> dict[str, float]:
     result = graph.run(seed=job.seed)
     metrics = {k: np.nan if v is None else float(v) for k, v in result.metrics.items()}
     fitter = graph.network.entries["fitter"].made
-    _, loop = first_loop(graph.network.world, result["pose"][:, :2], fitter.distance)
+    engaged = result.time("pose") >= metrics["time_to_engage"]
+    _, loop = first_loop(graph.network.world, result["pose"][engaged, :2], fitter.distance)
     return {**metrics, "length": length_of(loop) if len(loop) else np.nan}
 
 

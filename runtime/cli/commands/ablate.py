@@ -51,7 +51,7 @@ def run(options: Namespace) -> int:
     """Run the trials that have no row yet; print the table and draw the figure."""
     start_early(options)
     from runtime.engine import silent
-    from runtime.experiments import ablate
+    from runtime.experiments import run_ablation
     from runtime.experiments.design import Seeds
     from runtime.experiments.execution import ablation_plan
     from runtime.runs import link_latest, new_folder
@@ -68,7 +68,7 @@ def run(options: Namespace) -> int:
         folder = Path(options.resume).resolve()
         if not folder.is_dir():
             raise UsageError(f"--resume {options.resume}: there is no such folder")
-    done = ablate(
+    done = run_ablation(
         *(plan, variants, essential, folder, pool_of(options), options.test, options.timeout),
         Progress(plan.name, wanted=not quiet),
     )
@@ -128,7 +128,7 @@ def _print(done: AblationResult, pictures: list[Path], quiet: bool) -> None:
                 tell(f"note: {variant.name}: {note}")
     show(f"{plan.name}: {len(plan.variants)} variants, seeds {plan.seeds}")
     lines = done.lines()
-    show(f"{comparison_table(lines)}\n\n{legend(lines, done.test)}")
+    show(f"{comparison_table(lines, plan.units)}\n\n{legend(lines, done.test)}")
     for name, rows in done.rows.items():
         bad = [row for row in rows if row.status != "ok"]
         if bad:

@@ -27,7 +27,7 @@ def add(parser: ArgumentParser) -> None:
 
 def run(options: Namespace) -> int:
     """Print all block types, or one."""
-    from runtime.cli.describe import describe_json, describe_text, library
+    from runtime.descriptions import describe_json, describe_text, library
 
     known = library(options.module)
     if options.type is not None and options.type not in known:
@@ -47,7 +47,7 @@ def run(options: Namespace) -> int:
 
 def _list(known: dict[str, type[Block]], word: str | None) -> None:
     """Print block types by family with one line each; only those that a word matches, if given."""
-    from runtime.cli.describe import families, summary
+    from runtime.descriptions import families, summary
 
     chosen = known
     if word is not None:

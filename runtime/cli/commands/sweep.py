@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from runtime.cli.commands import add_output, show_folder
 from runtime.cli.commands.changes import add_changes, changed
 from runtime.cli.commands.workers import add_workers, chosen_seeds, pool_of, start_early
-from runtime.errors import NOWHERE, Problems, UsageError, Where
-from runtime.terminal import show, show_json, tell
+from runtime.errors import UsageError
+from runtime.terminal import show, show_json, tell, with_unit
 
 if TYPE_CHECKING:
     from runtime.experiments import SweepResult
-    from runtime.experiments.design import Experiment, Seeds
+    from runtime.experiments.design import Additions, Method
 
 HELP = "vary parameters (grids or samples) and seeds; parallel and resumable"
 
@@ -57,7 +56,7 @@ def run(options: Namespace) -> int:
     """Run the trials that have no row yet; print and draw the results."""
     start_early(options)
     from runtime.engine import silent
-    from runtime.experiments import SweepOptions, sweep
+    from runtime.experiments import SweepOptions, run_sweep
     from runtime.experiments.design import Seeds, read_experiment
     from runtime.experiments.execution import sweep_plan
     from runtime.terminal import Progress
@@ -67,12 +66,12 @@ def run(options: Namespace) -> int:
     )
     own = experiment.graph.check().network.seed
     seeds = chosen_seeds(options) or experiment.seeds or Seeds(((own, own),))
-    experiment = _completed(experiment, options, seeds)
+    experiment = _additions(options).to(experiment, seeds)
     quiet = options.quiet or options.json
     plan = sweep_plan(experiment, seeds, silent if quiet else tell)
     folder = Path(options.out) / plan.name
     how = SweepOptions(folder, options.resume, pool_of(options), options.keep, options.timeout)
-    result = sweep(plan, how, Progress(plan.name, wanted=not quiet))
+    result = run_sweep(plan, how, Progress(plan.name, wanted=not quiet))
     pictures: list[Path] = []
     if not (options.no_plots or result.is_interrupted):
         from runtime.experiments.analysis.sweep_plots import save_sweep_figures
@@ -89,57 +88,37 @@ def run(options: Namespace) -> int:
     return 3 if result.tally.counts["ok"] == 0 else 0
 
 
-def _completed(experiment: Experiment, options: Namespace, seeds: Seeds) -> Experiment:
-    """An experiment with the additions of the command line, checked."""
+def _additions(options: Namespace) -> Additions:
+    """What the command line adds to the experiment."""
     from runtime.document import parse_yaml
-    from runtime.experiments.design import (
-        Objective,
-        check_design,
-        check_factor,
-        check_objective,
-        parse_factor,
-    )
-    from runtime.files import slug
+    from runtime.experiments.design import Additions, Objective
 
-    problems = Problems()
-    graph = experiment.graph
-    factors = []
+    vary = []
     for text in options.vary:
         path, equals, values = text.partition("=")
         origin = f"--vary {text}"
         if not equals:
             raise UsageError(f"{origin}: expected PATH=VALUES")
-        factor = parse_factor(path.strip(), parse_yaml(values, origin), path.strip(), problems)
-        if factor is not None:
-            check_factor(graph, factor, Where(origin), problems)
-            factors.append(factor)
-    own = {factor.path for factor in factors}
-    kept = (factor for factor in experiment.design.factors if factor.path not in own)
-    design = replace(experiment.design, factors=(*kept, *factors))
-    for method in ("random", "sobol"):
-        samples = getattr(options, method)
-        if samples is not None:
-            design = replace(design, method=method, samples=_positive(samples, f"--{method}"))
-    if options.sampling_seed is not None:
-        design = replace(design, seed=_positive(options.sampling_seed, "--sampling-seed", 0))
-    objective = experiment.objective
-    for goal in ("minimize", "maximize"):
-        metric = getattr(options, goal)
-        if metric is not None:
-            objective = Objective(metric, goal)
-            check_objective(graph, objective, NOWHERE, problems)
-    problems.raise_any()
-    check_design(graph, design, seeds)
-    name = options.name or experiment.name
-    if slug(name) != name:
-        raise UsageError(f"--name {name}: expected letters, digits, '_', '-' and '.'")
-    return replace(experiment, name=name, design=design, objective=objective)
-
-
-def _positive(number: int, flag: str, least: int = 1) -> int:
-    if number < least:
-        raise UsageError(f"{flag} {number}: expected at least {least}")
-    return number
+        vary.append((path.strip(), parse_yaml(values, origin)))
+    method: Method | None = None
+    if options.random is not None:
+        method = "random"
+    elif options.sobol is not None:
+        method = "sobol"
+    objective = None
+    if options.minimize is not None:
+        objective = Objective(options.minimize)
+    elif options.maximize is not None:
+        objective = Objective(options.maximize, "maximize")
+    return Additions(
+        vary=vary,
+        method=method,
+        samples=(options.random if options.sobol is None else options.sobol) or 0,
+        sampling_seed=options.sampling_seed,
+        objective=objective,
+        name=options.name,
+        options="--{}",
+    )
 
 
 def _print(result: SweepResult, pictures: list[Path]) -> None:
@@ -156,7 +135,8 @@ def _print(result: SweepResult, pictures: list[Path]) -> None:
         show(f"no configuration has a value of {plan.objective.metric} for every seed")
     elif plan.objective is not None:
         goal = "smallest" if plan.objective.goal == "minimize" else "largest"
-        show(f"{goal} {plan.objective.metric}, mean and 95 % interval over seeds:")
+        metric = with_unit(plan.objective.metric, plan.units)
+        show(f"{goal} {metric}, mean and 95 % interval over seeds:")
         for ranked in tally.best:
             found = ranked.objective
             ends = f"  {interval(found)}" if found.n > 1 else ""

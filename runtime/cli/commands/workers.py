@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -64,9 +63,6 @@ def start_early(options: Namespace) -> None:
 
 def pool_of(options: Namespace) -> Callable[[], WorkerPool]:
     """A function that makes the worker pool chosen on the command line."""
-    from runtime.experiments.execution import cluster_pool, local_pool
+    from runtime.experiments.execution import chosen_pool
 
-    if options.scheduler is not None:
-        return lambda: cluster_pool(options.scheduler)
-    jobs = options.jobs or len(os.sched_getaffinity(0))
-    return lambda: local_pool(jobs, options.timeout)
+    return chosen_pool(options.jobs, options.scheduler, options.timeout)

@@ -14,24 +14,33 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from blocks.core import Evaluation, SignalType
-from runtime.engine.compiled.kernels import Kernel
-from runtime.engine.schedule import Emitter, Plan, RecordSlot, Step
+from runtime.engine.compiled.kernels import PROJECT, Kernel
+from runtime.engine.compiled.stages import after_stage, before_stage, rates, solver_unit
+from runtime.engine.continuous import Continuous
+from runtime.engine.schedule import Emitter, Plan, RecordSlot
+from runtime.engine.solvers import METHODS
+from runtime.engine.steps import Step
 from runtime.network import Endpoint, component_type
+from runtime.toolchain import Unit
 
 Call = tuple[str, Evaluation]
 PYTHON = "    "
-FINISHED, NOT_FINITE, FAILED = range(3)
+# What ``run`` returns: an output is not finite, a block failed, a rate of change is not finite, or
+# the tolerance of the solver is not met.
+FINISHED, NOT_FINITE, FAILED, BAD_SLOPE, UNREACHED = range(5)
+SOLVER = ("states", "start", "slopes", "table", "errors", "control")
 
 
 @dataclass
 class Item:
-    """One item of a tick: an evaluation of a block, or a row of a recording."""
+    """One item of a tick: an evaluation, a row of a recording, or the continuous part."""
 
     every: int
     block: str = ""
     step: Step | None = None
     update: Evaluation | None = None
     recording: RecordSlot | None = None
+    continuous: Continuous | None = None
 
 
 @dataclass
@@ -41,7 +50,8 @@ class PlanText:
     text : in C, without the support that every unit begins with.
     members : the first word and the number of words of each member of the struct, by name.
     pointers : members that are addresses, with what they point to: ``fields`` of a block,
-        a state, or a probe's array.
+        a state, or an array that the engine names.
+    solver : the solver's own unit, of a graph with continuous states.
     signals : the member of each output, by block and port.
     fills : members that are filled once, with a number.
     calls : the evaluations by their number in ``at``.
@@ -54,6 +64,7 @@ class PlanText:
     signals: dict[tuple[str, str], str] = field(default_factory=dict)
     fills: dict[str, float] = field(default_factory=dict)
     calls: list[Call] = field(default_factory=list)
+    solver: Unit | None = None
     driver: str = ""
     parts: int = 1
     lines: dict[int, str] = field(default_factory=dict)
@@ -84,6 +95,7 @@ class CompiledEmitter(Emitter):
         self.kernels, self.widths = kernels, widths
         self.made = PlanText()
         self.declared: list[str] = []
+        self.own: set[str] = set()
 
     def compiled(self) -> PlanText:
         """The whole text."""
@@ -106,7 +118,7 @@ class CompiledEmitter(Emitter):
         body, self.text = self.text, []
         if cut:
             self.drive()
-        used = {e for kernel in self.kernels.values() for e in kernel.prototypes}
+        used = {e for kernel in self.kernels.values() for e in kernel.prototypes} | self.own
         self.made.text = "\n".join(
             [
                 "struct plan {",
@@ -115,8 +127,8 @@ class CompiledEmitter(Emitter):
                 "};",
                 "",
                 *sorted(f"{prototype};" for prototype in used),
-                RUN,
-                f"        const double t = (double)k * {self.network.dt!r};",
+                RUN.replace("@dt@", repr(self.network.dt)),
+                "        const double t = (double)k * dt;",
                 "        (void)t;",
                 "        ctx->tick = k;",
                 *body,
@@ -137,11 +149,14 @@ class CompiledEmitter(Emitter):
             *(Item(s.every, s.block, step=s) for s in self.plan.steps if not s.constant),
             *(Item(r.every, recording=r) for r in recordings if not r.is_event),
             *(Item(every, name, update=update) for name, every, update in self.updates()),
+            *([] if self.plan.continuous is None else [Item(1, continuous=self.plan.continuous)]),
             *(Item(r.every, recording=r) for r in recordings if r.is_event),
         ]
 
     def is_python(self, item: Item) -> bool:
-        """Whether the item belongs to a block that is not compiled."""
+        """Whether the item calls a block that is not compiled."""
+        if item.continuous is not None:
+            return not self.kernels.keys() >= item.continuous.blocks
         return bool(item.block) and item.block not in self.kernels
 
     def parts(self) -> list[list[Item]]:
@@ -169,22 +184,54 @@ class CompiledEmitter(Emitter):
         if item.recording is not None:
             self.row(item.recording)
             return
+        if item.continuous is not None:
+            self.stages(item.continuous)
+            return
         evaluation = item.step.evaluation if item.step else item.update
         if evaluation is None:
             return
-        self.code(f"ctx->at = {len(self.made.calls)};")
-        self.made.calls.append((item.block, evaluation))
-        kernel = self.kernels[item.block]
-        fields = f"fields_{self.plan.names[item.block]}"
-        self.pointer(fields, ("fields", item.block, ""))
-        arguments = ["ctx", f"plan->{fields}", "t", *self.inputs(item.block, evaluation)]
         outputs = [self.signal(item.block, port) for port in evaluation.outputs]
-        arguments += [
-            f"{'&' if kind.form == 'scalar' else ''}plan->{name}" for name, kind in outputs
-        ]
-        self.code(f"{kernel.symbols[evaluation.method]}({', '.join(arguments)});")
+        self.called(
+            item.block,
+            evaluation,
+            [f"{'&' if kind.form == 'scalar' else ''}plan->{name}" for name, kind in outputs],
+        )
         if outputs:
             self.code(f"if (!({' && '.join(self.tests(outputs))})) return {NOT_FINITE};")
+
+    def called(self, block: str, evaluation: Evaluation, outputs: list[str]) -> None:
+        """Call a block's method; ``outputs`` are the places that it writes to."""
+        self.code(f"ctx->at = {len(self.made.calls)};")
+        self.made.calls.append((block, evaluation))
+        fields = self.pointer(f"fields_{self.plan.names[block]}", ("fields", block, ""))
+        time = [] if evaluation is PROJECT else ["t"]
+        arguments = ["ctx", fields, *time, *self.inputs(block, evaluation), *outputs]
+        self.code(f"{self.kernels[block].symbols[evaluation.method]}({', '.join(arguments)});")
+
+    def stages(self, part: Continuous) -> None:
+        """Integrate the continuous states to the next tick."""
+        name = self.network.solver.name
+        method = METHODS[name]
+        self.made.solver, prototypes = solver_unit(part, method)
+        self.own |= set(prototypes)
+        self.member("report", 2)
+        arrays = [self.pointer(f"solver_{each}", ("array", each, "")) for each in SOLVER]
+        for text in before_stage(part, method, arrays, name):
+            self.code(text)
+        inner = 2 + bool(method.errors)
+        self.depth += inner
+        for step in part.steps:
+            self.item(Item(1, step.block, step=step))
+        for block, derivative in part.derivatives:
+            places = rates(part.slots_of(block), arrays[2], part.size)
+            self.called(block, derivative, places)
+        self.depth -= inner
+        for text in after_stage(part, method, arrays, (BAD_SLOPE, UNREACHED)):
+            self.code(text)
+        for block in part.projected:
+            self.called(block, PROJECT, [])
+        if method.errors:
+            self.code("}")
 
     def tests(self, outputs: list[tuple[str, SignalType]]) -> list[str]:
         """Expressions that are true while outputs hold only valid numbers."""
@@ -269,7 +316,7 @@ class CompiledEmitter(Emitter):
 
     def row(self, recording: RecordSlot) -> None:
         """Record one row."""
-        array = self.pointer(recording.array, ("probe", recording.array, ""))
+        array = self.pointer(recording.array, ("array", recording.array, ""))
         width = self.widths[recording.array]
         columns = recording.columns or slice(0, width)
         row = recording.row.replace("//", "/")
@@ -319,22 +366,36 @@ class CompiledEmitter(Emitter):
 
     def call_python(self, item: Item) -> None:
         """Read what a block needs, call it, and store its outputs."""
-        evaluation = item.step.evaluation if item.step else item.update
-        if evaluation is None:
-            return
-        declared = self.network.entries[item.block].cls.spec.inputs
+        if item.continuous is not None:
+            part = item.continuous
+            for block, called in (
+                *[(s.block, s.evaluation) for s in part.steps],
+                *part.derivatives,
+            ):
+                self.needed(block, called)
+            self.integrate(part, checked=False)
+        elif item.step is not None:
+            self.needed(item.block, item.step.evaluation)
+            self.again(item.step)
+        elif item.update is not None:
+            self.needed(item.block, item.update)
+            Emitter.call(self, item.block, item.update, "")
+
+    def needed(self, block: str, evaluation: Evaluation) -> None:
+        """Read what a block needs."""
+        declared = self.network.entries[block].cls.spec.inputs
         for port in evaluation.needs:
-            ends = [wire.source for wire in self.wires.get((item.block, port), [])]
-            for end in ends if port in declared else [Endpoint(item.block, port)]:
+            ends = [wire.source for wire in self.wires.get((block, port), [])]
+            for end in ends if port in declared else [Endpoint(block, port)]:
                 name, _ = self.signal(end.block, end.port)
                 self.code(f"{self.variable(end.block, end.port)} = read({name!r})")
-        if item.step is None:
-            Emitter.call(self, item.block, evaluation, "")
-            return
-        self.step(item.step)
-        for port in evaluation.outputs:
-            name, _ = self.signal(item.block, port)
-            self.code(f"store({name!r}, {self.variable(item.block, port)})")
+
+    def again(self, step: Step) -> None:
+        """Call a block, and store its outputs."""
+        self.step(step)
+        for port in step.evaluation.outputs:
+            name, _ = self.signal(step.block, port)
+            self.code(f"store({name!r}, {self.variable(step.block, port)})")
 
 
 RUN = """
@@ -359,6 +420,7 @@ int64_t run(struct plan *plan, struct context *ctx, int64_t first, int64_t last,
             int64_t high)
 {
     jmp_buf resume;
+    const double dt = @dt@;
     ctx->resume = &resume;
     ctx->failure = -1;
     (void)all_finite;

@@ -7,6 +7,8 @@ import operator
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 COMPARE: dict[type, Callable[[Any, Any], bool]] = {
     ast.Eq: operator.eq,
     ast.NotEq: operator.ne,
@@ -75,3 +77,11 @@ class Folding(ast.NodeTransformer):
             if isinstance(left, ast.Constant) and isinstance(right, ast.Constant):
                 return ast.Constant(COMPARE[type(node.ops[0])](left.value, right.value))
         return node
+
+
+def holds_one(node: ast.expr, state: object) -> bool:
+    """Whether an expression is a state without axes, ``state.x`` of ``x = State()``."""
+    if not isinstance(node, ast.Attribute) or ast.unparse(node.value) != "state":
+        return False
+    value = getattr(state, node.attr, None)
+    return isinstance(value, np.ndarray) and value.ndim == 0

@@ -13,10 +13,13 @@ from blocks.registry import BUILTIN
 from runtime import codegen
 from runtime.codegen import FLOAT, Array, Entry, RefusedError, Tuple, Type, Writer
 from runtime.engine.compiled.translate import NotCompilableError, Translated, translate
+from runtime.engine.continuous import slots
 from runtime.network import Network
 from runtime.toolchain import Unit, digest, read_record, write_record
 
+PROJECT = Evaluation("project", (), timed=False)
 Failure = tuple[str, str, str, int]
+Shapes = Sequence[tuple[int, ...]]
 
 
 @dataclass(frozen=True)
@@ -80,10 +83,14 @@ def make_kernels(
     checked : with a check of every index that may be outside of its array.
     """
     kernels = Kernels()
+    shapes: dict[str, list[tuple[int, ...]]] = {}
+    for slot in slots(network):
+        shapes.setdefault(slot.block, []).append(slot.shape)
     for name, entry in sorted(network.entries.items()):
         spec = entry.cls.spec
-        calls = [e for e in spec.evaluations if not spec.is_constant(e)]
-        calls += [spec.update] if spec.update else []
+        calls = [e for e in entry.evaluations if not spec.is_constant(e)]
+        calls += [each for each in (spec.update, spec.derivative) if each is not None]
+        calls += [PROJECT] if spec.projects else []
         if not calls:
             continue
         terms = {
@@ -94,7 +101,7 @@ def make_kernels(
         kinds = {port: kind for (block, port), kind in network.types.items() if block == name}
         try:
             kernels.compiled[name] = make_kernel(
-                entry.made, states[name], terms, kinds, calls, checked
+                entry.made, states[name], terms, kinds, calls, checked, shapes.get(name, [])
             )
         except NotCompilableError as error:
             kernels.refuse(name, entry.cls, str(error))
@@ -108,6 +115,7 @@ def make_kernel(
     kinds: Mapping[str, SignalType],
     calls: Sequence[Evaluation],
     checked: bool = False,
+    rates: Shapes = (),
 ) -> Kernel:
     """Write one block as C; the same source with the same types is kept on disk.
 
@@ -117,6 +125,7 @@ def make_kernel(
     terms : the number of wires of each variadic input.
     kinds : the signal types of its ports.
     calls : the methods that are called.
+    rates : the shapes of its continuous states, whose rates of change ``derivative`` returns.
 
     Raises
     ------
@@ -126,7 +135,7 @@ def make_kernel(
     source = translate(made, state, terms)
     checked = checked or not is_built_in(cls)
     title = f"{cls.__name__}: {(cls.__doc__ or '').strip()}"
-    entries = [_entry(source, call, kinds, terms) for call in calls]
+    entries = [_entry(source, call, kinds, terms, rates) for call in calls]
     places = [(f.file, f.line) for f in source.source.functions.values()]
     parts = (source.text, source.source.entries, entries, places, title, checked)
     key = digest(salt(), *map(repr, parts))
@@ -158,16 +167,22 @@ def _symbol(key: str, entry: Entry) -> str:
 
 
 def _entry(
-    source: Translated, call: Evaluation, kinds: Mapping[str, SignalType], terms: dict[str, int]
+    source: Translated,
+    call: Evaluation,
+    kinds: Mapping[str, SignalType],
+    terms: dict[str, int],
+    rates: Shapes,
 ) -> Entry:
-    arguments: list[tuple[str, Type]] = [("t", FLOAT)]
+    arguments: list[tuple[str, Type]] = [] if call == PROJECT else [("t", FLOAT)]
     for port in call.needs:
         kind = signal_type(kinds[port])
         if port in terms:
             arguments.append((f"{port}...", Tuple((kind,) * terms[port])))
         else:
             arguments.append((port, kind))
-    results = [signal_type(kinds[port]) for port in call.outputs]
+    results: list[Type] = [signal_type(kinds[port]) for port in call.outputs]
+    if call.method == "derivative":
+        results = [Array("float", shape) if shape else FLOAT for shape in rates]
     return Entry(call.method, source.methods[call.method], arguments, results)
 
 

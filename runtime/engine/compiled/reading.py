@@ -5,18 +5,10 @@ from __future__ import annotations
 import ast
 import linecache
 import textwrap
-import threading
 from functools import lru_cache
 from types import CodeType
 
-# Python 3.11 counts the depth of a syntax tree for all threads together, and raises an error.
-_PARSING = threading.Lock()
-
-
-def parsed(source: str) -> ast.Module:
-    """The syntax tree of a text; only one thread parses at a time."""
-    with _PARSING:
-        return ast.parse(source)
+from blocks.core import parsed
 
 
 def source_of(code: CodeType) -> str | None:

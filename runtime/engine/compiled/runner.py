@@ -13,7 +13,14 @@ import numpy as np
 
 from blocks.core import BlockState
 from runtime.codegen import support
-from runtime.engine.compiled.emit import FAILED, FINISHED, CompiledEmitter, PlanText
+from runtime.engine.compiled.emit import (
+    BAD_SLOPE,
+    FAILED,
+    FINISHED,
+    UNREACHED,
+    CompiledEmitter,
+    PlanText,
+)
 from runtime.engine.compiled.kernels import Kernels, make_kernels
 from runtime.engine.compiled.memory import Context, Words
 from runtime.engine.compiled.translate import plain
@@ -82,7 +89,8 @@ def _built(program: Program, kernels: Kernels, note: Callable[[str], None]) -> T
         plan = Unit(PLAN, f"{support()}\n{text.text}")
         units = {kernel.text: kernel.unit for kernel in kernels.compiled.values()}
         try:
-            library = build([plan, *units.values()], note=tell)
+            solver = [text.solver] if text.solver is not None else []
+            library = build([plan, *solver, *units.values()], note=tell)
         except BuildError as error:
             bad = [n for n, kernel in kernels.compiled.items() if kernel.name == error.unit]
             if not bad:
@@ -132,7 +140,7 @@ class CompiledRunner:
             words.fill(kernel.fields(made, self.context.states[owner]))
             self.words.point(at, words.ints)
             return words
-        value = self.context.namespace[owner] if kind == "probe" else None
+        value = self.context.namespace[owner] if kind == "array" else None
         if kind == "state":
             value = plain(getattr(self.context.states[owner], state), f"state.{state}")
         self.words.point(at, np.asarray(value))
@@ -185,6 +193,12 @@ class CompiledRunner:
         ended = self.function(*self.addresses, first, last, low, high)
         if ended == FAILED:
             raise self._failure()
+        if ended in (BAD_SLOPE, UNREACHED):
+            start, _ = self.text.members["report"]
+            first_value, t = self.words.floats[start : start + 2].tolist()
+            if ended == BAD_SLOPE:
+                self.context.namespace["bad_slope"](int(first_value), t)
+            self.context.namespace["unreached"](first_value, t)
         if ended != FINISHED:
             block, evaluation = self.text.calls[self.memory.at]
             values = [self.read(block, port) for port in evaluation.outputs]

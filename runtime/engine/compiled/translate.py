@@ -6,16 +6,16 @@ import ast
 import math
 import textwrap
 import types
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from blocks.core import Block, BlockState, SignalType, function_kernel, kernel_for
+from blocks.core import Block, BlockState, SignalType, function_kernel, kernel_for, parsed
 from runtime.codegen import FLOAT, INT, Array, Draws, Function, Source, Tuple, Type
-from runtime.engine.compiled.folding import Folding
-from runtime.engine.compiled.reading import parsed, source_of
+from runtime.engine.compiled.folding import Folding, holds_one
+from runtime.engine.compiled.reading import source_of
 
 MODULES = {math: "math", np: "np"}
 LITERALS = (str, bool, type(None))
@@ -226,6 +226,15 @@ class Writer(Folding):
         if isinstance(function, ast.Name) and function.id not in self.locals:
             if function.id == "tuple" and len(node.args) == 1 and _is_call(node.args[0], "tolist"):
                 return self.spelled(node.args[0].func.value)  # type: ignore[attr-defined]
+            if (
+                function.id == "float"
+                and len(node.args) == 1
+                and self.bound
+                and holds_one(node.args[0], self.owner.state)
+            ):
+                return ast.Subscript(
+                    self.visit(node.args[0]), ast.Tuple([], ast.Load()), ast.Load()
+                )
             if function.id == "len" and isinstance(node.args[0], ast.Name):
                 terms = self.owner.terms.get(node.args[0].id)
                 if self.bound and terms is not None:
@@ -374,7 +383,8 @@ def translate(made: Block, state: BlockState, terms: dict[str, int]) -> Translat
     translator = Translator(made, state, terms)
     spec = type(made).spec
     wanted = [evaluation.method for evaluation in spec.evaluations]
-    wanted += [spec.update.method] if spec.update else []
+    wanted += [each.method for each in (spec.update, spec.derivative) if each is not None]
+    wanted += ["project"] if spec.projects else []
     methods = {name: translator.method(name) for name in wanted}
     text = "\n\n".join([HEADER, *translator.texts.values()]) + "\n"
     entries = tuple(translator.attributes.values())
@@ -383,10 +393,18 @@ def translate(made: Block, state: BlockState, terms: dict[str, int]) -> Translat
     return Translated(source, text, methods, entries, translator.constants)
 
 
+def translate_functions(functions: Sequence[Any]) -> Source:
+    """Functions of no block, and those that they call."""
+    translator = Translator(None, None, {})
+    for function in functions:
+        translator.function(function)
+    return Source(translator.functions)
+
+
 class Translator:
     """Collects the functions and fields of one block."""
 
-    def __init__(self, made: Block, state: BlockState, terms: dict[str, int]) -> None:
+    def __init__(self, made: Any, state: Any, terms: dict[str, int]) -> None:
         self.made, self.state, self.terms = made, state, terms
         self.fields: dict[str, Any] = {}
         self.attributes: dict[str, Attribute] = {}

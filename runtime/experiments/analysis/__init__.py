@@ -3,6 +3,7 @@
 from runtime.experiments.analysis.comparison import (
     ComparisonLine,
     compare,
+    comparison_rows,
     comparison_table,
     legend,
     verdict,
@@ -33,6 +34,7 @@ __all__ = [
     "Tally",
     "Test",
     "compare",
+    "comparison_rows",
     "comparison_table",
     "estimate",
     "gather",

@@ -39,6 +39,7 @@ from runtime.plots import (
     view_limits,
 )
 from runtime.runs import read_run
+from runtime.terminal import with_unit
 
 FILE = "plots/ablation.png"
 COLUMNS = 2
@@ -118,7 +119,7 @@ def _metrics(figure: Figure | SubFigure, folder: Path, facts: dict[str, Any], ro
         if i >= len(metrics):
             axes.set_visible(False)
             continue
-        axes.set_title(metrics[i])
+        axes.set_title(with_unit(metrics[i], facts.get("units") or {}))
         lines = [line for line in facts["table"] if line["metric"] == metrics[i]]
         _metric(axes, lines, [[row.metrics[i] for row in values[name]] for name in names])
     grid[0][0].set_yticks(range(len(names)), names)

@@ -22,7 +22,7 @@ from runtime.experiments.analysis.statistics import (
     number_or_none,
     presence,
 )
-from runtime.terminal import number, table
+from runtime.terminal import number, table, with_unit
 
 Values = Sequence[float | None]
 
@@ -121,25 +121,36 @@ def compare(
     return [replace(line, p_adjusted=p, p_presence=q) for line, p, q in found]
 
 
-def comparison_table(lines: Sequence[ComparisonLine]) -> str:
-    """The table for a terminal, metric by metric."""
-    header: tuple[str, ...] = (
-        "",
-        "seeds",
-        "mean",
-        "interval of mean",
-        "difference",
-        "interval of difference",
-        "distinguishable",
-    )
-    rows = [header]
+def comparison_rows(
+    lines: Sequence[ComparisonLine], units: Mapping[str, str] | None = None
+) -> list[tuple[str, ...]]:
+    """The table as texts: its header, and for each metric its name and a row per variant."""
+    rows: list[tuple[str, ...]] = [
+        (
+            "",
+            "seeds",
+            "mean",
+            "interval of mean",
+            "difference",
+            "interval of difference",
+            "distinguishable",
+        )
+    ]
     metric = ""
     for line in lines:
         if line.metric != metric:
             metric = line.metric
-            rows.append((metric,))
+            rows.append((with_unit(metric, units or {}),))
         rows.append(_cells(line))
-    return table(rows, range(1, len(header)), indent="")
+    return rows
+
+
+def comparison_table(
+    lines: Sequence[ComparisonLine], units: Mapping[str, str] | None = None
+) -> str:
+    """The table for a terminal; ``units`` are those of the metrics."""
+    rows = comparison_rows(lines, units)
+    return table(rows, range(1, len(rows[0])), indent="")
 
 
 def legend(lines: Sequence[ComparisonLine], test: Test) -> str:

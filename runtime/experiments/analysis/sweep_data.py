@@ -17,6 +17,7 @@ from runtime.experiments.analysis.groups import Group, gather
 from runtime.experiments.analysis.statistics import Estimate, estimate
 from runtime.experiments.design import Factor, Objective, Range, parse_factor, parse_seeds
 from runtime.experiments.execution import INDEX, Columns, read_plan, read_rows
+from runtime.terminal import with_unit
 
 MOST = 4000
 
@@ -49,8 +50,13 @@ class SweepData:
     seeds: int
     axes: tuple[Axis, ...]
     metrics: dict[str, list[Estimate]]
+    units: dict[str, str]
     objective: Objective | None
     skipped: int
+
+    def label(self, metric: str) -> str:
+        """A metric with its unit."""
+        return with_unit(metric, self.units)
 
     def means(self, metric: str) -> FloatArray:
         """One mean per configuration; NaN where no trial has a value."""
@@ -91,6 +97,7 @@ def read_sweep(folder: Path) -> SweepData:
         metrics={
             name: [estimate(group.values(i)) for group in groups] for i, name in enumerate(metrics)
         },
+        units={str(name): str(unit) for name, unit in (plan.get("units") or {}).items()},
         objective=None if chosen is None else Objective(*chosen),  # type: ignore[arg-type]
         skipped=skipped,
     )

@@ -80,7 +80,7 @@ def _panels(data: SweepData, metrics: list[str], painter: Any) -> Figure:
     figure.suptitle(_title(data, metrics), fontsize=10.0)
     for i, axes in enumerate(figure.subplots(rows, columns, squeeze=False).flat):
         if i < len(metrics):
-            axes.set_title(metrics[i])
+            axes.set_title(data.label(metrics[i]))
             painter(figure, axes, data, metrics[i])
         else:
             axes.set_visible(False)
@@ -199,7 +199,7 @@ def _parallel(data: SweepData, metric: str) -> Figure:
     axes = figure.subplots()
     means = data.means(metric)
     known = np.isfinite(means)
-    value = Axis(metric, np.where(known, means, np.nan), (), False)
+    value = Axis(data.label(metric), np.where(known, means, np.nan), (), False)
     verticals = [*data.axes, value]
     heights = np.column_stack([_height(axis) for axis in verticals])
     x = np.arange(len(verticals), dtype=float)
@@ -214,7 +214,9 @@ def _parallel(data: SweepData, metric: str) -> Figure:
     some = data.is_partial(metric)
     axes.plot(np.full(some.sum(), x[-1]), heights[some, -1], ".", color=MARK, markersize=4.0)
     _vertical_axes(axes, verticals)
-    figure.colorbar(ScalarMappable(scale, MAP), ax=axes, label=metric, pad=0.02, aspect=22)
+    figure.colorbar(
+        ScalarMappable(scale, MAP), ax=axes, label=data.label(metric), pad=0.02, aspect=22
+    )
     axes.set_title(_title(data, [metric]), fontsize=10.0)
     return figure
 

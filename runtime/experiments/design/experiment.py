@@ -4,10 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from runtime.document import Node, check_keys, decoded, find_file, parse_yaml, read_file, texts
-from runtime.errors import NOWHERE, GraphError, Problems, UsageError
+from runtime.errors import (
+    NOWHERE,
+    GraphError,
+    MissingExtraError,
+    Problems,
+    UsageError,
+    Where,
+)
 from runtime.experiments.design.checks import check_factor, check_objective
 from runtime.experiments.design.factors import parse_factor
 from runtime.experiments.design.objective import Objective
@@ -20,7 +28,7 @@ from runtime.graph import Graph, load
 CHANGES = ("with", "set", "wire", "without", "bypass", "replace")
 SWEEP_KEYS = ("vary", "random", "sobol", "sampling_seed", "minimize", "maximize")
 # Further keys of plan.yaml, which is an experiment file as well.
-PLAN_KEYS = ("schema_version", "kind", "metrics", "points", "digest", "made")
+PLAN_KEYS = ("schema_version", "kind", "metrics", "units", "points", "digest", "made")
 KEYS = ("experiment", "graph", "until", *CHANGES, "seeds", *SWEEP_KEYS, "variants", *PLAN_KEYS)
 VARIANT_KEYS = ("graph", "until", *CHANGES, "changes")
 MAX_SAMPLES = 10**9
@@ -56,10 +64,53 @@ def read_experiment(
     """
     path = find_file(source, (NOWHERE, ""), Path())
     document = parse_yaml(decoded(read_file(path, (NOWHERE, "")), path), str(path))
-    if not any(document.get(key) for key in ("experiment", "vary", "variants")):
+    if not is_experiment(document):
         graph = change(load(source, modules=modules))
         return Experiment(slug(graph.title), graph)
-    return _Reader(document, path.parent, change, modules).read(path.stem)
+    reader = _Reader(document, path.parent, change, partial(load, modules=modules))
+    return reader.read(path.stem)
+
+
+def check_experiment(document: Node, path: Path, load_graph: Callable[[str], Graph]) -> None:
+    """Check an experiment whose text is in memory.
+
+    Parameters
+    ----------
+    document : the parsed text; path : its file, which need not exist.
+    load_graph : loads the graphs that it names.
+
+    Raises
+    ------
+    GraphError, UsageError : what is wrong.
+    """
+    experiment = _Reader(document, path.parent, lambda graph: graph, load_graph).read(path.stem)
+    problems = Problems()
+    for variant in experiment.variants:
+        written = (document.get("variants") or document).get(variant.name) or document
+        try:
+            variant.graph.check()
+        except GraphError as error:
+            for problem in error.problems:
+                where = _placed(problem.where, written.key)
+                text = f"{problem.address}: {problem.text}".removeprefix(": ")
+                problems.add(where, f"variants.{variant.name}", text, problem.is_name)
+        except MissingExtraError:
+            continue  # a package that only a run needs
+    problems.raise_any()
+
+
+def _placed(where: Where, otherwise: Where) -> Where:
+    """The position of a change, which a graph knows as a text; or that of its variant."""
+    _, _, rest = where.file.partition(f"{Path(otherwise.file).name}:")
+    line, _, column = rest.partition(":")
+    if where.line or not (line.isdecimal() and column.isdecimal()):
+        return where if where.line else otherwise
+    return Where(otherwise.file, int(line), int(column))
+
+
+def is_experiment(document: Node) -> bool:
+    """Whether a text describes an experiment, not a graph."""
+    return any(document.get(key) for key in ("experiment", "vary", "variants"))
 
 
 @dataclass
@@ -69,7 +120,7 @@ class _Reader:
     document: Node
     folder: Path
     change: Change
-    modules: bool
+    load: Callable[[str], Graph]
 
     def __post_init__(self) -> None:
         self.problems = Problems()
@@ -116,7 +167,7 @@ class _Reader:
             return None
         try:
             file = find_file(named.value, (named.where, f"{prefix}graph"), self.folder)
-            return self.changed(load(str(file), modules=self.modules), node, prefix)
+            return self.changed(self.load(str(file)), node, prefix)
         except GraphError as error:
             self.problems.found += error.problems
             return None

@@ -23,7 +23,7 @@ from runtime.experiments.execution.retention import RetentionPolicy, save_trial
 from runtime.experiments.execution.runner import run_all
 from runtime.experiments.execution.trials import Trial
 from runtime.experiments.execution.worker import TRAJECTORY_PLOTS, Task, TrialResult
-from runtime.experiments.execution.worker_pool import WorkerPool, cluster_pool, local_pool
+from runtime.experiments.execution.worker_pool import WorkerPool, chosen_pool
 
 __all__ = [
     "DIAGRAMS",
@@ -47,10 +47,9 @@ __all__ = [
     "WorkerPool",
     "ablation_plan",
     "check_same",
-    "cluster_pool",
+    "chosen_pool",
     "create",
     "forkserver",
-    "local_pool",
     "read_plan",
     "read_rows",
     "remaining",

@@ -81,6 +81,11 @@ class ExperimentPlan:
         return Columns(factors if self.kind == "sweep" else ("variant",), self.metrics)
 
     @property
+    def units(self) -> dict[str, str]:
+        """The units of the metrics that have one."""
+        return self.graph.observation.metric_units
+
+    @property
     def total(self) -> int:
         """The number of trials."""
         configurations = len(self.design) if self.kind == "sweep" else len(self.variants)
@@ -137,6 +142,7 @@ class ExperimentPlan:
             **self.specification,
             **goal,
             "metrics": list(self.metrics),
+            "units": self.units,
             "points": self.total,
             "digest": self.digest,
             "made": {

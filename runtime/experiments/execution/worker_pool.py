@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 from collections.abc import Callable
 from concurrent.futures import CancelledError, Executor
 from dataclasses import dataclass
@@ -43,6 +44,16 @@ def local_pool(jobs: int, timeout: float | None) -> WorkerPool:
             executor.kill()
 
     return WorkerPool(executor, lambda: jobs, leave, (WorkerDied,))
+
+
+def chosen_pool(
+    jobs: int | None, scheduler: str | None, timeout: float | None
+) -> Callable[[], WorkerPool]:
+    """A function that makes a pool: a cluster's, or of processes, one per processor by default."""
+    if scheduler is not None:
+        return lambda: cluster_pool(scheduler)
+    workers = jobs or len(os.sched_getaffinity(0))
+    return lambda: local_pool(workers, timeout)
 
 
 def cluster_pool(address: str) -> WorkerPool:

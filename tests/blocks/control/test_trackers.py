@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from scipy.linalg import expm
 import blocks
 import runtime
 from blocks import LQR, PID, Block, BlockState, FloatArray, PurePursuit, Stanley
-from blocks.core.signals import TwistValue
+from blocks.core import Evaluation, TwistValue
 from blocks.vehicle.plants import INTEGRATORS
 from tests.blocks.direct import state_of
 
@@ -32,11 +33,18 @@ def ask(
     """The command about a reference that looks along ``at``; then one update."""
     c, s = math.cos(at), math.sin(at)
     error = (c * along - s * lateral, s * along + c * lateral, heading)
-    arguments = (state, 0.0, error, (3.0, -1.0, at))
-    command: TwistValue = block.output(*arguments)  # type: ignore[attr-defined]
-    if block.spec.update is not None:
-        block.update(*arguments)  # type: ignore[attr-defined]
+    values: dict[str, Any] = {"error": error, "reference": (3.0, -1.0, at)}
+    values |= {"learn": 1.0, "turn": 0.0}
+    (evaluation,), update = block.spec.evaluations, block.spec.update
+    command: TwistValue = _called(block, evaluation, state, values)
+    if update is not None:
+        _called(block, update, state, {**values, "command": command})
     return command
+
+
+def _called(block: Block, call: Evaluation, state: BlockState, values: dict[str, Any]) -> Any:
+    """One of the block's methods, with the ports that it needs."""
+    return getattr(block, call.method)(state, 0.0, *(values[port] for port in call.needs))
 
 
 def command(block: Block, *error: float) -> TwistValue:

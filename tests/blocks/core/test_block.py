@@ -60,6 +60,11 @@ PARAMETERS: dict[str, st.SearchStrategy[dict[str, Any]]] = {
     "PID": st.fixed_dictionaries({}, optional={"kp": SIZES, "limit": SIZES, "v_r": SIZES}),
     "PurePursuit": st.fixed_dictionaries({}, optional={"lookahead_time": SIZES, "v_r": SIZES}),
     "Stanley": st.fixed_dictionaries({}, optional={"k": SIZES, "wheel_base": SIZES}),
+    "LQI": st.fixed_dictionaries({}, optional={"q_integral": SIZES, "v_r": SIZES, "r": weights(2)}),
+    "DisturbanceObserver": st.fixed_dictionaries({}, optional={"rate": SIZES, "tau": SIZES}),
+    "L1Adaptive": st.fixed_dictionaries({}, optional={"filter": SIZES, "predictor": SIZES}),
+    "MPC": st.fixed_dictionaries({}, optional={"omega_rate": SIZES, "steps": st.integers(1, 50)}),
+    "MRAC": st.fixed_dictionaries({}, optional={"power": SIZES, "e_leak": SIZES}),
     "AdaptiveBias": st.fixed_dictionaries({}, optional={"power": SIZES, "leak": SIZES}),
     "AdaptiveEnsemble": st.fixed_dictionaries(
         {"neurons": st.just(3)},

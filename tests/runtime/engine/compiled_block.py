@@ -10,7 +10,7 @@ import numpy as np
 
 from blocks import Block, BlockState, SignalType
 from blocks.testing.checking import settle
-from runtime.engine.compiled.kernels import make_kernel
+from runtime.engine.compiled.kernels import PROJECT, make_kernel
 from runtime.engine.compiled.memory import Context, Words
 from runtime.toolchain import Unit, build
 
@@ -47,9 +47,12 @@ class CompiledBlock:
         given = {n: k for n, k in state.context.types.items() if n in spec.inputs}
         context = settle(made, given, state.context.dt, state.context.world)
         self.terms, self.kinds = terms, dict(context.types)
-        calls = [*spec.evaluations, *([spec.update] if spec.update else [])]
+        calls = [*spec.evaluations]
+        calls += [each for each in (spec.update, spec.derivative) if each is not None]
+        calls += [PROJECT] if spec.projects else []
         self.calls = {call.method: call for call in calls}
-        self.kernel = make_kernel(made, state, terms, self.kinds, calls, checked)
+        self.rates = [getattr(state, name).shape for name in spec.continuous]
+        self.kernel = make_kernel(made, state, terms, self.kinds, calls, checked, self.rates)
         adapters = "\n".join(map(self._adapter, self.calls))
         declared = "\n".join(f"{prototype};" for prototype in self.kernel.prototypes)
         text = f"{CALLER}\nstruct context;\n{declared}\n{adapters}"
@@ -62,20 +65,31 @@ class CompiledBlock:
         self.words = Words(self.kernel.words)
         self.words.fill(self.kernel.fields(made, state))
 
-    def _values(self, method: str) -> list[SignalType]:
-        """The types of a method's arguments, each wire on its own, and of its outputs."""
-        call = self.calls[method]
-        inputs = [[self.kinds[p]] * self.terms.get(p, 1) for p in call.needs]
-        return [*[kind for each in inputs for kind in each], *[self.kinds[p] for p in call.outputs]]
+    def _inputs(self, method: str) -> list[SignalType]:
+        """The types of a method's arguments, each wire on its own."""
+        inputs = [[self.kinds[p]] * self.terms.get(p, 1) for p in self.calls[method].needs]
+        return [kind for each in inputs for kind in each]
+
+    def _shapes(self, method: str) -> list[tuple[int, ...]]:
+        """The shapes of what a method returns."""
+        if method == "derivative":
+            return self.rates
+        kinds = [self.kinds[port] for port in self.calls[method].outputs]
+        return [k.shape if k.form == "array" else (len(k.components) or 1,) for k in kinds]
 
     def _adapter(self, method: str) -> str:
         """A C function that passes pointers to values on to a method."""
-        taken = len(self._values(method)) - len(self.calls[method].outputs)
+        taken = self._inputs(method)
         given = [
-            f"*(double *)v[{i}]" if kind.form == "scalar" and i <= taken else f"(double *)v[{i}]"
-            for i, kind in enumerate(self._values(method), 1)
+            f"*(double *)v[{i}]" if kind.form == "scalar" else f"(double *)v[{i}]"
+            for i, kind in enumerate(taken, 1)
         ]
-        arguments = ", ".join(["ctx", "self", "*(double *)v[0]", *given])
+        given += [
+            f"(double *)v[{i}]"
+            for i in range(len(taken) + 1, len(taken) + 1 + len(self._shapes(method)))
+        ]
+        time = [] if method == "project" else ["*(double *)v[0]"]
+        arguments = ", ".join(["ctx", "self", *time, *given])
         head = f"void call_{method}(void *ctx, void *self, void **v)"
         return f"{head};\n{head}\n{{\n    {self.kernel.symbols[method]}({arguments});\n}}\n"
 
@@ -86,9 +100,7 @@ class CompiledBlock:
         for port, argument in zip(call.needs, arguments, strict=True):
             flat += argument if port in self.terms else [argument]
         arrays = [np.array(v, dtype=float) for v in (t, *flat)]
-        kinds = [self.kinds[port] for port in call.outputs]
-        shapes = [k.shape if k.form == "array" else (len(k.components) or 1,) for k in kinds]
-        outputs = [np.full(shape, np.nan) for shape in shapes]
+        outputs = [np.full(shape, np.nan) for shape in self._shapes(method)]
         pointers = [a.ctypes.data for a in (*arrays, *outputs)]
         table = (ctypes.c_void_p * len(pointers))(*pointers)
         method_ = getattr(self.library, f"call_{method}")
@@ -97,7 +109,9 @@ class CompiledBlock:
         if self.library.guarded(method_, *addresses, table):
             kind, message, file, line = self.kernel.failures[self.memory.failure]
             raise getattr(builtins, kind)(f"{message} ({file}:{line})")
-        found = [_python(kind, value) for kind, value in zip(kinds, outputs, strict=True)]
+        found: list[Any] = list(outputs)
+        if method != "derivative":
+            found = [_python(self.kinds[p], v) for p, v in zip(call.outputs, outputs, strict=True)]
         return found[0] if len(found) == 1 else tuple(found)
 
 

@@ -66,7 +66,7 @@ def test_means_over_some_of_the_seeds_are_marked(here: Run, draw: Path, folder: 
     [(_, figure)] = sweep_figures(folder)
     assert "n/N or red" in figure.get_suptitle()
     panels = {axes.get_title("left"): axes for axes in figure.axes}
-    written = [text.get_text() for text in panels["above_two"].texts]
+    written = [text.get_text() for text in panels["above_two [s]"].texts]
     assert [text for text in written if "\n" in text] == ["0\n1/3", "0\n2/3"] * 2
     assert not any("\n" in text.get_text() for text in panels["drawn"].texts)
     assert read_sweep(folder).is_partial("above_two").sum() == 4
@@ -85,7 +85,7 @@ def test_means_over_some_of_the_seeds_are_marked_where_numbers_have_no_room(
         figures = dict(sweep_figures(folder.with_name(name)))
         figure = figures.get("parallel_above_two") or next(iter(figures.values()))
         titles = {axes.get_title("left"): axes for axes in figure.axes}
-        axes = titles.get("above_two", figure.axes[0])
+        axes = titles.get("above_two [s]", figure.axes[0])
         marks = [line for line in axes.lines if line.get_color() == MARK]
         assert sum(len(line.get_xdata()) for line in marks) == (2 if name == "one" else 4)
 
@@ -94,7 +94,7 @@ def test_samples_with_some_of_the_seeds_are_marked(here: Run, draw: Path, folder
     factors = ("--vary", "draw.level=0..4", "--vary", "params.gain=1..2", "--sobol", "16")
     assert here(*SWEEP, *factors).returncode == 0
     [(_, figure)] = sweep_figures(folder)
-    [axes] = [axes for axes in figure.axes if axes.get_title("left") == "above_two"]
+    [axes] = [axes for axes in figure.axes if axes.get_title("left") == "above_two [s]"]
     data = read_sweep(folder)
     some = data.is_partial("above_two")
     assert some.any()

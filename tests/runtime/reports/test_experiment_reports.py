@@ -122,7 +122,7 @@ def test_the_table_of_an_ablation_agrees_with_its_index(
     # The blocks after it do not affect it.
     assert {row[7] for row in table[1:3]} == {"equal"}
     groups = [e.text for e in find(html, "th", scope="rowgroup")]
-    assert groups == ["drawn", "total", "above_two"]
+    assert groups == ["drawn", "total", "above_two [s]"]
 
 
 def test_an_ablation_shows_its_figure_and_a_diagram_for_each_variant(
@@ -131,7 +131,7 @@ def test_an_ablation_shows_its_figure_and_a_diagram_for_each_variant(
     every = elements(load(pages["ablation"]).html)
     figure = [e for e in every if e.inside("figure", id="figure-1")]
     message = {e.text.strip() for e in figure if e.tag == "text"}
-    assert {"drawn", "total", "above_two", "baseline", "bypass twice", "without half"} <= message
+    assert {"drawn", "total", "above_two [s]", "baseline", "bypass twice"} <= message
     shown = [e for e in every if e.inside("section", id="diagrams")]
     titles = [e.text for e in shown if e.tag == "h3"]
     assert titles == ["baseline", "bypass twice", "without half"]
@@ -154,7 +154,7 @@ def test_the_tables_of_a_sweep_agree_with_its_index(
     assert [float(row[0]) for row in best] == sorted(means, key=lambda v: -means[v])
     heads = [e.text for e in find(html, "th", scope="col")]
     # The objective comes first.
-    assert heads[:4] == ["draw.level", "ok", "total", "95 % interval"]
+    assert heads[:4] == ["draw.level", "ok", "total", "total: 95 % interval"]
     for row in best:
         mine = [float(r["total"]) for r in index if float(r["draw.level"]) == float(row[0])]
         low, high = stats.t.interval(0.95, SEEDS - 1, np.mean(mine), stats.sem(mine))

@@ -89,7 +89,7 @@ def test_a_browser_loads_it_without_messages(page: Path) -> None:
     metrics = rows(loaded.html, "metrics")
     assert [row[0] for row in metrics] == ["turned", "far", "settled"]
     assert metrics[0][1:] == [
-        *("0.995", "above 0.25 and below 0.1: failed", "final of plant.pose.theta"),
+        *("0.995 rad", "above 0.25 and below 0.1: failed", "final of plant.pose.theta"),
     ]
     assert metrics[1][2] == "below 100: met"
     assert metrics[2][1:] == ["–", "", "settling_time of plant.pose.x, band 0.1"]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from runtime.document.loader import SHIPPED
 from runtime.errors import UsageError
-from runtime.experiments.ablation import ablate
+from runtime.experiments import run_ablation
 from runtime.experiments.design.experiment import Experiment, read_experiment
 from runtime.experiments.design.seeds import Seeds
 from runtime.experiments.design.variants import check_variants
@@ -92,7 +92,7 @@ def measure(
         raise UsageError(f"{experiment.name}: there are no seeds")
     variants = list(experiment.variants)
     plan = ablation_plan(experiment, variants, chosen)
-    done = ablate(plan, variants, {}, folder / plan.name, _pool, progress=Progress(plan.name))
+    done = run_ablation(plan, variants, {}, folder / plan.name, _pool, progress=Progress(plan.name))
     if done.is_interrupted:
         raise KeyboardInterrupt
     rows = done.rows

@@ -1,0 +1,111 @@
+"""Expressions of a graph, such as ``u[0]*u[1] - sin(t)``, as plain functions of numbers.
+
+A text is parsed into a syntax tree, and every node of it must be on a list of allowed ones. From
+these nodes a new text is written, of scalar arithmetic, functions of ``math`` and of
+``blocks.core.scalar_functions``; names in it come from the caller alone. Only that text is
+executed. All arithmetic is in floats, so no number can grow without bound, and length and depth of
+a text are limited.
+
+The functions are plain Python with a readable source, which the compiled engine translates as it
+translates a block's methods.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import linecache
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+from blocks.core.expression_reader import PARSING, Names, Reader, tree_of
+from blocks.core.scalar_functions import SCOPE
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A valid expression.
+
+    text : as given. python : the Python text of its value, a float.
+    names : those of the given names that it uses.
+    """
+
+    text: str
+    python: str
+    names: frozenset[str]
+
+
+def read_expression(text: str, names: Names) -> Expression:
+    """Check an expression and write it as Python.
+
+    Parameters
+    ----------
+    names : what each name stands for, as Python text: one text for a number, several for the
+        components of a vector (``u[0]``). ``pose.x`` is a name with a dot.
+
+    Raises
+    ------
+    ExpressionError : with the column and a suggestion.
+    """
+    tree = tree_of(text)
+    reader = Reader(text, names)
+    written = reader.number(tree, 0)
+    return Expression(text, ast.unparse(ast.fix_missing_locations(written)), frozenset(reader.used))
+
+
+def function_text(expressions: Sequence[Expression], parameters: Sequence[str]) -> str:
+    """The source of a function of ``parameters`` that returns a float, or several in a tuple."""
+    values = [expression.python for expression in expressions]
+    result = values[0] if len(values) == 1 else f"({', '.join(values)})"
+    return f"def expression({', '.join(parameters)}):\n    return {result}\n"
+
+
+@lru_cache(maxsize=1000)
+def function_from(source: str) -> Callable[..., Any]:
+    """The function ``expression`` that a text of this module defines; equal texts give one object.
+
+    Its source stays readable for the compiled engine and for tracebacks.
+    """
+    file = f"<expression {hashlib.sha256(source.encode()).hexdigest()[:16]}>"
+    # Without a modification time linecache keeps the entry.
+    linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
+    scope = dict(SCOPE)
+    with PARSING:
+        code = compile(source, file, "exec", dont_inherit=True)
+    exec(code, scope)
+    made: Callable[..., Any] = scope["expression"]
+    return made
+
+
+def expression_function(
+    texts: str | Sequence[str],
+    arguments: Mapping[str, int | None],
+    constants: Mapping[str, float] | None = None,
+) -> Callable[..., Any]:
+    """A plain function that computes expressions.
+
+    Parameters
+    ----------
+    texts : one expression, or one for each component of the result.
+    arguments : the parameters in order; None for a number, or the length of a vector.
+    constants : further names, and their values.
+
+    Returns
+    -------
+    function : of these arguments; it returns a float for one expression, and a tuple for several.
+
+    Raises
+    ------
+    ExpressionError : with the column and a suggestion.
+    """
+    names: dict[str, str | Sequence[str]] = {
+        name: repr(float(value)) for name, value in (constants or {}).items()
+    }
+    for place, (name, length) in enumerate(arguments.items()):
+        own = f"a{place}"
+        names[name] = own if length is None else [f"{own}[{i}]" for i in range(length)]
+    texts = [texts] if isinstance(texts, str) else texts
+    expressions = [read_expression(text, names) for text in texts]
+    return function_from(function_text(expressions, [f"a{i}" for i in range(len(arguments))]))

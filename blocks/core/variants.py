@@ -1,0 +1,88 @@
+"""Settings of one of several classes, each with parameters of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar, Self
+
+from blocks.core.params import hint, plain, show
+from blocks.core.reading import read_params
+from blocks.core.settings import Setting, SettingError
+
+
+class Variant(Setting):
+    """A setting of one of several classes: ``LIF``, or ``{type: LIF, tau_rc: 0.02}``.
+
+    A family of such classes has one root, with the ``key`` that names a class. A class declares
+    its own parameters with :func:`blocks.core.param`, as a block does.
+    """
+
+    key: ClassVar[str] = "type"
+    noun: ClassVar[str] = "setting"
+    members: ClassVar[dict[str, type[Variant]]] = {}
+    label: ClassVar[str] = ""
+
+    def __init_subclass__(cls, root: bool = False, abstract: bool = False, label: str = "") -> None:
+        super().__init_subclass__()
+        cls.declared = read_params(cls)
+        if root:
+            cls.members = {}
+            return
+        cls.label = label or cls.__name__
+        if not abstract and cls.__module__.startswith("blocks."):
+            cls.members[cls.label] = cls
+
+    declared: ClassVar[Mapping[str, Any]] = {}
+
+    def __init__(self, **values: Any) -> None:
+        problems = [
+            (name, f"unknown{hint(name, self.declared) or _listed(self.declared)}")
+            for name in sorted(values.keys() - self.declared.keys())
+        ]
+        for name, declared in self.declared.items():
+            if name not in values and declared.required:
+                problems.append((name, f"missing; expected {declared.describe()}: {declared.doc}"))
+                continue
+            try:
+                self.__dict__[name] = declared.convert(values.get(name, declared.default))
+            except ValueError as error:
+                problems.append((name, str(error)))
+        problems = problems or self.wrong()
+        if problems:
+            raise SettingError(problems)
+
+    def wrong(self) -> list[tuple[str, str]]:
+        """What is wrong with several parameters together."""
+        return []
+
+    @classmethod
+    def read(cls, written: Any) -> Self:
+        if isinstance(written, cls):
+            return written
+        values = dict(written) if isinstance(written, dict) else {cls.key: written}
+        name = values.pop(cls.key, None)
+        if isinstance(name, type) and issubclass(name, cls):
+            return name(**values)
+        if isinstance(name, str) and name in cls.members:
+            made: Any = cls.members[name](**values)
+            return made  # type: ignore[no-any-return]
+        known = ", ".join(cls.members)
+        where = cls.key if isinstance(written, dict) else ""
+        got = "nothing" if name is None else show(name)
+        text = f"expected {cls.expected} ({known}), got {got}{hint(name, cls.members)}"
+        raise SettingError([(where, text)])
+
+    def written(self) -> Any:
+        values = {}
+        for name, declared in self.declared.items():
+            value = plain(self.__dict__[name])
+            if declared.required or value != plain(declared.convert(declared.default)):
+                values[name] = value
+        return {self.key: self.label, **values} if values else self.label
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        raise AttributeError(f"{type(self).__name__} cannot change after construction")
+
+
+def _listed(names: Mapping[str, Any]) -> str:
+    return f"; it has {', '.join(names)}" if names else "; it has none"

@@ -1,0 +1,149 @@
+"""Linear systems in continuous time."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from blocks.core import (
+    Block,
+    BlockState,
+    FloatArray,
+    Input,
+    Output,
+    ParameterError,
+    Same,
+    Scalar,
+    SignalType,
+    State,
+    Vector,
+    kernel_of,
+    param,
+)
+
+
+class StateSpace(Block):
+    """A linear system with n states, m inputs and p outputs.
+
+        input ─▶ [ StateSpace ] ─▶ out
+
+    x' = A x + B u, y = C x + D u, x(0) = x0. One input or output is a Scalar, several are a
+    Vector. With D = 0, the default, ``out`` depends on the state alone and breaks loops.
+    """
+
+    signal = Input(Same("U"), name="input", doc="u, a Scalar or a Vector(m)")
+    out = Output(Same("Y"), doc="y, a Scalar or a Vector(p)")
+
+    a: FloatArray = param(shape=[(None, None)], name="A", doc="n rows of n numbers")
+    b: FloatArray = param(
+        shape=[(None, None), (None,)], name="B", doc="n rows of m numbers; n numbers for one input"
+    )
+    c: FloatArray = param(
+        shape=[(None, None), (None,)], name="C", doc="p rows of n numbers; n numbers for one output"
+    )
+    d: FloatArray = param(
+        0.0,
+        shape=[(None, None), ()],
+        name="D",
+        doc="p rows of m numbers, or one for all; default 0",
+    )
+    x0: FloatArray | None = param(None, shape=[(None,)], doc="initial state; default 0")
+
+    x = State("n", name="x", continuous=True, doc="the state")
+
+    def validate(self) -> None:
+        n = len(self.a)
+        problems = []
+        if n == 0 or self.a.shape != (n, n):
+            problems.append(("A", f"expected as many columns as rows, got {_size(self.a)}"))
+        elif len(self.b) != n or self.b.size == 0:
+            problems.append(("B", f"expected {n} rows, as A has, got {_size(self.b)}"))
+        elif self.c.shape[-1] != n:
+            problems.append(("C", f"expected {n} columns, as A has, got {_size(self.c)}"))
+        elif self.d.ndim and self.d.shape != (len(self.outputs), self.inputs.shape[1]):
+            wanted = f"{len(self.outputs)} x {self.inputs.shape[1]}"
+            problems.append(("D", f"expected {wanted} numbers, got {_size(self.d)}"))
+        if n and self.x0 is not None and len(self.x0) != n:
+            problems.append(("x0", f"expected {n} numbers, one per state, got {len(self.x0)}"))
+        if problems:
+            raise ParameterError(problems)
+
+    @cached_property
+    def inputs(self) -> FloatArray:
+        """B as n rows of m numbers."""
+        return self.b.reshape(len(self.b), -1).copy()
+
+    @cached_property
+    def outputs(self) -> FloatArray:
+        """C as p rows of n numbers."""
+        return self.c.reshape(-1, self.c.shape[-1]).copy()
+
+    @cached_property
+    def direct(self) -> FloatArray:
+        """D as p rows of m numbers."""
+        shape = (len(self.outputs), self.inputs.shape[1])
+        return np.broadcast_to(self.d, shape).copy()
+
+    def sizes(self) -> dict[str, int]:
+        return {"n": len(self.a)}
+
+    @property
+    def variables(self) -> dict[str, SignalType]:
+        m, p = self.inputs.shape[1], len(self.outputs)
+        return {"U": Scalar if m == 1 else Vector(m), "Y": Scalar if p == 1 else Vector(p)}
+
+    @property
+    def indirect(self) -> tuple[str, ...]:
+        return () if self.direct.any() else ("input",)
+
+    def start(self, state: BlockState) -> None:
+        state.x[:] = 0.0 if self.x0 is None else self.x0
+        state.has_direct = bool(self.direct.any())
+        state.form = state.context.types["out"].form
+        state.single = state.context.types["input"].form == "scalar"
+
+    def output(self, state: BlockState, t: float, input: Any = 0.0) -> Any:
+        y = np.einsum("ij,j->i", self.outputs, state.x)
+        if state.has_direct:
+            y += np.einsum("ij,j->i", self.direct, np.atleast_1d(input))
+        return float(y[0]) if state.form == "scalar" else y
+
+    @kernel_of(output)
+    def _output_kernel(self, state: BlockState, t: float, input: Any = 0.0) -> Any:
+        y = np.zeros(len(self.outputs))
+        for i in range(len(y)):
+            for j in range(len(state.x)):
+                y[i] += self.outputs[i, j] * state.x[j]
+            if state.has_direct:
+                if state.single:
+                    y[i] += self.direct[i, 0] * input
+                else:
+                    for j in range(len(input)):
+                        y[i] += self.direct[i, j] * input[j]
+        if state.form == "scalar":
+            return y[0]
+        return y
+
+    def derivative(self, state: BlockState, t: float, input: Any) -> FloatArray:
+        rate: FloatArray = np.einsum("ij,j->i", self.a, state.x)
+        rate += np.einsum("ij,j->i", self.inputs, np.atleast_1d(input))
+        return rate
+
+    @kernel_of(derivative)
+    def _derivative_kernel(self, state: BlockState, t: float, input: Any) -> FloatArray:
+        rate = np.zeros(len(state.x))
+        for i in range(len(rate)):
+            for j in range(len(rate)):
+                rate[i] += self.a[i, j] * state.x[j]
+            if state.single:
+                rate[i] += self.inputs[i, 0] * input
+            else:
+                for j in range(len(input)):
+                    rate[i] += self.inputs[i, j] * input[j]
+        return rate
+
+
+def _size(matrix: FloatArray) -> str:
+    return f"{len(matrix)} x {matrix.shape[1]}" if matrix.ndim == 2 else f"{matrix.size}"

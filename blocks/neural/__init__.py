@@ -1,0 +1,13 @@
+"""Populations of neurons: the Neural Engineering Framework as blocks.
+
+An :class:`Ensemble` represents a vector by spikes, a :class:`Decoder` computes a function of it.
+"""
+
+from blocks.neural.decoder import Decoder
+from blocks.neural.ensemble import Ensemble
+from blocks.neural.models import Izhikevich, ReLU, Sigmoid, SpikingReLU, Tanh
+from blocks.neural.neurons import LIF, AdaptiveLIF, LIFRate, NeuronModel
+from blocks.neural.tuning import Tuning
+
+__all__ = ["LIF", "AdaptiveLIF", "Decoder", "Ensemble", "Izhikevich", "LIFRate", "NeuronModel"]
+__all__ += ["ReLU", "Sigmoid", "SpikingReLU", "Tanh", "Tuning"]

@@ -1,0 +1,213 @@
+"""Distributions of the numbers of a population, written as ``uniform(200, 400)`` and so on.
+
+The text is read by a small grammar and never evaluated.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from blocks.core import FloatArray, Setting, SettingError, hint, plain, show
+
+Draw = Callable[[np.random.Generator, int, int, tuple[Any, ...]], FloatArray]
+_CALL = re.compile(r"\s*([A-Za-z_]+)\s*(?:\((.*)\))?\s*", re.DOTALL | re.ASCII)
+_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
+_TOKEN = re.compile(rf"\s*({_NUMBER.pattern}|[\[\],])", re.ASCII)
+LONGEST = 100_000
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """A kind of distribution: how it is written, its arguments, and how it is drawn from."""
+
+    form: str
+    draw: Draw
+    least: int
+    most: int
+
+
+def _uniform(rng: np.random.Generator, n: int, d: int, given: tuple[Any, ...]) -> FloatArray:
+    return np.asarray(rng.uniform(given[0], given[1], (n, d)))
+
+
+def _normal(rng: np.random.Generator, n: int, d: int, given: tuple[Any, ...]) -> FloatArray:
+    return np.asarray(rng.normal(given[0], given[1], (n, d)))
+
+
+def _exponential(rng: np.random.Generator, n: int, d: int, given: tuple[Any, ...]) -> FloatArray:
+    shift = given[1] if len(given) > 1 else 0.0
+    high = given[2] if len(given) > 2 else math.inf
+    drawn: FloatArray = shift + rng.exponential(given[0], (n, d))
+    return np.asarray(np.minimum(drawn, np.nextafter(high, -math.inf)))
+
+
+def _choice(rng: np.random.Generator, n: int, d: int, given: tuple[Any, ...]) -> FloatArray:
+    options = np.array(given[0], dtype=float)
+    options = options.reshape(len(options), -1)
+    chosen: FloatArray = options[rng.integers(0, len(options), n)]
+    return chosen
+
+
+def _sphere(rng: np.random.Generator, n: int, d: int, given: tuple[Any, ...]) -> FloatArray:
+    points = rng.standard_normal((n, d))
+    return np.asarray(points / np.linalg.norm(points, axis=1, keepdims=True))
+
+
+def _ball(rng: np.random.Generator, n: int, d: int, given: tuple[Any, ...]) -> FloatArray:
+    points = _sphere(rng, n, d, ())
+    return np.asarray(points * rng.uniform(0.0, 1.0, (n, 1)) ** (1.0 / d))
+
+
+def _cosine(rng: np.random.Generator, n: int, d: int, given: tuple[Any, ...]) -> FloatArray:
+    """The cosine of the angle between two random directions in so many dimensions."""
+    of = given[0]
+    square = rng.beta(0.5, 0.5 * (of - 1.0), (n, d))
+    return np.asarray(np.sqrt(square) * rng.choice((-1.0, 1.0), (n, d)))
+
+
+KINDS: Mapping[str, _Kind] = {
+    "uniform": _Kind("uniform(low, high)", _uniform, 2, 2),
+    "normal": _Kind("normal(mean, deviation)", _normal, 2, 2),
+    "exponential": _Kind("exponential(scale, shift, high)", _exponential, 1, 3),
+    "choice": _Kind("choice([a, b, ...])", _choice, 1, 1),
+    "sphere": _Kind("sphere", _sphere, 0, 0),
+    "ball": _Kind("ball", _ball, 0, 0),
+    "cosine": _Kind("cosine(dimensions)", _cosine, 1, 1),
+}
+
+
+class Distribution(Setting):
+    """Numbers that are drawn, ``uniform(-1, 1)``, or given: one for all, or one per neuron."""
+
+    expected: ClassVar[str] = "a number, an array, or a distribution such as uniform(-1, 1)"
+
+    def __init__(self, kind: str = "", given: tuple[Any, ...] = (), fixed: Any = None) -> None:
+        self.kind, self.given = kind, given
+        self.fixed: FloatArray | None = None if fixed is None else np.array(fixed, dtype=float)
+        if self.fixed is not None:
+            self.fixed.setflags(write=False)
+
+    @classmethod
+    def read(cls, written: Any) -> Distribution:
+        if isinstance(written, str):
+            return cls._parsed(written)
+        try:
+            if isinstance(written, (bool, dict)) or written is None:
+                raise ValueError
+            fixed = np.array(written, dtype=float)
+        except (TypeError, ValueError):
+            raise ValueError from None
+        if not np.isfinite(fixed).all() or fixed.ndim > 2 or not fixed.size:
+            raise SettingError([("", f"expected finite numbers, got {show(written)}")])
+        return cls(fixed=fixed)
+
+    @classmethod
+    def _parsed(cls, text: str) -> Distribution:
+        match = _CALL.fullmatch(text[:LONGEST])
+        known = ", ".join(kind.form for kind in KINDS.values())
+        if match is None or match[1] not in KINDS:
+            near = hint(match[1], KINDS) if match else ""
+            message = f"expected a number, an array or one of {known}, got {show(text)}{near}"
+            raise SettingError([("", message)])
+        kind = KINDS[match[1]]
+        given = _arguments(match[2] or "", text)
+        least, most = kind.least, kind.most
+        if match[1] == "cosine" and not given:
+            least = 0  # an ensemble then takes its own number of dimensions plus two
+        if not least <= len(given) <= most:
+            raise SettingError([("", f"expected {kind.form}, got {show(text)}")])
+        made = cls(match[1], given)
+        problem = made._wrong()
+        if problem:
+            raise SettingError([("", f"{problem}, got {show(text)}")])
+        return made
+
+    def _wrong(self) -> str:
+        given, kind = self.given, self.kind
+        if kind == "choice":
+            options = given[0]
+            if not isinstance(options, list) or not options:
+                return "expected choice([a, b, ...]) with one entry or more"
+            if len({len(o) if isinstance(o, list) else 0 for o in options}) > 1:
+                return "expected entries of one length"
+            return ""
+        if any(isinstance(number, list) for number in given):
+            return f"expected {KINDS[kind].form} with numbers"
+        if kind == "uniform" and given[0] > given[1]:
+            return "expected uniform(low, high) with low at most high"
+        if kind == "normal" and given[1] < 0.0:
+            return "expected a deviation of 0 or more"
+        if kind == "exponential" and given[0] <= 0.0:
+            return "expected a scale above 0"
+        if kind == "cosine" and given and given[0] < 2.0:
+            return "expected cosine(dimensions) with 2 dimensions or more"
+        return ""
+
+    def draw(self, rng: np.random.Generator, n: int, d: int = 1, dimensions: int = 1) -> FloatArray:
+        """n rows of d numbers, (n, d); ``dimensions`` are those of ``cosine`` without a number.
+
+        Raises
+        ------
+        ValueError : given numbers do not have this shape.
+        """
+        if self.fixed is None:
+            given = (dimensions + 2.0,) if self.kind == "cosine" and not self.given else self.given
+            drawn = KINDS[self.kind].draw(rng, n, d, given)
+            if drawn.shape != (n, d):
+                raise ValueError(f"expected entries of {d} numbers, got {drawn.shape[1]}")
+            return drawn
+        fixed = self.fixed
+        if fixed.ndim == 1 and len(fixed) == n and d == 1:
+            return fixed.reshape(n, 1).copy()
+        if fixed.ndim == 0 or fixed.shape in ((n, d), (1, d)) or (fixed.shape == (d,) and d > 1):
+            return np.broadcast_to(fixed, (n, d)).copy()
+        shape = f"{n}x{d}" if d > 1 else f"{n}"
+        raise ValueError(f"expected {shape} numbers, got an array of shape {fixed.shape}")
+
+    def written(self) -> Any:
+        if self.fixed is not None:
+            return plain(self.fixed)
+        inside = ", ".join(_shown(value) for value in self.given)
+        return f"{self.kind}({inside})" if self.given else self.kind
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, list):
+        return f"[{', '.join(_shown(item) for item in value)}]"
+    return f"{value!r}".removesuffix(".0")
+
+
+def _arguments(text: str, whole: str) -> tuple[Any, ...]:
+    """Numbers and lists of numbers, separated by commas."""
+    found: list[Any] = []
+    stack = [found]
+    at, wants_value = 0, True
+    text = text.strip()
+    while at < len(text):
+        match = _TOKEN.match(text, at)
+        if match is None:
+            break
+        at, token = match.end(), match[1]
+        if token == "," and not wants_value:
+            wants_value = True
+        elif token == "[" and wants_value and len(stack) < 3:
+            stack.append([])
+            stack[-2].append(stack[-1])
+        elif token == "]" and len(stack) > 1 and not (wants_value and stack[-1]):
+            stack.pop()
+            wants_value = False
+        elif token not in "[]," and wants_value:
+            stack[-1].append(float(token))
+            wants_value = False
+        else:
+            break
+    else:
+        if len(stack) == 1 and not (wants_value and found):
+            return tuple(found)
+    raise SettingError([("", f"expected numbers separated by commas, got {show(whole)}")])

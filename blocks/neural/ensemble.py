@@ -1,0 +1,252 @@
+"""Populations of neurons that represent a vector: the Neural Engineering Framework's encoding."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import final
+
+import numpy as np
+
+from blocks.core import (
+    Block,
+    BlockContext,
+    BlockState,
+    FloatArray,
+    Input,
+    Output,
+    ParameterError,
+    Spikes,
+    State,
+    Vector,
+    kernel_of,
+    param,
+)
+from blocks.neural.distributions import Distribution
+from blocks.neural.neurons import NeuronModel
+from blocks.neural.tuning import Tuning
+
+# From this many dimensions, one product is faster than a loop over them.
+MANY_DIMENSIONS = 4
+
+
+@final
+class Ensemble(Block):
+    """A population of neurons that represents a vector by its spikes.
+
+        input, current ─▶ [ Ensemble ] ─▶ spikes
+
+    Encoding  J = gain * (encoders @ x) / radius + bias + current,  x the sum of all inputs
+    Neurons   the model's step; a spike has an area of 1, rates are in Hz
+
+    Spikes at t_k are those between t_k-1 and t_k, so the block breaks loops; with a synapse, what
+    a Decoder makes of them is Nengo's, tick by tick. The output publishes the tuning of the
+    neurons (gains, biases, encoders, model), by which a Decoder solves for its weights.
+
+    With ``groups``, the dimensions are divided evenly among that many groups of ``neurons`` each:
+    an array of ensembles as one block. Gains and biases follow from the maximum rates and the
+    intercepts; ``gain`` with ``bias`` replace them. What is drawn depends on the run's seed and
+    the block's name only. Equations: Eliasmith and Anderson, Neural Engineering, 2003.
+    """
+
+    x = Input(Vector("d"), variadic=True, name="input", doc="what to represent; wires add up")
+    straight = Input(
+        Vector("total"), variadic=True, name="current", doc="current straight into the neurons"
+    )
+
+    spikes = Output(
+        Spikes("total"),
+        publishes="tuning",
+        carries=("d", "groups"),
+        doc="spikes of the last step, 1/dt each, or rates",
+    )
+
+    neurons: int = param(100, at_least=1, doc="number of neurons, of each group")
+    dimensions: int | None = param(None, at_least=1, doc="length of the input; default as wired")
+    groups: int = param(1, at_least=1, doc="groups, among which the dimensions are divided")
+    neuron: NeuronModel = param("LIF", doc="neuron model")
+    radius: float = param(1.0, above=0.0, doc="largest input that is represented well")
+    max_rates: Distribution = param("uniform(200, 400)", unit="Hz", doc="rates at input = radius")
+    intercepts: Distribution = param(
+        "uniform(-1, 0.9)", doc="inputs along the encoder, per radius, where firing sets in"
+    )
+    encoders: Distribution = param("sphere", doc="preferred directions, a row per neuron")
+    normalize: bool = param(True, doc="whether encoders are made 1 long")
+    gain: Distribution | None = param(None, doc="gains, in place of those that follow")
+    bias: Distribution | None = param(None, doc="bias currents, in place of those that follow")
+    voltage_start: Distribution | None = param(
+        None, name="voltage", doc="initial voltages; default that of the model"
+    )
+
+    current = State("total", name="drive", doc="input current J")
+    fired = State("total", name="fired", unit="1/s", event=True, doc="spikes of the coming step")
+    membrane = State("total", name="voltage", doc="membrane voltage")
+    refractory = State("total", unit="s", doc="refractory time left")
+    recovery = State("total", doc="adaptation, or the model's recovery variable")
+
+    def sizes(self) -> dict[str, int]:
+        found = {"neurons": self.neurons, "groups": self.groups}
+        found["total"] = self.neurons * self.groups
+        if self.dimensions is not None:
+            found["d"] = self.dimensions
+        return found
+
+    def validate(self) -> None:
+        if (self.gain is None) != (self.bias is None):
+            missing = "bias" if self.bias is None else "gain"
+            raise ParameterError([(missing, "gain and bias go together; give both or neither")])
+
+    def validate_in(self, context: BlockContext) -> None:
+        d = context.types["input"].shape[0]
+        problems = []
+        if d % self.groups:
+            message = f"{d} dimensions cannot be divided evenly among {self.groups} groups"
+            raise ParameterError([("groups", message)])
+        too_long = self.neuron.too_long(context.dt)
+        if too_long:
+            problems.append(("neuron", f"{too_long}; give the block a smaller dt"))
+        try:
+            self._drawn(np.random.default_rng(0), d // self.groups)
+        except ParameterError as error:
+            problems += error.problems
+        if problems:
+            raise ParameterError(problems)
+
+    def start(self, state: BlockState) -> None:
+        d = state.context.types["input"].shape[0] // self.groups
+        drawn = self._drawn(state.rng, d)
+        state.gain, state.bias = drawn["gain"], drawn["bias"]
+        state.encoders, state.voltage[:] = drawn["encoders"], drawn["voltage"]
+        state.recovery[:] = self.neuron.initial_recovery
+        scaled = state.encoders / self.radius * state.gain[:, None]
+        shape = (self.groups, self.neurons, d)
+        # One row of encoders per dimension of a group, for all neurons.
+        state.rows = np.ascontiguousarray(scaled.T)
+        state.grouped = scaled.reshape(shape)
+        state.step, state.constants = type(self.neuron).step, self.neuron.constants
+        state.point, state.further = np.zeros((self.groups, d)), range(d)
+        state.spread = state.current_of_groups = state.drive.reshape(shape[:2])
+        state.row_groups = state.rows.reshape(d, *shape[:2])
+
+    def tuning(self, state: BlockState) -> Tuning:
+        """The published description of ``spikes``."""
+        return Tuning(self.neuron, state.gain, state.bias, state.encoders, self.radius, self.groups)
+
+    def _drawn(self, rng: np.random.Generator, d: int) -> Mapping[str, FloatArray]:
+        """Gains, biases, encoders and voltages, always drawn in one order.
+
+        So fixing one quantity does not change the others.
+        """
+        n = self.neurons * self.groups
+        problems: list[tuple[str, str]] = []
+
+        def draw(name: str, given: Distribution, columns: int = 1) -> FloatArray:
+            try:
+                drawn = given.draw(rng, n, columns, dimensions=d)
+            except ValueError as error:
+                problems.append((name, str(error)))
+                return np.full((n, columns), 0.5)
+            return drawn
+
+        rates = draw("max_rates", self.max_rates)[:, 0]
+        intercepts = draw("intercepts", self.intercepts)[:, 0]
+        encoders = draw("encoders", self.encoders, d)
+        start = self.voltage_start or Distribution.read(_number(self.neuron.initial_voltage))
+        voltage = draw("voltage", start)[:, 0]
+        lengths = np.linalg.norm(encoders, axis=1, keepdims=True)
+        if not problems and not lengths.all():
+            problems.append(("encoders", "an encoder of length 0 has no direction"))
+        if self.normalize and lengths.all():
+            encoders = encoders / lengths
+        if self.gain is not None and self.bias is not None:
+            gain, bias = draw("gain", self.gain)[:, 0], draw("bias", self.bias)[:, 0]
+        elif not problems:
+            problems += self._impossible(rates, intercepts)
+            if not problems:
+                gain, bias = self.neuron.gain_and_bias(rates, intercepts)
+        if problems:
+            raise ParameterError(problems)
+        return {"gain": gain, "bias": bias, "encoders": encoders, "voltage": voltage}
+
+    def _impossible(self, rates: FloatArray, intercepts: FloatArray) -> list[tuple[str, str]]:
+        problems = []
+        if rates.min() <= 0.0:
+            problems.append(("max_rates", f"expected rates above 0 Hz, got {rates.min():.6g}"))
+        elif rates.max() >= self.neuron.fastest:
+            message = f"this neuron fires at less than {self.neuron.fastest:g} Hz"
+            problems.append(("max_rates", f"{message}, got {rates.max():.6g}; lower the rates"))
+        if intercepts.max() >= 1.0:
+            message = f"expected intercepts below 1, got {intercepts.max():.6g}"
+            problems.append(("intercepts", f"{message}: such a neuron is never driven"))
+        return problems
+
+    def output(self, state: BlockState, t: float) -> FloatArray:
+        fired: FloatArray = state.fired.copy()
+        return fired
+
+    def update(
+        self,
+        state: BlockState,
+        t: float,
+        input: tuple[FloatArray, ...],
+        current: tuple[FloatArray, ...],
+    ) -> None:
+        point, drive = state.point, state.current_of_groups
+        flat = point.reshape(-1)
+        flat[:] = 0.0
+        for term in input:
+            flat += term
+        state.drive[:] = state.bias
+        if len(state.row_groups) < MANY_DIMENSIONS:
+            for j in state.further:
+                drive += state.row_groups[j] * point[:, j, None]
+        else:
+            drive += np.einsum("gnd,gd->gn", state.grouped, point)
+        for straight in current:
+            state.drive += straight
+        state.step(
+            *(state.dt, state.drive, state.fired, state.voltage, state.refractory),
+            *(state.recovery, state.constants),
+        )
+
+    @kernel_of(update)
+    def _update_kernel(
+        self,
+        state: BlockState,
+        t: float,
+        input: tuple[FloatArray, ...],
+        current: tuple[FloatArray, ...],
+    ) -> None:
+        point, drive, bias, rows = state.point, state.drive, state.bias, state.rows
+        for g in range(len(point)):
+            for j in range(len(rows)):
+                point[g, j] = 0.0
+                if len(input) > 0:
+                    for term in input:
+                        point[g, j] += term[g * len(rows) + j]
+        for i in range(len(drive)):
+            drive[i] = bias[i]
+        for g in range(len(point)):
+            for j in range(len(rows)):
+                row, value = rows[j], point[g, j]
+                for i in range(g * self.neurons, (g + 1) * self.neurons):
+                    drive[i] += row[i] * value
+        if len(current) > 0:
+            for straight in current:
+                for i in range(len(drive)):
+                    drive[i] += straight[i]
+        state.step(
+            state.dt,
+            state.drive,
+            state.fired,
+            state.voltage,
+            state.refractory,
+            state.recovery,
+            state.constants,
+        )
+
+
+def _number(text: str) -> str | float:
+    try:
+        return float(text)
+    except ValueError:
+        return text

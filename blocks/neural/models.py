@@ -1,0 +1,236 @@
+"""Neuron models beside the LIF family: rectified linear, sigmoid, tanh, Izhikevich's."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from blocks.core import FloatArray, kernel_of, param, portable
+from blocks.neural.neurons import NeuronModel
+
+
+def spiking_relu_step(
+    dt: float,
+    current: FloatArray,
+    spikes: FloatArray,
+    voltage: FloatArray,
+    refractory: FloatArray,
+    recovery: FloatArray,
+    constants: FloatArray,
+) -> None:
+    """V grows by max(J, 0) dt; each whole passed is a spike."""
+    voltage += dt * np.maximum(current, 0.0)
+    whole = np.floor(voltage)
+    voltage -= whole
+    np.divide(whole, dt, out=spikes)
+
+
+@kernel_of(spiking_relu_step)
+def _spiking_relu_kernel(
+    dt: float,
+    current: FloatArray,
+    spikes: FloatArray,
+    voltage: FloatArray,
+    refractory: FloatArray,
+    recovery: FloatArray,
+    constants: FloatArray,
+) -> None:
+    for i in range(len(voltage)):
+        voltage[i] += dt * max(current[i], 0.0)
+        whole = math.floor(voltage[i])
+        voltage[i] -= whole
+        spikes[i] = whole / dt
+
+
+class _Linear(NeuronModel, abstract=True):
+    """Rates that are the current itself, where it is positive."""
+
+    def rates(self, current: FloatArray) -> FloatArray:
+        return np.maximum(current, 0.0)
+
+    def gain_and_bias(
+        self, max_rates: FloatArray, intercepts: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        gain = max_rates / (1.0 - intercepts)
+        return gain, -gain * intercepts
+
+
+class SpikingReLU(_Linear):
+    """Integrate-and-fire without a leak: V' = max(J, 0), a spike for each whole."""
+
+    step = staticmethod(spiking_relu_step)
+
+
+def relu_step(
+    dt: float,
+    current: FloatArray,
+    spikes: FloatArray,
+    voltage: FloatArray,
+    refractory: FloatArray,
+    recovery: FloatArray,
+    constants: FloatArray,
+) -> None:
+    """The current where it is positive."""
+    np.maximum(current, 0.0, out=spikes)
+
+
+@kernel_of(relu_step)
+def _relu_kernel(
+    dt: float,
+    current: FloatArray,
+    spikes: FloatArray,
+    voltage: FloatArray,
+    refractory: FloatArray,
+    recovery: FloatArray,
+    constants: FloatArray,
+) -> None:
+    for i in range(len(current)):
+        spikes[i] = max(current[i], 0.0)
+
+
+class ReLU(_Linear):
+    """A rate of max(J, 0)."""
+
+    spiking = False
+    initial_voltage = "0"
+    step = staticmethod(relu_step)
+
+
+def sigmoid_step(
+    dt: float,
+    current: FloatArray,
+    spikes: FloatArray,
+    voltage: FloatArray,
+    refractory: FloatArray,
+    recovery: FloatArray,
+    constants: FloatArray,
+) -> None:
+    """The logistic function of the currents."""
+    for i in range(len(current)):
+        spikes[i] = 1.0 / (constants[0] * (1.0 + math.exp(-current[i])))
+
+
+class Sigmoid(NeuronModel):
+    """A rate of 1 / (tau_ref (1 + exp(-J))); the intercept is where J = 0, at half the
+    largest rate."""
+
+    spiking = False
+    initial_voltage = "0"
+    tau_ref: float = param(0.0025, unit="s", above=0.0, doc="inverse of the largest rate")
+    step = staticmethod(sigmoid_step)
+
+    @property
+    def fastest(self) -> float:
+        return 1.0 / self.tau_ref
+
+    def rates(self, current: FloatArray) -> FloatArray:
+        return np.asarray(1.0 / (self.tau_ref * (1.0 + portable.exp(-np.asarray(current)))))
+
+    def gain_and_bias(
+        self, max_rates: FloatArray, intercepts: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        largest = -portable.log(1.0 / (self.tau_ref * max_rates) - 1.0)
+        gain = largest / (1.0 - intercepts)
+        return gain, -gain * intercepts
+
+
+def tanh_step(
+    dt: float,
+    current: FloatArray,
+    spikes: FloatArray,
+    voltage: FloatArray,
+    refractory: FloatArray,
+    recovery: FloatArray,
+    constants: FloatArray,
+) -> None:
+    """The hyperbolic tangent of the currents."""
+    for i in range(len(current)):
+        spikes[i] = math.tanh(current[i]) / constants[0]
+
+
+class Tanh(NeuronModel):
+    """A rate of tanh(J) / tau_ref, negative on one side of the intercept."""
+
+    spiking = False
+    initial_voltage = "0"
+    tau_ref: float = param(0.0025, unit="s", above=0.0, doc="inverse of the largest rate")
+    step = staticmethod(tanh_step)
+
+    @property
+    def fastest(self) -> float:
+        return 1.0 / self.tau_ref
+
+    def rates(self, current: FloatArray) -> FloatArray:
+        return np.asarray(portable.tanh(np.asarray(current)) / self.tau_ref)
+
+    def gain_and_bias(
+        self, max_rates: FloatArray, intercepts: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        largest = portable.atanh(self.tau_ref * max_rates)
+        gain = largest / (1.0 - intercepts)
+        return gain, -gain * intercepts
+
+
+def izhikevich_step(
+    dt: float,
+    current: FloatArray,
+    spikes: FloatArray,
+    voltage: FloatArray,
+    refractory: FloatArray,
+    recovery: FloatArray,
+    constants: FloatArray,
+) -> None:
+    """Izhikevich's equations by Euler's method, in ms; the voltage is reset in its own step."""
+    sharpness, coupling, reset_voltage, reset_recovery = constants.tolist()
+    # Below -30, Euler's method with a step of 1 ms is unstable for some parameters.
+    drive = np.maximum(current, -30.0)
+    drive += (0.04 * voltage + 5.0) * voltage + 140.0 - recovery
+    voltage += drive * (1000.0 * dt)
+    spiking = voltage >= 30.0
+    voltage[spiking] = reset_voltage
+    recovery += sharpness * (coupling * voltage - recovery) * (1000.0 * dt)
+    recovery[spiking] += reset_recovery
+    spikes[...] = spiking / dt
+
+
+@kernel_of(izhikevich_step)
+def _izhikevich_kernel(
+    dt: float,
+    current: FloatArray,
+    spikes: FloatArray,
+    voltage: FloatArray,
+    refractory: FloatArray,
+    recovery: FloatArray,
+    constants: FloatArray,
+) -> None:
+    ms = 1000.0 * dt
+    for i in range(len(voltage)):
+        drive = max(current[i], -30.0)
+        drive += (0.04 * voltage[i] + 5.0) * voltage[i] + 140.0 - recovery[i]
+        voltage[i] += drive * ms
+        spikes[i] = 0.0
+        fired = voltage[i] >= 30.0
+        if fired:
+            voltage[i] = constants[2]
+        recovery[i] += constants[0] * (constants[1] * voltage[i] - recovery[i]) * ms
+        if fired:
+            recovery[i] += constants[3]
+            spikes[i] = 1.0 / dt
+
+
+class Izhikevich(NeuronModel):
+    """Izhikevich's neuron (2003): v' = 0.04 v^2 + 5 v + 140 - u + J, u' = a (b v - u), in ms."""
+
+    initial_voltage = "-65"
+    initial_recovery = -13.0
+
+    tau_recovery: float = param(0.02, above=0.0, doc="a, in 1/ms")
+    coupling: float = param(0.2, at_least=0.0, doc="b")
+    reset_voltage: float = param(-65.0, unit="mV", doc="c, the voltage after a spike")
+    reset_recovery: float = param(8.0, doc="d, added to u by a spike")
+    step = staticmethod(izhikevich_step)
+
+    @property
+    def fastest(self) -> float:
+        return 1000.0

@@ -1,0 +1,142 @@
+"""Solvers of decoders: from activities A (m, n) and targets Y (m, k) to decoders (n, k)."""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+import numpy as np
+
+from blocks.core import FloatArray, Variant, param, portable
+
+# Up to this many neurons, and multiplications, results have the same bits on every processor.
+PORTABLE_NEURONS, PORTABLE_WORK = 200, 10**8
+ROUNDS, CLOSE = 2_000, 1e-9
+
+
+class SingularError(ArithmeticError):
+    """The system has no solution; the message says why, and what to do."""
+
+
+class Solver(Variant, root=True):
+    """How decoders are solved: ``l2``, or ``{type: l2, reg: 0.1}``."""
+
+    expected: ClassVar[str] = "a solver"
+    sparse: ClassVar[bool] = False
+
+    def solve(self, a: FloatArray, y: FloatArray, rng: np.random.Generator) -> FloatArray:
+        """Decoders (n, k) with A @ decoders close to Y.
+
+        Raises
+        ------
+        SingularError : the system is singular.
+        """
+        raise NotImplementedError
+
+
+class L2(Solver, label="l2"):
+    """min |A D - Y|^2 + m (reg max A)^2 |D|^2: least squares with L2 regularisation."""
+
+    reg: float = param(0.1, at_least=0.0, doc="regularisation, as a share of the largest rate")
+
+    def solve(self, a: FloatArray, y: FloatArray, rng: np.random.Generator) -> FloatArray:
+        return ridge(a, y, self.reg * float(a.max(initial=0.0)))
+
+
+class L2Noise(Solver, label="l2_noise"):
+    """Least squares on activities with normal noise, which regularises as L2 does."""
+
+    noise: float = param(0.1, above=0.0, doc="deviation, as a share of the largest rate")
+
+    def solve(self, a: FloatArray, y: FloatArray, rng: np.random.Generator) -> FloatArray:
+        noisy: FloatArray = a + rng.normal(
+            0.0, self.noise * max(float(a.max(initial=0.0)), 1e-12), a.shape
+        )
+        return ridge(noisy, y, 0.0)
+
+
+class NNLS(Solver, label="nnls"):
+    """min |A D - Y|^2 with D >= 0 (Lawson and Hanson)."""
+
+    def solve(self, a: FloatArray, y: FloatArray, rng: np.random.Generator) -> FloatArray:
+        from scipy.optimize import nnls
+
+        return np.stack([nnls(a, target)[0] for target in y.T], axis=1)
+
+
+class Lasso(Solver, label="lasso"):
+    """min |A D - Y|^2 / (2 m) + l1 s |D|_1 + l2 s^2 |D|^2 / 2 with s = max A: few decoders.
+
+    Cyclic coordinate descent (Friedman, Hastie and Tibshirani, 2010).
+    """
+
+    l1: float = param(1e-4, at_least=0.0, doc="L1 regularisation, as a share of the largest rate")
+    l2: float = param(1e-6, at_least=0.0, doc="L2 regularisation, as a share of its square")
+
+    def solve(self, a: FloatArray, y: FloatArray, rng: np.random.Generator) -> FloatArray:
+        largest, m = float(a.max(initial=0.0)), len(a)
+        gram = products(a.T, a) / m
+        right = products(a.T, y) / m
+        threshold, ridge_term = self.l1 * largest, self.l2 * largest**2
+        scale = gram.diagonal() + ridge_term
+        found = np.zeros_like(right)
+        left = right.copy()
+        for _ in range(ROUNDS):
+            change = 0.0
+            for i in scale.nonzero()[0].tolist():
+                old = found[i].copy()
+                raw = left[i] + gram[i, i] * old
+                new = np.sign(raw) * np.maximum(np.abs(raw) - threshold, 0.0) / scale[i]
+                step = new - old
+                if step.any():
+                    left -= gram[:, i, None] * step
+                    found[i] = new
+                    change = max(change, float(np.abs(step).max()))
+            if change * largest <= CLOSE * max(1.0, float(np.abs(found).max()) * largest):
+                break
+        return found
+
+
+def products(a: FloatArray, b: FloatArray) -> FloatArray:
+    """A matrix product: with the same bits everywhere up to a size, beyond that by BLAS."""
+    if a.shape[0] * a.shape[1] * b.shape[1] <= PORTABLE_WORK:
+        return portable.product(a, b)
+    return np.asarray(a @ b)
+
+
+def ridge(a: FloatArray, y: FloatArray, sigma: float) -> FloatArray:
+    """The D of (A'A + m sigma^2 I) D = A'Y; with fewer points than neurons, of the dual system.
+
+    Raises
+    ------
+    SingularError : the matrix is singular to working precision.
+    """
+    m, n = a.shape
+    is_dual = m < n
+    gram = products(a, a.T) if is_dual else products(a.T, a)
+    gram[np.diag_indices(len(gram))] += m * sigma**2
+    right = y if is_dual else products(a.T, y)
+    try:
+        if len(gram) <= PORTABLE_NEURONS:
+            solved = portable.solve(gram, right)
+        else:
+            solved = np.asarray(np.linalg.solve(gram, right), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        raise SingularError(_singular(a)) from None
+    if not np.isfinite(solved).all():
+        raise SingularError(_singular(a))
+    return products(a.T, solved) if is_dual else solved
+
+
+def _singular(a: FloatArray) -> str:
+    silent = int((a.max(axis=0, initial=0.0) <= 0.0).sum())
+    said = f"{silent} of {a.shape[1]} neurons are silent at all points, " if silent else ""
+    return (
+        f"the system is singular: {said}some neurons respond alike; give the solver a reg above 0"
+    )
+
+
+def rmse(a: FloatArray, y: FloatArray, decoders: FloatArray) -> float:
+    """The root mean square error of the decoded targets on the evaluation points."""
+    error = products(a, decoders) - y
+    return math.sqrt(float(np.square(error).sum()) / max(1, len(error)))

@@ -1,0 +1,126 @@
+"""Synapses: linear filters, discretised exactly for inputs that hold between steps.
+
+    x_k+1 = A x_k + B u_k,    y_k+1 = the last component of x_k+1
+
+so that the output of tick k + 1 contains the spikes of step k, as in Nengo.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, ClassVar
+
+import numpy as np
+
+from blocks.core import FloatArray, SettingError, Variant, hint, param, portable, show
+
+
+class Synapse(Variant, root=True):
+    """A filter: a number (the time constant of a lowpass), ``alpha(0.1)``, ``none``, ..."""
+
+    expected: ClassVar[str] = "a synapse: a time constant in s, none, or one of"
+    order: ClassVar[int] = 1
+
+    @classmethod
+    def read(cls, written: Any) -> Any:
+        if written is None:
+            written = "none"
+        if isinstance(written, (int, float)) and not isinstance(written, bool):
+            return Lowpass(tau=written)
+        if isinstance(written, str) and written.endswith(")"):
+            name, _, inside = written[:-1].partition("(")
+            kind = cls.members.get(name.strip())
+            numbers = [_number(part) for part in inside.split(",")]
+            if kind is None or None in numbers or len(numbers) > len(kind.declared):
+                near = hint(name, cls.members) if kind is None else ""
+                known = ", ".join(_form(member) for member in cls.members.values())
+                message = f"expected a time constant in s, or {known}, got {show(written)}{near}"
+                raise SettingError([("", message)])
+            return kind(**dict(zip(kind.declared, numbers, strict=False)))
+        return super().read(written)
+
+    def written(self) -> Any:
+        values = [self.__dict__[name] for name in self.declared]
+        if isinstance(self, Lowpass):
+            return self.tau
+        return f"{self.label}({', '.join(f'{v:g}' for v in values)})" if values else self.label
+
+    def matrices(self, dt: float) -> tuple[FloatArray, FloatArray]:
+        """A (m, m) and B (m,) for a step of dt."""
+        raise NotImplementedError
+
+
+class Lowpass(Synapse, label="lowpass"):
+    """1 / (tau s + 1)."""
+
+    tau: float = param(unit="s", above=0.0, doc="time constant")
+
+    def matrices(self, dt: float) -> tuple[FloatArray, FloatArray]:
+        share = -math.expm1(-dt / self.tau)
+        return np.array([[1.0 - share]]), np.array([share])
+
+
+class NoSynapse(Synapse, label="none"):
+    """What arrives is passed on."""
+
+    order = 0
+
+    def matrices(self, dt: float) -> tuple[FloatArray, FloatArray]:
+        return np.zeros((0, 0)), np.zeros(0)
+
+
+class _TwoPoles(Synapse, abstract=True):
+    order = 2
+
+    def continuous(self) -> tuple[float, float]:
+        """a1 and a0 of 1 / (s^2 / a0 + a1 / a0 s + 1), all divided by the leading coefficient."""
+        raise NotImplementedError
+
+    def matrices(self, dt: float) -> tuple[FloatArray, FloatArray]:
+        a1, a0 = self.continuous()
+        system = np.array([[-a1, -a0, a0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]) * dt
+        stepped = _exponential(system)
+        return stepped[:2, :2].copy(), stepped[:2, 2].copy()
+
+
+class Alpha(_TwoPoles, label="alpha"):
+    """1 / (tau s + 1)^2."""
+
+    tau: float = param(unit="s", above=0.0, doc="time constant of both poles")
+
+    def continuous(self) -> tuple[float, float]:
+        return 2.0 / self.tau, 1.0 / self.tau**2
+
+
+class SecondOrder(_TwoPoles, label="second_order"):
+    """omega^2 / (s^2 + 2 damping omega s + omega^2)."""
+
+    omega: float = param(unit="rad/s", above=0.0, doc="natural frequency")
+    damping: float = param(1.0, above=0.0, doc="damping ratio")
+
+    def continuous(self) -> tuple[float, float]:
+        return 2.0 * self.damping * self.omega, self.omega**2
+
+
+def _exponential(matrix: FloatArray) -> FloatArray:
+    """The matrix exponential, by its series after halving until the norm is small."""
+    halvings = max(0, math.ceil(math.log2(max(float(np.abs(matrix).sum()), 1e-300))) + 4)
+    scaled = matrix / 2.0**halvings
+    total, term = np.eye(len(matrix)), np.eye(len(matrix))
+    for i in range(1, 16):
+        term = portable.product(term, scaled) / i
+        total = total + term
+    for _ in range(halvings):
+        total = portable.product(total, total)
+    return total
+
+
+def _number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def _form(kind: type[Variant]) -> str:
+    return f"{kind.label}({', '.join(kind.declared)})" if kind.declared else kind.label

@@ -1,0 +1,45 @@
+"""What an ensemble publishes about its neurons, for the decoders that read its spikes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from blocks.core import FloatArray, portable
+from blocks.neural.neurons import NeuronModel
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """The tuning of an ensemble's neurons; it does not change during a run.
+
+    neuron : the model. gain, bias : (groups * n,). encoders : (groups * n, d), of length 1 unless
+    given otherwise. radius : inputs are divided by it. groups : each of n neurons and d dimensions.
+    """
+
+    neuron: NeuronModel
+    gain: FloatArray
+    bias: FloatArray
+    encoders: FloatArray
+    radius: float
+    groups: int = 1
+
+    @property
+    def neurons(self) -> int:
+        """Neurons per group."""
+        return len(self.gain) // self.groups
+
+    @property
+    def dimensions(self) -> int:
+        """Dimensions per group."""
+        return int(self.encoders.shape[1])
+
+    def currents(self, points: FloatArray, group: int = 0) -> FloatArray:
+        """Input currents (p, n) of a group's neurons at points (p, d)."""
+        mine = slice(group * self.neurons, (group + 1) * self.neurons)
+        scaled = self.encoders[mine] / self.radius
+        drive = portable.product(points, scaled.T)
+        return drive * self.gain[mine] + self.bias[mine]
+
+    def rates(self, points: FloatArray, group: int = 0) -> FloatArray:
+        """Steady firing rates (p, n) in Hz of a group's neurons at points (p, d)."""
+        return self.neuron.rates(self.currents(points, group))

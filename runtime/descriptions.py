@@ -1,0 +1,153 @@
+"""Descriptions of blocks and options, from their own declarations: as text, Markdown and data."""
+
+from __future__ import annotations
+
+import inspect
+import math
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from blocks.core import Block, Input, Output, Param
+from blocks.registry import BUILTIN, blocks_of_module, installed
+from runtime.errors import UsageError
+from runtime.terminal import table
+
+TableRow = tuple[str, str, str, str]
+
+
+def library(module: str | None = None) -> dict[str, type[Block]]:
+    """All block types: built in, installed, and those of a file."""
+    own: dict[str, type[Block]] = {}
+    if module is not None:
+        try:
+            own = blocks_of_module(Path(module))
+        except Exception as error:  # noqa: BLE001 -- a user's file may raise any exception
+            raise UsageError(f"cannot load '{module}': {type(error).__name__}: {error}") from None
+    return {**BUILTIN, **installed(), **own}
+
+
+def families(known: Mapping[str, type[Block]]) -> dict[str, list[str]]:
+    """The names of block types by what they are for: the rooms of the library, then others."""
+    found: dict[str, list[str]] = {}
+    for name, cls in known.items():
+        top, *rest = cls.__module__.split(".")
+        room = sys.modules.get(f"blocks.{rest[0]}") if top == "blocks" and rest else None
+        said = (room.__doc__ or "").strip().split("\n")[0].rstrip(".") if room is not None else ""
+        family = f"{rest[0]}: {said}" if said else top
+        found.setdefault("your own" if family.startswith("_") else family, []).append(name)
+    return found
+
+
+def summary(cls: type[Block]) -> str:
+    """The first line of a block's documentation."""
+    return (cls.__doc__ or "").strip().split("\n")[0]
+
+
+def describe_text(cls: type[Block]) -> str:
+    """The description of a block for a terminal."""
+    lines = [cls.__name__, "", inspect.getdoc(cls) or "", ""]
+    for title, rows in _tables(cls):
+        used = [i for i in range(len(rows[0])) if any(row[i] for row in rows)]
+        lines += [title, table([[row[i] for i in used] for row in rows]), ""]
+    through = cls.spec.through
+    if through:
+        lines.append(f"bypass wires {through[0]} straight to {through[1]}")
+    return "\n".join(lines).rstrip()
+
+
+def describe_markdown(cls: type[Block]) -> str:
+    """The description of a block for docs/blocks.md."""
+    first, _, rest = (inspect.getdoc(cls) or "").partition("\n")
+    lines = [f"## {cls.__name__}", "", first, ""]
+    if rest.strip():
+        lines += ["```text", rest.strip("\n"), "```", ""]
+    for title, rows in _tables(cls):
+        lines += [f"| {title} | | | |", "|---|---|---|---|"]
+        for name, kind, default, text in rows:
+            cells = (f"`{name}`", kind, f"`{default}`" if default else "", text)
+            lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+        lines.append("")
+    through = cls.spec.through
+    if through:
+        lines += [f"`bypass` wires `{through[0]}` straight to `{through[1]}`.", ""]
+    return "\n".join(lines)
+
+
+def describe_json(cls: type[Block]) -> dict[str, Any]:
+    """The description of a block as plain data."""
+    spec = cls.spec
+    return {
+        "doc": inspect.getdoc(cls),
+        "inputs": {
+            n: {"type": str(p.type), "unit": p.unit, "required": not p.optional, "doc": p.doc}
+            for n, p in spec.inputs.items()
+        },
+        "outputs": {
+            n: {"type": str(p.type), "unit": p.unit, "doc": p.doc, "through": p.through or None}
+            for n, p in spec.outputs.items()
+        },
+        "states": {n: {"unit": s.unit, "doc": s.doc} for n, s in spec.states.items()},
+        "parameters": {
+            n: {
+                "expected": p.describe(),
+                "required": p.required,
+                "default": None if p.required else _plain(p.default),
+                "doc": p.doc,
+            }
+            for n, p in spec.params.items()
+        },
+    }
+
+
+def _tables(cls: type[Block]) -> list[tuple[str, list[TableRow]]]:
+    spec = cls.spec
+    tables: list[tuple[str, list[TableRow]]] = [
+        ("inputs", [_input(name, port) for name, port in spec.inputs.items()]),
+        ("outputs", [_output(name, port) for name, port in spec.outputs.items()]),
+        ("parameters", [param_row(name, declared) for name, declared in spec.params.items()]),
+        ("states (for probes)", [(n, "", s.unit, s.doc) for n, s in spec.states.items()]),
+    ]
+    return [(title, rows) for title, rows in tables if rows]
+
+
+def _input(name: str, port: Input) -> TableRow:
+    doc = port.doc
+    if port.default is not None:
+        doc += f"; default: {port.default:g}"
+    kind = f"{port.type}, any number" if port.variadic else str(port.type)
+    return name, kind, port.unit, doc
+
+
+def _output(name: str, port: Output) -> TableRow:
+    return name, str(port.type), port.unit, port.doc
+
+
+def param_row(name: str, declared: Param) -> TableRow:
+    """Name, what is expected, default and documentation of a parameter or option."""
+    default = "required" if declared.required else _shown(declared.default)
+    return name, declared.describe(), default, declared.doc
+
+
+def _plain(value: Any) -> Any:
+    value = list(value) if isinstance(value, (tuple, np.ndarray)) else value
+    return ".inf" if isinstance(value, float) and math.isinf(value) else value
+
+
+def _shown(value: Any) -> str:
+    value = _plain(value)
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def option_text(name: str, declared: Param) -> str:
+    """An option in one line of Markdown."""
+    _, expected, default, doc = param_row(name, declared)
+    given = default if default in ("", "required") else f"default {default}"
+    return f"`{name}` ({', '.join(filter(None, (expected, given)))}): {doc}"

@@ -1,0 +1,320 @@
+"""What a sweep or an ablation gives in Python: typed tables that show themselves."""
+
+from __future__ import annotations
+
+import math
+import shutil
+import weakref
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+from runtime.dataframes import dataframe
+from runtime.document import parse_yaml
+from runtime.experiments.ablation import AblationResult
+from runtime.experiments.analysis import (
+    ComparisonLine,
+    Estimate,
+    comparison_rows,
+    comparison_table,
+    estimate,
+    gather,
+    legend,
+)
+from runtime.experiments.design import Objective
+from runtime.experiments.execution import INDEX, Columns, Row, read_rows
+from runtime.experiments.sweeping import SweepResult
+from runtime.runs import Figures
+from runtime.terminal import number, table, with_unit
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+MOST = 20  # configurations that are shown
+HALF = "±: half of the 95 % interval of the mean over the seeds."
+SOME = "n/N: n of N seeds have a value; the mean is over those."
+
+
+@dataclass(frozen=True)
+class TrialRecord:
+    """One run of an experiment.
+
+    Parameters
+    ----------
+    values : of each factor; for an ablation, the name of its ``variant``.
+    status : ``ok``, ``failed``, ``timeout`` or ``lost``; ``reason`` is '' if it is ok.
+    metrics : None where a metric has no value.
+    wall_s : how long it took (s).
+    """
+
+    values: Mapping[str, object]
+    seed: int
+    status: str
+    reason: str
+    metrics: Mapping[str, float | None]
+    wall_s: float
+
+
+@dataclass(frozen=True)
+class SweepConfiguration:
+    """One combination of factors' values, with the mean of each metric over the seeds.
+
+    ``ok`` counts the trials that ended well; an estimate's ``n`` counts those with a value.
+    """
+
+    values: Mapping[str, object]
+    ok: int
+    metrics: Mapping[str, Estimate]
+
+
+@dataclass(frozen=True)
+class _Table:
+    """What the tables of sweeps and ablations share.
+
+    Parameters
+    ----------
+    seeds : each configuration ran with each of them.
+    trials : all runs, in the order of the plan.
+    units : of the metrics that have one.
+    folder : the experiment's folder, for ``runtime report``. Without a folder of your own it is a
+        temporary one, which is removed together with this object.
+    """
+
+    name: str
+    seeds: tuple[int, ...]
+    trials: tuple[TrialRecord, ...] = field(repr=False)
+    units: Mapping[str, str] = field(repr=False)
+    folder: Path = field(repr=False)
+
+    def with_temporary(self, folder: Path) -> Self:
+        """This table; ``folder`` is removed as soon as the table is not used any more."""
+        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
+        return self
+
+    def to_dataframe(self) -> DataFrame:
+        """One row per run, for pandas (extra ``dataframes``).
+
+        Raises
+        ------
+        MissingExtraError : pandas is not installed.
+        """
+        keys = list(self.trials[0].values) if self.trials else []
+        metrics = list(self.trials[0].metrics) if self.trials else []
+        columns: dict[str, list[object]] = {
+            key: [trial.values[key] for trial in self.trials] for key in keys
+        }
+        columns["seed"] = [trial.seed for trial in self.trials]
+        columns["status"] = [trial.status for trial in self.trials]
+        for name in metrics:
+            found = [trial.metrics[name] for trial in self.trials]
+            columns[name] = [math.nan if value is None else value for value in found]
+        return dataframe(columns, self.units, "to_dataframe()")
+
+    def _counts(self) -> str:
+        counts = Counter(trial.status for trial in self.trials)
+        return ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
+
+    def _failures(self) -> Iterator[str]:
+        reasons = Counter(trial.reason for trial in self.trials if trial.reason)
+        for reason, count in reasons.most_common(5):
+            yield f"{count} x {reason}"
+
+
+@dataclass(frozen=True)
+class SweepTable(_Table):
+    """A sweep: ``configurations`` in the order of the plan, ``best`` by the objective."""
+
+    factors: tuple[str, ...]
+    configurations: tuple[SweepConfiguration, ...] = field(repr=False)
+    objective: Objective | None = field(repr=False)
+
+    @classmethod
+    def of(cls, result: SweepResult) -> SweepTable:
+        """The table of a sweep that has ended."""
+        plan = result.plan
+        seeds = tuple(plan.seeds)
+        columns = plan.columns
+        rows = sorted(read_rows(result.folder / INDEX, columns), key=lambda row: row.trial)
+        groups = sorted(gather(rows, len(seeds)), key=lambda group: group.number)
+        configurations = tuple(
+            SweepConfiguration(
+                _values(columns, group.cells),
+                sum(row.status == "ok" for row in group.rows),
+                {name: estimate(group.values(i)) for i, name in enumerate(plan.metrics)},
+            )
+            for group in groups
+        )
+        trials = tuple(_record(row, columns) for row in rows)
+        shared = (plan.name, seeds, trials, plan.units, result.folder)
+        return cls(*shared, columns.factors, configurations, plan.objective)
+
+    @property
+    def best(self) -> SweepConfiguration | None:
+        """The best configuration among those with a value of the objective for every seed."""
+        goal = self.objective
+        if goal is None:
+            return None
+        metric, most = goal.metric, len(self.seeds)
+        whole = [found for found in self.configurations if found.metrics[metric].n == most]
+        return min(whole, key=lambda found: goal.of(found.metrics[metric].mean), default=None)
+
+    def plot(self) -> Figures:
+        """The sweep's figures by their names."""
+        from runtime.experiments.analysis.sweep_plots import sweep_figures
+
+        return Figures(sweep_figures(self.folder))
+
+    def _rows(self) -> list[tuple[str, ...]]:
+        metrics = list(self.configurations[0].metrics) if self.configurations else []
+        is_ok = all(found.ok == len(self.seeds) for found in self.configurations)
+        ok = () if is_ok else ("ok",)
+        rows = [(*self.factors, *ok, *(with_unit(name, self.units) for name in metrics))]
+        for found in self.configurations[:MOST]:
+            given = (_cell(value) for value in found.values.values())
+            share = () if is_ok else (f"{found.ok}/{len(self.seeds)}",)
+            means = (_mean(each, len(self.seeds)) for each in found.metrics.values())
+            rows.append((*given, *share, *means))
+        return rows
+
+    def _head(self) -> str:
+        count = len(self.configurations)
+        return f"sweep {self.name}: {count} configurations x {len(self.seeds)} seeds: " + (
+            self._counts()
+        )
+
+    def _notes(self) -> list[str]:
+        notes = []
+        if len(self.configurations) > MOST:
+            notes.append(f"... and {len(self.configurations) - MOST} more configurations")
+        best = self.best
+        if best is not None and self.objective is not None:
+            goal = "smallest" if self.objective.goal == "minimize" else "largest"
+            chosen = ", ".join(f"{path}={_cell(value)}" for path, value in best.values.items())
+            mean = _mean(best.metrics[self.objective.metric], len(self.seeds))
+            metric = with_unit(self.objective.metric, self.units)
+            notes.append(f"{goal} {metric}: {mean} at {chosen or 'its only configuration'}")
+        found = [e for each in self.configurations for e in each.metrics.values()]
+        notes += [HALF] * any(each.n > 1 for each in found)
+        notes += [SOME] * any(0 < each.n < len(self.seeds) for each in found)
+        return [*notes, *self._failures()]
+
+    def __repr__(self) -> str:
+        rows = self._rows()
+        shown = table(rows, range(len(rows[0])), indent="  ")
+        return "\n".join([self._head(), shown, *self._notes()])
+
+    def _repr_html_(self) -> str:
+        return _html(self._head(), self._rows(), self._notes()) + self.plot()._repr_html_()
+
+
+@dataclass(frozen=True)
+class AblationTable(_Table):
+    """An ablation: ``lines`` compare each variant with the baseline, metric by metric.
+
+    ``essential`` has the blocks that cannot be removed alone, with the reasons.
+    """
+
+    variants: tuple[str, ...]
+    lines: tuple[ComparisonLine, ...] = field(repr=False)
+    essential: Mapping[str, str] = field(repr=False)
+    legend: str = field(repr=False)
+
+    @classmethod
+    def of(cls, result: AblationResult) -> AblationTable:
+        """The table of an ablation that has ended."""
+        plan = result.plan
+        lines = tuple(result.lines())
+        rows = [row for rows in result.rows.values() for row in rows]
+        return cls(
+            *(plan.name, tuple(plan.seeds)),
+            tuple(_record(row, plan.columns) for row in sorted(rows, key=lambda row: row.trial)),
+            *(plan.units, result.folder),
+            tuple(result.variants),
+            lines,
+            result.essential,
+            legend(lines, result.test),
+        )
+
+    def line(self, variant: str, metric: str) -> ComparisonLine:
+        """The comparison of one metric of one variant.
+
+        Raises
+        ------
+        KeyError : there is no such variant or metric.
+        """
+        for found in self.lines:
+            if (found.variant, found.metric) == (variant, metric):
+                return found
+        metrics = ", ".join(dict.fromkeys(found.metric for found in self.lines))
+        variants = ", ".join(self.variants)
+        raise KeyError(
+            f"no line for '{variant}' and '{metric}'; variants: {variants}; metrics: {metrics}"
+        )
+
+    def plot(self) -> Figures:
+        """The ablation's figure."""
+        from runtime.experiments.analysis.ablation_plots import ablation_figure
+
+        return Figures({"ablation": ablation_figure(self.folder)})
+
+    def _head(self) -> str:
+        return (
+            f"ablation {self.name}: {len(self.variants)} variants x {len(self.seeds)} seeds: "
+            f"{self._counts()}"
+        )
+
+    def _notes(self) -> list[str]:
+        essential = [f"essential, cannot be removed alone: {', '.join(self.essential)}"]
+        return [*self.legend.splitlines(), *essential * bool(self.essential), *self._failures()]
+
+    def __repr__(self) -> str:
+        shown = comparison_table(self.lines, self.units)
+        return "\n".join([self._head(), shown, *self._notes()])
+
+    def _repr_html_(self) -> str:
+        rows = comparison_rows(self.lines, self.units)
+        return _html(self._head(), rows, self._notes()) + self.plot()._repr_html_()
+
+
+def _values(columns: Columns, cells: Sequence[str]) -> dict[str, object]:
+    """A row's values of the factors."""
+    return {
+        path: parse_yaml(cell, path).plain()
+        for path, cell in zip(columns.factors, cells, strict=True)
+    }
+
+
+def _record(row: Row, columns: Columns) -> TrialRecord:
+    is_variant = columns.factors == ("variant",)
+    values = {"variant": row.cells[0]} if is_variant else _values(columns, row.cells)
+    metrics = dict(zip(columns.metrics, row.metrics, strict=True))
+    return TrialRecord(values, row.seed, row.status, row.reason, metrics, row.wall_s)
+
+
+def _cell(value: object) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _mean(found: Estimate, runs: int) -> str:
+    """A mean with half of its interval, and how many seeds have a value if not all."""
+    half = f" ± {number(0.5 * (found.high - found.low))}" if found.n > 1 else ""
+    share = f" ({found.n}/{runs})" if found.n < runs else ""
+    return f"{number(found.mean)}{half}{share}" if found.n else "-"
+
+
+def _html(head: str, rows: Sequence[Sequence[str]], notes: Sequence[str]) -> str:
+    """A table as a notebook shows it: its title, its rows (the header first), and notes."""
+    most = max(map(len, rows))
+    lines = []
+    for i, row in enumerate(rows):
+        tag = "th" if i == 0 or len(row) < most else "td"
+        cells = [
+            f"<{tag} style='text-align: {'left' if k == 0 else 'right'}'>{escape(text)}</{tag}>"
+            for k, text in enumerate([*row, *[""] * (most - len(row))])
+        ]
+        lines.append(f"<tr>{''.join(cells)}</tr>")
+    below = "".join(f"<div>{escape(note)}</div>" for note in notes)
+    return f"<b>{escape(head)}</b><table>{''.join(lines)}</table>{below}"

@@ -1,0 +1,54 @@
+"""The language service: what an editor asks about the text of a graph, as pure functions.
+
+A :class:`Model` is one version of one text with its surroundings; every function takes a model and
+an offset. No protocol is known here: ``runtime lsp`` speaks one.
+"""
+
+from runtime.language.actions import Action, actions
+from runtime.language.completion import Completion, complete
+from runtime.language.diagnostics import Diagnostic, Related, diagnose
+from runtime.language.formatting import applied, formatted
+from runtime.language.hints import Hint, Lens, hints, lenses
+from runtime.language.hover import Card, hover
+from runtime.language.insertion import Edit
+from runtime.language.model import Model, Surroundings
+from runtime.language.names import Place, Project, definition, references, rename, renamed
+from runtime.language.offers import Offer
+from runtime.language.outline import OutlineSymbol, folds, outline
+from runtime.language.signature import Signature, signature
+from runtime.language.text import Span, Text
+
+__all__ = [
+    "Action",
+    "Card",
+    "Completion",
+    "Diagnostic",
+    "Edit",
+    "Hint",
+    "Lens",
+    "Model",
+    "Offer",
+    "OutlineSymbol",
+    "Place",
+    "Project",
+    "Related",
+    "Signature",
+    "Span",
+    "Surroundings",
+    "Text",
+    "actions",
+    "applied",
+    "complete",
+    "definition",
+    "diagnose",
+    "folds",
+    "formatted",
+    "hints",
+    "hover",
+    "lenses",
+    "outline",
+    "references",
+    "rename",
+    "renamed",
+    "signature",
+]

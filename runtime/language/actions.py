@@ -1,0 +1,194 @@
+"""Code actions: the suggestions that messages make, as edits, and changes to a block.
+
+A message is the one place that says what to do about a problem; its wording is read here, and
+``tests/runtime/language/test_actions.py`` makes each of these messages and applies the action.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from blocks.registry import BUILTIN
+from runtime.language.cursor import steps
+from runtime.language.diagnostics import Diagnostic, diagnose
+from runtime.language.insertion import Edit, added_entry, added_name, removed_entry
+from runtime.language.items import Item, deepest
+from runtime.language.model import Model
+from runtime.language.scopes import class_of, scope_at
+from runtime.language.text import Span
+
+DELAY = "UnitDelay"
+_DID_YOU_MEAN = re.compile(r", did you mean ('[^']*'(?: or '[^']*')*)\?")
+_OPEN = re.compile(r"input '([\w.]+)\.(\w+)'(?: \([^)]*\)+)? is not connected")
+_FITTING = re.compile(r"outputs of that type: ([\w., ]+)")
+_QUOTES = re.compile(r"needs quotes: (\S+): (\".*\")")
+_SPACE = re.compile(r"a space is missing after the colon: (\w+): (.*)")
+_INSTEAD = (
+    re.compile(r"a decimal point is a dot: ([-+\d.]+)"),
+    re.compile(r"; the nearest is ([-+\d.e]+)"),
+)
+_DEGREES = re.compile(r"if degrees are intended, write ([-+\d.e]+)deg")
+_BYPASS = re.compile(r"'bypass: \[([\w.]+)\]' would connect through it")
+
+
+@dataclass(frozen=True)
+class Action:
+    """A change that an editor offers; ``fixes`` is the diagnostic that it answers."""
+
+    title: str
+    edits: tuple[Edit, ...]
+    fixes: Diagnostic | None = None
+    preferred: bool = False
+
+
+def actions(model: Model, span: Span) -> list[Action]:
+    """The actions for a part of the text: fixes first, then changes to the block there."""
+    found: list[Action] = []
+    for diagnostic in diagnose(model):
+        if diagnostic.span.start <= span.end and span.start <= diagnostic.span.end:
+            for make in _FIXES:
+                found += make(model, diagnostic)
+    return [*found, *_changes(model, span.start)]
+
+
+def _replacements(model: Model, found: Diagnostic) -> Iterator[Action]:
+    """``did you mean 'q'?``"""
+    match = _DID_YOU_MEAN.search(found.message)
+    if match is None or found.related:
+        return
+    written = model.text.source[found.span.start : found.span.end]
+    for new in re.findall("'([^']*)'", match[1]):
+        span = _misspelt(written, found, found.message[: match.start()])
+        yield Action(f"Replace by '{new}'", (Edit(span, new),), found, True)
+
+
+def _misspelt(written: str, found: Diagnostic, before: str) -> Span:
+    """The part of the underlined text that a message calls wrong."""
+    for name in reversed(re.findall("'([^']*)'", before)):
+        place = re.search(rf"(?<![\w]){re.escape(name)}(?!\w)", written) if name else None
+        if place is not None:
+            return Span(found.span.start + place.start(), found.span.start + place.end())
+    quoted = written[:1] in "\"'" and len(written) > 2
+    return Span(found.span.start + quoted, found.span.end - quoted)
+
+
+def _wirings(model: Model, found: Diagnostic) -> Iterator[Action]:
+    """``outputs of that type: error.state, ...``"""
+    names, outputs = _OPEN.search(found.message), _FITTING.search(found.message)
+    if names is None or outputs is None or "." in names[1]:
+        return
+    for i, output in enumerate(o.strip(" .") for o in outputs[1].split(",")):
+        edits = added_entry(model, ("wires", names[1]), names[2], output) if output else None
+        if edits is not None:
+            title = f"Wire '{names[1]}.{names[2]}' to {output}"
+            yield Action(title, tuple(edits), found, preferred=i == 0)
+
+
+def _loops(model: Model, found: Diagnostic) -> Iterator[Action]:
+    """``a UnitDelay on one of these wires breaks it``"""
+    if not found.message.startswith("algebraic loop: ") or model.network is None:
+        return
+    through = BUILTIN[DELAY].spec.through
+    names = found.message.split(";")[0].removeprefix("algebraic loop: ").split(" ▸ ")
+    wires = {wire.target: wire for wire in model.network.wires}
+    for name in names[1::2] if through is not None else ():
+        wire = wires.get(name)
+        if wire is None or wire.where.file != model.file:
+            continue
+        item = deepest(model.root, model.text.at(wire.where))
+        if item.kind != "scalar" or steps(item)[:1] != ("wires",) or through is None:
+            continue
+        block = _free(model, f"{name.split('.')[0]}_delay")
+        edits = [Edit(item.span, f"{block}.{through[1]}")]
+        added = added_entry(model, ("blocks",), block, f"{{type: {DELAY}}}")
+        wired = added_entry(model, ("wires",), block, f"{{{through[0]}: {item.value}}}")
+        if added is not None and wired is not None:
+            title = f"Put a {DELAY} between {item.value} and {name}"
+            yield Action(title, (*edits, *added, *wired), found)
+
+
+def _free(model: Model, name: str) -> str:
+    blocks, number, free = model.root.get("blocks") or Item(), 2, name
+    while blocks.get(free) is not None:
+        free, number = f"{name}_{number}", number + 1
+    return free
+
+
+def _quotes(model: Model, found: Diagnostic) -> Iterator[Action]:
+    """``a text that contains ': ' needs quotes``"""
+    match, source = _QUOTES.search(found.message), model.text.source
+    if match is not None:
+        written = f"{match[1]}: {match[2][1:-1]}"
+        start, end = model.text.line_span(model.text.line_of(found.span.start))
+        place = source.find(written, start, end)
+        if place >= 0:
+            span = Span(place, place + len(written))
+            yield Action("Put quotes around it", (Edit(span, match[0][14:]),), found, True)
+    match = _SPACE.search(found.message)
+    if match is not None:
+        span = Span(found.span.start, found.span.start + len(match[1]) + 1)
+        if source[span.start : span.end] == f"{match[1]}:":
+            yield Action("Insert the space", (Edit(span, f"{match[1]}: "),), found, True)
+
+
+def _values(model: Model, found: Diagnostic) -> Iterator[Action]:
+    """``the nearest is 0.05``, ``a decimal point is a dot: 1.5``, ``write 90deg``."""
+    for pattern in _INSTEAD:
+        match = pattern.search(found.message)
+        if match is not None:
+            new = match[1].rstrip(".")
+            yield Action(f"Replace by {new}", (Edit(found.span, new),), found, True)
+    match = _DEGREES.search(found.message)
+    if match is not None:
+        item = deepest(model.root, found.span.start)
+        for scalar in [item, *item.walk()]:
+            if scalar.kind == "scalar" and _is_number(scalar.value, float(match[1])):
+                edit = Edit(scalar.span, f"{scalar.value}deg")
+                yield Action(f"Write {scalar.value}deg", (edit,), found)
+                return
+
+
+def _is_number(text: str, value: float) -> bool:
+    try:
+        return float(text) == value
+    except ValueError:
+        return False
+
+
+def _removals(model: Model, found: Diagnostic) -> Iterator[Action]:
+    """``delete these wires``, ``is not used; remove it``, ``would connect through it``."""
+    item = deepest(model.root, found.span.start)
+    if "; delete these wires" in found.message and item.key:
+        yield Action(f"Delete the wires of '{item.key}'", (removed_entry(model, item),), found)
+    if " is not used" in found.message and item.key:
+        yield Action(f"Remove '{item.key}'", (removed_entry(model, item),), found)
+    match = _BYPASS.search(found.message)
+    if match is not None:
+        edits = [*added_name(model, "bypass", match[1])]
+        without = model.root.get("without")
+        named = without.scalars() if without is not None else []
+        edits += [removed_entry(model, each) for each in named if each.value == match[1]]
+        yield Action(f"Bypass '{match[1]}' instead", tuple(edits), found, True)
+
+
+_FIXES: tuple[Callable[[Model, Diagnostic], Iterator[Action]], ...] = (
+    *(_replacements, _wirings, _loops),
+    *(_quotes, _values, _removals),
+)
+
+
+def _changes(model: Model, offset: int) -> Iterator[Action]:
+    """What can be done to the block whose name is at an offset."""
+    item = deepest(model.root, offset)
+    path = steps(item)
+    if len(path) != 2 or path[0] != "blocks" or not item.key_start <= offset <= item.key_end:
+        return
+    if model.kind != "graph" or not item.key:
+        return
+    scope, _ = scope_at(model, path)
+    cls = class_of(model, scope, item.key)
+    yield Action(f"Leave out '{item.key}' (without)", tuple(added_name(model, "without", item.key)))
+    if cls is not None and cls.spec.through is not None:
+        yield Action(f"Bypass '{item.key}'", tuple(added_name(model, "bypass", item.key)))

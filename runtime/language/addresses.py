@@ -1,0 +1,64 @@
+"""What an address in the text refers to: a block, an output with its type and rate, a state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from blocks.core import SignalType
+from runtime.errors import Where
+from runtime.language.model import Model
+from runtime.network import AddressError, Endpoint, Entry, Scope, component_type, find
+
+
+@dataclass(frozen=True)
+class Target:
+    """What an address refers to.
+
+    end : the block and port in the whole graph. entry : the block. type : of the signal, if known.
+    dt : the step of the block, s. where : where the block is written.
+    """
+
+    end: Endpoint
+    entry: Entry | None
+    type: SignalType | None
+    dt: float
+    where: Where
+
+    @property
+    def rate(self) -> str:
+        """How often the signal changes, in words."""
+        return f"{1.0 / self.dt:g} Hz" if self.dt else ""
+
+
+def target_of(model: Model, scope: Scope | None, text: str) -> Target | None:
+    """What an address written in a scope refers to; None if that does not exist."""
+    network = model.network
+    if network is None or scope is None or not text:
+        return None
+    try:
+        end = find(scope, text).end
+    except AddressError:
+        return None
+    entry = network.entries.get(end.block) or network.removed_entries.get(end.block)
+    if entry is None:
+        return None
+    kind = network.types.get((end.block, end.port))
+    if kind is None:
+        declared = entry.cls.spec.outputs.get(end.port)
+        kind = declared.type if declared and isinstance(declared.type, SignalType) else None
+    if kind is not None and end.component:
+        kind = component_type(kind, end)
+    return Target(end, entry, kind, network.dt * entry.every, entry.node.key)
+
+
+def line_at(model: Model, where: Where) -> str:
+    """The line of a position, of this text or of another file; '' if it cannot be read."""
+    if not where.line:
+        return ""
+    if Path(where.file) == model.path:
+        source: str | None = model.text.source
+    else:
+        source = model.surroundings.text(Path(where.file))
+    lines = (source or "").splitlines()
+    return lines[where.line - 1].strip() if where.line <= len(lines) else ""

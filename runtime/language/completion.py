@@ -1,0 +1,59 @@
+"""Completion: what may be written at an offset, what fits best first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from runtime.language.cursor import Cursor, cursor_at
+from runtime.language.keys import keys_at
+from runtime.language.model import Model
+from runtime.language.offers import Offer
+from runtime.language.text import Span
+from runtime.language.values import values_at
+
+MAX_OFFERED = 300
+
+
+@dataclass(frozen=True)
+class Completion:
+    """The offers at an offset, the best first, and what they replace; ``is_complete`` says whether
+    more would match."""
+
+    offers: tuple[Offer, ...]
+    span: Span
+    is_complete: bool = True
+
+
+def complete(model: Model, offset: int) -> Completion:
+    """What may be written at an offset."""
+    cursor = cursor_at(model.text, model.root, offset)
+    if cursor is None:
+        return Completion((), Span(offset, offset))
+    written = {item.key for item in cursor.holder.items if item is not cursor.item}
+    if cursor.role == "key":
+        found = (offer for offer in keys_at(model, cursor) if offer.label not in written)
+        offers = [_as_key(offer, cursor) for offer in found]
+    else:
+        offers = [_as_value(offer, cursor) for offer in values_at(model, cursor)]
+    matching = [offer for offer in offers if matches(cursor.prefix, offer.label)]
+    matching.sort(key=lambda offer: (offer.rank, not offer.label.startswith(cursor.prefix)))
+    kept = tuple(matching[:MAX_OFFERED])
+    return Completion(kept, cursor.span, len(kept) == len(matching))
+
+
+def matches(prefix: str, label: str) -> bool:
+    """Whether all letters of a prefix occur in a label in that order."""
+    letters = iter(label.lower())
+    return all(letter in letters for letter in prefix.lower())
+
+
+def _as_key(offer: Offer, cursor: Cursor) -> Offer:
+    """A key with its colon, unless one is written."""
+    has_colon = cursor.item is not None and cursor.item.colon >= 0
+    if offer.is_snippet or has_colon:
+        return offer
+    return replace(offer, insert=f"{offer.text}: ")
+
+
+def _as_value(offer: Offer, cursor: Cursor) -> Offer:
+    return replace(offer, insert=cursor.lead + offer.text) if cursor.lead else offer

@@ -1,0 +1,154 @@
+"""What is being written at an offset: a key or a value, of which mapping, with which beginning."""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from dataclasses import dataclass
+from typing import Literal
+
+from runtime.language.items import Item, deepest
+from runtime.language.text import Span, Text
+
+ITEM = "[]"  # stands in a path for any item of a list
+
+
+@dataclass(frozen=True)
+class Cursor:
+    """A place in the text, for completion.
+
+    role : whether a key of ``holder`` is written here, or a value.
+    path : of the mapping whose key it is, or of the entry whose value it is.
+    item : the entry that is written already, if any.
+    prefix : what is written of it before the offset. span : what a completion replaces.
+    lead : what has to stand before the completion, a space after a colon.
+    """
+
+    role: Literal["key", "value"]
+    path: tuple[str, ...]
+    holder: Item
+    item: Item | None
+    prefix: str
+    span: Span
+    lead: str = ""
+
+
+def steps(item: Item) -> tuple[str, ...]:
+    """The keys from the root to an item, with :data:`ITEM` for those in lists."""
+    names: list[str] = []
+    while item.parent is not None:
+        names.append(ITEM if item.parent.kind == "list" else item.key)
+        item = item.parent
+    return tuple(reversed(names))
+
+
+def cursor_at(text: Text, root: Item, offset: int) -> Cursor | None:
+    """What is being written at an offset; None in a comment, and where nothing can be written."""
+    if _in_comment(text, root, offset):
+        return None
+    holder = _flow_at(text.source, root, offset)
+    return _in_flow(text.source, holder, offset) if holder else _in_block(text, root, offset)
+
+
+def _in_comment(text: Text, root: Item, offset: int) -> bool:
+    start = text.starts[text.line_of(offset)]
+    position = text.source.find("#", start, offset)
+    while position >= 0:
+        found = deepest(root, position)
+        inside = found.kind == "scalar" and found.start < position < found.end
+        if not inside and (position == start or text.source[position - 1] in " \t"):
+            return True
+        position = text.source.find("#", position + 1, offset)
+    return False
+
+
+def _last(items: list[Item], offset: int, *, included: bool) -> Item | None:
+    """The last of the items that begins before an offset, or at it where ``included``."""
+    begins = [item.begin for item in items]
+    i = bisect_right(begins, offset) if included else bisect_left(begins, offset)
+    return items[i - 1] if i else None
+
+
+def _flow_at(source: str, root: Item, offset: int) -> Item | None:
+    """The innermost braces or brackets around an offset."""
+    found, item = None, root
+    if root.flow and root.start < offset and (not root.closed or offset < root.end):
+        found = root
+    while (child := _last(item.items, offset, included=False)) is not None:
+        if child.flow and child.start < offset:
+            rest = source[child.end : offset]
+            is_open = not child.closed and not rest.strip() and "\n" not in rest
+            if not (is_open or offset < child.end):
+                break
+            found = child
+        elif not child.items:
+            break
+        item = child
+    return found
+
+
+def _in_flow(source: str, holder: Item, offset: int) -> Cursor:
+    child = _last(holder.items, offset, included=True)
+    if child is None or "," in source[max(child.end, child.key_end, child.colon) : offset]:
+        role: Literal["key", "value"] = "key" if holder.kind == "map" else "value"
+        path = steps(holder) if role == "key" else (*steps(holder), ITEM)
+        return Cursor(role, path, holder, None, "", Span(offset, offset))
+    if holder.kind == "map" and (child.colon < 0 or offset < child.colon):
+        return _key(source, holder, child, offset)
+    return _value(source, holder, child, offset)
+
+
+def _key(source: str, holder: Item, child: Item, offset: int) -> Cursor:
+    span = child.key_span if child.key_start >= 0 else Span(offset, offset)
+    prefix = source[span.start : max(offset, span.start)]
+    return Cursor("key", steps(holder), holder, child, prefix, span)
+
+
+def _value(source: str, holder: Item, child: Item, offset: int) -> Cursor:
+    lead = " " if child.colon >= 0 and source[offset - 1 : offset] == ":" else ""
+    span = Span(offset, offset)
+    if child.kind == "scalar" and child.start <= offset <= child.end:
+        span = child.span
+    elif child.kind == "scalar" and child.colon >= 0 and offset < child.start:
+        span = Span(offset, child.end)
+    prefix = source[span.start : offset]
+    return Cursor("value", steps(child), holder, child, prefix, span, lead)
+
+
+def _in_block(text: Text, root: Item, offset: int) -> Cursor | None:
+    line = text.line_of(offset)
+    start, end = text.line_span(line)
+    chain = _chain(root, end)
+    here = [item for item in chain if start <= item.begin and item.parent is not None]
+    entry = _last(here, offset, included=True) if here else None
+    if entry is not None and entry.parent is not None:
+        if entry.parent.kind == "map" and (entry.colon < 0 or offset < entry.colon):
+            return _key(text.source, entry.parent, entry, offset)
+        if entry.kind in ("map", "list") and entry.begin >= start and entry.items:
+            return None
+        return _value(text.source, entry.parent, entry, offset)
+    if text.source[start:offset].strip():
+        return None
+    holder = _holder(text, root, _chain(root, start - 1), offset - start)
+    return Cursor("key", steps(holder), holder, None, "", Span(offset, offset))
+
+
+def _chain(root: Item, offset: int) -> list[Item]:
+    """The last item that begins by an offset, with all that contain it, outermost first."""
+    chain, item = [root], root
+    while (child := _last(item.items, offset, included=True)) is not None:
+        chain.append(child)
+        item = child
+    return chain
+
+
+def _holder(text: Text, root: Item, chain: list[Item], column: int) -> Item:
+    """The mapping that a new key in a column of an empty line belongs to."""
+    for item in reversed(chain):
+        if item.flow or item.parent is None:
+            continue
+        own = item.begin - text.starts[text.line_of(item.begin)]
+        if item.kind == "empty" and item.colon >= 0 and own < column:
+            return item
+        if item.kind in ("map", "list") and item.items and item.column <= column:
+            return item
+    return root

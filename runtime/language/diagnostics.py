@@ -1,0 +1,159 @@
+"""Diagnostics: all that ``runtime validate`` says, each with its part of the text."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from runtime.errors import Problem, Where
+from runtime.language.items import Item, deepest
+from runtime.language.model import Model
+from runtime.language.text import Span
+
+Severity = Literal["error", "warning", "information"]
+_ADDRESSED = re.compile(r"([\w.\[\]-]+): (.*)", re.DOTALL)
+_WORD = re.compile(r"[^\s,\[\]{}]+")
+
+
+@dataclass(frozen=True)
+class Related:
+    """Another place that a diagnostic is about."""
+
+    where: Where
+    message: str
+
+
+@dataclass(frozen=True)
+class Diagnostic:
+    """Something wrong or noteworthy in a text.
+
+    ``address`` is the entry's in the graph; ``is_name`` marks a name that does not exist.
+    """
+
+    span: Span
+    severity: Severity
+    message: str
+    address: str = ""
+    is_name: bool = False
+    related: tuple[Related, ...] = ()
+
+
+def diagnose(model: Model) -> list[Diagnostic]:
+    """Everything to report about a text, problems first."""
+    found = [_of_problem(model, problem) for problem in model.problems]
+    return found if found else _notes(model)
+
+
+def _of_problem(model: Model, problem: Problem) -> Diagnostic:
+    where, text = problem.where, problem.text
+    related: tuple[Related, ...] = ()
+    if where.file and Path(where.file) != model.path:
+        span = _brought_by(model, problem)
+        related = (Related(where, text),)
+        text = f"{Path(where.file).name}:{where.line}:{where.column}: {text}"
+    elif text.startswith("algebraic loop: "):
+        span, related = _loop(model, text)
+    elif not where.line:
+        span = _first_line(model)
+    else:
+        span = span_at(model, model.text.at(where))
+    return Diagnostic(span, "error", text, problem.address, problem.is_name, related)
+
+
+def span_at(model: Model, offset: int) -> Span:
+    """The key or value that begins at an offset, or else the word there."""
+    item = deepest(model.root, offset)
+    source = model.text.source
+    if item.key_start >= 0 and offset <= item.key_start:
+        return item.key_span
+    if item.start == offset and item.end > item.start:
+        return _one_line(model, item.span)
+    if item.kind == "empty" and item.colon >= 0 and offset >= item.colon:
+        return item.key_span
+    found = _WORD.match(source, offset)
+    if found is not None:
+        return Span(found.start(), found.end())
+    return Span(max(0, offset - 1), offset) if offset >= len(source) else Span(offset, offset + 1)
+
+
+def _one_line(model: Model, span: Span) -> Span:
+    """A span as far as it is on its first line."""
+    end = model.text.line_span(model.text.line_of(span.start)).end
+    return Span(span.start, min(span.end, max(end, span.start + 1)))
+
+
+def _first_line(model: Model) -> Span:
+    title = model.root.get("graph")
+    if title is not None and title.kind == "scalar":
+        return title.span
+    first = next(iter(model.root.items), None)
+    return first.key_span if first is not None and first.key_start >= 0 else Span(0, 0)
+
+
+def item_at_address(model: Model, address: str) -> Item | None:
+    """The innermost entry of the text on the way to an address, if there is one."""
+    item, found = model.root, None
+    for name in re.findall(r"[^.\[\]]+", address):
+        inner = item.get(name)
+        if inner is None and item.kind == "list" and name.isdigit() and int(name) < len(item.items):
+            inner = item.items[int(name)]
+        if inner is None:
+            break
+        item = found = inner
+    return found
+
+
+def _brought_by(model: Model, problem: Problem) -> Span:
+    """What makes another file part of this graph: a part's or a world's name, or ``extends``."""
+    found = item_at_address(model, problem.address)
+    part = found.get("graph") if found is not None and found.kind == "map" else None
+    for item in (part, found):
+        if item is not None and item.kind == "scalar":
+            return item.span
+    for name in ("extends", "graph"):
+        item = model.root.get(name)
+        if item is not None and item.key_start >= 0:
+            return _one_line(model, item.span) if item.end > item.start else item.key_span
+    return _first_line(model)
+
+
+def _loop(model: Model, text: str) -> tuple[Span, tuple[Related, ...]]:
+    """The first wire of an algebraic loop that this text has, and the others."""
+    names = text.split(";")[0].removeprefix("algebraic loop: ").split(" ▸ ")
+    wires = {wire.target: wire for wire in (model.network.wires if model.network else ())}
+    places = [wires[name].where for name in names[1::2] if name in wires]
+    own = [where for where in places if where.file == model.file and where.line]
+    others = tuple(Related(where, "a wire of the loop") for where in places if where not in own[:1])
+    span = span_at(model, model.text.at(own[0])) if own else _first_line(model)
+    return span, others
+
+
+def _notes(model: Model) -> list[Diagnostic]:
+    """Notes of a graph without problems, and a package that it needs."""
+    found = []
+    missing = model.examined.missing
+    if missing is not None:
+        found.append(Diagnostic(_first_line(model), "information", str(missing)))
+    notes = model.observation.notes if model.observation is not None else []
+    for note in dict.fromkeys(notes):
+        match = _ADDRESSED.fullmatch(note)
+        item = item_at_address(model, match[1]) if match else None
+        if match is None or item is None:
+            named = re.search(r"'([\w.]+)'", note)
+            span = _mention(model, named[1]) if named else _first_line(model)
+            found.append(Diagnostic(span, "information", note))
+        else:
+            span = item.span if item.kind == "scalar" or item.flow else item.key_span
+            found.append(Diagnostic(span, "warning", match[2], match[1]))
+    return found
+
+
+def _mention(model: Model, name: str) -> Span:
+    """Where the text names an address among what is recorded, drawn and measured."""
+    for section in ("probes", "plots", "metrics"):
+        for item in (model.root.get(section) or Item()).walk():
+            if item.kind == "scalar" and item.value == name:
+                return item.span
+    return _first_line(model)

@@ -1,0 +1,139 @@
+"""The tree of a text as it is scanned: values with their keys, and where both are written."""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_right
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Literal
+
+from runtime.language.text import Span
+
+_ESCAPE = re.compile(r"\\(?:x([\da-fA-F]{2})|u([\da-fA-F]{4})|U([\da-fA-F]{8})|(.))", re.DOTALL)
+_ESCAPES = {"n": "\n", "t": "\t", "r": "\r", "0": "\0", "a": "\a", "b": "\b", "e": "\x1b"}
+Kind = Literal["map", "list", "scalar", "empty"]
+
+
+@dataclass(eq=False, slots=True)
+class Item:
+    """A value with its key: what is written, and where.
+
+    key : its name in a mapping, '' in a list; written at ``key_start`` to ``key_end``.
+    colon : the offset after the key's colon, -1 if there is none.
+    start, end : of the value; equal where nothing is written.
+    kind : ``empty`` where nothing is written; flow : in braces or brackets.
+    value : a scalar without its quotes; quoted : whether it has some.
+    column : of the entries of a mapping or list over several lines.
+    closed : whether braces or brackets are closed.
+    """
+
+    parent: Item | None = None
+    key: str = ""
+    key_start: int = -1
+    key_end: int = -1
+    colon: int = -1
+    start: int = 0
+    end: int = 0
+    kind: Kind = "empty"
+    flow: bool = False
+    value: str = ""
+    quoted: bool = False
+    column: int = 0
+    closed: bool = True
+    items: list[Item] = field(default_factory=list)
+
+    @property
+    def begin(self) -> int:
+        """Where the entry begins: at its key, if it has one."""
+        return self.key_start if self.key_start >= 0 else self.start
+
+    @property
+    def key_span(self) -> Span:
+        return Span(self.key_start, self.key_end)
+
+    @property
+    def span(self) -> Span:
+        return Span(self.start, self.end)
+
+    @property
+    def path(self) -> tuple[str, ...]:
+        """Keys from the root, and numbers of list items, as texts."""
+        names: list[str] = []
+        item = self
+        while item.parent is not None:
+            is_item = item.parent.kind == "list"
+            names.append(str(item.parent.items.index(item)) if is_item else item.key)
+            item = item.parent
+        return tuple(reversed(names))
+
+    def get(self, key: str) -> Item | None:
+        """The entry of that name."""
+        return next((item for item in self.items if item.key == key), None)
+
+    def at(self, *path: str) -> Item | None:
+        """The entry at a path below this one."""
+        found: Item | None = self
+        for key in path:
+            found = found.get(key) if found is not None else None
+        return found
+
+    def walk(self) -> Iterator[Item]:
+        """This item and all below it, in the order of the text."""
+        stack = [self]
+        while stack:
+            item = stack.pop()
+            yield item
+            stack += reversed(item.items)
+
+    def scalars(self) -> list[Item]:
+        """The item itself, or the items of its list, as far as they are scalars."""
+        items = self.items if self.kind == "list" else [self]
+        return [item for item in items if item.kind == "scalar"]
+
+
+def deepest(root: Item, offset: int) -> Item:
+    """The innermost item whose key or value is at an offset."""
+    item = root
+    while True:
+        begins = [child.begin for child in item.items]
+        i = bisect_right(begins, offset) - 1
+        if i < 0 or offset > max(item.items[i].end, item.items[i].key_end):
+            return item
+        item = item.items[i]
+
+
+def closing_quote(source: str, start: int) -> int:
+    """The offset after the quote that closes the one at ``start``; -1 if there is none."""
+    quote, position = source[start], start + 1
+    while True:
+        position = source.find(quote, position)
+        if position < 0:
+            return -1
+        if quote == "'" and source[position + 1 : position + 2] == "'":
+            position += 2
+            continue
+        if quote == '"':
+            slashes = len(source[start + 1 : position]) - len(
+                source[start + 1 : position].rstrip("\\")
+            )
+            if slashes % 2:
+                position += 1
+                continue
+        return position + 1
+
+
+def unquoted(written: str) -> str:
+    """A quoted text without its quotes and with its escapes replaced."""
+    inner = written[1:-1] if len(written) > 1 and written[-1] == written[0] else written[1:]
+    if written[0] == "'":
+        return inner.replace("''", "'")
+    return _ESCAPE.sub(_unescaped, inner) if "\\" in inner else inner
+
+
+def _unescaped(found: re.Match[str]) -> str:
+    code = found[1] or found[2] or found[3]
+    if code:
+        number = int(code, 16)
+        return chr(number) if number < 0x110000 else "?"
+    return _ESCAPES.get(found[4], found[4])

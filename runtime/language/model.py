@@ -1,0 +1,308 @@
+"""What a text says: scanned, read, and checked as far as that goes, each when first asked for.
+
+A :class:`Model` belongs to one version of one text and never changes. Everything else in this room
+is a function of a model and an offset.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Any, Literal
+
+from blocks.core import Block, Output, Same
+from blocks.registry import Modules
+from runtime.document import (
+    PART_SECTIONS,
+    SECTIONS,
+    Node,
+    complete_document,
+    find_file,
+    is_part,
+    parse_scalar,
+    parse_yaml,
+)
+from runtime.errors import NOWHERE, GraphError, Problem, SpikeblocksError, Where
+from runtime.experiments.design import check_experiment, is_experiment
+from runtime.graph import Content, Examined, Graph, examined
+from runtime.language.items import Item
+from runtime.language.scan import scan
+from runtime.language.text import Text
+from runtime.network import Network
+from runtime.observation import Observation
+
+Kind = Literal["graph", "part", "overlay", "experiment", "world"]
+PORTS = ("inputs", "outputs")
+_OUTSIDE = "_outside_"
+
+
+class _Outside(Block):
+    """Stands for what a graph would wire to an input of a part.
+
+    [ outside ] ─▶ out
+    """
+
+    out = Output(Same("T"), doc="a signal of the type that the part declares")
+
+    def output(self, state: object, t: float) -> object:
+        """Never evaluated: parts are checked and not run."""
+        raise NotImplementedError("a part is not run by itself")
+
+
+@lru_cache(maxsize=128)
+def _parsed(text: str, file: str) -> Node:
+    return parse_yaml(text, file)
+
+
+@lru_cache(maxsize=128)
+def _scanned(text: str) -> Item:
+    return scan(text)
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What a text's meaning depends on besides itself.
+
+    unsaved : texts that editors hold, by resolved path; they take the place of the files.
+    modules : whether, or how, Python files that graphs name are read.
+    """
+
+    unsaved: Mapping[Path, str] = field(default_factory=dict)
+    modules: Modules = False
+
+    def completed(self, document: Node, path: Path) -> tuple[Node, list[Problem]]:
+        """A document with all that it extends and its parts, and what is wrong with those."""
+        return complete_document(document, path, self.unsaved, _parsed)
+
+    def text(self, path: Path) -> str | None:
+        """The text of another file; None if it cannot be read."""
+        known = self.unsaved.get(path.resolve())
+        if known is not None:
+            return known
+        try:
+            return path.read_text(encoding="utf-8-sig", errors="replace")
+        except (OSError, ValueError):
+            return None
+
+    def load(self, name: str) -> Graph:
+        """A graph that an experiment names.
+
+        Raises
+        ------
+        GraphError : it cannot be read.
+        """
+        path = find_file(name, (NOWHERE, ""), Path())
+        document, problems = self.completed(_parsed(self.text(path) or "", str(path)), path)
+        if problems:
+            raise GraphError(problems)
+        return Graph.of_document(document, path, self.modules)
+
+
+class Model:
+    """One version of one text.
+
+    Parameters
+    ----------
+    source : the text. path : its file, absolute; it need not exist.
+    """
+
+    def __init__(
+        self, source: str, path: Path, surroundings: Surroundings = Surroundings()
+    ) -> None:
+        self.text = Text(source)
+        self.path, self.file = path, str(path)
+        self.surroundings = surroundings
+        self.memo: dict[str, Any] = {}  # what other modules derive from the text, by their keys
+
+    @cached_property
+    def root(self) -> Item:
+        """The tree of what is written."""
+        return _scanned(self.text.source)
+
+    @cached_property
+    def _strict(self) -> Node | list[Problem]:
+        try:
+            return parse_yaml(self.text.source, self.file)
+        except GraphError as error:
+            return error.problems
+
+    @property
+    def syntax(self) -> list[Problem]:
+        """Why the text cannot be read as YAML; empty if it can."""
+        return self._strict if isinstance(self._strict, list) else []
+
+    @cached_property
+    def tree(self) -> Node:
+        """The text as the loader sees it; where it cannot be read, what was scanned of it."""
+        return self._strict if isinstance(self._strict, Node) else self._repaired(self.root, 0)
+
+    def _repaired(self, item: Item, depth: int) -> Node:
+        where = self.text.where(item.start, self.file)
+        key = where if item.key_start < 0 else self.text.where(item.key_start, self.file)
+        if item.kind == "map":
+            entries: dict[str, Node] = {}
+            for inner in item.items:
+                if inner.colon >= 0 or inner.kind != "empty":
+                    entries.setdefault(inner.key, self._repaired(inner, depth + 1))
+            return Node(entries, where, key)
+        if item.kind == "list":
+            return Node([self._repaired(inner, depth + 1) for inner in item.items], where, key)
+        if item.kind == "empty" or item.quoted:
+            return Node(item.value if item.quoted else None, where, key)
+        try:
+            return Node(parse_scalar(item.value), where, key)
+        except ValueError:
+            return Node(0, where, key)
+
+    @cached_property
+    def kind(self) -> Kind:
+        """What the text describes."""
+        tree = self.tree
+        names = {name for name, _ in tree.items()}
+        if is_experiment(tree):
+            return "experiment"
+        if names and names <= {"room", "obstacles", "circles"}:
+            return "world"
+        if self.path.parent.name == "worlds" and not names & {*SECTIONS, *PORTS}:
+            return "world"
+        if names & set(PORTS):
+            return "part"
+        return "overlay" if names and not names & {"graph", "run"} and self._is_open else "graph"
+
+    @property
+    def _is_open(self) -> bool:
+        """Whether entries need a graph below: blocks without a type, wires to unknown blocks."""
+        document, _ = self._loaded
+        blocks = dict((document.get("blocks") or Node({})).items())
+        if any(b.is_map and not (b.get("type") or is_part(b)) for b in blocks.values()):
+            return True
+        wires = document.get("wires") or Node({})
+        for name, ports in wires.items():
+            for node in (ports.value if ports.is_map else {}).values():
+                sources = node.value if node.is_list else [node]
+                heads = {str(source.value).partition(".")[0] for source in sources}
+                if not heads <= blocks.keys():
+                    return True
+            if name not in blocks:
+                return True
+        return False
+
+    @cached_property
+    def _loaded(self) -> tuple[Node, list[Problem]]:
+        return self.surroundings.completed(self.tree, self.path)
+
+    @cached_property
+    def document(self) -> Node:
+        """The graph with all that it extends; a part stands in a graph of its own."""
+        document = self._loaded[0]
+        return self._wrapped(document) if self.kind == "part" else document
+
+    @property
+    def prefix(self) -> str:
+        """Put before names of the text to form those in the network."""
+        return f"{self._part}." if self.kind == "part" else ""
+
+    @property
+    def _part(self) -> str:
+        name = "".join(c if c.isascii() and c.isalnum() else "_" for c in self.path.stem)
+        return name if name[:1].isalpha() else f"part_{name}"
+
+    def _wrapped(self, part: Node) -> Node:
+        """A graph with the part as its only block, and a source at each of its inputs."""
+        inner = {name: node for name, node in part.items() if name in PART_SECTIONS}
+        inner |= {"part": Node(self.file)}
+        inner.pop("graph", None)
+        blocks = {self._part: Node(inner, part.where, part.where)}
+        wires: dict[str, Node] = {}
+        for name, node in (part.get("inputs") or Node({})).items():
+            declared = node.get("type") if node.is_map else node
+            if declared is not None and isinstance(declared.value, str):
+                source = {"type": Node("_Outside"), "signal": Node(declared.value)}
+                blocks[f"{_OUTSIDE}{name}"] = Node(source)
+                wires[name] = Node(f"{_OUTSIDE}{name}.out")
+        return Node({"blocks": Node(blocks), "wires": Node({self._part: Node(wires)})})
+
+    @cached_property
+    def examined(self) -> Examined:
+        """The checked graph, as far as that goes."""
+        if self.kind in ("experiment", "world"):
+            return Examined(self._examined_other())
+        classes: dict[str, type[Block]] = {"_Outside": _Outside} if self.kind == "part" else {}
+        content = Content(
+            self.document, source=self.path, modules=self.surroundings.modules, classes=classes
+        )
+        return examined(content, loops=True)
+
+    def _examined_other(self) -> list[Problem]:
+        if self.kind == "world":
+            found = examined(Content(Node({"world": self.tree, "blocks": Node({})})))
+            return [problem for problem in found.problems if problem.address.startswith("world")]
+        try:
+            check_experiment(self.tree, self.path, self.surroundings.load)
+        except GraphError as error:
+            return error.problems
+        except SpikeblocksError as error:
+            return [Problem(Where(self.file), "", str(error))]
+        return []
+
+    def found(self, name: str) -> Path | None:
+        """The file that a name in this text stands for: a graph, a world or a Python file."""
+        at = (Where(self.file, 1, 1), "")
+        for noun in ("graph", "world"):
+            try:
+                return find_file(name, at, self.path.parent, noun).resolve()
+            except GraphError:
+                continue
+        return None
+
+    @cached_property
+    def baseline(self) -> Graph | None:
+        """The graph that an experiment names; None if it cannot be read."""
+        named = self.tree.get("graph")
+        if named is None or not isinstance(named.value, str):
+            return None
+        try:
+            path = find_file(named.value, (named.where, ""), self.path.parent)
+            return self.surroundings.load(str(path))
+        except GraphError:
+            return None
+
+    @property
+    def network(self) -> Network | None:
+        return self.examined.network
+
+    @property
+    def observation(self) -> Observation | None:
+        return self.examined.observation
+
+    @cached_property
+    def problems(self) -> list[Problem]:
+        """Everything that is wrong, in the order of the text, as ``runtime validate`` has it."""
+        if self.syntax:
+            return self.syntax
+        loaded = [] if self.kind in ("experiment", "world") else self._loaded[1]
+        found = loaded or [*map(self._unwrapped, self.examined.problems)]
+        if self.kind == "part":
+            found = [p for p in found if p.where.file and p.where.line]
+        if self.kind == "overlay":
+            found = [p for p in found if not _needs_base(p)]
+        return sorted(set(found))
+
+    def _unwrapped(self, problem: Problem) -> Problem:
+        """A problem of a part, with the names that its text uses."""
+        if self.kind != "part":
+            return problem
+        prefix = f"blocks.{self._part}"
+        address = problem.address.removeprefix(prefix).removeprefix(".")
+        text = problem.text.replace(f"'{self._part}.", "'")
+        return Problem(problem.where, address, text, problem.is_name)
+
+
+def _needs_base(problem: Problem) -> bool:
+    """Whether a problem of an overlay is only that the graph below it is not there."""
+    texts = ("there is no block", "is not connected", "expected a type", "there are no blocks")
+    needed = ("there is no param", "is not used", "is open;", "nothing (null)", "has no value")
+    absent = ("missing; expected", "needs a world", "null only deletes")
+    return any(text in problem.text for text in (*texts, *needed, *absent))

@@ -1,0 +1,290 @@
+"""Definitions, references and renames of the names in a text, across the files that share them.
+
+A file that extends another, an experiment and its graph, and a part and the graphs that use it
+share names. What only lays a file over others (``--with``) is not known to do so.
+"""
+
+from __future__ import annotations
+
+import inspect
+import io
+import re
+import tokenize
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+from blocks.core import Block
+from runtime.document import misnamed
+from runtime.errors import UsageError
+from runtime.language.items import deepest
+from runtime.language.links import bases, modules
+from runtime.language.mentions import Mention, Symbol, mentions
+from runtime.language.model import Model
+from runtime.language.scopes import known_types
+from runtime.language.text import Span, Text
+
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+RESERVED = ("inputs", "outputs")
+
+
+@dataclass(frozen=True)
+class Place:
+    """A part of a file."""
+
+    path: Path
+    span: Span
+
+
+class Project:
+    """The files that may share names with a text: models by resolved path."""
+
+    def __init__(self, models: Iterable[Model]) -> None:
+        self.models = {model.path.resolve(): model for model in models}
+
+    @cached_property
+    def _links(self) -> list[tuple[Path, Path, tuple[str, ...]]]:
+        """(file, the file that it builds on, the part that it uses it as or ())."""
+        found = []
+        for path, model in self.models.items():
+            found += [(path, base, scope) for base, scope in bases(model)]
+        return found
+
+    def model(self, path: Path, near: Model) -> Model | None:
+        """The model of a file, of the project or not."""
+        if path not in self.models:
+            text = near.surroundings.text(path)
+            if text is None:
+                return None
+            self.models[path] = Model(text, path, near.surroundings)
+        return self.models[path]
+
+    def above(self, model: Model, symbol: Symbol) -> list[tuple[Model, Symbol]]:
+        """Where the files that a file builds on may define a symbol."""
+        found = []
+        for path, scope in bases(model):
+            if symbol.scope[: len(scope)] != scope:
+                continue
+            base = self.model(path, model)
+            if base is not None and base is not model:
+                found.append((base, replace(symbol, scope=symbol.scope[len(scope) :])))
+        return found
+
+    def below(self, model: Model, symbol: Symbol) -> list[tuple[Model, Symbol]]:
+        """What the symbol is called in the files that build on a file."""
+        here = model.path.resolve()
+        return [
+            (self.models[path], replace(symbol, scope=(*scope, *symbol.scope)))
+            for path, base, scope in self._links
+            if base == here and path != here
+        ]
+
+    def roots(self, model: Model, symbol: Symbol) -> list[tuple[Model, Symbol]]:
+        """The files furthest up that define a symbol, with its name there."""
+        found, seen, queue = [], {model.path.resolve()}, [(model, symbol)]
+        while queue:
+            at, known = queue.pop()
+            upper = []
+            for base, inner in self.above(at, known):
+                if base.path.resolve() not in seen and self.defined_by(base, inner):
+                    seen.add(base.path.resolve())
+                    upper.append((base, inner))
+            queue += upper
+            if not upper:
+                found.append((at, known))
+        return found
+
+    def defined_by(self, model: Model, symbol: Symbol) -> bool:
+        """Whether a file, or one that it builds on, defines a symbol."""
+        if any(m.defines and m.symbol == symbol for m in mentions(model)):
+            return True
+        upper = self.above(model, symbol)
+        return any(self.defined_by(base, inner) for base, inner in upper if base is not model)
+
+    def family(self, model: Model, symbol: Symbol) -> list[tuple[Model, Symbol]]:
+        """All files that mean the same by a symbol, each with its name there."""
+        queue, found = self.roots(model, symbol), {}
+        while queue:
+            at, known = queue.pop()
+            key = (at.path.resolve(), known)
+            if key not in found:
+                found[key] = (at, known)
+                queue += self.below(at, known)
+                # What a file extends besides the one that defines the name means the same by it.
+                upper = self.above(at, known)
+                queue += [up for up in upper if any(m.symbol == up[1] for m in mentions(up[0]))]
+        return list(found.values())
+
+
+def mention_at(model: Model, offset: int) -> Mention | None:
+    """What is mentioned at an offset; what a text defines goes before what it may mean."""
+    here = [m for m in mentions(model) if m.span.start <= offset <= m.span.end]
+    if len(here) < 2:
+        return here[0] if here else None
+    defined = {m.symbol for m in mentions(model) if m.defines}
+    return next((m for m in here if m.symbol in defined), here[0])
+
+
+def _owner(model: Model, offset: int) -> Mention | None:
+    """The block before the output that an address names at an offset."""
+    item = deepest(model.root, offset)
+    inside = [m for m in mentions(model) if item.start <= m.span.start and m.span.end <= offset]
+    return inside[-1] if inside and item.kind == "scalar" and "." in item.value else None
+
+
+def definition(model: Model, offset: int, project: Project) -> list[Place]:
+    """Where the name at an offset is introduced."""
+    found = mention_at(model, offset) or _owner(model, offset)
+    if found is None:
+        return []
+    offset = min(offset, found.span.end)
+    if found.symbol.noun == "file":
+        path = model.found(found.symbol.name)
+        return [Place(path, Span(0, 0))] if path is not None else []
+    if found.symbol.noun == "type":
+        return _class_place(known_types(model).get(found.symbol.name))
+    places = []
+    for symbol in _meanings(model, offset):
+        for at, known in project.roots(model, symbol):
+            defined = [m.span for m in mentions(at) if m.defines and m.symbol == known]
+            places += [Place(at.path, span) for span in defined]
+        if places:
+            break
+    return places
+
+
+def _meanings(model: Model, offset: int) -> list[Symbol]:
+    """The symbols that a name at an offset may stand for, the likeliest first."""
+    first = mention_at(model, offset)
+    here = [m.symbol for m in mentions(model) if m.span.start <= offset <= m.span.end]
+    return list(dict.fromkeys([first.symbol, *here])) if first is not None else []
+
+
+def _class_place(cls: type[Block] | None) -> list[Place]:
+    """The line of a Python file that defines a class."""
+    if cls is None:
+        return []
+    source, name = getattr(cls, "source_file", None), cls.__name__
+    try:
+        path = Path(source or inspect.getfile(cls))
+        text = path.read_text(encoding="utf-8")
+    except (OSError, TypeError, ValueError):
+        return []
+    found = re.search(rf"^class\s+({re.escape(name)})\b", text, re.MULTILINE)
+    span = Span(*found.span(1)) if found else Span(0, 0)
+    return [Place(path.resolve(), span)]
+
+
+def references(model: Model, offset: int, project: Project) -> list[Place]:
+    """All places that mean the same as the name at an offset, its definition included."""
+    found = mention_at(model, offset)
+    if found is None:
+        return []
+    if found.symbol.noun in ("file", "type"):
+        same = (found.symbol.noun, found.symbol.name)
+        models = {model.path.resolve(): model, **project.models}
+        return [
+            Place(other.path, m.span)
+            for other in models.values()
+            for m in mentions(other)
+            if (m.symbol.noun, m.symbol.name) == same
+        ]
+    symbol = _settled(model, offset, project)
+    places = [
+        Place(at.path, m.span)
+        for at, known in project.family(model, symbol)
+        for m in mentions(at)
+        if m.symbol == known
+    ]
+    return list(dict.fromkeys(places))
+
+
+def _settled(model: Model, offset: int, project: Project) -> Symbol:
+    """The one of the meanings that is defined; the likeliest if none is."""
+    meanings = _meanings(model, offset)
+    return next((symbol for symbol in meanings if project.defined_by(model, symbol)), meanings[0])
+
+
+def renamed(model: Model, offset: int) -> Span | None:
+    """The name at an offset that can be renamed; None if there is none."""
+    found = mention_at(model, offset)
+    return None if found is None or found.symbol.noun == "file" else found.span
+
+
+def rename(
+    model: Model, offset: int, name: str, project: Project, within: Iterable[Path] = ()
+) -> Mapping[Path, list[tuple[Span, str]]]:
+    """The edits that rename what an offset names, by file.
+
+    ``within`` are the files that may change, besides the text itself; none given, all may.
+
+    Raises
+    ------
+    UsageError : the name is not valid or taken, or a file that must not change defines it.
+    """
+    found = mention_at(model, offset)
+    if found is None or found.symbol.noun == "file":
+        raise UsageError("there is nothing to rename here")
+    if found.symbol.noun == "type":
+        return _class_renamed(model, found.symbol.name, name, project)
+    symbol = _settled(model, offset, project)
+    _check_name(model, symbol, name)
+    allowed = {path.resolve() for path in within}
+    edits: dict[Path, list[tuple[Span, str]]] = {}
+    for place in references(model, offset, project):
+        path = place.path.resolve()
+        if allowed and path != model.path.resolve() and path not in allowed:
+            raise UsageError(f"'{symbol.name}' is also in '{path}', which is not in this folder")
+        edits.setdefault(place.path, []).append((place.span, name))
+    return edits
+
+
+def _check_name(model: Model, symbol: Symbol, name: str) -> None:
+    message = ""
+    if symbol.noun in ("probe", "plot", "metric"):
+        message = misnamed(name, symbol.noun == "probe")
+    elif not _NAME.fullmatch(name):
+        message = f"'{name}' is not a name for a {symbol.noun}; use letters, digits and _"
+    elif symbol.noun == "block" and name in RESERVED:
+        message = f"'{name}' is reserved for the ports of a part"
+    taken = {m.symbol for m in mentions(model) if m.defines}
+    if not message and replace(symbol, name=name) in taken and name != symbol.name:
+        message = f"there is a {symbol.noun} '{name}' already"
+    if message:
+        raise UsageError(message)
+
+
+def _class_renamed(
+    model: Model, old: str, name: str, project: Project
+) -> Mapping[Path, list[tuple[Span, str]]]:
+    """Edits of a user's own block type: its class, and every graph that names it."""
+    cls = known_types(model).get(old)
+    places = _class_place(cls)
+    if cls is None or cls.__module__.startswith("blocks.") or not places:
+        raise UsageError(f"'{old}' is a type of the library; only your own can be renamed")
+    if not name.isidentifier() or name in known_types(model):
+        raise UsageError(f"'{name}' is not a new name for a class")
+    path = places[0].path
+    text = Text(path.read_text(encoding="utf-8"))
+    edits = {path: [(span, name) for span in _python_names(text, old)]}
+    for other in {model.path.resolve(): model, **project.models}.values():
+        if path in modules(other) or other is model:
+            spans = [m.span for m in mentions(other) if m.symbol.noun == "type"]
+            same = [s for s in spans if other.text.source[s.start : s.end].strip("'\"") == old]
+            if same:
+                edits[other.path] = [(span, name) for span in same]
+    return edits
+
+
+def _python_names(text: Text, name: str) -> list[Span]:
+    """Where Python code uses a name."""
+    spans = []
+    try:
+        for token in tokenize.generate_tokens(io.StringIO(text.source).readline):
+            if token.type == tokenize.NAME and token.string == name:
+                start = text.starts[token.start[0] - 1] + token.start[1]
+                spans.append(Span(start, start + len(name)))
+    except (tokenize.TokenError, IndentationError, SyntaxError):
+        return []
+    return spans

@@ -1,0 +1,49 @@
+"""What completion offers: one text each, plain or a snippet."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+Icon = Literal["section", "type", "key", "value", "output", "name", "file", "param", "snippet"]
+
+
+@dataclass(frozen=True)
+class Offer:
+    """One text that may be written.
+
+    label : as listed; insert : what is written, a snippet with ``$1``, ``${2:text}`` if
+    ``is_snippet``. detail : one line beside the label. doc : Markdown. rank : the lowest is first.
+    """
+
+    label: str
+    icon: Icon
+    detail: str = ""
+    doc: str = ""
+    insert: str = ""
+    is_snippet: bool = False
+    rank: int = 1
+
+    @property
+    def text(self) -> str:
+        return self.insert or self.label
+
+
+def escaped(text: str) -> str:
+    """A text inside a snippet."""
+    return re.sub(r"([$}\\])", r"\\\1", text)
+
+
+def choice(number: int, values: Iterable[str], otherwise: str) -> str:
+    """A place of a snippet where one of some values is chosen."""
+    known = [re.sub(r"([$}\\,|])", r"\\\1", value) for value in values]
+    if len(known) > 1:
+        return f"${{{number}|{','.join(known)}|}}"
+    return f"${{{number}:{escaped(known[0] if known else otherwise)}}}"
+
+
+def offers_of(names: Iterable[str], icon: Icon, detail: str = "", rank: int = 1) -> Iterator[Offer]:
+    """Names as offers that differ in nothing else."""
+    return (Offer(name, icon, detail, rank=rank) for name in names)

@@ -1,0 +1,342 @@
+"""A tolerant reading of YAML: a tree of what is written, with the place of each key and value.
+
+It reads any text, above all one that is being typed and does not parse: an open bracket ends where
+a line is no further indented than the key that it belongs to, a key without a colon is an entry
+without a value, and what fits nowhere is skipped. Texts that parse get the same tree as the
+strict reader's, apart from rare forms (complex keys, tags, several lines of plain text).
+"""
+
+from __future__ import annotations
+
+import re
+
+from runtime.language.items import Item, closing_quote, unquoted
+from runtime.language.text import Span
+
+MAX_DEPTH = 60
+
+_LINE = re.compile(r"([^\n\r]*)(\r\n|\n|\r|$)")
+_KEY = re.compile(
+    r"""("(?:[^"\\]|\\.)*"|'(?:[^']|'')*'|[^\s\#"'{}\[\],&*!|>%@`](?:[^:\#]|:(?!\s|$)|(?<!\s)\#)*?)
+        \s*:(?=\s|$)""",
+    re.VERBOSE,
+)
+_PLAIN = re.compile(r"(?:[^#\s]|(?<!\s)#|[^\S\r\n]+(?=[^#\s]))+")
+_FLOW_PLAIN = re.compile(
+    r"""(?:[^\s,\[\]{}:\#]|:(?![\s,\[\]{}]|$)|(?<!\s)\#)
+        (?:[^,\[\]{}:\#\r\n]|:(?![\s,\[\]{}]|$)|(?<!\s)\#)*""",
+    re.VERBOSE,
+)
+_PROPERTY = re.compile(r"[&!]\S*[^\S\r\n]*")
+
+
+def scan(source: str) -> Item:
+    """The tree of a text; its root is a mapping."""
+    return _Scanner(source).root
+
+
+class _Scanner:
+    """Reads lines; ``open`` holds the mappings and lists that a line may continue."""
+
+    def __init__(self, source: str) -> None:
+        self.source = source
+        self.root = Item(kind="map", end=len(source), column=0)
+        self.open: list[Item] = [self.root]
+        self.pending: Item | None = None  # a key whose value may be in the lines below
+        self.pending_column = 0
+        self.last: Item | None = None  # the scalar that a further line may continue
+        position, first = 0, True
+        while position < len(source) or first:
+            first = False
+            position = self.line(position)
+
+    def line_end(self, offset: int) -> int:
+        found = _LINE.match(self.source, offset)
+        return found.end(1) if found else len(self.source)
+
+    def next_line(self, offset: int) -> int:
+        found = _LINE.match(self.source, offset)
+        return found.end() if found else len(self.source)
+
+    def line(self, begin: int) -> int:
+        """Read a line that begins at an offset; returns where the next one begins."""
+        end = self.line_end(begin)
+        start = begin
+        while start < end and self.source[start] in " \t\ufeff":
+            start += 1
+        following = max(self.next_line(begin), begin + 1)
+        if start == end or self.source[start] == "#" or self.marks(start, end):
+            return following
+        reached = self.content(start, start - begin, end)
+        return following if reached <= end else max(self.next_line(reached), following)
+
+    def marks(self, start: int, end: int) -> bool:
+        """Whether a line is a directive or the mark of a document."""
+        text = self.source[start:end]
+        return text.startswith("%") or text.rstrip() in ("---", "...")
+
+    def content(self, start: int, column: int, end: int) -> int:
+        """Read what a line holds from an offset on; returns where reading ended."""
+        text = self.source[start:end]
+        if text == "-" or text.startswith(("- ", "-\t")):
+            return self.dash(start, column, end)
+        found = _KEY.match(self.source, start, end)
+        if found is None:
+            return self.stray(start, column, end)
+        self.settle(column, is_list=False)
+        holder = self.open[-1]
+        if holder.kind != "map":
+            return end
+        item = self.entry(holder, Span(found.start(1), found.end(1)), found.end())
+        return self.value(item, column, found.end(), end)
+
+    def entry(self, holder: Item, key: Span, colon: int) -> Item:
+        """A new entry of a mapping, without a value."""
+        name = self.source[key.start : key.end]
+        if len(name) > 1 and name[0] in "\"'" and name[-1] == name[0]:
+            name = unquoted(name)
+        after = colon if colon >= 0 else key.end
+        item = Item(holder, name, key.start, key.end, colon, after, after)
+        holder.items.append(item)
+        return item
+
+    def settle(self, column: int, is_list: bool) -> None:
+        """Find the mapping or list that an entry in a column belongs to."""
+        pending, self.pending, self.last = self.pending, None, None
+        if pending is not None and pending.kind == "empty":
+            least = self.pending_column + (0 if is_list else 1)
+            if column >= least and len(self.open) < MAX_DEPTH:
+                pending.kind = "list" if is_list else "map"
+                pending.column = column
+                self.open.append(pending)
+        while len(self.open) > 1:
+            top = self.open[-1]
+            if column > top.column or (column == top.column and (top.kind == "list") == is_list):
+                break
+            self.open.pop()
+
+    def dash(self, start: int, column: int, end: int) -> int:
+        """An item of a list over several lines."""
+        self.settle(column, is_list=True)
+        holder = self.open[-1]
+        if holder.kind != "list":
+            return end
+        after = start + 1
+        while after < end and self.source[after] in " \t":
+            after += 1
+        item = Item(holder, start=after, end=after)
+        holder.items.append(item)
+        holder.end = after
+        inner = column + after - start
+        if after < end and _KEY.match(self.source, after, end) and len(self.open) < MAX_DEPTH:
+            item.kind, item.column = "map", inner
+            self.open.append(item)
+            return self.content(after, inner, end)
+        return self.value(item, column, after, end)
+
+    def stray(self, start: int, column: int, end: int) -> int:
+        """A line without a colon: a key that is being typed, or more of a text above."""
+        if self.last is not None and column > self.pending_column:
+            found = _PLAIN.match(self.source, start, end)
+            self.last.end = found.end() if found else self.last.end
+            self.grow(self.last)
+            return end
+        if self.source[start] in "{[\"'|>" and self.pending is not None:
+            item, self.pending = self.pending, None
+            return self.value(item, self.pending_column, start, end)
+        if self.source[start] in "{[" and not self.root.items:
+            self.root.kind = "empty"
+            return self.flow(self.root, start, -1)
+        found = _PLAIN.match(self.source, start, end)
+        self.settle(column, is_list=False)
+        holder = self.open[-1]
+        if found is not None and holder.kind == "map":
+            self.grow(self.entry(holder, Span(start, found.end()), -1))
+        return end
+
+    def value(self, item: Item, column: int, start: int, end: int) -> int:
+        """Read an entry's value, as far as it is on its line; returns where reading ended."""
+        while start < end and self.source[start] in " \t":
+            start += 1
+        while start < end and (found := _PROPERTY.match(self.source, start, end)):
+            start = found.end()
+        self.pending_column, self.last = column, None
+        if start >= end or self.source[start] == "#":
+            self.pending = item
+            self.grow(item)
+            return end
+        self.pending = None
+        first = self.source[start]
+        if first in "{[":
+            reached = self.flow(item, start, column)
+        elif first in "|>":
+            reached = self.block_text(item, start, column)
+        elif first in "\"'":
+            reached = self.quoted(item, start, column)
+        else:
+            found = _PLAIN.match(self.source, start, end)
+            reached = found.end() if found else end
+            item.kind, item.start, item.end = "scalar", start, reached
+            item.value = self.source[start:reached]
+            self.last = item
+        self.grow(item)
+        return reached
+
+    def grow(self, item: Item) -> None:
+        """Make all that contain an item reach to its end."""
+        end, holder = max(item.end, item.key_end), item.parent
+        while holder is not None and holder is not self.root:
+            holder.end = max(holder.end, end)
+            holder = holder.parent
+
+    def block_text(self, item: Item, start: int, column: int) -> int:
+        """A literal or folded text: all lines that are further indented."""
+        end = self.line_end(start)
+        position = self.next_line(start)
+        while position < len(self.source):
+            stop = self.line_end(position)
+            line = self.source[position:stop]
+            if line.strip() and len(line) - len(line.lstrip(" ")) <= column:
+                break
+            end, position = stop, max(self.next_line(position), position + 1)
+        item.kind, item.start, item.end, item.quoted = "scalar", start, end, True
+        item.value = self.source[self.line_end(start) : end].strip()
+        return end
+
+    def quoted(self, item: Item, start: int, column: int) -> int:
+        """A text in quotes; one that is never closed ends with its line."""
+        quote = self.source[start]
+        end = closing_quote(self.source, start)
+        if end < 0 or self.leaves(start, end, column):
+            end, item.closed = self.line_end(start), False
+        item.kind, item.start, item.end, item.quoted = "scalar", start, end, True
+        written = self.source[start:end]
+        item.value = unquoted(written) if item.closed else written.lstrip(quote)
+        return end
+
+    def leaves(self, start: int, end: int, column: int) -> bool:
+        """Whether a line between two offsets is no further indented than a column."""
+        position = self.next_line(start)
+        while position < end:
+            line = self.source[position : self.line_end(position)]
+            if line.strip() and len(line) - len(line.lstrip(" ")) <= column:
+                return True
+            position = max(self.next_line(position), position + 1)
+        return False
+
+    def flow(self, item: Item, start: int, column: int) -> int:
+        """A value in braces or brackets; returns the offset after it."""
+        return _Flow(self, item, column).read(start)
+
+
+class _Flow:
+    """Reads a value in braces or brackets, over several lines if need be."""
+
+    def __init__(self, scanner: _Scanner, item: Item, column: int) -> None:
+        self.scanner, self.source, self.column = scanner, scanner.source, column
+        self.open: list[Item] = []
+        self.slot: Item | None = item  # the entry that takes the next value
+        self.outer = item
+
+    def read(self, start: int) -> int:
+        position = start
+        while position < len(self.source):
+            character = self.source[position]
+            if character in "\r\n":
+                position = self.scanner.next_line(position)
+                if self.is_outside(position):
+                    break
+            elif character in " \t":
+                position += 1
+            elif character == "#" and self.source[position - 1] in " \t\r\n":
+                position = self.scanner.line_end(position)
+            elif character in "{[":
+                position = self.begin(position)
+            elif character in "}]":
+                position += 1
+                if self.end(character, position):
+                    return position
+            else:
+                position = self.token(position, character)
+        return self.stop(min(position, len(self.source)))
+
+    def is_outside(self, position: int) -> bool:
+        """Whether a line is no further indented than the key of the whole value."""
+        line = self.source[position : self.scanner.line_end(position)]
+        text = line.lstrip(" ")
+        return bool(text) and text[0] not in "#}]" and len(line) - len(text) <= self.column
+
+    def stop(self, position: int) -> int:
+        """End all that is open where the text goes on with something else."""
+        end = len(self.source[:position].rstrip())
+        for item in self.open:
+            item.end, item.closed = max(item.start + 1, end), False
+        return max(end, self.outer.start + 1)
+
+    def token(self, position: int, character: str) -> int:
+        holder = self.open[-1]
+        if character == ",":
+            self.slot = None
+            return position + 1
+        if character == ":":
+            if self.slot is not None and self.slot.colon < 0 and holder.kind == "map":
+                self.slot.colon = self.slot.start = self.slot.end = position + 1
+            return position + 1
+        quoted = character in "\"'"
+        if quoted:
+            end = closing_quote(self.source, position)
+            if end < 0 or self.scanner.leaves(position, end, self.column):
+                end = self.scanner.line_end(position)
+        else:
+            found = _FLOW_PLAIN.match(self.source, position)
+            if found is None:
+                return position + 1
+            end = position + len(found[0].rstrip())
+        self.scalar(Span(position, end), quoted)
+        return end
+
+    def scalar(self, span: Span, quoted: bool) -> None:
+        holder, slot = self.open[-1], self.slot
+        if holder.kind == "map" and slot is None:
+            self.slot = self.scanner.entry(holder, span, -1)
+            return
+        if slot is None:
+            self.slot = slot = Item(holder)
+            holder.items.append(slot)
+        elif holder.kind == "map" and slot.kind != "empty":
+            self.slot = self.scanner.entry(holder, span, -1)  # a comma is missing
+            return
+        elif slot.kind != "empty" or (holder.kind == "map" and slot.colon < 0):
+            return  # two values beside each other
+        written = self.source[span.start : span.end]
+        slot.kind, slot.start, slot.end, slot.quoted = "scalar", *span, quoted
+        slot.value = unquoted(written) if quoted else written
+
+    def begin(self, position: int) -> int:
+        item = self.slot
+        if item is None or item.kind != "empty" or (self.open and self.misses_colon(item)):
+            item = Item(self.open[-1])
+            self.open[-1].items.append(item)
+        if len(self.open) >= MAX_DEPTH:
+            return position + 1
+        item.kind = "map" if self.source[position] == "{" else "list"
+        item.flow, item.start, item.end = True, position, position + 1
+        self.open.append(item)
+        self.slot = None
+        return position + 1
+
+    def misses_colon(self, item: Item) -> bool:
+        return self.open[-1].kind == "map" and item.colon < 0
+
+    def end(self, character: str, position: int) -> bool:
+        """A closing bracket; returns whether the whole value ends with it."""
+        kind = "map" if character == "}" else "list"
+        if all(item.kind != kind for item in self.open):
+            return False
+        while self.open:
+            item = self.open.pop()
+            item.end, item.closed = position, item.kind == kind
+            if item.kind == kind:
+                break
+        self.slot = item
+        return not self.open

@@ -1,0 +1,126 @@
+"""The names that a place in the text can use: of the graph, or of the part that it is inside of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from blocks.core import Block, PortType, SignalType
+from blocks.registry import BUILTIN, installed
+from runtime.document import PART_SECTIONS, Node
+from runtime.language.model import Model
+from runtime.network import Entry, Scope, fits, outputs_in
+
+Steps = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Output:
+    """An output that a wire may come from: its address, its type, and the block's documentation."""
+
+    address: str
+    type: SignalType | None
+    doc: str = ""
+
+
+def scope_at(model: Model, path: Steps) -> tuple[Scope | None, Steps]:
+    """The scope that a path leads into, and the rest of the path in it."""
+    network = model.network
+    if network is None:
+        return None, path
+    scope = network.scope
+    if model.prefix:
+        scope = scope.parts.get(model.prefix.rstrip("."), scope)
+    while len(path) > 2 and path[0] == "blocks" and path[1] in scope.parts:
+        if path[2] not in PART_SECTIONS or path[2] in ("graph", "params"):
+            break
+        scope, path = scope.parts[path[1]], path[2:]
+    return scope, path
+
+
+def entry_of(model: Model, scope: Scope | None, name: str) -> Entry | None:
+    """A block of the network by its name in a scope; removed ones, too."""
+    network = model.network
+    if network is None or scope is None:
+        return None
+    full = scope.prefix + name
+    return network.entries.get(full) or network.removed_entries.get(full)
+
+
+def class_of(model: Model, scope: Scope | None, name: str) -> type[Block] | None:
+    """The class of a block by its name in a scope."""
+    entry = entry_of(model, scope, name)
+    if entry is not None:
+        return entry.cls
+    node = scope.blocks.get(name) if scope is not None else None
+    written = None if node is None else node.get("type")
+    return BUILTIN.get(str(written.value)) if written is not None else None
+
+
+def known_types(model: Model) -> dict[str, type[Block]]:
+    """Block types that the text may name: the library's, installed ones, those of its modules."""
+    network = model.network
+    entries = network.entries.values() if network is not None else ()
+    own = {entry.cls.__name__: entry.cls for entry in entries if entry.node.get("module")}
+    return {**BUILTIN, **installed(), **own}
+
+
+def inputs_of(model: Model, scope: Scope | None, name: str) -> dict[str, PortType | None]:
+    """The inputs of a block or part, each with its type where that is known."""
+    network = model.network
+    if scope is None or network is None:
+        return {}
+    full = scope.prefix + name
+    if name in scope.parts:
+        part = scope.parts[name]
+        return {port: network.part_inputs.get(part.prefix + port) for port in part.inputs}
+    cls = class_of(model, scope, name)
+    ports = cls.spec.inputs if cls is not None else {}
+    return {
+        port: network.types.get((full, port), declared.type) for port, declared in ports.items()
+    }
+
+
+def is_optional(model: Model, scope: Scope | None, name: str, port: str) -> bool:
+    """Whether an input may stay open."""
+    if scope is not None and name in scope.parts:
+        declared = scope.parts[name].inputs.get(port)
+        optional = declared.get("optional") if declared is not None else None
+        return optional is not None and optional.value is True
+    cls = class_of(model, scope, name)
+    return cls is not None and port in cls.spec.inputs and cls.spec.inputs[port].optional
+
+
+def outputs_for(
+    model: Model, scope: Scope | None, consumer: str = "", components: bool = True
+) -> Iterator[Output]:
+    """All that can be wired to a block of a scope, with the components of records."""
+    network = model.network
+    if network is None or scope is None:
+        return
+    for address, kind in outputs_in(network, scope, consumer):
+        name, _, port = address.partition(".")
+        cls = class_of(model, scope, name)
+        declared = cls.spec.outputs.get(port) if cls is not None else None
+        if kind is None and declared is not None and isinstance(declared.type, SignalType):
+            kind = declared.type
+        yield Output(address, kind, declared.doc if declared is not None else "")
+        if components and kind is not None and kind.form == "record":
+            scalar = SignalType("Scalar", "scalar")
+            for component, unit in zip(kind.components, kind.units, strict=False):
+                yield Output(f"{address}.{component}", scalar, unit)
+
+
+def is_fitting(output: Output, wanted: PortType | None) -> bool:
+    """Whether an output certainly may be wired to an input of a type."""
+    return isinstance(wanted, SignalType) and fits(output.type, wanted)
+
+
+def params_in(model: Model, scope: Scope | None) -> dict[str, Node]:
+    """The params that ``$names`` in a scope refer to."""
+    document: Node | None = model.document
+    for name in scope.prefix.split(".")[:-1] if scope is not None else ():
+        blocks = document.get("blocks") if document is not None else None
+        document = blocks.get(name) if blocks is not None else None
+    params = document.get("params") if document is not None else None
+    return dict(params.items()) if params is not None else {}

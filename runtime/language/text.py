@@ -1,0 +1,95 @@
+"""A text with its lines: offsets, the positions of editors, and those of messages.
+
+An offset counts characters from 0. Editors send a line and a number of UTF-16 code units in it;
+messages have lines and columns from 1, in lines as YAML breaks them, which knows more line
+breaks than editors do.
+"""
+
+from __future__ import annotations
+
+import re
+from bisect import bisect_right
+from functools import cached_property
+from typing import NamedTuple
+
+from runtime.errors import Where
+
+_EDITOR_BREAK = re.compile("\r\n|[\n\r]")
+_YAML_BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
+
+
+class Span(NamedTuple):
+    """A part of a text: offsets of its first character and of the one after its last."""
+
+    start: int
+    end: int
+
+
+class Text:
+    """A text whose places can be converted; immutable."""
+
+    def __init__(self, source: str) -> None:
+        self.source = source
+
+    @cached_property
+    def starts(self) -> list[int]:
+        """The offset of each line's first character, in an editor's lines."""
+        return [0, *(found.end() for found in _EDITOR_BREAK.finditer(self.source))]
+
+    @cached_property
+    def _yaml_starts(self) -> list[int]:
+        return [0, *(found.end() for found in _YAML_BREAK.finditer(self.source))]
+
+    def line(self, number: int) -> str:
+        """A line, from 0, without its break."""
+        start, end = self.line_span(number)
+        return self.source[start:end]
+
+    def line_span(self, number: int) -> Span:
+        """A line, from 0, without its break."""
+        start = self.starts[number]
+        last = number + 1 == len(self.starts)
+        end = len(self.source) if last else self.starts[number + 1]
+        while end > start and self.source[end - 1] in "\r\n":
+            end -= 1
+        return Span(start, end)
+
+    def line_of(self, offset: int) -> int:
+        """The number, from 0, of the line that an offset is in."""
+        return bisect_right(self.starts, max(0, offset)) - 1
+
+    def offset(self, line: int, units: int) -> int:
+        """The offset of an editor's position, moved into the text where it is outside."""
+        if line < 0:
+            return 0
+        if line >= len(self.starts):
+            return len(self.source)
+        start, end = self.line_span(line)
+        written = self.source[start:end]
+        if written.isascii():
+            return start + min(max(0, units), end - start)
+        seen = 0
+        for i, character in enumerate(written):
+            if seen >= units:
+                return start + i
+            seen += 2 if character > "\uffff" else 1
+        return end
+
+    def position(self, offset: int) -> tuple[int, int]:
+        """Line and UTF-16 units of an offset, as editors count."""
+        offset = min(max(0, offset), len(self.source))
+        line = self.line_of(offset)
+        before = self.source[self.starts[line] : offset]
+        return line, len(before) + sum(character > "\uffff" for character in before)
+
+    def at(self, where: Where) -> int:
+        """The offset of a message's position."""
+        starts = self._yaml_starts
+        if not 1 <= where.line <= len(starts):
+            return len(self.source) if where.line else 0
+        return min(starts[where.line - 1] + max(0, where.column - 1), len(self.source))
+
+    def where(self, offset: int, file: str) -> Where:
+        """The position of an offset as messages write it."""
+        line = bisect_right(self._yaml_starts, offset) - 1
+        return Where(file, line + 1, offset - self._yaml_starts[line] + 1)

@@ -1,0 +1,125 @@
+"""MPC: without limits the LQR; with them, a general solver of the same program."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.linalg import solve_discrete_are
+from scipy.optimize import minimize
+
+import blocks
+from blocks import LQR, MPC
+from blocks.control.lqr import linearised
+from blocks.control.tracking import offsets
+from tests.blocks.control.test_trackers import STEP, ask, drive
+from tests.blocks.direct import state_of
+
+numbers = st.floats(-0.5, 0.5)
+
+
+@given(numbers, numbers, numbers, st.floats(-7.0, 7.0), st.integers(1, 20))
+@settings(deadline=None, max_examples=30)
+def test_without_limits_it_is_the_lqr(
+    along: float, lateral: float, heading: float, at: float, steps: int
+) -> None:
+    weights = {"q": [2.0, 2.0, 0.5], "r": [1.0, 0.3], "v_r": 0.4}
+    mpc = MPC(**weights, horizon=steps * STEP, steps=steps, omega_max=math.inf)
+    got = ask(mpc, state_of(mpc, dt=STEP), along, lateral, heading, at)
+    lqr = LQR(**weights)
+    expected = ask(lqr, state_of(lqr, dt=STEP), along, lateral, heading, at)
+    assert got == pytest.approx(expected, rel=1e-7, abs=1e-9)
+
+
+def cost(commands: np.ndarray, x: np.ndarray, mpc: MPC) -> float:
+    """The cost of a plan, by simulating the model."""
+    a, b = linearised(mpc.v_r, 0.0, mpc.horizon / mpc.steps, mpc.model)
+    q, r = np.diag(mpc.q), np.diag(mpc.r)
+    total = 0.0
+    for u in commands.reshape(-1, 2):
+        total += float(u @ r @ u)
+        x = a @ x + b @ u
+        total += float(x @ q @ x)
+    return total + float(x @ (solve_discrete_are(a, b, q, r) - q) @ x)
+
+
+@given(st.floats(-2.0, 2.0), st.floats(-1.5, 1.5), st.floats(-0.5, 0.5), st.floats(-0.4, 0.4))
+@settings(deadline=None, max_examples=10)
+def test_at_its_limits_it_is_a_general_solver(
+    lateral: float, heading: float, before: float, turn: float
+) -> None:
+    mpc = MPC(v_r=0.5, horizon=0.8, steps=4, omega_max=0.6, omega_rate=2.0, v_max=0.7, v_rate=1.0)
+    state = state_of(mpc, dt=STEP)
+    state.last[:] = 0.5, before
+    x = np.array([0.3, lateral, heading])
+    u = np.array(mpc.output(state, 0.0, tuple(x), (0.0, 0.0, 0.0), turn))
+
+    h = 0.2
+    added = np.array([0.5, turn])
+    last = np.array([0.5, before])
+
+    def room(commands: np.ndarray) -> np.ndarray:
+        total = commands.reshape(-1, 2) + added
+        changes = np.abs(np.diff(np.vstack((last, total)), axis=0))
+        allowed = np.array([1.0, 2.0]) * np.array([[STEP], [h], [h], [h]])
+        return np.concatenate(
+            ((np.array([0.7, 0.6]) - np.abs(total)).ravel(), (allowed - changes).ravel())
+        )
+
+    start = np.tile(last - added, 4)
+    found = minimize(
+        cost,
+        start,
+        (x, mpc),
+        method="SLSQP",
+        constraints={"type": "ineq", "fun": room},
+        options={"ftol": 1e-12, "maxiter": 500},
+    )
+    # Both are feasible, and no general solver finds a better plan than ours.
+    bounds = mpc._bounds(state, turn)
+    plan = state.program.minimum(x, bounds)
+    assert room(plan).min() > -1e-7
+    np.testing.assert_allclose(plan[:2], u)
+    if found.success:
+        assert cost(plan, x, mpc) <= found.fun + 1e-6 * (1.0 + abs(found.fun))
+
+
+def test_the_limits_hold_in_a_run() -> None:
+    mpc = MPC(v_r=0.5, omega_max=0.8, omega_rate=1.5, v_max=0.6, v_rate=0.5)
+    result = drive(mpc, 1.0, 1.5, 12.0, STEP)
+    assert abs(result["plant.pose"][-1, 1]) < 0.02
+    state = state_of(mpc, dt=STEP)
+    turns = [ask(mpc, state, 0.0, 1.0, 1.5 - 0.01 * k)[1] for k in range(150)]
+    assert max(abs(turn) for turn in turns) <= 0.8 + 1e-9
+    assert np.abs(np.diff(turns)).max() <= 1.5 * STEP + 1e-9
+    assert min(turns) == pytest.approx(-0.8)
+
+
+def test_the_error_is_taken_in_the_paths_frame() -> None:
+    mpc = MPC()
+    error = (0.1, 0.2, 0.3)
+    along, lateral = offsets(error, 1.0)
+    state = state_of(mpc, dt=STEP)
+    turned = mpc.output(state, 0.0, error, (0.0, 0.0, 1.0), 0.0)
+    straight = mpc.output(state, 0.0, (along, lateral, 0.3), (0.0, 0.0, 0.0), 0.0)
+    assert turned == pytest.approx(straight)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ({"v_r": 0.0}, "v_r: at 0 the lateral error"),
+        ({"v_max": 0.5}, "v_max: expected at least .v_r. = 1 m/s, got 0.5"),
+    ],
+)
+def test_bad_parameters(parameters: dict[str, float], message: str) -> None:
+    with pytest.raises(blocks.ParameterError, match=message):
+        MPC(**parameters)
+
+
+def test_the_horizon_is_not_shorter_than_its_ticks() -> None:
+    with pytest.raises(blocks.ParameterError, match=r"horizon: expected at least steps \* dt"):
+        state_of(MPC(horizon=0.05), dt=STEP)

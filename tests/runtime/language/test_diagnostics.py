@@ -1,0 +1,128 @@
+"""Diagnostics: the problems of ``validate``, each on the text that it is about."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from runtime.errors import GraphError
+from runtime.graph import load
+from runtime.language import Diagnostic, Model, Surroundings, diagnose
+from tests.runtime.language.texts import CASE_C, GRAPHS, SURROUNDINGS, chain, edited
+
+
+def underlined(model: Model, found: Diagnostic) -> str:
+    return model.text.source[found.span.start : found.span.end]
+
+
+@pytest.mark.parametrize("path", sorted(GRAPHS.rglob("*.yaml")), ids=lambda p: p.stem)
+def test_shipped_files_have_no_problems(path: Path) -> None:
+    model = Model(path.read_text(encoding="utf-8"), path, SURROUNDINGS)
+    assert [found for found in diagnose(model) if found.severity == "error"] == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "where", "message"),
+    [
+        ("q: [10", "Q: [10", "Q", "unknown parameter, did you mean 'q'?"),
+        ("type: LQR,", "type: LQRR,", "LQRR", "no block type 'LQRR', did you mean 'LQR'?"),
+        ("error: {pose: plant.pose", "error: {pose: plant.pos", "plant.pos", "no output 'pos'"),
+        ("lqr: {error: error.state, ", "lqr: {", "lqr", "input 'lqr.error' (TrackingState) is not"),
+        ("omega_max: 1.5", "omega_max: -1", "-1", "a number above 0 rad/s"),
+        ("{rate_v: 1.0e-8", "{rate_w: 1.0e-8", "rate_w", "has no param 'rate_w', did you"),
+        ("kind: map", "kind: mop", "mop", "did you mean 'map'?"),
+        ("seed: 0", "sed: 0", "sed", "unknown key, did you mean 'seed'?"),
+        ("worlds/paper_room", "worlds/paper_rom", "worlds/paper_rom.yaml", "no such world"),
+        ("title: Scan and", "title: Scan: and", ":", "a text that contains ': ' needs quotes"),
+        ("search: {input: explore.command}", "search: {input: sighted.out}", "s", "algebraic loop"),
+    ],
+)
+def test_a_problem_is_underlined(old: str, new: str, where: str, message: str) -> None:
+    model, _ = edited(old, new)
+    found = diagnose(model)
+    assert found[0].severity == "error"
+    assert message in found[0].message
+    assert underlined(model, found[0]).startswith(where)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [("q: [10", "Q: [10"), ("type: Sum, dt: 0.01", "type: Sun, dt: 1"), ("of: errors", "of: eror")],
+)
+def test_problems_are_those_of_validate(old: str, new: str, tmp_path: Path) -> None:
+    text = CASE_C.read_text(encoding="utf-8").replace(old, new, 1)
+    path = tmp_path / "mine.yaml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(GraphError) as error:
+        load(path).check()
+    assert Model(text, path, SURROUNDINGS).problems == error.value.problems
+
+
+def test_a_problem_in_another_file_is_shown_where_that_file_is_named(tmp_path: Path) -> None:
+    base = tmp_path / "base.yaml"
+    base.write_text("blocks:\n  a: {type: Constant, valeu: 2}\n", encoding="utf-8")
+    text = "extends: base.yaml\ngraph: top\n"
+    model = Model(text, tmp_path / "top.yaml", SURROUNDINGS)
+    found = diagnose(model)
+    assert underlined(model, found[0]) == "base.yaml"
+    assert "base.yaml:2:23: unknown parameter, did you mean 'value'?" in found[0].message
+    assert found[0].related[0].where.line == 2
+
+
+def test_an_unsaved_text_takes_the_place_of_its_file(tmp_path: Path) -> None:
+    base = tmp_path / "base.yaml"
+    base.write_text("blocks:\n  a: {type: Gian}\n", encoding="utf-8")
+    top = "extends: base.yaml\ngraph: top\nblocks: {b: {type: Constant, value: 1}}\n"
+    text = "blocks:\n  a: {type: Gain, gain: 2}\nwires:\n  a: {input: b.value}\n"
+    unsaved = {base.resolve(): text}
+    assert diagnose(Model(top, tmp_path / "top.yaml", SURROUNDINGS)) != []
+    assert diagnose(Model(top, tmp_path / "top.yaml", Surroundings(unsaved))) == []
+
+
+def test_notes_are_warnings_at_their_parameter() -> None:
+    model, _ = edited("x0: [0, 0, 0]", "x0: [0, 0, 90]")
+    found = diagnose(model)
+    assert [each.severity for each in found] == ["warning"]
+    assert "write 90deg" in found[0].message
+    assert model.text.source[found[0].span.start :].startswith("[0, 0, 90]")
+
+
+def test_an_overlay_may_name_what_the_graph_below_has() -> None:
+    path = GRAPHS / "conditions" / "lag.yaml"
+    model, _ = edited("tau: 0.1", "tua: 0.1", path)
+    found = diagnose(model)
+    assert any("unknown parameter, did you mean 'tau'?" in each.message for each in found)
+    assert not any("there is no block" in each.message for each in found)
+
+
+def test_experiments_parts_and_worlds_are_checked() -> None:
+    for path, old, new, message in [
+        (
+            "experiments/walls.yaml",
+            "PID: {replace: {lqr: PID}}",
+            "PID: {replase: {lqr: PID}}",
+            "re",
+        ),
+        ("experiments/walls.yaml", "lqr.q: [50, 50, 20]", "lqr.qq: [50, 50, 20]", "'q'"),
+        ("parts/adaptive_snn.yaml", "v: snn_v.output", "v: snn_v.outptu", "'output'"),
+        ("parts/adaptive_snn.yaml", "leak: $leak", "leek: $leak", "'leak'"),
+        ("worlds/paper_room.yaml", "[0.3, -1.5, 0.5]", "[0.3, -1.5, -0.5]", "above 0 m"),
+    ]:
+        model, _ = edited(old, new, GRAPHS / path)
+        found = diagnose(model)
+        assert found, (path, new)
+        assert message in found[0].message
+
+
+def test_two_thousand_blocks(tmp_path: Path) -> None:
+    text = chain(2000)
+    assert diagnose(Model(text, tmp_path / "big.yaml", SURROUNDINGS)) == []
+    wrong = text.replace("b777: {type: Gain, gain", "b777: {type: Gain, gian")
+    found = diagnose(Model(wrong, tmp_path / "big.yaml", SURROUNDINGS))
+    assert [each.address for each in found] == ["blocks.b777.gian"]
+
+
+def test_a_text_without_anything_has_a_problem() -> None:
+    for text in ("", "\n", "# only a comment\n", "- a\n", "42", "\x00", "a: &x *x"):
+        assert diagnose(Model(text, CASE_C, SURROUNDINGS)), text

@@ -1,0 +1,192 @@
+"""Definitions, references and renames across files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from runtime.errors import UsageError
+from runtime.language import (
+    Model,
+    Place,
+    Project,
+    applied,
+    definition,
+    diagnose,
+    references,
+    rename,
+    renamed,
+)
+from tests.runtime.language.texts import CASE_C, GRAPHS, MARK, SURROUNDINGS
+
+
+@pytest.fixture(scope="module")
+def shipped() -> Project:
+    paths = sorted(GRAPHS.rglob("*.yaml"))
+    return Project(Model(p.read_text(encoding="utf-8"), p, SURROUNDINGS) for p in paths)
+
+
+def at(project: Project, path: Path, marked: str) -> tuple[Model, int]:
+    model = project.models[path.resolve()]
+    return model, model.text.source.index(marked.replace(MARK, "")) + marked.index(MARK)
+
+
+def shown(project: Project, places: list[Place]) -> list[str]:
+    """Each place as file:line:name."""
+    found = []
+    for place in places:
+        model = project.models[place.path.resolve()]
+        line, _ = model.text.position(place.span.start)
+        name = model.text.source[place.span.start : place.span.end]
+        found.append(f"{place.path.name}:{line + 1}:{name}")
+    return found
+
+
+@pytest.mark.parametrize(
+    ("marked", "expected"),
+    [
+        ("error: err¦or.state", ["wall_following.yaml:17:error"]),
+        ("error: error.st¦ate", ["wall_following.yaml:17:error"]),
+        ("v_r: $v¦_r", ["wall_following.yaml:9:v_r"]),
+        ("of: [po¦se,", ["wall_following.yaml:56:pose"]),
+        ("rate¦_v:", ["adaptive_snn.yaml:8:rate_v"]),
+        ("turn_in¦put:", ["adaptive_snn.yaml:19:turn_input"]),
+        ("adaptive.comma¦nd]", ["adaptive_snn.yaml:24:command"]),
+        ("parts/adaptive_s¦nn.yaml", ["adaptive_snn.yaml:1:"]),
+        ("worlds/paper¦_room.yaml", ["paper_room.yaml:1:"]),
+    ],
+)
+def test_definitions(shipped: Project, marked: str, expected: list[str]) -> None:
+    model, offset = at(shipped, CASE_C, marked)
+    assert shown(shipped, definition(model, offset, shipped)) == expected
+
+
+def test_a_type_is_defined_by_its_python_class(shipped: Project) -> None:
+    path = GRAPHS / "starters" / "own_block.yaml"
+    model, offset = at(shipped, path, "type: Back¦lash")
+    [place] = definition(model, offset, shipped)
+    text = place.path.read_text(encoding="utf-8")
+    assert place.path.name == "own_block.py"
+    assert text[: place.span.start].endswith("class ")
+    assert text[place.span.start : place.span.end] == "Backlash"
+
+
+def test_a_block_of_the_graph_below_is_defined_there(shipped: Project) -> None:
+    path = GRAPHS / "line_actuator_failure_robust.yaml"
+    model, offset = at(shipped, path, "input: err¦or.lateral")
+    [place] = definition(model, offset, shipped)
+    assert place.path.name == "line_actuator_failure.yaml"
+
+
+def test_references_reach_experiments_overlays_and_parts(shipped: Project) -> None:
+    model, offset = at(shipped, CASE_C, "  lq¦r: {type")
+    files = {place.path.name for place in references(model, offset, shipped)}
+    assert files == {"wall_following.yaml", "walls.yaml", "walls_robust.yaml"}
+    part = GRAPHS / "parts" / "adaptive_snn.yaml"
+    model, offset = at(shipped, part, "command: jo¦in.out")
+    assert (
+        shown(shipped, references(model, offset, shipped))
+        == [
+            "adaptive_snn.yaml:24:join",
+            "adaptive_snn.yaml:47:join",
+            "adaptive_snn.yaml:52:join",
+        ]
+        or len(references(model, offset, shipped)) == 3
+    )
+
+
+def after(project: Project, marked: str, new: str, path: Path = CASE_C) -> dict[Path, str]:
+    model, offset = at(project, path, marked)
+    edits = rename(model, offset, new, project)
+    return {
+        file: applied(project.models[file.resolve()].text.source, changes)
+        for file, changes in edits.items()
+    }
+
+
+@pytest.mark.parametrize(
+    ("marked", "new"),
+    [("  lq¦r: {type", "steering"), ("fau¦lt.actual", "broken"), ("rate_¦v:", "speed_rate")],
+)
+def test_a_renamed_graph_still_has_no_problems(shipped: Project, marked: str, new: str) -> None:
+    """Every file that shares the name is edited, and none of them has a problem afterwards."""
+    texts = after(shipped, marked, new)
+    unsaved = {path.resolve(): text for path, text in texts.items()}
+    surroundings = type(SURROUNDINGS)(unsaved, modules=True)
+    assert len(texts) > 1 or marked.startswith("fau")
+    for path, text in texts.items():
+        found = diagnose(Model(text, path, surroundings))
+        assert [each.message for each in found if each.severity == "error"] == [], path
+
+
+def test_a_rename_edits_wires_probes_plots_metrics_and_removals(tmp_path: Path) -> None:
+    text = """graph: all
+blocks:
+  a: {type: Constant, value: 1.0}
+  b¦: {type: Gain, gain: 2.0}
+  c: {type: Sum}
+wires:
+  b: {input: a.value}
+  c: {terms: [b.out, "b.out"]}
+without: [b]
+bypass: b
+probes: {p: b.out, q: {of: [b.out, c.out]}}
+plots: {x: {kind: timeseries, of: [b.out, p]}}
+metrics: {m: {kind: mean_abs, of: b.out}}
+"""
+    offset = text.index(MARK)
+    model = Model(text.replace(MARK, ""), tmp_path / "all.yaml", SURROUNDINGS)
+    edits = rename(model, offset, "twice", Project([model]))
+    [changes] = edits.values()
+    result = applied(model.text.source, changes)
+    assert result == text.replace(MARK, "").replace("b.out", "twice.out").replace(
+        "  b: ", "  twice: "
+    ).replace("[b]", "[twice]").replace("bypass: b", "bypass: twice")
+
+
+def test_an_own_type_is_renamed_in_python_and_in_every_graph(shipped: Project) -> None:
+    path = GRAPHS / "starters" / "own_block.yaml"
+    model, offset = at(shipped, path, "type: Back¦lash")
+    edits = rename(model, offset, "Play", shipped)
+    assert {file.name for file in edits} == {"own_block.py", "own_block.yaml"}
+
+
+@pytest.mark.parametrize(
+    ("marked", "new", "message"),
+    [
+        ("  lq¦r: {type", "error", "there is a block 'error' already"),
+        ("  lq¦r: {type", "a.b", "is not a name for a block"),
+        ("  lq¦r: {type", "inputs", "is reserved"),
+        ("type: LQ¦R", "Mine", "a type of the library"),
+        ("# Ca¦se C", "x", "nothing to rename"),
+    ],
+)
+def test_what_cannot_be_renamed(shipped: Project, marked: str, new: str, message: str) -> None:
+    model, offset = at(shipped, CASE_C, marked)
+    with pytest.raises(UsageError, match=message):
+        rename(model, offset, new, shipped)
+
+
+def test_files_outside_the_folder_are_not_renamed(shipped: Project, tmp_path: Path) -> None:
+    text = "extends: wall_following\ngraph: mine\nblocks: {lqr: {q: [1, 1, 1]}}\n"
+    model = Model(text, tmp_path / "mine.yaml", SURROUNDINGS)
+    project = Project([model])
+    offset = text.index("lqr")
+    assert renamed(model, offset) is not None
+    with pytest.raises(UsageError, match="not in this folder"):
+        rename(model, offset, "steering", project, [model.path])
+
+
+def test_files_that_name_each_other_in_a_circle(tmp_path: Path) -> None:
+    one = Model("extends: two.yaml\nblocks: {a: {}}\n", tmp_path / "one.yaml", SURROUNDINGS)
+    two = Model("extends: one.yaml\nblocks: {a: {}}\n", tmp_path / "two.yaml", SURROUNDINGS)
+    for model in (one, two):
+        model.path.write_text(model.text.source, encoding="utf-8")
+    project = Project([one, two])
+    offset = one.text.source.index("a: {}")
+    assert {place.path.name for place in references(one, offset, project)} <= {
+        "one.yaml",
+        "two.yaml",
+    }
+    definition(one, offset, project)
