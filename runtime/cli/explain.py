@@ -62,7 +62,7 @@ def _continuous(plan: Plan) -> dict[str, Any] | None:
 
 
 def _compiled(engine: Engine) -> dict[str, Any]:
-    """Which blocks are compiled, why the others are not, and the source that numba compiles."""
+    """Which blocks are compiled, why the others are not, and the plan in C."""
     from runtime.engine.compiled import CompiledRunner
 
     runner = engine.prepare()

@@ -37,7 +37,7 @@ from runtime.terminal import readable_bytes
 
 PACKAGES = (
     *("spikeblocks", "numpy", "scipy", "networkx", "pyyaml", "matplotlib"),
-    *("numba", "mujoco-core"),
+    "mujoco-core",
 )
 
 
@@ -104,13 +104,13 @@ def chosen_runner(network: Network, note: Callable[[str], None] = silent) -> Mak
 
     Raises
     ------
-    MissingExtraError : the compiled engine is requested but not installed.
+    MissingCompilerError : the compiled engine is requested, and there is no C compiler.
     """
     if not take_compiled(network, 1, note):
         return None
-    from runtime.engine.compiled import CompiledRunner
+    from runtime.engine.compiled import CheckedRunner, CompiledRunner
 
-    return CompiledRunner
+    return CheckedRunner if network.engine == "checked" else CompiledRunner
 
 
 def _recorded(probe: Probe, values: FloatArray, times: FloatArray) -> Recording:

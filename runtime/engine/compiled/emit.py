@@ -1,39 +1,34 @@
-"""The compiled plan: a straight-line function over compiled blocks, cut where others are called.
+"""The plan in C: one call per block, cut where blocks are called from Python.
 
 The items of a tick (outputs, probes, updates, events) keep the plan's order. Blocks that do not
-compile cut it into parts: ``run(first, last, low, high, ...)`` runs the parts from ``low`` up to
-``high``, and a Python loop calls the blocks between them. If all blocks compile, or on ticks on
-which none of the others is called, one call runs several ticks.
+compile cut it into parts: ``run(plan, ctx, first, last, low, high)`` runs the parts from ``low`` up
+to ``high``, and a Python loop calls the blocks between them. If all blocks compile, or on ticks on
+which none of the others is called, one call runs several ticks. All outputs are in one struct,
+whose layout :class:`PlanText` states.
 """
 
 from __future__ import annotations
 
-import ast
-import inspect
-import re
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
-from blocks.core import Evaluation, SignalType, parsed
-from runtime.engine.compiled.kernels import Kernel
-from runtime.engine.continuous import UNROLLED, Continuous, Slot
-from runtime.engine.schedule import INDENT, Emitter, Plan, RecordSlot
-from runtime.engine.solvers import METHODS, first_bad, judged, keep, moved, substep
+from blocks.core import Evaluation, SignalType
+from runtime.engine.compiled.kernels import PROJECT, Kernel
+from runtime.engine.compiled.stages import after_stage, before_stage, rates, solver_unit
+from runtime.engine.continuous import Continuous
+from runtime.engine.schedule import Emitter, Plan, RecordSlot
+from runtime.engine.solvers import METHODS
 from runtime.engine.steps import Step
-from runtime.network import Endpoint
+from runtime.network import Endpoint, component_type
+from runtime.toolchain import Unit
 
 Call = tuple[str, Evaluation]
-# What ``at[2]`` says: an output or a rate of change is not finite, or the tolerance is not met.
-BAD_OUTPUT, BAD_SLOPE, UNREACHED = 1, 2, 3
-_ITEM = re.compile(r"\.item\(([0-9]+)\)")
-HEADER = """from math import isfinite
-
-from numba import njit
-from numpy import array, ascontiguousarray, full
-
-from runtime.engine.compiled.primitives import all_finite, no_nan, overlap, seen
-"""
+PYTHON = "    "
+# What ``run`` returns: an output is not finite, a block failed, a rate of change is not finite, or
+# the tolerance of the solver is not met.
+FINISHED, NOT_FINITE, FAILED, BAD_SLOPE, UNREACHED = range(5)
+SOLVER = ("states", "start", "slopes", "table", "errors", "control")
 
 
 @dataclass
@@ -49,94 +44,103 @@ class Item:
 
 
 @dataclass
-class CompiledText:
+class PlanText:
     """The text of a plan, and how to call it.
 
-    ``arguments`` are the names of the arguments of ``run`` after ``held``: a block's fields (see
-    :func:`fields_name`), a constant's variable, ``block_s.state`` for a recorded state, a probe's
-    array. ``calls`` lists the evaluations by their number in ``at``. ``driver`` is the Python loop
-    around it, empty if nothing is called between its ``parts``.
+    text : in C, without the support that every unit begins with.
+    members : the first word and the number of words of each member of the struct, by name.
+    pointers : members that are addresses, with what they point to: ``fields`` of a block,
+        a state, or an array that the engine names.
+    solver : the solver's own unit, of a graph with continuous states.
+    signals : the member of each output, by block and port.
+    fills : members that are filled once, with a number.
+    calls : the evaluations by their number in ``at``.
+    driver : the Python loop around it, empty if nothing is called between its ``parts``.
     """
 
-    text: str
-    arguments: list[str]
-    calls: list[Call]
-    held: list[str]
+    text: str = ""
+    members: dict[str, tuple[int, int]] = field(default_factory=dict)
+    pointers: dict[str, tuple[str, str, str]] = field(default_factory=dict)
+    signals: dict[tuple[str, str], str] = field(default_factory=dict)
+    fills: dict[str, float] = field(default_factory=dict)
+    calls: list[Call] = field(default_factory=list)
+    solver: Unit | None = None
     driver: str = ""
     parts: int = 1
     lines: dict[int, str] = field(default_factory=dict)
 
+    @property
+    def words(self) -> int:
+        """The size of the struct."""
+        return sum(size for _, size in self.members.values())
+
 
 class CompiledEmitter(Emitter):
-    """Writes the plan of a graph for numba.
+    """Writes the plan of a graph in C.
 
     Parameters
     ----------
     kernels : the blocks that are compiled, by name; the others are called from Python.
+    widths : the numbers in a row of each probe's array, by its name.
     """
 
     def __init__(
-        self, plan: Plan, recordings: list[RecordSlot], kernels: dict[str, Kernel]
+        self,
+        plan: Plan,
+        recordings: list[RecordSlot],
+        kernels: dict[str, Kernel],
+        widths: Mapping[str, int],
     ) -> None:
         super().__init__(plan, recordings)
-        self.kernels = kernels
-        self.taken: dict[str, None] = {}
-        self.calls: list[Call] = []
-        self.constants = {
-            self.variable(step.block, port)
-            for step in plan.steps
-            if step.constant
-            for port in step.evaluation.outputs
-        }
+        self.kernels, self.widths = kernels, widths
+        self.made = PlanText()
+        self.declared: list[str] = []
+        self.own: set[str] = set()
 
-    def compiled(self) -> CompiledText:
+    def compiled(self) -> PlanText:
         """The whole text."""
+        self.made, self.declared = PlanText(), []
         self.text, self.lines, self.rate = [], {}, 0
-        self.taken, self.calls = {}, []
         parts = self.parts()
         cut = len(parts) > 1
-        self.depth = 3 if cut else 2
-        held = self.crossing() if cut else self.held()
+        self.made.parts = len(parts)
         for number, part in enumerate(parts):
+            self.depth = 2
             if cut:
-                self.line(2, f"if low <= {number} < high:")
-                self.line(3, "pass")
+                self.line(2, f"if (low <= {number} && {number} < high) {{")
+                self.depth = 3
             self.rate = 0
             for item in part:
-                self.item(item, held)
+                self.item(item)
+            self.at(0)
+            if cut:
+                self.line(2, "}")
         body, self.text = self.text, []
-        arguments = list(self.taken)
-        names = [name.replace(".", "__") for name in arguments]
-        packed = f"({', '.join(held)},)" if held else "()"
-        head = ", ".join(["first", "last", "low", "high", "dt", "at", "report", "held", *names])
-        whole = "\n".join(body)
-        imports = [
-            f"from {kernel.module} import {function} as {self.kernel(name, method)}"
-            for name, kernel in sorted(self.kernels.items())
-            for method, function in kernel.methods.items()
-            if f"{self.kernel(name, method)}(" in whole
-        ]
-        lines = [
-            *(HEADER, *imports, "", ""),
-            *([self.helpers()] if self.plan.continuous is not None else []),
-            '@njit(cache=True, error_model="python")',
-            f"def run({head}):",
-            *([f"{INDENT}{packed} = held"] if held else []),
-            f"{INDENT}for k in range(first, last):",
-            f"{INDENT * 2}at[1] = k",
-            f"{INDENT * 2}t = k * dt",
-            *body,
-            f"{INDENT}return {packed}",
-        ]
-        text = "\n".join(lines) + "\n"
-        made = CompiledText(text, arguments, self.calls, held, parts=len(parts))
         if cut:
-            self.drive(made, held)
-        return made
+            self.drive()
+        used = {e for kernel in self.kernels.values() for e in kernel.prototypes} | self.own
+        self.made.text = "\n".join(
+            [
+                "struct plan {",
+                *self.declared,
+                *([] if self.declared else ["    int64_t none;"]),
+                "};",
+                "",
+                *sorted(f"{prototype};" for prototype in used),
+                RUN.replace("@dt@", repr(self.network.dt)),
+                "        const double t = (double)k * dt;",
+                "        (void)t;",
+                "        ctx->tick = k;",
+                *body,
+                "    }",
+                f"    return {FINISHED};",
+                "}",
+                "",
+            ]
+        )
+        return self.made
 
-    def kernel(self, block: str, method: str) -> str:
-        """The name of a block's function in the text."""
-        return f"kernel__{self.plan.names[block]}__{method}"
+    # The tick
 
     def items(self) -> list[Item]:
         """All items of a tick, in order."""
@@ -165,253 +169,276 @@ class CompiledEmitter(Emitter):
                 parts[-1].append(item)
         return parts
 
-    def crossing(self) -> list[str]:
-        """The variables of a plan that is cut: all outputs go in and out."""
-        steps = [s for s in self.plan.steps if not s.constant]
-        return [self.variable(s.block, port) for s in steps for port in s.evaluation.outputs]
+    def at(self, every: int) -> None:
+        """Set the rate: the code that follows runs on every ``every``-th tick."""
+        if every == self.rate:
+            return
+        if self.rate > 1:
+            self.line(self.depth, "}")
+        if every > 1:
+            self.line(self.depth, f"if (k % {every} == 0) {{")
+        self.rate = every
 
-    def helpers(self) -> str:
-        """The functions that the continuous part calls."""
-        adaptive = METHODS[self.network.solver.name].errors
-        functions = (keep, first_bad, moved, *((substep, judged) if adaptive else ()))
-        return "\n".join(_source(each) for each in functions)
-
-    def item(self, item: Item, held: list[str]) -> None:
+    def item(self, item: Item) -> None:
         self.at(item.every)
         if item.recording is not None:
-            self.recorded(item.recording)
+            self.row(item.recording)
             return
         if item.continuous is not None:
-            self.stages(item.continuous, held)
+            self.stages(item.continuous)
             return
         evaluation = item.step.evaluation if item.step else item.update
         if evaluation is None:
             return
-        call = self.called(item.block, evaluation)
-        if item.step is None:
-            self.code(call)
-            return
-        targets = [self.variable(item.block, port) for port in evaluation.outputs]
-        self.code(f"{', '.join(targets)} = {call}")
-        kinds = [self.network.types[item.block, port] for port in evaluation.outputs]
-        kernel = self.kernels[item.block]
-        for text in kernel.casts.get(evaluation.method, ()):
-            self.code(text.format(*targets))
-        for target, kind in zip(targets, kinds, strict=True):
-            fields = self.take(fields_name(self.plan, item.block))
-            shared = [f"overlap({target}, {fields}{at})" for at in kernel.made.arrays]
-            if kind.form == "array" and shared:
-                self.code(f"if {' or '.join(shared)}:")
-                self.code(f"{INDENT}{target} = {target}.copy()")
-        self.test(dict(zip(targets, kinds, strict=True)), held)
+        outputs = [self.signal(item.block, port) for port in evaluation.outputs]
+        self.called(
+            item.block,
+            evaluation,
+            [f"{'&' if kind.form == 'scalar' else ''}plan->{name}" for name, kind in outputs],
+        )
+        if outputs:
+            self.code(f"if (!({' && '.join(self.tests(outputs))})) return {NOT_FINITE};")
 
-    def called(self, block: str, evaluation: Evaluation) -> str:
-        """A call of a block's function; writes its number into ``at``."""
-        self.code(f"at[0] = {len(self.calls)}")
-        self.calls.append((block, evaluation))
-        fields = self.take(fields_name(self.plan, block))
-        arguments = [fields, "t", *self.arguments(block, evaluation)]
-        return f"{self.kernel(block, evaluation.method)}({', '.join(arguments)})"
+    def called(self, block: str, evaluation: Evaluation, outputs: list[str]) -> None:
+        """Call a block's method; ``outputs`` are the places that it writes to."""
+        self.code(f"ctx->at = {len(self.made.calls)};")
+        self.made.calls.append((block, evaluation))
+        fields = self.pointer(f"fields_{self.plan.names[block]}", ("fields", block, ""))
+        time = [] if evaluation is PROJECT else ["t"]
+        arguments = ["ctx", fields, *time, *self.inputs(block, evaluation), *outputs]
+        self.code(f"{self.kernels[block].symbols[evaluation.method]}({', '.join(arguments)});")
 
-    def stages(self, part: Continuous, held: list[str]) -> None:
-        """Integrate the continuous states to the next tick, in compiled text."""
-        method = METHODS[self.network.solver.name]
-        states, start, slopes, table = map(self.take, ("states", "start", "slopes", "table"))
-        h, since = "dt", f"{table}[stage, {method.stages}] * dt"
-        if method.errors:
-            h, since = "h", f"(done + {table}[stage, {method.stages}] * h)"
-            control, errors = map(self.take, ("control", "errors"))
-            self.code("done = 0.0")
-            self.code("while done < dt:")
-            self.depth += 1
-            self.code(f"h = substep({control}, done, dt)")
-        self.code(f"keep({start}, {states})")
-        self.code(f"for stage in range({method.stages}):  # {self.network.solver.name}")
-        self.depth += 1
-        self.code(f"t = k * dt + {since}")
+    def stages(self, part: Continuous) -> None:
+        """Integrate the continuous states to the next tick."""
+        name = self.network.solver.name
+        method = METHODS[name]
+        self.made.solver, prototypes = solver_unit(part, method)
+        self.own |= set(prototypes)
+        self.member("report", 2)
+        arrays = [self.pointer(f"solver_{each}", ("array", each, "")) for each in SOLVER]
+        for text in before_stage(part, method, arrays, name):
+            self.code(text)
+        inner = 2 + bool(method.errors)
+        self.depth += inner
         for step in part.steps:
-            self.item(Item(1, step.block, step=step), held)
+            self.item(Item(1, step.block, step=step))
         for block, derivative in part.derivatives:
-            self.code(f"rates = {self.called(block, derivative)}")
-            for text in assigned(part.slots_of(block)):
-                self.code(text)
-        self.code(f"if first_bad({slopes}, stage) >= 0:")
-        self.end(BAD_SLOPE, held, "stage", "t")
-        self.code(f"moved({states}, {start}, {slopes}, {table}, stage, {h})")
-        self.depth -= 1
-        if method.errors:
-            given = f"{states}, {start}, {slopes}, {errors}, {control}, done, h, dt"
-            self.code(f"done = judged({given})")
-            self.code("if done < 0.0:")
-            self.end(UNREACHED, held, "done", "t")
+            places = rates(part.slots_of(block), arrays[2], part.size)
+            self.called(block, derivative, places)
+        self.depth -= inner
+        for text in after_stage(part, method, arrays, (BAD_SLOPE, UNREACHED)):
+            self.code(text)
         for block in part.projected:
-            fields = self.take(fields_name(self.plan, block))
-            self.code(f"{self.kernel(block, 'project')}({fields})")
-        self.depth -= bool(method.errors)
+            self.called(block, PROJECT, [])
+        if method.errors:
+            self.code("}")
 
-    def end(self, why: int, held: list[str], *report: str) -> None:
-        """End the call, in a branch; ``report`` are values for the message."""
-        for i, value in enumerate(report):
-            self.code(f"{INDENT}report[{i}] = {value}")
-        self.code(f"{INDENT}at[2] = {why}")
-        self.code(f"{INDENT}return ({', '.join(held)},)" if held else f"{INDENT}return ()")
-
-    def test(self, signals: dict[str, SignalType], held: list[str]) -> None:
-        """Stop where a value is not finite; ``report`` then holds the outputs."""
-        entries: list[str] = []
-        tests: list[str] = []
+    def tests(self, outputs: list[tuple[str, SignalType]]) -> list[str]:
+        """Expressions that are true while outputs hold only valid numbers."""
         numbers: list[str] = []
-        for variable, kind in signals.items():
+        tests: list[str] = []
+        for name, kind in outputs:
             if kind.form == "array":
-                tests.append(f"{'all_finite' if kind.finite else 'no_nan'}({variable})")
-                entries.append(f'0.0 if {tests[-1]} else float("nan")')
-                continue
-            parts = (
-                [variable]
-                if kind.form == "scalar"
-                else [f"{variable}[{i}]" for i in range(len(kind.components))]
-            )
-            entries += parts
-            numbers += parts
-        if numbers:
-            tests.insert(0, f"isfinite({' + '.join(numbers)})")
-        self.code(f"if not ({' and '.join(tests)}):")
-        self.end(BAD_OUTPUT, held, *entries)
+                test = "all_finite" if kind.finite else "no_nan"
+                tests.append(f"{test}(plan->{name}, {math.prod(kind.shape)})")
+            elif kind.form == "scalar":
+                numbers.append(f"plan->{name}")
+            else:
+                numbers += [f"plan->{name}[{i}]" for i in range(len(kind.components))]
+        return [f"isfinite({' + '.join(numbers)})", *tests] if numbers else tests
 
-    def take(self, name: str) -> str:
-        """Add an argument of ``run``; returns its name in the text."""
-        self.taken[name] = None
-        return name.replace(".", "__")
+    # Members of the struct
 
-    def variable(self, block: str, port: str) -> str:
-        name = super().variable(block, port)
-        if name in getattr(self, "constants", ()):
-            self.taken[name] = None
+    def member(self, name: str, size: int, c_type: str = "double") -> str:
+        """A member of the struct of this many words; returns its name."""
+        if name not in self.made.members:
+            self.made.members[name] = (self.made.words, size)
+            space = "" if c_type.endswith("*") else " "
+            self.declared.append(f"    {c_type}{space}{name}{f'[{size}]' if size != 1 else ''};")
         return name
 
-    def value(self, end: Endpoint, target: SignalType | None = None) -> str:
-        text = _subscripts(super().value(end, target))
-        return f"seen({text})" if target is not None and target.form == "array" else text
+    def pointer(self, name: str, target: tuple[str, str, str]) -> str:
+        """A member that is an address."""
+        self.member(name, 1, "const void *" if target[0] == "fields" else "double *")
+        self.made.pointers[name] = target
+        return f"plan->{name}"
 
-    def arguments(self, block: str, evaluation: Evaluation) -> list[str]:
-        inputs = self.network.entries[block].cls.spec.inputs
-        return [
-            text
-            if port in inputs or self.network.types[block, port].form != "array"
-            else f"seen({text})"
-            for port, text in zip(
-                evaluation.needs, super().arguments(block, evaluation), strict=True
-            )
-        ]
+    def signal(self, block: str, port: str) -> tuple[str, SignalType]:
+        """The member of an output, and its type."""
+        kind = self.network.types[block, port]
+        name = f"out_{self.variable(block, port)}"
+        if (block, port) not in self.made.signals:
+            size = max(1, count(kind))
+            self.member(name, size)
+            if size == 1 and kind.form != "scalar":
+                self.declared[-1] = f"    double {name}[1];"
+            self.made.signals[block, port] = name
+        return name, kind
 
-    def state_value(self, end: Endpoint) -> str:
-        item = f"[{end.component}]" if end.component else ""
-        return self.take(f"{self.state(end.block)}.{end.port}") + item
+    def inputs(self, block: str, evaluation: Evaluation) -> list[str]:
+        """The arguments of an evaluation: inputs, and outputs of the block itself."""
+        declared = self.network.entries[block].cls.spec.inputs
+        found: list[str] = []
+        for port in evaluation.needs:
+            kind = self.network.types[block, port]
+            if port not in declared:
+                found.append(self.passed(Endpoint(block, port), kind))
+                continue
+            wires = self.wires.get((block, port), [])
+            if wires or declared[port].variadic:
+                found += [self.passed(wire.source, kind) for wire in wires]
+            else:
+                found.append(self.absent(block, port, kind, declared[port].default))
+        return found
 
-    def recorded(self, recording: RecordSlot) -> None:
+    def passed(self, end: Endpoint, target: SignalType) -> str:
+        """A signal, or a component of it, as an argument of the target's form."""
+        name, kind = self.signal(end.block, end.port)
+        place, part = f"plan->{name}", kind
+        if end.component:
+            place = f"plan->{name}[{kind.column(end.component)}]"
+            part = component_type(kind, end) or kind
+        is_number = bool(end.component) or kind.form == "scalar"
+        if target.form == "scalar":
+            return place if is_number else f"{place}[0]"
+        return f"&{place}" if is_number or part.form == "scalar" else place
+
+    def absent(self, block: str, port: str, kind: SignalType, default: float | None) -> str:
+        """The argument of an open input."""
+        value = float(default or 0.0)
+        if kind.form == "scalar":
+            return _literal(value)
+        name = self.member(f"open_{self.plan.names[block]}_{port}", max(2, count(kind)))
+        self.made.fills[name] = value
+        return f"plan->{name}"
+
+    # Recordings
+
+    def row(self, recording: RecordSlot) -> None:
+        """Record one row."""
+        array = self.pointer(recording.array, ("array", recording.array, ""))
+        width = self.widths[recording.array]
+        columns = recording.columns or slice(0, width)
+        row = recording.row.replace("//", "/")
+        start = f"({row}) * {width}" if width != 1 else row
+        target = f"{array} + {start}" + (f" + {columns.start}" if columns.start else "")
+        source = self.recorded_value(recording)
+        self.code(f"copy_numbers({target}, {source}, {columns.stop - columns.start});")
+
+    def recorded_value(self, recording: RecordSlot) -> str:
+        """The address of what is recorded."""
         end = recording.end
-        kind = self.network.types.get((end.block, end.port))
-        array = self.take(recording.array)
-        if recording.is_state or kind is None or kind.form != "record" or end.component:
-            super().recorded(recording)
-            return
-        row = recording.row
-        first = recording.columns.start if recording.columns is not None else 0
-        value = self.value(end)
-        for i in range(len(kind.components)):
-            self.code(f"{array}[{row}, {first + i}] = {value}[{i}]")
+        if recording.is_state:
+            name = f"state_{self.plan.names[end.block]}_{end.port}"
+            place = self.pointer(name, ("state", end.block, end.port))
+            return f"{place} + {end.component}" if end.component else place
+        name, kind = self.signal(end.block, end.port)
+        if end.component:
+            return f"plan->{name} + {kind.column(end.component)}"
+        return f"&plan->{name}" if kind.form == "scalar" else f"plan->{name}"
 
-    def drive(self, made: CompiledText, held: list[str]) -> None:
+    # The loop in Python
+
+    def drive(self) -> None:
         """Write the Python loop that calls blocks that are not compiled between the parts."""
         self.text, self.lines, self.rate, self.depth = [], {}, 0, 2
         items = [item for item in self.items() if self.is_python(item)]
         rates = sorted({item.every for item in items})
-        packed = f"({', '.join(held)},)"
         self.line(0, "def drive(first, last, held):")
         self.line(1, "k = first")
-        self.line(1, f"{packed} = held")
         self.line(1, "while k < last:")
         following = ", ".join(f"-(-k // {every}) * {every}" for every in rates)
         self.line(2, f"due = min(last, {following})")
         self.line(2, "if k < due:")
-        self.line(3, f"{packed} = run(k, due, 0, {len(items) + 1}, {packed})")
+        self.line(3, f"run(k, due, 0, {len(items) + 1})")
         self.line(3, "k = due")
         self.line(3, "continue")
         self.line(2, f"t = k * {self.network.dt!r}")
         for number, item in enumerate(items):
+            self.line(2, f"run(k, k + 1, {number}, {number + 1})")
             self.rate = 0
-            self.line(2, f"{packed} = run(k, k + 1, {number}, {number + 1}, {packed})")
-            self.at(item.every)
-            if item.step is not None:
-                self.python_step(item.step)
-            elif item.update is not None:
-                Emitter.call(self, item.block, item.update, "")
-            elif item.continuous is not None:
-                self.integrate(item.continuous, checked=False)
-        self.line(2, f"{packed} = run(k, k + 1, {len(items)}, {len(items) + 1}, {packed})")
+            Emitter.at(self, item.every)
+            self.call_python(item)
+        self.line(2, f"run(k, k + 1, {len(items)}, {len(items) + 1})")
         self.line(2, "k += 1")
-        self.line(1, f"return {packed}")
-        made.driver, made.lines = "\n".join(self.text) + "\n", self.lines
+        self.line(1, "return ()")
+        self.made.driver, self.made.lines = "\n".join(self.text) + "\n", self.lines
+
+    def call_python(self, item: Item) -> None:
+        """Read what a block needs, call it, and store its outputs."""
+        if item.continuous is not None:
+            part = item.continuous
+            for block, called in (
+                *[(s.block, s.evaluation) for s in part.steps],
+                *part.derivatives,
+            ):
+                self.needed(block, called)
+            self.integrate(part, checked=False)
+        elif item.step is not None:
+            self.needed(item.block, item.step.evaluation)
+            self.again(item.step)
+        elif item.update is not None:
+            self.needed(item.block, item.update)
+            Emitter.call(self, item.block, item.update, "")
+
+    def needed(self, block: str, evaluation: Evaluation) -> None:
+        """Read what a block needs."""
+        declared = self.network.entries[block].cls.spec.inputs
+        for port in evaluation.needs:
+            ends = [wire.source for wire in self.wires.get((block, port), [])]
+            for end in ends if port in declared else [Endpoint(block, port)]:
+                name, _ = self.signal(end.block, end.port)
+                self.code(f"{self.variable(end.block, end.port)} = read({name!r})")
 
     def again(self, step: Step) -> None:
-        self.python_step(step)
-
-    def python_step(self, step: Step) -> None:
+        """Call a block, and store its outputs."""
         self.step(step)
         for port in step.evaluation.outputs:
-            target = self.variable(step.block, port)
-            self.code(f"{target} = {as_held(target, self.network.types[step.block, port])}")
+            name, _ = self.signal(step.block, port)
+            self.code(f"store({name!r}, {self.variable(step.block, port)})")
 
 
-def assigned(slots: list[Slot]) -> Iterator[str]:
-    """Statements that write what a derivative returned into the row of the stage."""
-    for number, slot in enumerate(slots):
-        value = "rates" if len(slots) == 1 else f"rates[{number}]"
-        if not slot.shape:
-            yield f"slopes[stage, {slot.start}] = {value}"
-        elif len(slot.shape) == 1 and slot.shape[0] <= UNROLLED:
-            for i in range(slot.shape[0]):
-                yield f"slopes[stage, {slot.start + i}] = {value}[{i}]"
-        else:
-            indices = [f"i{axis}" for axis in range(len(slot.shape))]
-            flat = "0"
-            for index, length in zip(indices, slot.shape, strict=True):
-                flat = f"({flat}) * {length} + {index}" if flat != "0" else index
-            for axis, (index, length) in enumerate(zip(indices, slot.shape, strict=True)):
-                yield f"{INDENT * axis}for {index} in range({length}):"
-            inner = f"slopes[stage, {slot.start} + {flat}] = {value}[{', '.join(indices)}]"
-            yield INDENT * len(indices) + inner
+RUN = """
+static bool all_finite(const double *a, int64_t n)
+{
+    for (int64_t i = 0; i < n; i++)
+        if (!isfinite(a[i])) return false;
+    return true;
+}
+
+static bool no_nan(const double *a, int64_t n)
+{
+    for (int64_t i = 0; i < n; i++)
+        if (isnan(a[i])) return false;
+    return true;
+}
+
+int64_t run(struct plan *plan, struct context *ctx, int64_t first, int64_t last, int64_t low,
+            int64_t high);
+
+int64_t run(struct plan *plan, struct context *ctx, int64_t first, int64_t last, int64_t low,
+            int64_t high)
+{
+    jmp_buf resume;
+    const double dt = @dt@;
+    ctx->resume = &resume;
+    ctx->failure = -1;
+    (void)all_finite;
+    (void)no_nan;
+    (void)low;
+    (void)high;
+    if (setjmp(resume)) return 2;
+    for (int64_t k = first; k < last; k++) {"""
 
 
-def _source(function: Callable[..., Any]) -> str:
-    """A helper's text for the plan, without types and documentation."""
-    node = parsed(inspect.getsource(function)).body[0]
-    if not isinstance(node, ast.FunctionDef):
-        raise TypeError(f"{function.__name__} is no plain function")
-    node.body, node.returns = node.body[1:], None
-    for argument in node.args.args:
-        argument.annotation = None
-    for name in ast.walk(node):
-        if isinstance(name, ast.Name) and isinstance(function.__globals__.get(name.id), int):
-            name.id = repr(function.__globals__[name.id])
-    text = ast.unparse(node).replace("math.isfinite", "isfinite")
-    return f'@njit(cache=True, error_model="python")\n{text}\n\n'
+def count(kind: SignalType) -> int:
+    """How many numbers a signal has."""
+    if kind.form == "array":
+        return math.prod(kind.shape)
+    return 1 if kind.form == "scalar" else len(kind.components)
 
 
-def fields_name(plan: Plan, block: str) -> str:
-    """The name in the text of a block's fields, the first argument of its functions."""
-    return f"fields__{plan.names[block]}"
-
-
-def as_held(variable: str, kind: SignalType) -> str:
-    """An expression that gives a value exactly the form that compiled text expects."""
-    if kind.form == "scalar":
-        return f"float({variable})"
-    if kind.form == "record":
-        return f"({', '.join(f'float({variable}[{i}])' for i in range(len(kind.components)))},)"
-    return f"own({variable})"
-
-
-def _subscripts(text: str) -> str:
-    """``x.item(3)`` as ``x[3]``, also inside ``array((x.item(3),))``."""
-    return _ITEM.sub(r"[\1]", text)
+def _literal(value: float) -> str:
+    if math.isnan(value):
+        return "NAN"
+    return repr(value) if math.isfinite(value) else f"{'-' * (value < 0)}INFINITY"

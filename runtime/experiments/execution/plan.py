@@ -192,7 +192,9 @@ def ablation_plan(
 
 def _engine(graph: Graph, runs: int, note: Note) -> str:
     """The engine of all trials, chosen once: results of different engines are not comparable."""
-    return "compiled" if take_compiled(graph.network, runs, note) else "python"
+    if not take_compiled(graph.network, runs, note):
+        return "python"
+    return "checked" if graph.network.engine == "checked" else "compiled"
 
 
 def _bundle(graph: Graph, engine: str) -> GraphBundle:

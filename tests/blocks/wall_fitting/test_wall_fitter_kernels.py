@@ -18,11 +18,11 @@ from blocks.wall_fitting.kernels import contour as contour_kernels
 from blocks.wall_fitting.kernels import curves as curve_kernels
 from blocks.wall_fitting.kernels import fitter as fitter_kernels
 from blocks.wall_fitting.kernels import offset as offset_kernels
-from runtime.engine.compiled import cache
-from runtime.engine.compiled.translate import translate
 from tests.blocks.fitter import Fit, Fitter, Pose
 from tests.blocks.raycast import PAPER, Room, square
 from tests.blocks.wall_fitting.test_wall_fitter_scans import NOTHING, scans
+from tests.compilers import skip_without_compiler
+from tests.runtime.engine.compiled_block import CompiledBlock
 
 FORMS = ("control_points", "least_squares")
 CORNERS = np.array([[-2.0, -1.0], [1.5, -1.5], [2.0, 1.0], [0.4, 0.2], [-0.5, 2.0]])
@@ -65,13 +65,14 @@ def compiled() -> Loops:
 
     One text does for all of these fitters: their numbers are no part of it.
     """
+    skip_without_compiler()
     fitter = Fitter(fit="least_squares", side="left")
-    made = translate(fitter.block, fitter.state, {}, safe=False)
-    function = getattr(cache.module("block", made.text), made.methods["output"])
+    compiled = CompiledBlock(fitter.block, fitter.state, {})
 
     def run(fitter: Fitter, scan: np.ndarray, pose: Pose) -> Fit:
-        assert made.fits(fitter.block, fitter.state)
-        return function(made.fields(fitter.block, fitter.state), 0.0, scan, pose)
+        assert compiled.kernel.fits(fitter.block, fitter.state)
+        compiled.fields(fitter.block, fitter.state)
+        return compiled.call("output", 0.0, scan, pose)
 
     return run
 
