@@ -35,7 +35,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.diagrams",),
     ("runtime.runs",),
     ("runtime.graph",),
-    ("runtime.compare", "runtime.rendering"),
+    ("runtime.compare", "runtime.rendering", "runtime.export"),
     ("runtime.compare.overlay",),
     ("runtime.experiments.design",),
     ("runtime.experiments.execution",),

@@ -18,6 +18,7 @@ from runtime.terminal import show
 NAMES = (
     *("new", "run", "validate", "draw", "explain", "blocks", "graphs"),
     *("ablate", "sweep", "compare", "report", "render", "clean", "completion"),
+    "export",
 )
 
 

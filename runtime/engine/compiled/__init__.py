@@ -4,6 +4,7 @@
 plan that calls them, ``memory`` what both languages share, and ``runner`` runs it for the engine.
 """
 
+from runtime.engine.compiled.kernels import Kernel, make_kernels
 from runtime.engine.compiled.runner import CheckedRunner, CompiledRunner
 
-__all__ = ["CheckedRunner", "CompiledRunner"]
+__all__ = ["CheckedRunner", "CompiledRunner", "Kernel", "make_kernels"]
