@@ -8,6 +8,7 @@ import textwrap
 import types
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -363,9 +364,15 @@ class Translated:
         return tuple(plain(getattr(of[o], name), f"{o}.{name}") for o, name in self.entries)
 
     def fits(self, made: Block, state: BlockState) -> bool:
-        """Whether the text's constants are those of this block and state."""
+        """Whether the text's constants, and its arrays' shapes, are those of this block and state."""
         of = {"self": made, "state": state}
-        return all(getattr(of[o], name) == value for (o, name), value in self.constants.items())
+        same = all(getattr(of[o], name) == value for (o, name), value in self.constants.items())
+        return same and tuple(map(type_of, self.fields(made, state))) == self.types
+
+    @cached_property
+    def types(self) -> tuple[Type, ...]:
+        """The types of the entries."""
+        return tuple(self.source.entries.values())
 
 
 def translate(made: Block, state: BlockState, terms: dict[str, int]) -> Translated:

@@ -66,11 +66,14 @@ def compiled() -> Loops:
     One text does for all of these fitters: their numbers are no part of it.
     """
     skip_without_compiler()
-    fitter = Fitter(fit="least_squares", side="left")
-    compiled = CompiledBlock(fitter.block, fitter.state, {})
+    known: list[CompiledBlock] = []
 
     def run(fitter: Fitter, scan: np.ndarray, pose: Pose) -> Fit:
-        assert compiled.kernel.fits(fitter.block, fitter.state)
+        fits = (each for each in known if each.kernel.fits(fitter.block, fitter.state))
+        compiled = next(fits, None)
+        if compiled is None:
+            compiled = CompiledBlock(fitter.block, fitter.state, {})
+            known.append(compiled)
         compiled.fields(fitter.block, fitter.state)
         return compiled.call("output", 0.0, scan, pose)
 
