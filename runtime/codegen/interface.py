@@ -8,7 +8,15 @@ from dataclasses import dataclass
 from runtime.codegen.body import Body
 from runtime.codegen.names import local_name
 from runtime.codegen.types import FLOAT, INT, Array, NotTypedError, Tuple, Type
-from runtime.codegen.values import Value, converted, group, parts_of, size_text
+from runtime.codegen.values import (
+    Value,
+    array_type,
+    converted,
+    group,
+    parts_of,
+    product_text,
+    size_text,
+)
 
 
 @dataclass(frozen=True)
@@ -22,7 +30,9 @@ class Entry:
     arguments : names and types: numbers are passed as they are, tuples of floats and arrays of
         floats as pointers, other tuples part by part.
     results : types of the outputs, which are written through pointers: floats, tuples of floats
-        and arrays of floats of known shape.
+        and arrays of floats.
+
+    Sizes of arrays that the types do not tell follow the pointer.
     """
 
     symbol: str
@@ -42,7 +52,7 @@ def given(name: str, kind: Type, parameters: list[str]) -> Value:
         return Value(kind, (plain,))
     if isinstance(kind, Array):
         parameters.append(f"{'const ' if kind.frozen else ''}double *{plain}")
-        return Value(kind, (plain,))
+        return Value(kind, (plain, *_sizes(plain, kind, parameters)))
     if isinstance(kind, Tuple):
         if kind.parts and all(part == FLOAT for part in kind.parts) and not name.endswith("..."):
             parameters.append(f"const double *{plain}")
@@ -51,6 +61,13 @@ def given(name: str, kind: Type, parameters: list[str]) -> Value:
         made = [given(f"{stem}_{i}", part, parameters) for i, part in enumerate(kind.parts)]
         return group(made)
     raise NotTypedError(f"takes a {kind} as an argument")
+
+
+def _sizes(name: str, kind: Array, parameters: list[str]) -> list[str]:
+    """The parameters with the sizes of an array that are known only while running."""
+    names = [f"{name}_n{axis}" for axis, size in enumerate(kind.dims) if size is None]
+    parameters += [f"int64_t {each}" for each in names]
+    return names
 
 
 def results(body: Body, entry: Entry, found: Value, parameters: list[str]) -> None:
@@ -66,7 +83,8 @@ def results(body: Body, entry: Entry, found: Value, parameters: list[str]) -> No
     for i, (part, kind) in enumerate(zip(parts, entry.results, strict=True)):
         parameters.append(f"double *out{i}")
         if isinstance(kind, Array):
-            _array_result(body, part, kind, f"out{i}")
+            sizes = _sizes(f"out{i}", kind, parameters)
+            _array_result(body, part, Value(kind, (f"out{i}", *sizes)))
             continue
         try:
             numbers = converted(part, kind)
@@ -76,26 +94,26 @@ def results(body: Body, entry: Entry, found: Value, parameters: list[str]) -> No
             body.put(f"out{i}[{at}] = {text};")
 
 
-def _array_result(body: Body, part: Value, kind: Array, name: str) -> None:
+def _array_result(body: Body, part: Value, target: Value) -> None:
     """Copy an array, or a tuple of numbers, of the right shape to an output."""
+    kind = array_type(target)
     if isinstance(part.type, Tuple) and kind.dims == (len(part.type.parts),):
         for at, entry in enumerate(parts_of(part)):
-            body.put(f"{name}[{at}] = {converted(entry, FLOAT).text};")
+            body.put(f"{target.text}[{at}] = {converted(entry, FLOAT).text};")
         return
     if not isinstance(part.type, Array) or len(part.type.dims) != len(kind.dims):
         raise NotTypedError(f"returns a {part.type}, expected an array of shape {kind.dims}")
     for axis, size in enumerate(kind.dims):
-        if part.type.dims[axis] is None:
+        have = part.type.dims[axis]
+        if have is not None and size is not None and have != size:
+            raise NotTypedError(f"returns an array of shape {part.type.dims}, expected {kind.dims}")
+        if have is None or size is None:
             message = "an output has {index} elements along an axis, expected {size}"
             failure = body.fail("ValueError", message)
-            body.put(f"same_size(ctx, {size_text(part, axis)}, {size}, {failure});")
-        elif part.type.dims[axis] != size:
-            shape = f"returns an array of shape {part.type.dims}, expected {kind.dims}"
-            raise NotTypedError(shape)
+            sizes = f"{size_text(part, axis)}, {size_text(target, axis)}"
+            body.put(f"same_size(ctx, {sizes}, {failure});")
     if part.type.packed and part.type.kind == "float":
-        count = 1
-        for size in kind.dims:
-            count *= size or 1
-        body.put(f"copy_numbers({name}, {part.text}, {count});")
+        count = product_text([size_text(target, k) for k in range(len(kind.dims))])
+        body.put(f"copy_numbers({target.text}, {part.text}, {count});")
         return
-    body.fill(Value(kind, (name,)), part)
+    body.fill(target, part)

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from blocks.core import Evaluation, SignalType
 from runtime.engine.compiled.kernels import PROJECT, Kernel
 from runtime.engine.compiled.stages import after_stage, before_stage, rates, solver_unit
+from runtime.engine.compiled.translate import written
 from runtime.engine.continuous import Continuous
 from runtime.engine.schedule import Emitter, Plan, RecordSlot
 from runtime.engine.solvers import METHODS
@@ -194,10 +195,15 @@ class CompiledEmitter(Emitter):
         self.called(
             item.block,
             evaluation,
-            [f"{'&' if kind.form == 'scalar' else ''}plan->{name}" for name, kind in outputs],
+            [text for name, kind in outputs for text in self.place(name, kind)],
         )
         if outputs:
             self.code(f"if (!({' && '.join(self.tests(outputs))})) return {NOT_FINITE};")
+
+    def place(self, name: str, kind: SignalType) -> list[str]:
+        """The address of an output, and the sizes that no text tells."""
+        pointer = f"&plan->{name}" if kind.form == "scalar" else f"plan->{name}"
+        return [pointer, *sizes(kind)]
 
     def called(self, block: str, evaluation: Evaluation, outputs: list[str]) -> None:
         """Call a block's method; ``outputs`` are the places that it writes to."""
@@ -282,17 +288,17 @@ class CompiledEmitter(Emitter):
         for port in evaluation.needs:
             kind = self.network.types[block, port]
             if port not in declared:
-                found.append(self.passed(Endpoint(block, port), kind))
+                found += self.passed(Endpoint(block, port), kind)
                 continue
             wires = self.wires.get((block, port), [])
             if wires or declared[port].variadic:
-                found += [self.passed(wire.source, kind) for wire in wires]
+                found += [text for wire in wires for text in self.passed(wire.source, kind)]
             else:
-                found.append(self.absent(block, port, kind, declared[port].default))
+                found += self.absent(block, port, kind, declared[port].default)
         return found
 
-    def passed(self, end: Endpoint, target: SignalType) -> str:
-        """A signal, or a component of it, as an argument of the target's form."""
+    def passed(self, end: Endpoint, target: SignalType) -> list[str]:
+        """A signal, or a component of it, as arguments of the target's form."""
         name, kind = self.signal(end.block, end.port)
         place, part = f"plan->{name}", kind
         if end.component:
@@ -300,17 +306,18 @@ class CompiledEmitter(Emitter):
             part = component_type(kind, end) or kind
         is_number = bool(end.component) or kind.form == "scalar"
         if target.form == "scalar":
-            return place if is_number else f"{place}[0]"
-        return f"&{place}" if is_number or part.form == "scalar" else place
+            return [place if is_number else f"{place}[0]"]
+        by_address = is_number or part.form == "scalar"
+        return [f"&{place}" if by_address else place, *sizes(target)]
 
-    def absent(self, block: str, port: str, kind: SignalType, default: float | None) -> str:
-        """The argument of an open input."""
+    def absent(self, block: str, port: str, kind: SignalType, default: float | None) -> list[str]:
+        """The arguments of an open input."""
         value = float(default or 0.0)
         if kind.form == "scalar":
-            return _literal(value)
+            return [_literal(value)]
         name = self.member(f"open_{self.plan.names[block]}_{port}", max(2, count(kind)))
         self.made.fills[name] = value
-        return f"plan->{name}"
+        return [f"plan->{name}", *sizes(kind)]
 
     # Recordings
 
@@ -436,6 +443,14 @@ def count(kind: SignalType) -> int:
     if kind.form == "array":
         return math.prod(kind.shape)
     return 1 if kind.form == "scalar" else len(kind.components)
+
+
+def sizes(kind: SignalType) -> list[str]:
+    """The sizes of a signal that follow its address."""
+    if kind.form != "array":
+        return []
+    found = zip(kind.shape, written(kind.shape), strict=True)
+    return [str(size) for size, known in found if known is None]
 
 
 def _literal(value: float) -> str:

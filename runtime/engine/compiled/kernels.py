@@ -12,7 +12,7 @@ from blocks.core import Block, BlockState, Evaluation, SignalType, has_kernels
 from blocks.registry import BUILTIN
 from runtime import codegen
 from runtime.codegen import FLOAT, Array, Entry, RefusedError, Tuple, Type, Writer
-from runtime.engine.compiled.translate import NotCompilableError, Translated, translate
+from runtime.engine.compiled.translate import NotCompilableError, Translated, translate, written
 from runtime.engine.continuous import slots
 from runtime.network import Network
 from runtime.toolchain import Unit, digest, read_record, write_record
@@ -182,7 +182,7 @@ def _entry(
             arguments.append((port, kind))
     results: list[Type] = [signal_type(kinds[port]) for port in call.outputs]
     if call.method == "derivative":
-        results = [Array("float", shape) if shape else FLOAT for shape in rates]
+        results = [Array("float", written(shape)) if shape else FLOAT for shape in rates]
     return Entry(call.method, source.methods[call.method], arguments, results)
 
 
@@ -192,7 +192,7 @@ def signal_type(kind: SignalType) -> Type:
         return FLOAT
     if kind.form == "record":
         return Tuple((FLOAT,) * len(kind.components))
-    return Array("float", kind.shape, frozen=True)
+    return Array("float", written(kind.shape), frozen=True)
 
 
 def is_built_in(cls: type[Block]) -> bool:

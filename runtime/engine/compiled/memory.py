@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from runtime.engine.compiled.translate import written
+
 ARENA = 1 << 28  # bytes of address space for a tick's local arrays; memory is used when touched
 DRAWS = ("random_standard_uniform", "random_standard_normal", "random_standard_exponential")
 # The members of struct context, see support.h.
@@ -57,12 +59,15 @@ class Words:
 
 
 def flattened(values: tuple[Any, ...]) -> Iterator[Any]:
-    """The values in nested tuples."""
+    """The values in nested tuples; an array is followed by the sizes that no text tells."""
     for value in values:
         if isinstance(value, tuple):
             yield from flattened(value)
-        else:
-            yield value
+            continue
+        yield value
+        if isinstance(value, np.ndarray):
+            sizes = zip(value.shape, written(value.shape), strict=True)
+            yield from (size for size, known in sizes if known is None)
 
 
 @cache

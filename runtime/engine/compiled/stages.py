@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from runtime.codegen import FLOAT, INT, Array, Entry, Type, Writer
-from runtime.engine.compiled.translate import translate_functions
+from runtime.engine.compiled.translate import translate_functions, written
 from runtime.engine.continuous import Continuous, Slot
 from runtime.engine.solvers import Method, first_bad, judged, keep, moved, substep
 from runtime.toolchain import Unit
@@ -92,7 +92,12 @@ def after_stage(
 
 def rates(slots: Sequence[Slot], slopes: str, size: int) -> list[str]:
     """Where a derivative writes the rates of change of each of its states."""
-    return [f"{slopes} + (stage * {size} + {slot.start})" for slot in slots]
+    found = []
+    for slot in slots:
+        found.append(f"{slopes} + (stage * {size} + {slot.start})")
+        known = zip(slot.shape, written(slot.shape), strict=True)
+        found += [str(length) for length, each in known if each is None]
+    return found
 
 
 __all__ = ["after_stage", "before_stage", "rates", "solver_unit"]

@@ -8,6 +8,7 @@ import textwrap
 import types
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,9 @@ MODULES = {math: "math", np: "np"}
 LITERALS = (str, bool, type(None))
 KINDS: dict[Any, str] = {np.dtype(np.float64): "float", np.dtype(np.int64): "int"}
 KINDS[np.dtype(np.bool_)] = "bool"
+# Sizes up to this one are written into the text, so that loops over a pose are
+# unrolled; larger ones are arguments, so that another number of neurons compiles nothing.
+WRITTEN = 3
 
 
 class NotCompilableError(Exception):
@@ -51,12 +55,17 @@ def plain(value: Any, name: str) -> Any:
 def type_of(value: Any) -> Type:
     """The type in compiled text of a value that is :func:`plain`."""
     if isinstance(value, np.ndarray):
-        return Array(KINDS[value.dtype], value.shape)
+        return Array(KINDS[value.dtype], written(value.shape))
     if isinstance(value, tuple):
         return Tuple(tuple(map(type_of, value)))
     if isinstance(value, np.random.Generator):
         return Draws()
     return FLOAT if isinstance(value, float) else INT
+
+
+def written(shape: tuple[int, ...]) -> tuple[int | None, ...]:
+    """The sizes of a shape that are part of a text."""
+    return tuple(size if size <= WRITTEN else None for size in shape)
 
 
 def _may_change(array: np.ndarray[Any, Any]) -> bool:
@@ -363,9 +372,15 @@ class Translated:
         return tuple(plain(getattr(of[o], name), f"{o}.{name}") for o, name in self.entries)
 
     def fits(self, made: Block, state: BlockState) -> bool:
-        """Whether the text's constants are those of this block and state."""
+        """Whether the text's constants and shapes are those of this block and state."""
         of = {"self": made, "state": state}
-        return all(getattr(of[o], name) == value for (o, name), value in self.constants.items())
+        same = all(getattr(of[o], name) == value for (o, name), value in self.constants.items())
+        return same and tuple(map(type_of, self.fields(made, state))) == self.types
+
+    @cached_property
+    def types(self) -> tuple[Type, ...]:
+        """The types of the entries."""
+        return tuple(self.source.entries.values())
 
 
 def translate(made: Block, state: BlockState, terms: dict[str, int]) -> Translated:

@@ -18,6 +18,7 @@ from blocks.wall_fitting.kernels import contour as contour_kernels
 from blocks.wall_fitting.kernels import curves as curve_kernels
 from blocks.wall_fitting.kernels import fitter as fitter_kernels
 from blocks.wall_fitting.kernels import offset as offset_kernels
+from runtime.engine.compiled.translate import written
 from tests.blocks.fitter import Fit, Fitter, Pose
 from tests.blocks.raycast import PAPER, Room, square
 from tests.blocks.wall_fitting.test_wall_fitter_scans import NOTHING, scans
@@ -63,14 +64,23 @@ def as_python(fitter: Fitter, scan: np.ndarray, pose: Pose) -> Fit:
 def compiled() -> Loops:
     """What the compiled engine runs, for least squares and a wall on the left.
 
-    One text does for all of these fitters: their numbers are no part of it.
+    One text does for all fitters of a degree and a form of scan: their numbers are no part of it.
     """
     skip_without_compiler()
-    fitter = Fitter(fit="least_squares", side="left")
-    compiled = CompiledBlock(fitter.block, fitter.state, {})
+    known: list[CompiledBlock] = []
 
     def run(fitter: Fitter, scan: np.ndarray, pose: Pose) -> Fit:
-        assert compiled.kernel.fits(fitter.block, fitter.state)
+        few = written(fitter.state.context.types["scan"].shape)
+        fits = (
+            each
+            for each in known
+            if written(each.kinds["scan"].shape) == few
+            and each.kernel.fits(fitter.block, fitter.state)
+        )
+        compiled = next(fits, None)
+        if compiled is None:
+            compiled = CompiledBlock(fitter.block, fitter.state, {})
+            known.append(compiled)
         compiled.fields(fitter.block, fitter.state)
         return compiled.call("output", 0.0, scan, pose)
 

@@ -12,6 +12,7 @@ from blocks import Block, BlockState, SignalType
 from blocks.testing.checking import settle
 from runtime.engine.compiled.kernels import PROJECT, make_kernel
 from runtime.engine.compiled.memory import Context, Words
+from runtime.engine.compiled.translate import written
 from runtime.toolchain import Unit, build
 
 # Calls a method so that a failure returns here.
@@ -79,15 +80,15 @@ class CompiledBlock:
 
     def _adapter(self, method: str) -> str:
         """A C function that passes pointers to values on to a method."""
-        taken = self._inputs(method)
-        given = [
-            f"*(double *)v[{i}]" if kind.form == "scalar" else f"(double *)v[{i}]"
-            for i, kind in enumerate(taken, 1)
-        ]
-        given += [
-            f"(double *)v[{i}]"
-            for i in range(len(taken) + 1, len(taken) + 1 + len(self._shapes(method)))
-        ]
+        taken, made = self._inputs(method), self._shapes(method)
+        shapes = [(1,), *[k.shape if k.form == "array" else () for k in taken], *made]
+        given: list[str] = []
+        for i, shape in enumerate(shapes[1:], 1):
+            number = i <= len(taken) and taken[i - 1].form == "scalar"
+            given.append(f"{'*' if number else ''}(double *)v[{i}]")
+            known = enumerate(written(shape))
+            table = f"((int64_t *)v[{len(shapes) + i}])"
+            given += [f"{table}[{axis}]" for axis, size in known if size is None]
         time = [] if method == "project" else ["*(double *)v[0]"]
         arguments = ", ".join(["ctx", "self", *time, *given])
         head = f"void call_{method}(void *ctx, void *self, void **v)"
@@ -101,7 +102,9 @@ class CompiledBlock:
             flat += argument if port in self.terms else [argument]
         arrays = [np.array(v, dtype=float) for v in (t, *flat)]
         outputs = [np.full(shape, np.nan) for shape in self._shapes(method)]
-        pointers = [a.ctypes.data for a in (*arrays, *outputs)]
+        values = [*arrays, *outputs]
+        shapes = [np.array(value.shape, dtype=np.int64) for value in values]
+        pointers = [a.ctypes.data for a in (*values, *shapes)]
         table = (ctypes.c_void_p * len(pointers))(*pointers)
         method_ = getattr(self.library, f"call_{method}")
         self.memory.ints[1] = -1
