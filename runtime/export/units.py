@@ -11,7 +11,7 @@ import numpy as np
 
 from blocks.core import BlockState
 from runtime.codegen import support
-from runtime.engine.compiled import Kernel, make_kernels
+from runtime.engine.compiled import Kernel, fixed_sizes, make_kernels
 from runtime.errors import GraphError, Problem
 from runtime.export.selection import Selection
 
@@ -70,7 +70,8 @@ def write_units(selection: Selection, states: Mapping[str, BlockState]) -> Units
     GraphError : naming every block that cannot be exported, and why.
     """
     network = selection.network
-    kernels = make_kernels(network, states)
+    with fixed_sizes():
+        kernels = make_kernels(network, states)
     units, problems = Units(), []
     known: dict[tuple[str, str], tuple[str, int]] = {}
     taken: set[str] = set()

@@ -6,5 +6,6 @@ plan that calls them, ``memory`` what both languages share, and ``runner`` runs 
 
 from runtime.engine.compiled.kernels import Kernel, make_kernels
 from runtime.engine.compiled.runner import CheckedRunner, CompiledRunner
+from runtime.engine.compiled.translate import fixed_sizes
 
-__all__ = ["CheckedRunner", "CompiledRunner", "Kernel", "make_kernels"]
+__all__ = ["CheckedRunner", "CompiledRunner", "Kernel", "fixed_sizes", "make_kernels"]

@@ -6,7 +6,9 @@ import ast
 import math
 import textwrap
 import types
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -24,7 +26,7 @@ KINDS: dict[Any, str] = {np.dtype(np.float64): "float", np.dtype(np.int64): "int
 KINDS[np.dtype(np.bool_)] = "bool"
 # Sizes up to this one are written into the text, so that loops over a pose are
 # unrolled; larger ones are arguments, so that another number of neurons compiles nothing.
-WRITTEN = 3
+WRITTEN = ContextVar("WRITTEN", default=3)
 
 
 class NotCompilableError(Exception):
@@ -65,7 +67,18 @@ def type_of(value: Any) -> Type:
 
 def written(shape: tuple[int, ...]) -> tuple[int | None, ...]:
     """The sizes of a shape that are part of a text."""
-    return tuple(size if size <= WRITTEN else None for size in shape)
+    most = WRITTEN.get()
+    return tuple(size if size <= most else None for size in shape)
+
+
+@contextmanager
+def fixed_sizes() -> Iterator[None]:
+    """Write all sizes into the texts that are made meanwhile."""
+    token = WRITTEN.set(2**62)
+    try:
+        yield
+    finally:
+        WRITTEN.reset(token)
 
 
 def _may_change(array: np.ndarray[Any, Any]) -> bool:
