@@ -10,24 +10,16 @@ from pathlib import Path
 
 import numpy as np
 
+from runtime.engine import Engine
 from runtime.errors import UsageError
 from runtime.export.files import Replay, header, source, test
-from runtime.export.recording import (
-    Learnt,
-    Native,
-    StartedEngine,
-    learnt_of,
-    record,
-    run_natively,
-    usual_ticks,
-)
+from runtime.export.recording import Native, record, run_natively, usual_ticks
 from runtime.export.report import cortex_sizes, report
 from runtime.export.selection import Selection, named_blocks, select
-from runtime.export.step import KEYWORDS, LEARNT, Layout
+from runtime.export.step import KEYWORDS, Layout
 from runtime.export.units import Units, write_units
 from runtime.files import own_file, own_folder, system_errors, write_whole
 from runtime.graph import Graph
-from runtime.runs import read_run
 from runtime.toolchain import available
 
 TOLERANCE = 1e-9
@@ -62,7 +54,6 @@ def export(
     others: Sequence[str] = (),
     name: str = "controller",
     float32: bool = False,
-    learnt: str | Path | None = None,
     ticks: int | None = None,
 ) -> Exported:
     """Write blocks of a graph as C: source, header, test and report.
@@ -72,25 +63,21 @@ def export(
     blocks : names of blocks or parts to export. others : instead, or of these, the ones left out.
     name : of the files, the struct and the functions.
     float32 : compute in float instead of double.
-    learnt : a run folder: weights that it recorded are the initial ones.
     ticks : length of the recorded run that the test replays.
 
     Raises
     ------
-    UsageError : a name is unknown, or the run of ``learnt`` lacks something.
+    UsageError : a name is unknown, or there is nothing to export.
     GraphError : blocks cannot be exported; each is named with the reason.
     """
     if not re.fullmatch("[A-Za-z][A-Za-z0-9_]*", name) or name in KEYWORDS:
         raise UsageError(f"--name: expected a name for C functions, got '{name}'")
     network = graph.network
     selection = select(graph.program().plan, named_blocks(network, blocks, others))
-    values: Learnt = {}
-    if learnt is not None:
-        values = learnt_of(read_run(learnt), selection, LEARNT)
-    layout = _layout(graph, selection, values, name)
+    layout = _layout(graph, selection, name)
     length = usual_ticks(selection) if ticks is None else min(ticks, network.ticks)
-    replay = record(graph, selection, values, length)
-    about = _about(graph, selection, float32, learnt)
+    replay = record(graph, selection, length)
+    about = _about(graph, selection, float32)
     layout, native = _measured(layout, about, replay, float32)
     tolerance, said = _tolerance(native, float32)
     files = {
@@ -108,10 +95,10 @@ def export(
     return Exported(place, tuple(files), files["report.txt"], *ends)
 
 
-def _layout(graph: Graph, selection: Selection, learnt: Learnt, name: str) -> Layout:
+def _layout(graph: Graph, selection: Selection, name: str) -> Layout:
     """The blocks' C text, with the values that they start with."""
     program = graph.program()
-    engine = StartedEngine(program, graph.network.seed, learnt)
+    engine = Engine(program, graph.network.seed)
     engine.prepare()
     units = write_units(selection, engine.states)
     constants = {
@@ -172,9 +159,7 @@ def _tolerance(native: Native | None, float32: bool) -> tuple[float, str]:
     return math.ceil(value / digits) * digits, f"{seen}, which is what float makes of double."
 
 
-def _about(
-    graph: Graph, selection: Selection, float32: bool, learnt: str | Path | None
-) -> list[str]:
+def _about(graph: Graph, selection: Selection, float32: bool) -> list[str]:
     """What the files say that they are."""
     from runtime.runs import versions
 
@@ -184,6 +169,11 @@ def _about(
         f"Written by spikeblocks {made} from a graph with seed {graph.network.seed}, in "
         f"{'float' if float32 else 'double'}. Export it again instead of changing it.",
     ]
-    if learnt is not None:
-        lines.append(f"Initial weights are those that the run '{Path(learnt).name}' ended with.")
+    begun = [
+        f"{block}.{state}"
+        for block in selection.blocks
+        for state in graph.network.initial.get(block, ())
+    ]
+    if begun:
+        lines.append(f"States that begin as an earlier run ended: {', '.join(begun)}.")
     return lines

@@ -3,70 +3,23 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from blocks.core import FloatArray
-from runtime.engine import Engine, Program
+from runtime.engine import Engine
 from runtime.errors import UsageError
 from runtime.export.files import Replay
 from runtime.export.selection import Port, Selection
 from runtime.export.step import Layout
 from runtime.graph import Graph
-from runtime.observation import RunData
 from runtime.toolchain import Unit, build
 
 AnyArray = np.ndarray[Any, Any]
-Learnt = Mapping[tuple[str, str], FloatArray]  # block and state to values
 MOST_NUMBERS = 200_000  # in the tables of a test
 USUAL_TICKS, USUAL_ROWS = 1000, 50
 FILL = 0xA5
-
-
-class StartedEngine(Engine):
-    """An engine whose blocks start with what was learnt before."""
-
-    def __init__(self, program: Program, seed: int, learnt: Learnt) -> None:
-        super().__init__(program, seed)
-        self.learnt = learnt
-
-    def _start(self) -> None:
-        super()._start()
-        for (block, state), values in self.learnt.items():
-            getattr(self.states[block], state)[...] = values
-
-
-def learnt_of(run: RunData, selection: Selection, states: tuple[str, ...]) -> Learnt:
-    """What a run recorded last of the states that learn, such as weights.
-
-    Raises
-    ------
-    UsageError : it recorded none of them, or of another shape.
-    """
-    found: dict[tuple[str, str], FloatArray] = {}
-    wanted = []
-    for block in selection.blocks:
-        for state in selection.network.entries[block].cls.spec.states:
-            if state not in states:
-                continue
-            address = f"{block}.{state}"
-            wanted.append(address)
-            for probe in run.probes.values():
-                if address in probe.addresses and len(probe.values):
-                    first, last = probe.addresses[address]
-                    row = probe.values[-1]
-                    found[block, state] = row if probe.values.ndim != 2 else row[first:last]
-    missing = [name for name in wanted if tuple(name.rsplit(".", 1)) not in found]
-    if not wanted:
-        raise UsageError("--learnt: nothing that is exported learns")
-    if missing:
-        probes = ", ".join(missing)
-        message = f"--learnt: the run did not record {probes}; record each with a probe, as in"
-        raise UsageError(f"{message} 'probes: {{learnt: {{of: {missing[0]}, every: 1000}}}}'")
-    return found
 
 
 def usual_ticks(selection: Selection) -> int:
@@ -83,7 +36,7 @@ def _numbers(selection: Selection, port: Port) -> int:
     return int(np.prod(kind.shape)) if kind.form == "array" else len(kind.components) or 1
 
 
-def record(graph: Graph, selection: Selection, learnt: Learnt, ticks: int) -> Replay:
+def record(graph: Graph, selection: Selection, ticks: int) -> Replay:
     """Run the graph under the Python engine, and record what goes in and out.
 
     Raises
@@ -97,8 +50,7 @@ def record(graph: Graph, selection: Selection, learnt: Learnt, ticks: int) -> Re
     for i, port in enumerate((*selection.inputs, *selection.outputs)):
         names[port] = f"port_{i}"
         graph = graph.probe(names[port], ".".join(port), every=selection.every(port))
-    engine = StartedEngine(graph.program(), graph.network.seed, learnt)
-    outcome = engine.run()
+    outcome = Engine(graph.program(), graph.network.seed).run()
     if outcome.error is not None:
         raise outcome.error
     values = {

@@ -60,7 +60,6 @@ PLAUSIBLE: dict[str, tuple[str, ...]] = {
     "--replace": ("limit=ActuatorFault", "gain=Lowpass", "gain=Gian", "noise=PoseNoise,gain=Sum"),
     "--variant": ("soft", "a/b", "baseline"),
     "--except": ("plant", "plant,noise", "nobody"),
-    "--learnt": FOLDERS,
     "--seed": ("3", "-1", "1e3", "99999999999999999999"),
     "--until": ("0.1", "0.05", "0", "-1", "nan", "inf", "0.015", "1e400"),
     "--engine": ("python", "auto", "compild"),

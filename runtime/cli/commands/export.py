@@ -26,9 +26,6 @@ def add(parser: ArgumentParser) -> None:
         )
     parser.add_argument("--name", default="controller", help="of files and functions (controller)")
     parser.add_argument("--float32", action="store_true", help="compute in float, not in double")
-    parser.add_argument(
-        "--learnt", metavar="RUN", help="a run folder whose last recorded weights to begin with"
-    )
     message = "length of the recorded run that the test replays"
     parser.add_argument("--ticks", type=integer(1, MOST_TICKS), metavar="N", help=message)
     add_json(parser)
@@ -45,7 +42,6 @@ def run(options: Namespace) -> int:
         others=_names(options.others),
         name=options.name,
         float32=options.float32,
-        learnt=options.learnt,
         ticks=options.ticks,
     )
     if options.json:
