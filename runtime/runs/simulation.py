@@ -212,8 +212,17 @@ def _manifest(
         "removed": dict(network.removed),
         "order": _order(graph.program),
         "notes": notes,
-        "versions": dict(versions()),
+        "versions": {**versions(), **_compiler(outcome.engine)},
     }
+
+
+def _compiler(engine: str) -> dict[str, str]:
+    """The C compiler of a run that was compiled."""
+    if engine == "python":
+        return {}
+    from runtime.toolchain import find_compiler
+
+    return {"C compiler": find_compiler().identity}
 
 
 def _order(program: Program) -> list[str]:
