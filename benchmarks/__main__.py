@@ -1,4 +1,4 @@
-"""All measurements in one run:  python -m benchmarks [rounds] [--quick]
+"""All measurements in one run:  python -m benchmarks [rounds] [--quick] [--against TREE]
 
 Writes docs/performance.md. First every implementation of a diagram must agree with the others to
 1e-9; where one does not, nothing is timed and nothing is written. ``--quick`` tries everything on
@@ -15,7 +15,7 @@ from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from benchmarks import monte_carlo, per_tick, physics, start_up, sweeps, whole_loop
+from benchmarks import compiling, monte_carlo, per_tick, physics, start_up, sweeps, whole_loop
 from benchmarks.agreement import TOLERANCE, DisagreementError
 from benchmarks.contests import Contest, case_a_contest, tracking_contest
 from benchmarks.peers import PEERS
@@ -93,8 +93,8 @@ def say(text: str) -> None:
     print(f"{time.strftime('%H:%M:%S')} {text}", file=sys.stderr, flush=True)
 
 
-def page(rounds: int, sizes: Sizes) -> str:
-    """docs/performance.md, measured now.
+def page(rounds: int, sizes: Sizes, against: Path | None = None) -> str:
+    """docs/performance.md, measured now; ``against`` is an earlier tree of this project.
 
     Raises
     ------
@@ -129,6 +129,7 @@ def page(rounds: int, sizes: Sizes) -> str:
         lambda: monte_carlo.section(sizes.seeds, sizes.nengo_seeds, sizes.until, rounds),
         lambda: sweeps.section(min(sizes.seeds, sweeps.SEEDS), sizes.until, 1),
         lambda: start_up.section(rounds),
+        lambda: compiling.section(rounds, against, quick=sizes is QUICK),
     )
     text = head
     for section in sections:
@@ -141,11 +142,12 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks")
     parser.add_argument("rounds", nargs="?", type=int, default=3)
     parser.add_argument("--quick", action="store_true", help="few ticks; print, write nothing")
+    parser.add_argument("--against", type=Path, help="an earlier tree, see benchmarks/compiling.py")
     options = parser.parse_args()
     if options.rounds < 1:
         parser.error(f"rounds must be 1 or more, got {options.rounds}")
     try:
-        text = page(options.rounds, QUICK if options.quick else FULL)
+        text = page(options.rounds, QUICK if options.quick else FULL, options.against)
     except DisagreementError as error:
         print(f"no table: {error}", file=sys.stderr)
         return 1

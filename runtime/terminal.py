@@ -29,9 +29,11 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
 
 
-def show(text: object = "") -> None:
+def show(text: object = "", *, flush: bool = False) -> None:
     """Print a result on stdout."""
     _write(sys.stdout, f"{printable(str(text))}\n")
+    if flush:
+        sys.stdout.flush()
 
 
 def tell(text: object) -> None:

@@ -51,8 +51,8 @@ class TrackingError(Block):
     reference = Input(Pose, doc="where it should be")
 
     error = Output(TrackingState, name="state", doc="pose minus reference, the angle wrapped")
-    position = Output(Scalar, unit="m", doc="distance e_p, never negative")
-    heading = Output(Scalar, unit="rad", doc="heading error e_theta")
+    position = Output(Scalar, unit="m", label="$e_p$", doc="distance e_p, never negative")
+    heading = Output(Scalar, unit="rad", label=r"$e_\theta$", doc="heading error e_theta")
     lateral = Output(Scalar, unit="m", doc="cross-track error, positive to the left of the path")
     along = Output(Scalar, unit="m", doc="along-track error, positive ahead of the reference")
 
@@ -101,7 +101,13 @@ class MatchingPoint(Block):
 
     reference = Output(Pose, doc="the matching point x_r, y_r, theta_r")
     feedforward = Output(Twist, doc="u_f = [v_r, alpha kappa]")
-    kappa = Output(Scalar, unit="1/m", name="curvature", doc="curvature at the matching point")
+    kappa = Output(
+        Scalar,
+        unit="1/m",
+        name="curvature",
+        label=r"$\kappa$",
+        doc="curvature at the matching point",
+    )
     index = Output(Scalar, doc="number of the matching sample")
     progress = Output(
         Scalar, unit="m", doc="distance travelled along the path since the first tick"

@@ -19,7 +19,9 @@ class Input:
 
     ``default`` is the value of every component of an input that is not wired; an input without a
     default must be wired. A ``variadic`` input takes any number of wires, none included, or as many
-    as the integer parameter that it names; the block receives a tuple.
+    as the integer parameter that it names; the block receives a tuple. With ``spread``, such an
+    input takes numbers, records and vectors alike, and the block receives all their components
+    in order as one tuple of numbers; ``spread`` names the length symbol that their number gives.
     """
 
     type: PortType
@@ -27,6 +29,7 @@ class Input:
     unit: str = ""
     default: float | None = None
     variadic: bool | str = False
+    spread: str = ""
     name: str = ""
 
     @property
@@ -43,6 +46,7 @@ class Output:
     that returns a static description of the signal, such as the tuning of the neurons behind
     spikes: a consumer finds it in ``state.published`` when it starts. The lengths in ``carries``
     travel along the wire, too, and are known when the consumer's own lengths are inferred.
+    ``label`` is what figures call a scalar, which may be a formula as ``$e_p$``.
     """
 
     type: PortType
@@ -51,6 +55,7 @@ class Output:
     through: str = ""
     constant: bool = False
     name: str = ""
+    label: str = ""
     publishes: str = ""
     carries: tuple[str, ...] = ()
 
@@ -60,7 +65,7 @@ class State:
     """An array that the engine owns on behalf of the block and that a probe may record.
 
     The shape consists of numbers, names of integer parameters and length symbols of ports;
-    ``like`` takes the shape of a port's signal instead. A probe records a state before the tick's
+    ``like`` appends the shape of a port's signal. A probe records a state before the tick's
     update; an ``event``, which is what happened in the tick, after it.
     A ``cached`` state saves an output from repeating a computation: outputs may write it, and must
     return the same values without it.

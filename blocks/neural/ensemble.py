@@ -15,6 +15,7 @@ from blocks.core import (
     Input,
     Output,
     ParameterError,
+    Scalar,
     Spikes,
     State,
     Vector,
@@ -23,6 +24,7 @@ from blocks.core import (
 )
 from blocks.neural.distributions import Distribution
 from blocks.neural.neurons import NeuronModel
+from blocks.neural.rules import EncoderRule, Voja, follow, share_of, voja_step
 from blocks.neural.tuning import Tuning
 
 # From this many dimensions, one product is faster than a loop over them.
@@ -33,10 +35,11 @@ MANY_DIMENSIONS = 4
 class Ensemble(Block):
     """A population of neurons that represents a vector by its spikes.
 
-        input, current ─▶ [ Ensemble ] ─▶ spikes
+        input, current, learn ─▶ [ Ensemble ] ─▶ spikes
 
-    Encoding  J = gain * (encoders @ x) / radius + bias + current,  x the sum of all inputs
+    Encoding  J = gain * (encoders @ x / radius + current) + bias,  x the sum of all inputs
     Neurons   the model's step; a spike has an area of 1, rates are in Hz
+    Learning  voja: e_i += kappa dt learn s_i (x - e_i), s the spikes through a lowpass
 
     Spikes at t_k are those between t_k-1 and t_k, so the block breaks loops; with a synapse, what
     a Decoder makes of them is Nengo's, tick by tick. The output publishes the tuning of the
@@ -50,8 +53,12 @@ class Ensemble(Block):
 
     x = Input(Vector("d"), variadic=True, name="input", doc="what to represent; wires add up")
     straight = Input(
-        Vector("total"), variadic=True, name="current", doc="current straight into the neurons"
+        Vector("total"),
+        variadic=True,
+        name="current",
+        doc="straight into each neuron; wires add up",
     )
+    learn = Input(Scalar, default=1.0, doc="factor on the learning rate: 0 pauses learning")
 
     spikes = Output(
         Spikes("total"),
@@ -77,18 +84,32 @@ class Ensemble(Block):
         None, name="voltage", doc="initial voltages; default that of the model"
     )
 
+    learning: EncoderRule | None = param(None, doc="rule by which the encoders learn")
+
     current = State("total", name="drive", doc="input current J")
     fired = State("total", name="fired", unit="1/s", event=True, doc="spikes of the coming step")
     membrane = State("total", name="voltage", doc="membrane voltage")
     refractory = State("total", unit="s", doc="refractory time left")
     recovery = State("total", doc="adaptation, or the model's recovery variable")
+    gains = State("total", name="gain", doc="gains")
+    biases = State("total", name="bias", doc="bias currents")
+    scaled = State(
+        "per_group", "total", name="scaled_encoders", doc="gain * encoders / radius, as columns"
+    )
+    activity = State("learners", unit="1/s", doc="filtered spikes s, of a learning rule")
 
     def sizes(self) -> dict[str, int]:
         found = {"neurons": self.neurons, "groups": self.groups}
         found["total"] = self.neurons * self.groups
         if self.dimensions is not None:
             found["d"] = self.dimensions
+        found["learners"] = 0 if self.learning is None else found["total"]
         return found
+
+    def infer(self, lengths: Mapping[str, int]) -> Mapping[str, int]:
+        if "d" not in lengths:
+            return {}
+        return {"per_group": max(1, lengths["d"] // self.groups)}
 
     def validate(self) -> None:
         if (self.gain is None) != (self.bias is None):
@@ -114,22 +135,30 @@ class Ensemble(Block):
     def start(self, state: BlockState) -> None:
         d = state.context.types["input"].shape[0] // self.groups
         drawn = self._drawn(state.rng, d)
-        state.gain, state.bias = drawn["gain"], drawn["bias"]
-        state.encoders, state.voltage[:] = drawn["encoders"], drawn["voltage"]
+        state.gain[:], state.bias[:] = drawn["gain"], drawn["bias"]
+        state.voltage[:] = drawn["voltage"]
         state.recovery[:] = self.neuron.initial_recovery
-        scaled = state.encoders / self.radius * state.gain[:, None]
-        shape = (self.groups, self.neurons, d)
         # One row of encoders per dimension of a group, for all neurons.
-        state.rows = np.ascontiguousarray(scaled.T)
-        state.grouped = scaled.reshape(shape)
+        state.scaled_encoders[...] = (drawn["encoders"] / self.radius * state.gain[:, None]).T
+        state.row_groups = state.scaled_encoders.reshape(d, self.groups, self.neurons)
+        state.drive_of_groups = state.drive.reshape(self.groups, self.neurons)
+        state.point, state.dimensions = np.zeros((self.groups, d)), range(d)
         state.step, state.constants = type(self.neuron).step, self.neuron.constants
-        state.point, state.further = np.zeros((self.groups, d)), range(d)
-        state.spread = state.current_of_groups = state.drive.reshape(shape[:2])
-        state.row_groups = state.rows.reshape(d, *shape[:2])
+        state.learns, state.rate, state.share = self.learning is not None, 0.0, 0.0
+        if isinstance(self.learning, Voja):
+            state.rate = self.learning.learning_rate * state.dt
+            state.share = share_of(self.learning.tau, state.dt)
+        state.scale = state.gain / self.radius
+
+    def resume(self, state: BlockState) -> None:
+        state.scale[:] = state.gain / self.radius
 
     def tuning(self, state: BlockState) -> Tuning:
-        """The published description of ``spikes``."""
-        return Tuning(self.neuron, state.gain, state.bias, state.encoders, self.radius, self.groups)
+        """The published description of ``spikes``: that of the states when the run begins."""
+        gain, scaled = state.gain.copy(), state.scaled_encoders.T * self.radius
+        encoders = np.zeros_like(scaled)
+        np.divide(scaled, gain[:, None], out=encoders, where=gain[:, None] != 0.0)
+        return Tuning(self.neuron, gain, state.bias.copy(), encoders, self.radius, self.groups)
 
     def _drawn(self, rng: np.random.Generator, d: int) -> Mapping[str, FloatArray]:
         """Gains, biases, encoders and voltages, always drawn in one order.
@@ -189,24 +218,26 @@ class Ensemble(Block):
         t: float,
         input: tuple[FloatArray, ...],
         current: tuple[FloatArray, ...],
+        learn: float,
     ) -> None:
-        point, drive = state.point, state.current_of_groups
+        point, drive = state.point, state.drive_of_groups
         flat = point.reshape(-1)
         flat[:] = 0.0
         for term in input:
             flat += term
         state.drive[:] = state.bias
         if len(state.row_groups) < MANY_DIMENSIONS:
-            for j in state.further:
+            for j in state.dimensions:
                 drive += state.row_groups[j] * point[:, j, None]
         else:
-            drive += np.einsum("gnd,gd->gn", state.grouped, point)
+            drive += np.einsum("dgn,gd->gn", state.row_groups, point)
         for straight in current:
-            state.drive += straight
+            state.drive += state.gain * straight
         state.step(
             *(state.dt, state.drive, state.fired, state.voltage, state.refractory),
             *(state.recovery, state.constants),
         )
+        self._learn(state, learn)
 
     @kernel_of(update)
     def _update_kernel(
@@ -215,8 +246,9 @@ class Ensemble(Block):
         t: float,
         input: tuple[FloatArray, ...],
         current: tuple[FloatArray, ...],
+        learn: float,
     ) -> None:
-        point, drive, bias, rows = state.point, state.drive, state.bias, state.rows
+        point, drive, rows = state.point, state.drive, state.scaled_encoders
         for g in range(len(point)):
             for j in range(len(rows)):
                 point[g, j] = 0.0
@@ -224,7 +256,7 @@ class Ensemble(Block):
                     for term in input:
                         point[g, j] += term[g * len(rows) + j]
         for i in range(len(drive)):
-            drive[i] = bias[i]
+            drive[i] = state.bias[i]
         for g in range(len(point)):
             for j in range(len(rows)):
                 row, value = rows[j], point[g, j]
@@ -233,7 +265,7 @@ class Ensemble(Block):
         if len(current) > 0:
             for straight in current:
                 for i in range(len(drive)):
-                    drive[i] += straight[i]
+                    drive[i] += state.gain[i] * straight[i]
         state.step(
             state.dt,
             state.drive,
@@ -243,6 +275,14 @@ class Ensemble(Block):
             state.recovery,
             state.constants,
         )
+        self._learn(state, learn)
+
+    def _learn(self, state: BlockState, learn: float) -> None:
+        """Change the encoders by the spikes of this step."""
+        if state.learns:
+            follow(state.activity, state.fired, state.share)
+            rate = state.rate * learn
+            voja_step(state.scaled_encoders, state.activity, state.scale, state.point, rate)
 
 
 def _number(text: str) -> str | float:

@@ -12,7 +12,16 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from blocks.core import FloatArray, SettingError, Variant, hint, param, portable, show
+from blocks.core import (
+    FloatArray,
+    SettingError,
+    Variant,
+    hint,
+    kernel_of,
+    param,
+    portable,
+    show,
+)
 
 
 class Synapse(Variant, root=True):
@@ -124,3 +133,50 @@ def _number(text: str) -> float | None:
 
 def _form(kind: type[Variant]) -> str:
     return f"{kind.label}({', '.join(kind.declared)})" if kind.declared else kind.label
+
+
+def passed(memory: FloatArray, a: FloatArray, b: FloatArray, value: FloatArray) -> FloatArray:
+    """What a synapse in the state ``memory`` (order, k) makes of an input (k,)."""
+    if len(b) == 0:
+        return value
+    if len(b) == 1:
+        return np.asarray(memory[0] + b[0] * (value - memory[0]))
+    return np.asarray(a[1, 0] * memory[0] + a[1, 1] * memory[1] + b[1] * value)
+
+
+@kernel_of(passed)
+def _passed_kernel(
+    memory: FloatArray, a: FloatArray, b: FloatArray, value: FloatArray
+) -> FloatArray:
+    found = value.copy()
+    if len(b) == 1:
+        for i in range(len(found)):
+            found[i] = memory[0, i] + b[0] * (found[i] - memory[0, i])
+    if len(b) == 2:
+        for i in range(len(found)):
+            found[i] = a[1, 0] * memory[0, i] + a[1, 1] * memory[1, i] + b[1] * found[i]
+    return found
+
+
+def remember(
+    memory: FloatArray, a: FloatArray, b: FloatArray, value: FloatArray, found: FloatArray
+) -> None:
+    """Advance a synapse's state, given its input and what :func:`passed` made of it."""
+    if len(b) == 1:
+        memory[0] = found
+    elif len(b) == 2:
+        memory[0] = a[0, 0] * memory[0] + a[0, 1] * memory[1] + b[0] * value
+        memory[1] = found
+
+
+@kernel_of(remember)
+def _remember_kernel(
+    memory: FloatArray, a: FloatArray, b: FloatArray, value: FloatArray, found: FloatArray
+) -> None:
+    if len(b) == 1:
+        for i in range(len(found)):
+            memory[0, i] = found[i]
+    if len(b) == 2:
+        for i in range(len(found)):
+            memory[0, i] = a[0, 0] * memory[0, i] + a[0, 1] * memory[1, i] + b[0] * value[i]
+            memory[1, i] = found[i]

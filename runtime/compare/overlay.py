@@ -24,19 +24,19 @@ from runtime.plots import (
     arrange,
     axis_label,
     disable_math,
+    display_names,
     draw,
     draw_trajectory,
     equal_scales,
     fit,
+    layers,
     line_style,
     map_axes,
     mean_rate,
     row_spacing,
     run_end,
     save_figure,
-    short_labels,
     stacked_axes,
-    symbol,
     thin,
     time_axis,
     write_title,
@@ -167,11 +167,19 @@ def _moving(panels: Mapping[str, Sequence[_Line]]) -> Mapping[str, Sequence[_Lin
 
 
 def _draw(axes: Axes, lines: Sequence[_Line]) -> None:
+    order = layers([line.y for line in lines])
     for i, line in enumerate(lines):
         t, y = line.t, np.where(np.isfinite(line.y), line.y, np.nan)
         if len(y) > THIN_ABOVE:
             t, y = thin(t, y, THIN_TO)
-        axes.plot(t, y, label=line.label, linewidth=LATER if i else FIRST, **line_style(i))
+        axes.plot(
+            t,
+            y,
+            label=line.label,
+            linewidth=LATER if i else FIRST,
+            zorder=order[i],
+            **line_style(i),
+        )
     values = [line.y[np.isfinite(line.y)] for line in lines]
     if min(y.min(initial=0.0) for y in values) < 0.0 < max(y.max(initial=0.0) for y in values):
         axes.axhline(0.0, color="0.6", linewidth=0.6, zorder=1.0)
@@ -188,7 +196,7 @@ def _panels(recorded: Mapping[str, Recording]) -> dict[str, list[_Line]]:
         unit = first.units[0] if len(set(first.units)) == 1 else ""
         label = axis_label([f"RMS of {count} columns"], unit)
         return {label: [_Line(n, r.t, _rms(r)) for n, r in recorded.items()]}
-    names = [symbol(name) for name in short_labels(first.labels)]
+    names = display_names(first.labels, first.shown)
     return {
         axis_label([names[i]], first.units[i]): [
             _Line(n, r.t, r.columns[:, r.labels.index(label)])
@@ -247,7 +255,7 @@ def _poses(run: Run, plot: PlotSpec) -> list[str]:
 def _named(recorded: Recording, label: str) -> Recording:
     """A recorded pose with its run's label, for the legend."""
     labels = tuple(f"{label}.{component}" for component in ("x", "y", "theta"))
-    return replace(recorded, name=label, labels=labels, addresses={label: (0, 3)})
+    return replace(recorded, name=label, labels=labels, names=(), addresses={label: (0, 3)})
 
 
 def _map(figure: Figure, run: Run, plot: PlotSpec, poses: Sequence[Recording]) -> Axes:

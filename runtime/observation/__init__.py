@@ -6,12 +6,13 @@
 
 from runtime.observation.metric_kinds import MetricKind, MetricOptions
 from runtime.observation.metrics import METRIC_KINDS, Metric, Series
-from runtime.observation.plots import PLOT_KINDS, PlotKind, offered, plot_keys
+from runtime.observation.plots import CHANGES, PLOT_KINDS, PlotKind, offered, plot_keys
 from runtime.observation.reader import Observation, PlotSpec, Probe, observe
 from runtime.observation.run_data import Recording, RunData
 from runtime.observation.wall_metrics import since_reached
 
 __all__ = [
+    "CHANGES",
     "METRIC_KINDS",
     "PLOT_KINDS",
     "Metric",

@@ -11,6 +11,7 @@ from blocks.core import FloatArray, Options, param, plain, show
 from runtime.network import Network
 from runtime.observation.probes import Probe
 
+CHANGES = ("without", "bypass", "replace", "with", "set", "wire")
 COMMON = ("kind", "of", "title", "labels")
 SCANNED = ("Pose", "Scan", "PointCloud", "Path")
 Checks = Iterable[tuple[str, str]]
@@ -20,8 +21,8 @@ Checks = Iterable[tuple[str, str]]
 class PlotSpec:
     """A plot of a graph: its kind, its probes, its title, and the options of its kind.
 
-    ``options["engaged"]`` is the name of a probe, ``options["labels"]`` a list of texts; all other
-    options are numbers.
+    ``options["engaged"]`` is the name of a probe, ``options["labels"]`` a list of texts,
+    ``options["compare"]`` a change; all other options are numbers.
     """
 
     name: str
@@ -201,7 +202,17 @@ def _one_of_each(probes: Sequence[Probe]) -> str:
     return f"expected one {twice[0]}, got {kinds.count(twice[0])}" if twice else ""
 
 
-class Levels(Figure):
+class Overlaid(Figure):
+    """Another run in the same figure."""
+
+    compare: str = param(
+        "",
+        doc="a change, as without=adaptive: `runtime run` also runs the graph with it, and draws "
+        "both in this figure",
+    )
+
+
+class Levels(Overlaid):
     """Marked levels of the vertical axis."""
 
     limits: FloatArray | None = param(
@@ -218,7 +229,7 @@ class Distance(Levels):
     distance: float = param(unit="m", above=0.0, doc="the distance from the walls to follow")
 
 
-class Map(Figure):
+class Map(Overlaid):
     """What a map shows, apart from the trajectory."""
 
     distance: float | None = param(
@@ -241,7 +252,11 @@ class Scans(Map):
 
 
 def ordered(options: Mapping[str, Any]) -> Checks:
-    """Errors in the ends of axes."""
+    """Errors in the ends of axes, and in a change to compare with."""
+    kind, equals, what = str(options.get("compare", "")).partition("=")
+    if "compare" in options and not (kind in CHANGES and equals and what):
+        message = f"expected a change, as in without=adaptive ({', '.join(CHANGES)}), got "
+        yield "compare", message + show(options["compare"])
     for key in ("xlim", "ylim"):
         low, high = Figure.read(options)[key] if key in options else (0.0, 1.0)
         if low >= high:
@@ -270,6 +285,7 @@ PLOT_KINDS: Mapping[str, PlotKind] = {
     "trajectory": PlotKind(
         "poses, paths and point clouds in the plane",
         "runtime.plots.trajectory:draw_trajectory",
+        options=Overlaid,
         each=_in_plane,
     ),
     "raster": PlotKind(

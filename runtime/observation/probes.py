@@ -5,8 +5,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from blocks.core import SignalType
-from runtime.network import Endpoint, Network, component_type, state_shape, unknown_component
+from blocks.core import SignalType, Vector
+from runtime.network import (
+    Endpoint,
+    Network,
+    columns,
+    component_type,
+    is_range,
+    state_shape,
+    unknown_component,
+)
 
 MAX_RECORDING = 1024**4
 
@@ -16,6 +24,7 @@ class Signal:
     """A recorded output or state: its source, its shape, the names of its columns.
 
     ``address`` is written in the graph, ``end`` is its source once removed blocks are bypassed.
+    ``name`` is what figures call it, '' for its address.
     """
 
     address: str
@@ -28,6 +37,14 @@ class Signal:
     is_state: bool = False
     is_event: bool = False
     constant: bool = False
+    name: str = ""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What figures call each column; '' for its label."""
+        if not self.name or len(self.labels) < 2:
+            return (self.name,) * len(self.labels)
+        return tuple(f"{self.name}{label[len(self.address) :]}" for label in self.labels)
 
     @property
     def width(self) -> int:
@@ -58,6 +75,11 @@ class Probe:
     @property
     def labels(self) -> tuple[str, ...]:
         return tuple(label for signal in self.signals for label in signal.labels)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What figures call each column; '' for its label."""
+        return tuple(name for signal in self.signals for name in signal.names)
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -108,10 +130,15 @@ def make_signal(network: Network, end: Endpoint, label: str) -> Signal | None:
     spec = entry.cls.spec
     if end.port in spec.states:
         state = spec.states[end.port]
-        shape = state_shape(entry.made.sizes(), state, network.context(end.block), spec)
+        shape = state_shape(entry.made, state, network.context(end.block), spec)
         kind = state.signal.name if state.signal is not None else "State"
         unit = state.unit
-        if end.component:
+        if is_range(end.component):
+            part = columns(Vector(shape[0]), end.component) if len(shape) == 1 else None
+            if not isinstance(part, slice):
+                return None
+            shape = (part.stop - part.start,)
+        elif end.component:
             number = int(end.component) if end.component.isdecimal() else -1
             if len(shape) != 1 or not 0 <= number < shape[0] or str(number) != end.component:
                 return None
@@ -127,12 +154,21 @@ def make_signal(network: Network, end: Endpoint, label: str) -> Signal | None:
     labels, units = _columns(whole, end, label, spec.outputs[end.port].unit)
     constant = spec.outputs[end.port].constant
     shape, name = kind_at.shape, kind_at.name
-    return Signal(label, end, shape, labels, units, name, entry.every, constant=constant)
+    shown = "" if end.component or shape else spec.outputs[end.port].label
+    every = entry.every
+    return Signal(label, end, shape, labels, units, name, every, constant=constant, name=shown)
 
 
 def _columns(
     whole: SignalType, end: Endpoint, label: str, unit: str
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    part = columns(whole, end.component) if is_range(end.component) else None
+    if isinstance(part, slice):
+        base = label.split("[")[0]
+        units = whole.units or (unit,)
+        each = units if whole.form == "record" else (unit or units[0],) * whole.shape[0]
+        names = whole.components or tuple(map(str, range(whole.shape[0])))
+        return tuple(f"{base}.{name}" for name in names[part]), each[part]
     if whole.form == "record":
         if end.component:
             return (label,), (whole.units[whole.column(end.component) or 0],)

@@ -146,7 +146,7 @@ class _Reader:
     def probe(self, name: str, node: Node, address: str) -> None:
         of: Node | None = node
         if node.is_map:
-            check_keys(node, ("of", "every"), address, self.problems, "key")
+            check_keys(node, ("of", "every", "label"), address, self.problems, "key")
             of = node.get("of")
         if of is None or of.value == []:
             where = node.key if of is None else of.where
@@ -156,6 +156,9 @@ class _Reader:
         place = address if of is node else f"{address}.of"
         items = texts(of, place, "an address, as in plant.pose", self.problems)
         signals = [self.signal(item, where) for item, where in items]
+        names = self.names(node.get("label"), len(items), f"{address}.label")
+        if names:
+            signals = [s and replace(s, name=n) for s, n in zip(signals, names, strict=True)]
         written = node.get("every")
         every = self.every(written, f"{address}.every")
         probe = Probe(name, tuple(signal for signal in signals if signal is not None), every)
@@ -163,6 +166,17 @@ class _Reader:
             self.problems.add(written.where, f"{address}.every", probe.missed())
         else:
             self.add(probe, of.where, place)
+
+    def names(self, node: Node | None, count: int, address: str) -> list[str]:
+        """What figures call the signals of a probe; [] if nothing usable is written."""
+        if node is None:
+            return []
+        found = [item.value for item, _ in texts(node, address, "a text", self.problems)]
+        if found and len(found) != count:
+            message = f"expected a text for each of the {count} signals, got {len(found)}"
+            self.problems.add(node.where, address, message)
+            return []
+        return found
 
     def every(self, node: Node | None, address: str) -> int:
         """The ticks between two rows as written; 0 for the signal's own rate."""

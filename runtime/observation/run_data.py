@@ -19,6 +19,7 @@ class Recording:
 
     t : times (rows,) in seconds. values : (rows,) for a scalar, (rows, columns) for a record or
     several signals, (rows, n, columns) for a table. ``addresses`` gives each signal its columns.
+    ``names`` are what figures call the columns, '' for those that are called by their label.
     """
 
     name: str
@@ -29,6 +30,13 @@ class Recording:
     kinds: tuple[str, ...]
     addresses: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     auto: bool = False
+    names: tuple[str, ...] = ()
+
+    @property
+    def shown(self) -> tuple[str, ...]:
+        """What figures call the columns."""
+        names = self.names or ("",) * len(self.labels)
+        return tuple(name or label for name, label in zip(names, self.labels, strict=True))
 
     @property
     def columns(self) -> FloatArray:
@@ -55,9 +63,9 @@ class RunData:
     """A run: ``result["plant.pose"]`` is an array, ``result.metrics`` a dict.
 
     Names are those of probes, or the addresses that they record. ``world`` holds the graph's
-    walls, if any, and ``units`` the units of the metrics that have one. ``origin`` returns the
-    graph's texts and the files of its own blocks, by name; it is called only when they are needed,
-    which is rare in a sweep.
+    walls, if any, ``states`` the blocks' states at the end of the run, and ``units`` the units of
+    the metrics that have one. ``origin`` returns the graph's texts and the files of its own blocks,
+    by name; it is called only when they are needed, which is rare in a sweep.
     """
 
     title: str
@@ -70,6 +78,7 @@ class RunData:
     failures: list[str] = field(default_factory=list)
     world: World | None = None
     units: dict[str, str] = field(default_factory=dict)
+    states: dict[str, FloatArray] = field(default_factory=dict)
 
     @cached_property
     def texts(self) -> dict[str, str]:
@@ -114,6 +123,7 @@ class RunData:
             values=found.column(address),
             labels=found.labels[start:stop],
             units=found.units[start:stop],
+            names=found.names[start:stop],
             addresses={address: (0, stop - start)},
         )
 

@@ -21,8 +21,10 @@ from runtime.plots.style import (
     WIDTH,
     axis_label,
     disable_math,
+    display_names,
     explain_empty,
     fit,
+    layers,
     line_style,
     row_spacing,
     run_end,
@@ -31,8 +33,8 @@ from runtime.plots.style import (
     symbol,
     thin,
     time_axis,
-    write_title,
 )
+from runtime.plots.titles import write_title
 from runtime.plots.trajectory import draw_trajectory, equal_scales
 
 __all__ = [
@@ -50,12 +52,14 @@ __all__ = [
     "arrange",
     "axis_label",
     "disable_math",
+    "display_names",
     "draw",
     "draw_trajectory",
     "draw_world",
     "equal_scales",
     "explain_empty",
     "fit",
+    "layers",
     "line_style",
     "map_axes",
     "mean_rate",

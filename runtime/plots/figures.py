@@ -23,7 +23,7 @@ from blocks.core import FloatArray
 from runtime.errors import UsageError, one_line
 from runtime.files import slug, write_whole
 from runtime.observation import PLOT_KINDS, PlotSpec, Recording, RunData, offered
-from runtime.plots import style
+from runtime.plots import style, titles
 from runtime.plots.trajectory import equal_scales
 
 DPI = 150
@@ -68,7 +68,7 @@ def draw(plot: PlotSpec, result: RunData, look: str = "screen") -> Figure:
             shown = [result.probes[name] for name in plot.of]
             top = painter(figure, shown, style.run_end(result))
         arrange(figure, top, plot)
-        style.set_title(top, plot.title, result)
+        titles.set_title(top, plot.title, result)
         style.disable_math(figure)
         if "size" not in plot.options:
             style.fit(figure, style.LOOKS[look])
@@ -173,13 +173,15 @@ def _flat(recorded: Recording) -> tuple[FloatArray, list[str], list[str]]:
 def draw_timeseries(figure: Figure, recordings: Sequence[Recording], end: float) -> Axes:
     """Draw columns over time, one axes per unit."""
     groups: dict[str, list[_Column]] = {}
-    every = []
+    every: dict[str, str] = {}
     for recorded in recordings:
         values, labels, units = _flat(recorded)
-        every.extend(labels)
+        given = recorded.shown if len(recorded.labels) == len(labels) else labels
+        every |= zip(labels, given, strict=True)
         for i, (label, unit) in enumerate(zip(labels, units, strict=True)):
             groups.setdefault(unit, []).append(_Column(label, unit, recorded.t, values[:, i]))
-    names = dict(zip(every, map(style.symbol, style.short_labels(every)), strict=True))
+    shown_as = style.display_names(list(every), list(every.values()))
+    names = dict(zip(every, shown_as, strict=True))
     groups, silent = _without_zeros(groups)
     figure.set_size_inches(style.WIDTH, 1.1 + 1.55 * max(1, len(groups)) + 0.5 * (len(groups) == 1))
     column = style.stacked_axes(figure, len(groups))
@@ -214,11 +216,13 @@ def _lines(figure: Figure, axes: Axes, lines: list[_Column], names: list[str], e
     # The bright end of the colour map is too pale for lines on white.
     colours = ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0.0, 0.9, len(lines))))
     low = high = 0.0
+    layers = style.layers([line.y for line in lines])
     for i, (line, name) in enumerate(zip(lines, names, strict=True)):
         t, y = _thinned(line, len(lines))
         how: dict[str, Any] = (
             {"color": colours(i), "linewidth": 0.5} if many else style.line_style(i)
         )
+        how["zorder"] = layers[i]
         if len(y) == 1:
             # A single row is a constant, or a probe slower than the run: it is marked by a dot.
             axes.plot([t[0], max(t[0], end)], [y[0], y[0]], **{**how, "linestyle": ":"})

@@ -94,7 +94,7 @@ def _trains(recordings: Sequence[Recording]) -> Iterator[_Train]:
     for recorded in recordings:
         for start, stop in recorded.addresses.values() or [(0, len(recorded.labels))]:
             spikes = recorded.columns[:, start:stop]
-            yield _Train(style.signal_of(recorded.labels[start]), recorded.t, spikes)
+            yield _Train(style.signal_of(recorded.shown[start]), recorded.t, spikes)
 
 
 def _marks(axes: Axes, train: _Train) -> None:

@@ -21,7 +21,7 @@ from runtime.errors import UsageError
 from runtime.files import system_errors
 from runtime.observation import PlotSpec, Recording, RunData
 from runtime.plots import map as maps
-from runtime.plots import style
+from runtime.plots import style, titles
 
 PANELS = 4
 HALF_WIDTH = 1.0  # m, from the robot to the edges of a panel
@@ -246,7 +246,7 @@ def _world_axes(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
     """The axes of an animation: the world without the robot."""
     xy = recordings_by_kind(plot, result)["Pose"].values[:, :2]
     axes, _ = maps.map_axes(figure, plot, result, xy, SIDE, (0.0, 0.6))
-    axes.set_title(style.subtitle(result), fontsize=9.0)
+    axes.set_title(titles.subtitle(result), fontsize=9.0)
     return axes
 
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.mathtext import MathTextParser
 from matplotlib.text import Text
 from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
 from blocks.core import FloatArray
-from runtime.document import Override
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,11 +25,13 @@ if TYPE_CHECKING:
 WIDTH = 6.5  # inches, the text width of a one-column paper
 GREY = "0.4"
 NARROW = 16  # characters of a legend's entry, of which three fit into a column
+NOISY = 0.3  # share of steps that go back
 LONG_NAME = 20  # characters, about what fits beside the lowest axes
 # Okabe and Ito's palette for colour-blind readers, without its yellow, too pale for lines.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 LINESTYLES = ("-", "--", ":", "-.")
 GREEK = {"theta": "θ", "omega": "ω", "kappa": "κ"}
+_FORMULA = re.compile(r"\$[^$\s]+\$")
 # Any: the names of the parameters are a literal type in some versions of matplotlib only.
 STYLE: Any = {
     "font.family": "sans-serif",
@@ -175,19 +177,68 @@ def symbol(name: str) -> str:
     return f"{head}{dot}{GREEK.get(last, last)}"
 
 
+def display_names(labels: Sequence[str], names: Sequence[str]) -> list[str]:
+    """What a figure calls its lines: the given names, unless two lines share one, or short labels.
+
+    Parameters
+    ----------
+    labels : of the columns, all different.
+    names : of the same columns; equal to the label where there is none.
+    """
+    is_own = [
+        name != label and names.count(name) == 1 for label, name in zip(labels, names, strict=True)
+    ]
+    short = iter(short_labels([each for each, own in zip(labels, is_own, strict=True) if not own]))
+    return [symbol(name if own else next(short)) for name, own in zip(names, is_own, strict=True)]
+
+
+def layers(lines: Sequence[FloatArray]) -> list[float]:
+    """The zorder of each line: a noisy one is drawn behind a smooth one, which it would hide.
+
+    Parameters
+    ----------
+    lines : values over time, or points (rows, columns).
+    """
+    noisy = [_roughness(values) > NOISY for values in lines]
+    return [2.0 if each else 2.2 for each in noisy]
+
+
+def _roughness(values: FloatArray) -> float:
+    """The share of a line's steps that go back: 0 for a smooth line, about 2/3 for noise."""
+    rows = values.reshape(len(values), -1)
+    steps = np.diff(rows[np.isfinite(rows).all(axis=1)], axis=0)
+    steps = steps[steps.any(axis=1)]
+    if len(steps) < 2:
+        return 0.0
+    return float(np.mean((steps[1:] * steps[:-1]).sum(axis=1) < 0.0))
+
+
 def line_style(i: int) -> dict[str, Any]:
     """Colour and dashes of the i-th line of an axes."""
     dashes = LINESTYLES[i // len(COLOURS) % len(LINESTYLES)]
     return {"color": COLOURS[i % len(COLOURS)], "linestyle": dashes}
 
 
+def is_formula(text: str) -> bool:
+    """Whether a text has formulas as $e_p$, without spaces, that matplotlib can draw."""
+    found = _FORMULA.findall(text)
+    if not found or text.count("$") != 2 * len(found):
+        return False
+    try:
+        for formula in found:
+            MathTextParser("path").parse(formula)
+    except ValueError:
+        return False
+    return True
+
+
 def disable_math(figure: Figure) -> None:
-    """Show names and titles as they are written, not as formulas.
+    """Show names and titles as they are written; only $e_p$, without spaces, is a formula.
 
     Tick labels of numbers stay formulas, since matplotlib writes them.
     """
     for text in figure.findobj(Text):
-        text.set_parse_math(False)
+        text.set_parse_math(is_formula(text.get_text()))
     for axes in figure.axes:
         for axis in (axes.xaxis, axes.yaxis):
             is_number = isinstance(axis.get_major_formatter(), ScalarFormatter)
@@ -195,71 +246,6 @@ def disable_math(figure: Figure) -> None:
             for tick in axis.get_major_ticks():
                 for label in (tick.label1, tick.label2):
                     label.set_parse_math(is_number)
-
-
-def set_title(axes: Axes, title: str, result: RunData) -> None:
-    """Write a plot's title, and the subtitle of the run."""
-    write_title(axes, title, subtitle(result))
-
-
-def write_title(axes: Axes, title: str, subtitle: str) -> None:
-    """Write a title and a subtitle above an axes."""
-    axes.set_title(title, pad=17.0)
-    axes.annotate(
-        subtitle,
-        xy=(0.0, 1.0),
-        xytext=(0.0, 6.0),
-        xycoords="axes fraction",
-        textcoords="offset points",
-        fontsize=8.0,
-        color=GREY,
-        gid="subtitle",
-    )
-
-
-def subtitle(result: RunData) -> str:
-    """One line on the run: the graph, its changes, its seed, and where it ended if early."""
-    removed: dict[str, str] = result.manifest.get("removed", {})
-    overrides = [Override.parse(str(text)) for text in result.manifest.get("overrides", [])]
-    parts = [result.title]
-    for how, message in (("without", "without"), ("bypass", "bypassing")):
-        names = [name for name, way in removed.items() if way == how]
-        given = [override.target for override in overrides if override.kind == how]
-        if names:
-            parts.append(f"{message} {_listed(_grouped(names, given))}")
-    parts += [_listed([f"{o.kind} {o.target}" for o in laid])] if (laid := _laid(overrides)) else []
-    if "seed" in result.manifest:
-        parts.append(f"seed {result.manifest['seed']}")
-    status = result.manifest.get("status", "complete")
-    if status != "complete":
-        parts.append(f"{status} at {run_end(result):.4g} s")
-    return "  ·  ".join(parts)
-
-
-def _laid(overrides: Sequence[Override]) -> list[Override]:
-    """The changes that lay a condition over the graph or put another block in a place."""
-    named = [o for o in overrides if o.kind in ("with", "replace")]
-    return [replace(o, target=_stem(o)) for o in named]
-
-
-def _stem(change: Override) -> str:
-    if change.kind == "replace":
-        return f"{change.target}={change.value}"
-    return re.sub(r"\.yaml$", "", change.target.rpartition("/")[2])
-
-
-def _grouped(names: list[str], given: list[str]) -> list[str]:
-    """Names of blocks as the user gave them: a part in place of the blocks inside it."""
-    found: dict[str, None] = {}
-    for name in names:
-        whole = (part for part in given if name == part or name.startswith(f"{part}."))
-        found[next(whole, name)] = None
-    return list(found)
-
-
-def _listed(names: list[str], most: int = 3) -> str:
-    left = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + left
 
 
 def run_end(result: RunData) -> float:

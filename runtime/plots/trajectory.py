@@ -103,7 +103,7 @@ def _tracks(recorded: Recording) -> list[_Track]:
         else:
             continue
         finite = points[np.isfinite(points).all(axis=1)]
-        found.append(_Track(style.signal_of(recorded.labels[start]), kind, finite))
+        found.append(_Track(style.signal_of(recorded.shown[start]), kind, finite))
     return found
 
 
@@ -141,11 +141,13 @@ def _nearest(poses: FloatArray, path: FloatArray) -> FloatArray:
 def _draw(axes: Axes, tracks: Sequence[_Track]) -> list[Line2D]:
     """Draw all tracks that have points; returns the entries of the legend."""
     filled = [track for track in tracks if len(track.points)]
+    layers = style.layers([track.xy for track in filled])
     handles: list[Line2D] = []
     paths = poses = 0
-    for track in filled:
+    for track, layer in zip(filled, layers, strict=True):
         if track.kind == "Pose":
-            handles += _pose_track(axes, track, style.COLOURS[poses % len(style.COLOURS)])
+            colour = style.COLOURS[poses % len(style.COLOURS)]
+            handles += _pose_track(axes, track, colour, 0.3 + layer)
             poses += 1
         elif track.kind == "Path":
             how: dict[str, Any] = {"linestyle": DASHES[paths % len(DASHES)], "color": "0.35"}
@@ -174,10 +176,10 @@ def _mark(xy: FloatArray, label: str, colour: str = "0.35") -> Line2D:
     )
 
 
-def _pose_track(axes: Axes, track: _Track, colour: str) -> list[Line2D]:
+def _pose_track(axes: Axes, track: _Track, colour: str, layer: float) -> list[Line2D]:
     """Draw one pose's trajectory, with triangles that point along its heading."""
     x, y = track.xy.T
-    lines = axes.plot(x, y, color=colour, label=track.name, linewidth=1.4, zorder=2.5)
+    lines = axes.plot(x, y, color=colour, label=track.name, linewidth=1.4, zorder=layer)
     axes.add_line(_mark(track.xy[:1], "start", colour))
     axes.add_line(_mark(track.xy[-1:], "end", colour))
     travelled = np.concatenate([[0.0], np.hypot(np.diff(x), np.diff(y)).cumsum()])

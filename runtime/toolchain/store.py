@@ -90,6 +90,11 @@ def _remove_own(made: Path, process: int) -> None:
         shutil.rmtree(made, ignore_errors=True)
 
 
+def _exists() -> None:
+    """Make the folder again if it was removed meanwhile."""
+    folder().mkdir(mode=0o700, parents=True, exist_ok=True)
+
+
 def digest(*parts: str) -> str:
     """A name for what an entry is made from."""
     return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:32]
@@ -122,6 +127,7 @@ def write(name: str, content: bytes) -> Path:
     ------
     OSError : it cannot be written.
     """
+    _exists()
     path = folder() / name
     for file, data in ((path, content), (folder() / f"{name}{SEAL}", _hash(content))):
         if file.is_dir():
@@ -151,6 +157,7 @@ def work_folder() -> Iterator[Path]:
     OSError : it cannot be created.
     """
     made = folder() / f"{WORK}{secrets.token_hex(8)}"
+    _exists()
     made.mkdir(mode=0o700)
     try:
         yield made

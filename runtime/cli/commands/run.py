@@ -8,18 +8,21 @@ from typing import TYPE_CHECKING, Any
 
 from runtime.cli.commands import add_output, show_folder
 from runtime.cli.commands.changes import add_graph, changed_graph
+from runtime.cli.commands.rivals import names, painter, rivals, run_rivals
+from runtime.cli.commands.simulating import saved, simulated
 from runtime.errors import SimulationError, UsageError, one_line
 from runtime.terminal import number, show, show_json, table, tell
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from matplotlib.figure import Figure
 
-    from runtime.engine import Interrupts, Profile
+    from runtime.cli.commands.watching import Done
+    from runtime.engine import Interrupts
     from runtime.graph import Graph
     from runtime.observation import PlotSpec
-    from runtime.runs import Draft, Result
+    from runtime.runs import Result
 
 HELP = "simulate, record, draw the probes, print the metrics"
 
@@ -43,100 +46,82 @@ def add(parser: ArgumentParser) -> None:
         default="screen",
         help="of the figures: paper is one column of an IEEE page (3.5 in), paper2 both (7.16 in)",
     )
+    parser.add_argument(
+        "--watch",
+        action="store_true",
+        help="run again whenever the graph is saved, with the last run in the same pictures",
+    )
     parser.add_argument("--profile", action="store_true", help="show the time per block")
     parser.add_argument("--animate", action="store_true", help="also write plots/animation.gif")
 
 
 def run(options: Namespace) -> int:
     """Simulate, write the run folder and its pictures, print the metrics."""
+    if not options.watch:
+        return _once(options, None).code
+    if options.json:
+        raise UsageError("--watch prints one result after the other; --json prints one object")
+    from runtime.cli.commands.watching import watch
+
+    return watch(options.graph, lambda before: _once(options, before))
+
+
+def _once(options: Namespace, before: Result | None) -> Done:
+    """One run; ``before`` is one from before the graph was edited, which its figures show too."""
+    from runtime.cli.commands.watching import Done
     from runtime.engine import Interrupts, Profile, profile_text
     from runtime.runs import Draft, link_latest, new_folder
 
     graph = changed_graph(options.graph, options).check()
     formats = _formats(options.figures)
-    other = None if options.vs is None else _other(graph, options.vs).check()
-    if options.animate:
-        _check_animation(graph)
-    if options.profile and graph.network.engine in ("compiled", "checked"):
-        raise UsageError("--profile measures each block, which needs --engine python")
+    compared = rivals(graph, options.vs)
+    _check_options(graph, options)
     quiet = options.quiet or options.json
     profile = Profile() if options.profile else None
     draft = Draft(new_folder(Path(options.out), graph.title))
     if not quiet:
         _report_leftovers(draft.folder.parent)
     with Interrupts() as interrupts:
-        result, failure = _simulated(graph, quiet, profile, draft)
-        folder = _saved(result, draft)
+        result, failure = simulated(graph, quiet, profile, draft)
+        folder = saved(result, draft)
     if folder == draft.folder:
         link_latest(folder)
     code = _exit_code(result, failure, interrupts, folder == draft.folder)
     pictures: list[Path] = []
-    rival: Result | None = None
+    others: dict[str, Result] = {}
     if interrupts.leaves_time:
         try:
-            if other is not None and failure is None:
-                rival = _rival(other, quiet, Path(options.out))
-            pictures = _pictures(result, folder, options, formats, rival)
+            if failure is None and not (options.no_plots and options.vs is None):
+                others = run_rivals(compared, quiet, Path(options.out))
+            drawn = painter(result, others, folder, options.style, options.vs, before)
+            pictures = _pictures(result, folder, options, formats, drawn)
+            pictures += [_diagram(graph, folder)] if options.watch else []
         except KeyboardInterrupt:
             code = code or 130
     rows = profile.rows(result.manifest["ticks"], result.manifest["wall_s"]) if profile else []
     if options.json:
-        compared = {} if rival is None else {"vs": {"change": options.vs, "metrics": rival.metrics}}
-        show_json(_summary(result, folder) | compared | ({"profile": rows} if rows else {}))
+        more: dict[str, Any] = {"profile": rows} if rows else {}
+        if options.vs in others:
+            more["vs"] = {"change": options.vs, "metrics": others[options.vs].metrics}
+        show_json(_summary(result, folder) | more)
     else:
-        _print_result(result, folder, pictures, options, rival)
+        columns = {names(change): other for change, other in others.items()}
+        latest = {} if before is None else {("now", "before"): before}
+        _print_result(result, folder, pictures, options, columns or latest)
     if rows and not options.json:
         show(profile_text(rows))
     _report_failures(result, failure, folder)
-    return code
+    return Done(code, result, [Path(name) for name in graph.texts])
 
 
-def _simulated(
-    graph: Graph, quiet: bool, profile: Profile | None, draft: Draft
-) -> tuple[Result, SimulationError | None]:
-    """The result, and the error that ended the run early, if any."""
-    from runtime.engine import silent
-    from runtime.runs import Result, simulate
-    from runtime.terminal import Progress
+def _diagram(graph: Graph, folder: Path) -> Path:
+    """Write the block diagram beside the plots."""
+    from runtime.files import write_whole
 
-    progress = Progress(graph.title, wanted=not quiet)
-    note = silent if quiet else tell
-    try:
-        folder = draft.recordings
-        prepared = graph.prepared(profiled=profile is not None)
-        return simulate(prepared, progress, note, profile, folder), None
-    except SimulationError as error:
-        if not isinstance(error.result, Result):
-            draft.close()
-            raise
-        return error.result, error
-    except BaseException:
-        draft.close()
-        raise
-    finally:
-        progress.close()
-
-
-def _saved(result: Result, draft: Draft) -> Path:
-    """Write the run folder; if that fails, write it to another place with enough room."""
-    from runtime.runs import save_elsewhere
-
-    try:
-        folder = draft.save(result)
-    except UsageError as error:
-        try:
-            folder = save_elsewhere(result, draft.folder.name)
-        except UsageError as other:
-            text = f"{error}; {other}"
-            if draft.recordings.is_dir():
-                text += f"; the recording is left in '{draft.partial}': free some space, then "
-                text += "'runtime clean --recover' makes a run from it"
-            else:
-                draft.close()
-            raise UsageError(text) from None
-        tell(f"{error}; the run is kept in '{folder}'")
-    draft.close()
-    return folder
+    path = folder / "plots" / "diagram.svg"
+    path.parent.mkdir(exist_ok=True)
+    write_whole(path, graph.diagram("svg"))
+    return path
 
 
 def _exit_code(
@@ -172,11 +157,14 @@ def _report_leftovers(folder: Path) -> None:
         tell(f"{text}, as '{found[0].path.name}'; 'runtime clean {folder}' lists them")
 
 
-def _check_animation(graph: Graph) -> None:
-    """Raise an error before the run if the graph cannot be animated."""
-    from runtime.plots import animated
+def _check_options(graph: Graph, options: Namespace) -> None:
+    """Raise an error before the run if the graph cannot be animated or profiled."""
+    if options.animate:
+        from runtime.plots import animated
 
-    animated(graph.observation.plots, graph.network.world)
+        animated(graph.observation.plots, graph.network.world)
+    if options.profile and graph.network.engine in ("compiled", "checked"):
+        raise UsageError("--profile measures each block, which needs --engine python")
 
 
 def _formats(text: str) -> list[str]:
@@ -195,47 +183,12 @@ def _formats(text: str) -> list[str]:
     return list(dict.fromkeys(names))
 
 
-def _other(graph: Graph, change: str) -> Graph:
-    """The graph that ``--vs`` compares with.
-
-    Raises
-    ------
-    UsageError : it is no change.
-    """
-    from runtime.cli.commands.changes import apply
-
-    kind, equals, text = change.partition("=")
-    kinds = ("without", "bypass", "replace", "with", "set", "wire")
-    if kind not in kinds or not equals:
-        known = ", ".join(kinds)
-        raise UsageError(f"--vs {change}: expected CHANGE=VALUE with one of {known}")
-    return apply(graph, kind, text)
-
-
-def _rival(graph: Graph, quiet: bool, out: Path) -> Result:
-    """The result of the graph that is compared with, its folder written."""
-    from runtime.runs import Draft, new_folder
-
-    draft = Draft(new_folder(out, graph.title))
-    result, failure = _simulated(graph, quiet, None, draft)
-    _saved(result, draft)
-    if failure is not None:
-        tell(f"the run that is compared with failed: {failure}")
-    return result
-
-
-def _names(change: str) -> tuple[str, str]:
-    """Short names of two runs that differ in one change: 'with snn', 'without snn'."""
-    kind, _, text = change.partition("=")
-    return (f"with {text}" if kind == "without" else "as written"), f"{kind} {text}"
-
-
 def _pictures(
     result: Result,
     folder: Path,
     options: Namespace,
     formats: list[str],
-    rival: Result | None,
+    drawn: Callable[[PlotSpec], Figure] | None,
 ) -> list[Path]:
     """Draw the requested pictures into a run's folder; returns the files.
 
@@ -248,10 +201,9 @@ def _pictures(
     if not options.no_plots:
         from runtime.plots import save_plots
 
-        made = None if rival is None else _comparing(result, rival, folder, options)
         drawing = Progress("drawing", wanted=wanted)
         files += save_plots(
-            *(result, folder / "plots", result.notes.append, formats, options.style, made, drawing)
+            *(result, folder / "plots", result.notes.append, formats, options.style, drawn, drawing)
         )
         drawing.close()
     if options.animate:
@@ -264,18 +216,6 @@ def _pictures(
         except Exception as error:  # noqa: BLE001 -- matplotlib may raise any exception for unusual numbers
             result.notes.append(f"no animation: {one_line(str(error) or type(error).__name__)}")
     return files
-
-
-def _comparing(
-    result: Result, rival: Result, folder: Path, options: Namespace
-) -> Callable[[PlotSpec], Figure]:
-    """A function that draws a plot with both runs in it."""
-    from runtime.compare import Run
-    from runtime.compare.overlay import versus
-
-    named = zip(_names(options.vs), (result, rival), strict=True)
-    runs = [Run(label, folder, each, {}) for label, each in named]
-    return lambda plot: versus(runs, plot, options.style)
 
 
 def _summary(result: Result, folder: Path) -> dict[str, Any]:
@@ -297,8 +237,13 @@ def _summary(result: Result, folder: Path) -> dict[str, Any]:
 
 
 def _print_result(
-    result: Result, folder: Path, pictures: list[Path], options: Namespace, rival: Result | None
+    result: Result,
+    folder: Path,
+    pictures: list[Path],
+    options: Namespace,
+    others: Mapping[tuple[str, str], Result],
 ) -> None:
+    """Print notes, metrics and files; ``others`` are compared runs with the names of both."""
     manifest = result.manifest
     if not options.quiet:
         for note in result.notes:
@@ -309,15 +254,24 @@ def _print_result(
         f"({manifest['us_per_tick']:.1f} us a tick, {manifest['engine']} engine), "
         f"seed {manifest['seed']}"
     )
-    if result.metrics and rival is not None:
-        other = rival.metrics
+    if result.metrics and others:
+        own = next(iter(others))[0] if len(others) == 1 else "as written"
+        head = ("", own, *(second for _, second in others))
         rows = [
-            (name, number(value), number(other.get(name)), result.units.get(name, ""))
+            (
+                name,
+                number(value),
+                *(number(other.metrics.get(name)) for other in others.values()),
+                result.units.get(name, ""),
+            )
             for name, value in result.metrics.items()
         ]
-        show(table([("", *_names(options.vs)), *rows], right={1, 2}))
+        show(table([head, *rows], right=range(1, len(head))))
     elif result.metrics:
-        values = {name: number(value) for name, value in result.metrics.items()}
-        units = result.units
-        show(table([(name, f"{v} {units.get(name, '')}".rstrip()) for name, v in values.items()]))
+        units = {
+            name: result.units.get(name, "") if v is not None else ""
+            for name, v in result.metrics.items()
+        }
+        rows = [(k, f"{number(v)} {units[k]}".rstrip()) for k, v in result.metrics.items()]
+        show(table(rows))
     show_folder("run", folder, pictures)

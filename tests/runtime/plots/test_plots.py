@@ -25,7 +25,7 @@ from blocks.core.signals import FloatArray
 from runtime.errors import UsageError
 from runtime.observation.reader import PlotSpec
 from runtime.observation.run_data import Recording
-from runtime.plots import style
+from runtime.plots import style, titles
 from runtime.plots.figures import draw, save_plots
 from runtime.runs.result import Result
 
@@ -162,11 +162,11 @@ class TestAllKinds:
 
     def test_subtitle_names_blocks_that_were_not_removed_as_a_part(self) -> None:
         removed = {f"part.b{i}": "without" for i in range(5)}
-        message = style.subtitle(result(removed=removed))
+        message = titles.subtitle(result(removed=removed))
         assert message == "demo  ·  without part.b0, part.b1, part.b2 and 2 more"
 
     def test_subtitle_has_the_end_of_an_interrupted_run(self) -> None:
-        message = style.subtitle(result(status="interrupted", ticks=1234))
+        message = titles.subtitle(result(status="interrupted", ticks=1234))
         assert message == "demo  ·  interrupted at 1.234 s"
 
     def test_a_run_without_these_entries_in_its_manifest(self) -> None:

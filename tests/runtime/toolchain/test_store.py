@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import stat
 import tempfile
 from collections.abc import Callable
@@ -129,3 +130,12 @@ def test_what_a_killed_build_left_is_removed_after_a_day(cache: Path) -> None:
         store.bound()
         assert running.exists() and not left.exists()
     assert not running.exists()
+
+
+def test_a_folder_that_is_removed_meanwhile_is_made_again(cache: Path) -> None:
+    cache.rmdir()
+    with store.work_folder() as running:
+        assert running.is_dir() and stat.S_IMODE(running.stat().st_mode) == 0o700
+    shutil.rmtree(cache)
+    store.write("entry", b"content")
+    assert store.read("entry") == b"content" and stat.S_IMODE(cache.stat().st_mode) == 0o700

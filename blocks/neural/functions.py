@@ -1,0 +1,98 @@
+"""The function that a decoder computes of what an ensemble represents."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+import numpy as np
+
+from blocks.core import (
+    ExpressionError,
+    FloatArray,
+    Setting,
+    SettingError,
+    expression_function,
+    show,
+)
+
+
+class PointError(ArithmeticError):
+    """A function has no finite value at a point."""
+
+
+class DecodedFunction(Setting):
+    """Expressions of the components of ``x``: ``x[0]*x[1]``, or a list with one per component.
+
+    In one dimension, ``x`` is the number itself.
+    """
+
+    expected: ClassVar[str] = "an expression such as x[0]*x[1], or a list of them"
+
+    def __init__(self, texts: str | tuple[str, ...]) -> None:
+        self.texts = texts
+
+    @classmethod
+    def read(cls, written: Any) -> DecodedFunction:
+        items = written if isinstance(written, (list, tuple)) else [written]
+        texts = [_text(item) for item in items]
+        if not texts:
+            raise SettingError([("", f"expected {cls.expected}, got {show(written)}")])
+        return cls(texts[0] if not isinstance(written, (list, tuple)) else tuple(texts))
+
+    def written(self) -> Any:
+        return self.texts if isinstance(self.texts, str) else list(self.texts)
+
+    @property
+    def components(self) -> int:
+        """The length of the value."""
+        return 1 if isinstance(self.texts, str) else len(self.texts)
+
+    def of_points(self, points: FloatArray) -> FloatArray:
+        """The values (m, components) at points (m, d).
+
+        Raises
+        ------
+        SettingError : an expression is wrong for d dimensions.
+        PointError : naming a point where the function fails.
+        """
+        function = self._function(points.shape[1])
+        values = np.empty((len(points), self.components))
+        for i, point in enumerate(points.tolist()):
+            try:
+                values[i] = function(point)
+            except (ArithmeticError, ValueError) as error:
+                raise PointError(_failed(point, str(error))) from None
+            if not all(map(math.isfinite, values[i].tolist())):
+                raise PointError(_failed(point, f"the value is {values[i].tolist()}"))
+        return values
+
+    def _function(self, d: int) -> Callable[[Any], Any]:
+        try:
+            if d == 1:
+                try:
+                    scalar = expression_function(self.texts, {"x": None})
+                except ExpressionError:
+                    pass
+                else:
+                    return lambda point: scalar(point[0])
+            return expression_function(self.texts, {"x": d})
+        except ExpressionError as error:
+            raise SettingError([("", str(error))]) from None
+
+
+def _text(item: Any) -> str:
+    if isinstance(item, (int, float)) and not isinstance(item, bool):
+        return repr(item)
+    if not isinstance(item, str):
+        raise ValueError
+    return item
+
+
+def _failed(point: list[float], why: str) -> str:
+    at = ", ".join(f"{x:.6g}" for x in point)
+    return (
+        f"the function fails at x = [{at}], inside the radius: {why}; write it so that it is "
+        "defined there, or give eval_points that avoid the place"
+    )

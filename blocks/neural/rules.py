@@ -1,0 +1,220 @@
+"""Learning rules: how decoders, encoders and weights change with activities and errors.
+
+Each changes its arrays in place by one step. The activities are filtered spikes, those of the step
+included, as in Nengo.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import ClassVar
+
+import numpy as np
+
+from blocks.core import FloatArray, Variant, kernel_of, param
+
+
+class DecoderRule(Variant, root=True):
+    """A rule for the weights of a Decoder, with an error: ``pes``, or ``{rule: pes, ...}``."""
+
+    key = "rule"
+    expected: ClassVar[str] = "a learning rule"
+
+    learning_rate: float = param(1e-4, at_least=0.0, doc="kappa; 0 freezes the weights")
+    tau: float = param(0.005, unit="s", above=0.0, doc="time constant of the activities")
+
+
+class PES(DecoderRule, label="pes"):
+    """W -= (kappa dt / n) error s' (MacNeil and Eliasmith, 2011)."""
+
+
+class RLS(DecoderRule, label="rls"):
+    """W -= error (P s)', P -= P s s' P / (1 + s' P s), with P = kappa dt / n at the start.
+
+    Recursive least squares (Sussillo and Abbott, 2009): n x n numbers in memory.
+    """
+
+    learning_rate: float = param(1e-3, at_least=0.0, doc="kappa; 0 freezes the weights")
+
+
+class EncoderRule(Variant, root=True):
+    """A rule for the encoders of an Ensemble: ``voja``."""
+
+    key = "rule"
+    expected: ClassVar[str] = "a learning rule"
+
+
+class Voja(EncoderRule, label="voja"):
+    """e_i += kappa dt s_i (x - e_i): active neurons turn to the input (Voelker et al., 2014)."""
+
+    learning_rate: float = param(1e-2, at_least=0.0, doc="kappa; 0 freezes the encoders")
+    tau: float = param(0.005, unit="s", above=0.0, doc="time constant of the activities")
+
+
+class WeightRule(Variant, root=True):
+    """A rule for weights from neurons to neurons: ``bcm`` or ``oja``."""
+
+    key = "rule"
+    expected: ClassVar[str] = "a learning rule"
+
+    learning_rate: float = param(1e-9, at_least=0.0, doc="kappa; 0 freezes the weights")
+    tau: float = param(0.005, unit="s", above=0.0, doc="time constant of the activities")
+
+
+class BCM(WeightRule, label="bcm"):
+    """W += kappa dt p (p - theta) s', theta the slow mean of the post-synaptic spikes
+    (Bienenstock, Cooper and Munro, 1982)."""
+
+    theta_tau: float = param(1.0, unit="s", above=0.0, doc="time constant of theta")
+
+
+class Oja(WeightRule, label="oja"):
+    """W += kappa dt (p s' - beta p^2 W) (Oja, 1982)."""
+
+    learning_rate: float = param(1e-6, at_least=0.0, doc="kappa; 0 freezes the weights")
+    beta: float = param(1.0, at_least=0.0, doc="weight of forgetting")
+
+
+def share_of(tau: float, dt: float) -> float:
+    """1 - exp(-dt / tau): what a lowpass takes over from its input in a step."""
+    return -math.expm1(-dt / tau)
+
+
+def follow(activity: FloatArray, spikes: FloatArray, share: float) -> None:
+    """activity += share (spikes - activity)."""
+    activity += share * (spikes - activity)
+
+
+@kernel_of(follow)
+def _follow_kernel(activity: FloatArray, spikes: FloatArray, share: float) -> None:
+    for i in range(len(activity)):
+        activity[i] += share * (spikes[i] - activity[i])
+
+
+def pes_step(
+    weights: FloatArray, activity: FloatArray, error: FloatArray, gamma: float, groups: int
+) -> None:
+    """W -= gamma error s' for each group; weights (rows, n), error (groups * rows,)."""
+    if not error.any():
+        return
+    rows, n = weights.shape
+    each = n // groups
+    scaled = gamma * error
+    for row in range(rows):
+        if groups == 1:
+            weights[row] -= scaled[row] * activity
+        else:
+            weights[row] -= np.repeat(scaled[row::rows], each) * activity
+
+
+@kernel_of(pes_step)
+def _pes_kernel(
+    weights: FloatArray, activity: FloatArray, error: FloatArray, gamma: float, groups: int
+) -> None:
+    rows, n = weights.shape
+    each = n // groups
+    for group in range(groups):
+        for row in range(rows):
+            scaled = gamma * error[group * rows + row]
+            if scaled != 0.0:
+                for i in range(group * each, (group + 1) * each):
+                    weights[row, i] -= scaled * activity[i]
+
+
+def rls_step(
+    weights: FloatArray, inverse: FloatArray, activity: FloatArray, error: FloatArray
+) -> None:
+    """One step of recursive least squares; inverse is P (n, n), symmetric."""
+    direction = np.einsum("ij,j->i", inverse, activity)
+    direction /= math.sqrt(1.0 + float(np.add.reduce(direction * activity)))
+    inverse -= direction[:, None] * direction
+    step = np.einsum("ij,j->i", inverse, activity)
+    for row in range(len(weights)):
+        weights[row] -= error[row] * step
+
+
+@kernel_of(rls_step)
+def _rls_kernel(
+    weights: FloatArray, inverse: FloatArray, activity: FloatArray, error: FloatArray
+) -> None:
+    n = len(activity)
+    direction = np.zeros(n)
+    norm = 1.0
+    for i in range(n):
+        total = 0.0
+        for j in range(n):
+            total += inverse[i, j] * activity[j]
+        direction[i] = total
+        norm += total * activity[i]
+    norm = math.sqrt(norm)
+    for i in range(n):
+        direction[i] /= norm
+    for i in range(n):
+        total = 0.0
+        for j in range(n):
+            inverse[i, j] -= direction[i] * direction[j]
+            total += inverse[i, j] * activity[j]
+        for row in range(len(weights)):
+            weights[row, i] -= error[row] * total
+
+
+def voja_step(
+    rows: FloatArray, activity: FloatArray, scale: FloatArray, point: FloatArray, rate: float
+) -> None:
+    """rows += rate s (scale x - rows); rows (d, total), scale (total,), point (groups, d)."""
+    groups, d = point.shape
+    each = rows.shape[1] // groups
+    amount = rate * activity
+    for j in range(d):
+        target = scale * np.repeat(point[:, j], each)
+        rows[j] += amount * (target - rows[j])
+
+
+@kernel_of(voja_step)
+def _voja_kernel(
+    rows: FloatArray, activity: FloatArray, scale: FloatArray, point: FloatArray, rate: float
+) -> None:
+    groups, d = point.shape
+    each = len(activity) // groups
+    for j in range(d):
+        for group in range(groups):
+            for i in range(group * each, (group + 1) * each):
+                rows[j, i] += rate * activity[i] * (scale[i] * point[group, j] - rows[j, i])
+
+
+def bcm_step(
+    weights: FloatArray, before: FloatArray, after: FloatArray, theta: FloatArray, rate: float
+) -> None:
+    """W += rate p (p - theta) s'."""
+    factor = rate * after * (after - theta)
+    for row in factor.nonzero()[0].tolist():
+        weights[row] += factor[row] * before
+
+
+@kernel_of(bcm_step)
+def _bcm_kernel(
+    weights: FloatArray, before: FloatArray, after: FloatArray, theta: FloatArray, rate: float
+) -> None:
+    for row in range(len(after)):
+        factor = rate * after[row] * (after[row] - theta[row])
+        for i in range(len(before)):
+            weights[row, i] += factor * before[i]
+
+
+def oja_step(
+    weights: FloatArray, before: FloatArray, after: FloatArray, rate: float, beta: float
+) -> None:
+    """W += rate (p s' - beta p^2 W)."""
+    factor, forget = rate * after, rate * beta * after * after
+    for row in factor.nonzero()[0].tolist():
+        weights[row] += factor[row] * before - forget[row] * weights[row]
+
+
+@kernel_of(oja_step)
+def _oja_kernel(
+    weights: FloatArray, before: FloatArray, after: FloatArray, rate: float, beta: float
+) -> None:
+    for row in range(len(after)):
+        factor, forget = rate * after[row], rate * beta * after[row] * after[row]
+        for i in range(len(before)):
+            weights[row, i] += factor * before[i] - forget * weights[row, i]

@@ -1,0 +1,209 @@
+"""Weights that are solved from the tuning of the ensemble whose spikes a block reads."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+
+import numpy as np
+
+from blocks.core import (
+    Block,
+    BlockContext,
+    BlockState,
+    FloatArray,
+    Input,
+    Output,
+    ParameterError,
+    SettingError,
+    Spikes,
+    State,
+    Vector,
+    kernel_of,
+    param,
+)
+from blocks.neural.distributions import Distribution
+from blocks.neural.functions import DecodedFunction, PointError
+from blocks.neural.solvers import SingularError, Solver, rmse
+from blocks.neural.tuning import Tuning
+
+LEAST_POINTS, MOST_POINTS, POINTS_PER_DIMENSION, MANY_POINTS = 750, 2500, 500, 4000
+TRIED = 100
+
+
+class Solved(Block, ABC):
+    """The part of a Decoder that finds its weights."""
+
+    spikes = Input(Spikes("n"), doc="spikes, or rates, of an ensemble")
+    out = Output(Vector("k"), name="value", doc="the decoded value")
+
+    function: DecodedFunction | None = param(
+        None, doc="expressions of x, the represented vector; default x itself"
+    )
+    transform: FloatArray | None = param(
+        None, shape=[(), (None, None)], doc="a factor, or a matrix, that the value is multiplied by"
+    )
+    weights_given: FloatArray | None = param(
+        None, name="weights", shape=(None, None), doc="weights, in place of solved ones"
+    )
+    eval_points: Distribution | None = param(
+        None, doc="points to solve on, per radius, a row each; default drawn within the radius"
+    )
+    points: int | None = param(None, at_least=1, doc="number of points; default by size")
+    solver: Solver = param("l2", doc="solver of the weights")
+
+    weights = State("rows", "n", doc="decoding weights W, per group")
+
+    @abstractmethod
+    def output(self, state: BlockState, t: float, spikes: FloatArray) -> FloatArray:
+        """The decoded value (k,)."""
+
+    def sizes(self) -> dict[str, int]:
+        if self.weights_given is None:
+            return {}
+        rows, n = self.weights_given.shape
+        return {"rows": rows, "k": rows, "n": n}
+
+    def infer(self, lengths: Mapping[str, int]) -> Mapping[str, int]:
+        if self.weights_given is not None or "d" not in lengths or "groups" not in lengths:
+            return {}
+        rows = self._components(max(1, lengths["d"] // lengths["groups"]))
+        if self.transform is not None and self.transform.ndim == 2:
+            rows = self.transform.shape[0]
+        return {"rows": rows, "k": rows * lengths["groups"]}
+
+    def _components(self, d: int) -> int:
+        """The length of the function's value at a point of d dimensions."""
+        return d if self.function is None else self.function.components
+
+    def validate(self) -> None:
+        fixed = self.weights_given is not None
+        both = [
+            name
+            for name in ("function", "transform", "eval_points")
+            if self.value(name) is not None
+        ]
+        if fixed and both:
+            message = "weights that are given are used as they are; remove one of the two"
+            raise ParameterError([(name, message) for name in both])
+
+    def validate_in(self, context: BlockContext) -> None:
+        if self.weights_given is not None:
+            return
+        message = self.why_open(context.published)
+        if message:
+            raise ParameterError([("spikes", message)])
+        groups, d = context.lengths["groups"], context.lengths["d"]
+        problems = []
+        wired, own = context.types["value"].shape[0], context.lengths["rows"] * groups
+        if wired != own:
+            message = f"the decoded value has {own} numbers, but {wired} are expected where it goes"
+            problems.append(("function" if self.transform is None else "transform", message))
+        inside = self._components(d // groups)
+        if self.transform is not None and self.transform.ndim == 2:
+            if groups > 1:
+                message = "with groups, expected a number; a matrix would mix the groups"
+                problems.append(("transform", message))
+            elif self.transform.shape[1] != inside:
+                message = f"expected a matrix with {inside} columns, got {self.transform.shape}"
+                problems.append(("transform", message))
+        problems += self._unusable(d // groups)
+        if problems:
+            raise ParameterError(problems)
+
+    def why_open(self, published: frozenset[str]) -> str:
+        if self.weights_given is not None or "spikes" in published:
+            return ""
+        return (
+            "the spikes come from no ensemble, so there is no tuning to solve weights for; "
+            "wire the spikes of an Ensemble directly, or give 'weights'"
+        )
+
+    def _unusable(self, d: int) -> list[tuple[str, str]]:
+        """What is wrong with the points, or with the function at some of them."""
+        try:
+            points = self._points(np.random.default_rng(0), 10, d, 1.0)
+        except ValueError as error:
+            return [("eval_points", str(error))]
+        try:
+            self._targets(points[:TRIED])
+        except SettingError as error:
+            return [("function", error.problems[0][1])]
+        except PointError:
+            pass  # with the radius of the ensemble, it may be defined
+        return []
+
+    def _targets(self, points: FloatArray) -> FloatArray:
+        return points if self.function is None else self.function.of_points(points)
+
+    def _points(self, rng: np.random.Generator, n: int, d: int, radius: float) -> FloatArray:
+        """Evaluation points (m, d)."""
+        given = self.eval_points
+        if given is None:
+            given = Distribution("ball")
+        elif given.fixed is not None and given.fixed.size > 1:
+            rows = given.fixed if given.fixed.ndim == 2 else given.fixed[:, None]
+            if rows.shape[1] != d:
+                raise ValueError(f"expected rows of {d} numbers, got {rows.shape[1]}")
+            return rows * radius
+        count = min(max(POINTS_PER_DIMENSION * d, LEAST_POINTS), MOST_POINTS)
+        count = max(count, min(2 * n, MANY_POINTS)) if self.points is None else self.points
+        return given.draw(rng, count, d) * radius
+
+    def _solve(self, state: BlockState, tuning: Tuning) -> None:
+        """Solve the weights of each group, and note the error on the points."""
+        n, errors = tuning.neurons, []
+        points = self._points(state.rng, n, tuning.dimensions, tuning.radius)
+        try:
+            targets = self._targets(points)
+        except PointError as error:
+            raise ParameterError([("function", str(error))], type(self).__name__) from None
+        if not targets.any():
+            state.error = 0.0  # nothing to solve: the weights are zero
+            return
+        for group in range(tuning.groups):
+            rates = tuning.rates(points, group)
+            try:
+                decoders = self.solver.solve(rates, targets, state.rng)
+            except SingularError as error:
+                raise ParameterError([("solver", str(error))], type(self).__name__) from None
+            errors.append(rmse(rates, targets, decoders))
+            weights = decoders.T
+            if self.transform is not None:
+                weights = (
+                    weights * self.transform
+                    if self.transform.ndim == 0
+                    else ((self.transform[:, :, None] * weights[None]).sum(axis=1))
+                )
+            state.weights[:, group * n : (group + 1) * n] = weights
+        state.error = math.sqrt(sum(e * e for e in errors) / len(errors))
+
+
+def decode(weights: FloatArray, spikes: FloatArray, groups: int) -> FloatArray:
+    """The sums of weights (rows, n) times spikes (n,), group by group, (groups * rows,).
+
+    Most neurons are silent in a step: only the others are added up.
+    """
+    firing = spikes.nonzero()[0]
+    amounts = weights.take(firing, 1) * spikes[firing]
+    if groups == 1:
+        return np.asarray(np.add.reduce(amounts, 1))
+    group_of = firing // (weights.shape[1] // groups)
+    value = np.empty((groups, len(weights)))
+    for row in range(len(weights)):
+        value[:, row] = np.bincount(group_of, amounts[row], groups)
+    return value.reshape(-1)
+
+
+@kernel_of(decode)
+def _decode_kernel(weights: FloatArray, spikes: FloatArray, groups: int) -> FloatArray:
+    rows, n = weights.shape
+    each = n // groups
+    value = np.zeros(groups * rows)
+    for group in range(groups):
+        for i in range(group * each, (group + 1) * each):
+            if spikes[i] != 0.0:
+                for row in range(rows):
+                    value[group * rows + row] += weights[row, i] * spikes[i]
+    return value

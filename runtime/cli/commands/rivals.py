@@ -1,0 +1,101 @@
+"""Runs that are drawn in the same figures as a run: with one more change, or from before it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from runtime.cli.commands.changes import apply
+from runtime.cli.commands.simulating import saved, simulated
+from runtime.errors import UsageError
+from runtime.terminal import tell
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from runtime.graph import Graph
+    from runtime.observation import PlotSpec
+    from runtime.runs import Result
+
+
+def rivals(graph: Graph, vs: str | None) -> dict[str, Graph]:
+    """The graphs to compare with, by the change that makes them: of ``--vs``, or of the plots.
+
+    Raises
+    ------
+    GraphError, UsageError : one of them cannot run.
+    """
+    from runtime.observation import CHANGES
+
+    if vs is None:
+        wanted = [plot.options.get("compare", "") for plot in graph.observation.plots]
+        return {change: _changed(graph, change) for change in wanted if change}
+    kind, equals, _ = vs.partition("=")
+    if kind not in CHANGES or not equals:
+        known = ", ".join(CHANGES)
+        raise UsageError(f"--vs {vs}: expected CHANGE=VALUE with one of {known}")
+    return {vs: _changed(graph, vs)}
+
+
+def _changed(graph: Graph, change: str) -> Graph:
+    kind, _, text = change.partition("=")
+    return apply(graph, kind, text).check()
+
+
+def run_rivals(graphs: Mapping[str, Graph], quiet: bool, out: Path) -> dict[str, Result]:
+    """The results of the graphs that are compared with, by change; their folders are written."""
+    return {change: _rival(graph, quiet, out) for change, graph in graphs.items()}
+
+
+def _rival(graph: Graph, quiet: bool, out: Path) -> Result:
+    from runtime.runs import Draft, new_folder
+
+    draft = Draft(new_folder(out, graph.title))
+    result, failure = simulated(graph, quiet, None, draft)
+    saved(result, draft)
+    if failure is not None:
+        tell(f"the run that is compared with failed: {failure}")
+    return result
+
+
+def names(change: str) -> tuple[str, str]:
+    """Short names of two runs that differ in one change: 'with snn', 'without snn'."""
+    kind, _, text = change.partition("=")
+    return (f"with {text}" if kind == "without" else "as written"), f"{kind} {text}"
+
+
+def painter(
+    result: Result,
+    others: Mapping[str, Result],
+    folder: Path,
+    look: str,
+    vs: str | None,
+    before: Result | None = None,
+) -> Callable[[PlotSpec], Figure] | None:
+    """A function that draws a plot with another run in it; None if there is no other run.
+
+    Parameters
+    ----------
+    others : runs by the change that made them.
+    vs : the change that all plots show; without it, each shows the one that it names itself.
+    before : a run from before the graph was edited, for plots that show no other.
+    """
+    if not others and before is None:
+        return None
+    from runtime.compare import Run
+    from runtime.compare.overlay import versus
+    from runtime.plots import draw
+
+    def drawn(plot: PlotSpec) -> Figure:
+        change = vs or str(plot.options.get("compare", ""))
+        if change in others:
+            shown, other = names(change), others[change]
+        elif before is not None:
+            shown, other = ("now", "before"), before
+        else:
+            return draw(plot, result, look)
+        first, second = shown
+        return versus([Run(first, folder, result, {}), Run(second, folder, other, {})], plot, look)
+
+    return drawn

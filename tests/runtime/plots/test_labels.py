@@ -1,0 +1,152 @@
+"""What figures call their lines, what lies in front, and plots that compare."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import runtime
+from runtime.plots import display_names, layers
+from runtime.plots.style import is_formula
+from runtime.runs import Result
+from tests.conftest import Run
+
+GRAPH = """
+graph: tracking
+extends: starters/tracking
+run: {until: 0.5}
+probes:
+  pose: {of: plant.pose, label: robot}
+  line: {of: track.path, label: path to follow}
+  turn: {of: [total.out.omega, lqr.command.omega], label: [$\\omega$, correction]}
+plots:
+  way: {kind: trajectory, of: [pose, line]}
+  turn: {kind: timeseries, of: turn}
+  both: {kind: timeseries, of: [error.position, error.lateral]}
+  errors: {compare: replace=lqr=PID}
+"""
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "labels.yaml"
+    path.write_text(GRAPH, encoding="utf-8")
+    return path
+
+
+def named(result: Result, plot: str) -> list[str]:
+    """The legends' texts of a plot."""
+    figure = result.plot(plot)
+    legends = [*figure.legends, *(axes.get_legend() for axes in figure.axes)]  # type: ignore[union-attr]
+    return [text.get_text() for each in legends if each is not None for text in each.get_texts()]
+
+
+def test_labels_of_probes_are_shown_and_stored(file: Path, tmp_path: Path) -> None:
+    result = runtime.load(file).run()
+    again = runtime.open(result.save(tmp_path / "run"))
+    for found in (result, again):
+        assert named(found, "way")[:2] == ["robot", "path to follow"]
+        assert named(found, "turn") == ["$\\omega$", "correction"]
+        assert named(found, "both") == ["$e_p$", "error.lateral"]
+    assert list(result.to_dataframe("turn").columns) == ["total.out.omega", "lqr.command.omega"]
+
+
+def test_equal_names_are_not_used() -> None:
+    assert display_names(["a.e", "b.e"], ["$e$", "$e$"]) == ["a", "b"]
+    assert display_names(["a.e", "b.theta"], ["$e$", "b.theta"]) == ["$e$", "b.θ"]
+
+
+def test_only_formulas_are_formulas() -> None:
+    assert is_formula("$e_p$ [m]")
+    for text in ("costs $5 and $6", "$", "a_b", "$\\nonsense$", "$e_p$ for 5 $", ""):
+        assert not is_formula(text)
+
+
+def test_noise_is_drawn_behind_what_it_would_hide() -> None:
+    t = np.linspace(0.0, 10.0, 2000)
+    smooth = np.sin(t)
+    noisy = smooth + 0.1 * np.random.default_rng(0).normal(size=t.size)
+    held = np.repeat(smooth[::10], 10)
+    front = layers([smooth, noisy, held, np.zeros(1), np.full(9, np.nan)])
+    assert front[1] < front[0] == front[2] == front[3] == front[4]
+    plane = np.column_stack([t, smooth]), np.column_stack([t + noisy, noisy])
+    assert layers(plane)[1] < layers(plane)[0]
+
+
+@pytest.mark.parametrize(
+    ("entry", "message"),
+    [
+        ("{of: plant.pose, label: [a, b]}", "expected a text for each of the 1 signals, got 2"),
+        ("{of: plant.pose, label: {a: b}}", "expected a text"),
+        ("{of: plant.pose, labl: a}", "did you mean 'label'?"),
+    ],
+)
+def test_wrong_labels_are_reported(file: Path, entry: str, message: str) -> None:
+    file.write_text(GRAPH.replace("{of: plant.pose, label: robot}", entry), encoding="utf-8")
+    with pytest.raises(runtime.GraphError) as caught:
+        runtime.load(file).check()
+    assert message in str(caught.value)
+    assert "labels.yaml:6" in str(caught.value)
+
+
+def test_a_plot_compares_with_a_change(file: Path, cli: Run) -> None:
+    done = cli("run", str(file))
+    assert done.returncode == 0, done.stderr
+    assert "as written  replace lqr=PID" in done.stdout
+
+
+def test_a_wrong_change_is_reported_before_anything_runs(file: Path, cli: Run) -> None:
+    text = GRAPH.replace("replace=lqr=PID", "without=lqrr")
+    file.write_text(text, encoding="utf-8")
+    done = cli("run", str(file))
+    assert done.returncode == 2
+    assert "did you mean 'lqr'" in done.stderr
+    file.write_text(GRAPH.replace("replace=lqr=PID", "lqr"), encoding="utf-8")
+    done = cli("validate", str(file))
+    assert done.returncode == 2
+    assert "labels.yaml:13:21: plots.errors.compare: expected a change" in done.stderr
+
+
+@pytest.fixture
+def watching(file: Path) -> Iterator[subprocess.Popen[str]]:
+    script = "from runtime.cli import main; main()"
+    command = [sys.executable, "-c", script, "run", file.name, "--watch", "--until", "0.1"]
+    process = subprocess.Popen(
+        command, cwd=file.parent, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    yield process
+    process.kill()
+    process.communicate()
+
+
+def read_until(process: subprocess.Popen[str], start: str) -> list[str]:
+    """The lines that a process prints up to one that starts so."""
+    assert process.stdout is not None
+    lines: list[str] = []
+    for line in process.stdout:
+        lines.append(line.rstrip())
+        if line.startswith(start):
+            return lines
+    raise AssertionError("\n".join(lines))
+
+
+def test_watch_runs_again_after_each_save(file: Path, watching: subprocess.Popen[str]) -> None:
+    first = read_until(watching, "watching")
+    assert not any("before" in line for line in first)
+    text = file.read_text(encoding="utf-8").replace("compare: replace=lqr=PID", "xlim: [0, 1]")
+    file.write_text(text.replace("label: robot}", "labl: robot}"), encoding="utf-8")
+    assert read_until(watching, "watching")[:-1] == []  # an error, on stderr
+    file.write_text(text, encoding="utf-8")
+    second = read_until(watching, "watching")
+    assert any(line.split() == ["now", "before"] for line in second)
+    assert "  plots/diagram.svg" in second
+    watching.send_signal(signal.SIGINT)
+    _, errors = watching.communicate(timeout=60)
+    assert watching.returncode == 0
+    assert "did you mean 'label'?" in errors
