@@ -10,6 +10,8 @@ from blocks import (
     learning,
     mujoco,
     neural,
+    nonlinear,
+    sources,
     vehicle,
     wall_fitting,
     world,
@@ -45,6 +47,8 @@ from blocks.generic import *
 from blocks.learning import *
 from blocks.mujoco import *
 from blocks.neural import *
+from blocks.nonlinear import *
+from blocks.sources import *
 from blocks.testing import CheckError, check_block
 from blocks.vehicle import *
 from blocks.wall_fitting import *
@@ -59,6 +63,8 @@ __all__ += dynamics.__all__
 __all__ += generic.__all__
 __all__ += learning.__all__
 __all__ += mujoco.__all__
+__all__ += nonlinear.__all__
+__all__ += sources.__all__
 __all__ += neural.__all__
 __all__ += vehicle.__all__
 __all__ += wall_fitting.__all__

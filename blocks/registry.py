@@ -21,6 +21,8 @@ from blocks import (
     learning,
     mujoco,
     neural,
+    nonlinear,
+    sources,
     vehicle,
     wall_fitting,
     world,
@@ -32,7 +34,19 @@ ENTRY_POINTS = "spikeblocks.blocks"
 _LOADING = threading.RLock()
 _CONTENT = "__spikeblocks_content__"
 
-ROOMS = (control, learning, neural, world, wall_fitting, vehicle, generic, dynamics, mujoco)
+ROOMS = (
+    control,
+    learning,
+    neural,
+    world,
+    wall_fitting,
+    vehicle,
+    sources,
+    generic,
+    dynamics,
+    nonlinear,
+    mujoco,
+)
 BUILTIN: Mapping[str, type[Block]] = {
     name: value
     for room in ROOMS

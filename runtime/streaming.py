@@ -46,7 +46,7 @@ def save_arrays(path: Path, arrays: Mapping[str, FloatArray]) -> None:
             described = {"descr": "<f8", "fortran_order": False, "shape": array.shape}
             with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
                 np.lib.format.write_array_header_1_0(file, described)
-                for _, (rows,) in row_blocks(array):
+                for _, (rows,) in row_blocks(np.atleast_1d(array)):
                     file.write(np.ascontiguousarray(rows, dtype="<f8").data)
 
 

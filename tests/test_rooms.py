@@ -18,7 +18,8 @@ PACKAGES = ("blocks", "runtime")
 # do not know each other. What loads matplotlib in a room that works without it is a room by itself.
 FLOORS: tuple[tuple[str, ...], ...] = (
     ("blocks.core",),
-    ("blocks.dynamics", "blocks.generic", "blocks.learning", "blocks.neural", "blocks.world"),
+    ("blocks.dynamics", "blocks.generic", "blocks.learning", "blocks.neural", "blocks.nonlinear"),
+    ("blocks.sources", "blocks.world"),
     ("blocks.testing", "blocks.control", "blocks.vehicle"),
     ("blocks.wall_fitting", "blocks.mujoco"),
     ("blocks.registry",),

@@ -12,6 +12,7 @@ from blocks.core.block import (
     State,
 )
 from blocks.core.declarations import BlockSpec
+from blocks.core.elementwise import Elementwise, spread_to
 from blocks.core.expression_reader import ExpressionError, parsed
 from blocks.core.expressions import (
     Expression,
@@ -25,6 +26,7 @@ from blocks.core.kernels import function_kernel, has_kernels, kernel_for, kernel
 from blocks.core.options import Options
 from blocks.core.params import Param, ParameterError, beyond_a_turn, hint, param, plain, show
 from blocks.core.portable import arctan2, cos, directions, product, sin, solve
+from blocks.core.scalar_functions import RESERVED, modulo, nearest
 from blocks.core.settings import Setting, SettingError
 from blocks.core.signals import (
     TYPES,
@@ -52,6 +54,7 @@ from blocks.core.signals import (
 from blocks.core.variants import Variant
 
 __all__ = [
+    "RESERVED",
     "TYPES",
     "Block",
     "BlockContext",
@@ -59,6 +62,7 @@ __all__ = [
     "BlockState",
     "BoolArray",
     "DeclarationError",
+    "Elementwise",
     "Evaluation",
     "Expression",
     "ExpressionError",
@@ -102,6 +106,8 @@ __all__ = [
     "hint",
     "kernel_for",
     "kernel_of",
+    "modulo",
+    "nearest",
     "param",
     "parsed",
     "plain",
@@ -113,4 +119,5 @@ __all__ = [
     "signal_type",
     "sin",
     "solve",
+    "spread_to",
 ]

@@ -154,7 +154,7 @@ class Block:
         super().__init_subclass__()
         cls.spec = read_declarations(
             cls,
-            own_sizes=cls.sizes is not Block.sizes,
+            own_sizes=cls.sizes is not Block.sizes or cls.sizes_in is not Block.sizes_in,
             own_variables=cls.variables is not Block.variables,
         )
 
@@ -220,6 +220,9 @@ class Block:
     def start(self, state: BlockState) -> None:
         """Fill the state, which is all zeros, before the first tick."""
 
+    def resume(self, state: BlockState) -> None:
+        """Bring what ``start`` derived into line with states that come from an earlier run."""
+
     def watch(self, state: BlockState) -> float:
         """A magnitude that :meth:`diagnose` receives as of eight evenly spaced times of a run."""
         return 0.0
@@ -258,6 +261,10 @@ class Block:
             for name, declared in self.spec.params.items()
             if declared.kind == "int" and self.spec.attributes[name] in self.__dict__
         }
+
+    def sizes_in(self, context: BlockContext) -> dict[str, int]:
+        """Lengths of states, those included that depend on the step or on types."""
+        return self.sizes()
 
     def parameters(self) -> dict[str, Any]:
         """The parameters that differ from their defaults, as plain Python values."""

@@ -19,7 +19,9 @@ class Input:
 
     ``default`` is the value of every component of an input that is not wired; an input without a
     default must be wired. A ``variadic`` input takes any number of wires, none included, or as many
-    as the integer parameter that it names; the block receives a tuple.
+    as the integer parameter that it names; the block receives a tuple. With ``spread``, such an
+    input takes numbers, records and vectors alike, and the block receives all their components
+    in order as one tuple of numbers; ``spread`` names the length symbol that their number gives.
     """
 
     type: PortType
@@ -27,6 +29,7 @@ class Input:
     unit: str = ""
     default: float | None = None
     variadic: bool | str = False
+    spread: str = ""
     name: str = ""
 
     @property
@@ -62,7 +65,7 @@ class State:
     """An array that the engine owns on behalf of the block and that a probe may record.
 
     The shape consists of numbers, names of integer parameters and length symbols of ports;
-    ``like`` takes the shape of a port's signal instead. A probe records a state before the tick's
+    ``like`` appends the shape of a port's signal. A probe records a state before the tick's
     update; an ``event``, which is what happened in the tick, after it.
     A ``cached`` state saves an output from repeating a computation: outputs may write it, and must
     return the same values without it.

@@ -10,10 +10,9 @@ from collections.abc import Mapping, Sequence
 from typing import NoReturn
 
 from blocks.core.params import hint
-from blocks.core.scalar_functions import ALIASES, FUNCTIONS, VECTORS
+from blocks.core.scalar_functions import ALIASES, CONSTANTS, FUNCTIONS, VECTORS
 
 MAX_LENGTH, MAX_DEPTH, MAX_WRITTEN = 2000, 40, 5000
-CONSTANTS = {"pi": math.pi, "e": math.e, "tau": math.tau}
 Names = Mapping[str, str | Sequence[str]]
 
 # Python 3.11 counts the depth of a syntax tree for all threads together, and raises an error.

@@ -22,6 +22,7 @@ from typing import Any
 
 from blocks.core.expression_reader import PARSING, Names, Reader, tree_of
 from blocks.core.scalar_functions import SCOPE
+from blocks.core.signals import Form
 
 
 @dataclass(frozen=True)
@@ -55,11 +56,25 @@ def read_expression(text: str, names: Names) -> Expression:
     return Expression(text, ast.unparse(ast.fix_missing_locations(written)), frozenset(reader.used))
 
 
-def function_text(expressions: Sequence[Expression], parameters: Sequence[str]) -> str:
-    """The source of a function of ``parameters`` that returns a float, or several in a tuple."""
+def function_text(
+    expressions: Sequence[Expression], parameters: Sequence[str], form: Form | None = None
+) -> str:
+    """The source of a function of ``parameters`` that returns the values of expressions.
+
+    ``form`` is that of the result: a float, a tuple or an array; by default a float for one
+    expression and a tuple for several.
+    """
     values = [expression.python for expression in expressions]
-    result = values[0] if len(values) == 1 else f"({', '.join(values)})"
-    return f"def expression({', '.join(parameters)}):\n    return {result}\n"
+    lines = [f"def expression({', '.join(parameters)}):"]
+    if form == "array":
+        lines.append(f"out = np.empty({len(values)})")
+        lines += [f"out[{i}] = {value}" for i, value in enumerate(values)]
+        lines.append("return out")
+    elif form == "record" or (form is None and len(values) > 1):
+        lines.append(f"return ({', '.join(values)},)")
+    else:
+        lines.append(f"return {values[0]}")
+    return "\n    ".join(lines) + "\n"
 
 
 @lru_cache(maxsize=1000)

@@ -22,7 +22,7 @@ from blocks.core.settings import Setting, SettingError
 from blocks.core.signals import TYPES, FloatArray, SignalType, signal_type
 
 REQUIRED: Any = object()
-Kind = Literal["float", "int", "bool", "str", "array", "signal", "setting"]
+Kind = Literal["float", "int", "bool", "str", "array", "signal", "texts", "numbers", "setting"]
 KINDS: dict[object, Kind] = {
     float: "float",
     int: "int",
@@ -30,6 +30,8 @@ KINDS: dict[object, Kind] = {
     str: "str",
     FloatArray: "array",
     SignalType: "signal",
+    tuple[str, ...]: "texts",
+    Mapping[str, float]: "numbers",
 }
 _DEGREES = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?) ?deg(.*)", re.ASCII)
 _COMMA = re.compile(r"([-+]?\d+),(\d+)", re.ASCII)
@@ -100,6 +102,8 @@ class Param:
                 "bool": "true or false",
                 "str": "a text",
                 "signal": "a signal type such as Scalar, Pose or Vector(3)",
+                "texts": "a text or a list of texts",
+                "numbers": "a mapping of names to numbers, as in {a: 1.5}",
                 "setting": "a setting",
             }[self.kind]
         bounds = [
@@ -259,6 +263,10 @@ def plain(value: Any) -> Any:
     """A parameter's value as graphs write it; a user's own signal type stays as it is."""
     if isinstance(value, np.ndarray):
         return value.tolist()
+    if isinstance(value, tuple):
+        return list(value)
+    if isinstance(value, Mapping):
+        return dict(value)
     if isinstance(value, Setting):
         return value.written()
     if isinstance(value, SignalType) and TYPES.get(value.name) == value.sized(None):
@@ -358,6 +366,23 @@ def _signal(value: Any) -> SignalType:
     return value if isinstance(value, SignalType) else signal_type(_str(value))
 
 
+def _texts(value: Any) -> tuple[str, ...]:
+    """One text, or several; numbers among them count as written."""
+    items = value if isinstance(value, (list, tuple)) else [value]
+    if not items:
+        raise TypeError
+    return tuple(item if isinstance(item, str) else repr(_number(item)) for item in items)
+
+
+def _numbers(value: Any) -> dict[str, float]:
+    if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
+        raise TypeError
+    found = {key: _float(item) for key, item in value.items()}
+    if not all(map(math.isfinite, found.values())):
+        raise ValueError
+    return found
+
+
 def _array(value: Any) -> FloatArray:
     if isinstance(value, np.ndarray):
         if value.dtype.kind not in "fiu":
@@ -378,4 +403,6 @@ _CONVERT = {
     "str": _str,
     "array": _array,
     "signal": _signal,
+    "texts": _texts,
+    "numbers": _numbers,
 }

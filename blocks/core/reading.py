@@ -13,7 +13,7 @@ from typing import Any
 from blocks.core.declarations import BlockSpec, DeclarationError, Evaluation, Input, Output, State
 from blocks.core.params import KINDS, Kind, Param, hint, param
 from blocks.core.settings import Setting
-from blocks.core.signals import Same, SignalType
+from blocks.core.signals import Same, Scalar, SignalType
 
 RESERVED_PARAMETERS = ("type", "module", "dt")
 STATED = "_signal"
@@ -148,8 +148,9 @@ def _kind(cls: type, attribute: str, annotation: Any) -> Kind | type[Setting]:
     if len(options) == 1 and isinstance(options[0], type) and issubclass(options[0], Setting):
         return options[0]
     raise DeclarationError(
-        f"{cls.__name__}.{attribute}: annotate the parameter with float, int, bool, str or "
-        f"FloatArray (or one of them | None), not {annotation}"
+        f"{cls.__name__}.{attribute}: annotate the parameter with float, int, bool, str, "
+        "FloatArray, tuple[str, ...] or Mapping[str, float] (or one of them | None), "
+        f"not {annotation}"
     )
 
 
@@ -164,6 +165,10 @@ def _check_ports(cls: type, spec: BlockSpec) -> None:
             )
     for name, port in spec.inputs.items():
         count = port.variadic
+        if port.spread and (count is not True or port.type != Scalar):
+            raise DeclarationError(
+                f"{cls.__name__}.{name}: spread needs a variadic input of Scalar"
+            )
         if isinstance(count, str) and getattr(spec.params.get(count), "kind", "") != "int":
             raise DeclarationError(
                 f"{cls.__name__}.{name}: variadic='{count}' is not an integer parameter"

@@ -10,11 +10,15 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import numpy as np
+
+# From here on all floats are integers.
+INTEGERS = 2.0**52
+
 
 def floor(x: float) -> float:
     """The largest integer that is not above x, as a float of any size."""
-    part = math.fmod(x, 1.0)
-    return x - part - 1.0 if part < 0.0 else x - part
+    return x if math.fabs(x) >= INTEGERS else float(math.floor(x))
 
 
 def ceil(x: float) -> float:
@@ -26,15 +30,14 @@ def nearest(x: float) -> float:
     """The nearest integer; of two, the even one."""
     low = floor(x)
     part = x - low
-    if part > 0.5 or (part == 0.5 and math.fmod(low, 2.0) != 0.0):
+    if part > 0.5 or (part == 0.5 and low % 2.0 != 0.0):
         return low + 1.0
     return low
 
 
 def modulo(x: float, y: float) -> float:
     """The remainder of x / y with the sign of y, as Python's ``%``."""
-    part = math.fmod(x, y)
-    return part + y if part != 0.0 and (part < 0.0) != (y < 0.0) else part
+    return x % y
 
 
 def sign(x: float) -> float:
@@ -83,21 +86,34 @@ _OF_ONE += " sqrt erf erfc gamma lgamma degrees radians"
 # Name in an expression: what is called, and the number of arguments; None for two or more.
 FUNCTIONS: Mapping[str, tuple[str, int | None]] = {
     **{name: (f"math.{name}", 1) for name in _OF_ONE.split()},
-    **{name: (f"math.{name}", 2) for name in ("atan2", "hypot", "fmod", "copysign", "pow")},
+    **{name: (f"math.{name}", 2) for name in ("atan2", "hypot", "copysign", "pow")},
     **{"abs": ("math.fabs", 1), "exp": ("exponential", 1), "mod": ("modulo", 2)},
     **{"floor": ("floor", 1), "ceil": ("ceil", 1), "round": ("nearest", 1)},
     **{"sign": ("sign", 1), "clip": ("clip", 3), "wrap": ("wrap", 1)},
     **{"min": ("lesser", None), "max": ("greater", None)},
 }
+CONSTANTS = {"pi": math.pi, "e": math.e, "tau": math.tau}
 # Functions of all components of a vector.
 VECTORS = ("sum", "mean", "norm", "min", "max")
 ALIASES = {
     **{"arcsin": "asin", "arccos": "acos", "arctan": "atan", "arctan2": "atan2", "ln": "log"},
-    **{"fabs": "abs", "power": "pow", "where": "a if condition else b", "sgn": "sign"},
+    **{
+        "fabs": "abs",
+        "fmod": "mod",
+        "power": "pow",
+        "where": "a if condition else b",
+        "sgn": "sign",
+    },
     **{"sqr": "x**2", "sat": "clip", "saturate": "clip", "rad": "radians", "deg": "degrees"},
 }
 _HELPERS: tuple[Callable[..., float], ...] = (
     *(floor, ceil, nearest, modulo, sign, lesser, greater, clip, wrap),
     *(square, cube, exponential),
 )
-SCOPE: Mapping[str, Any] = {"math": math, **{helper.__name__: helper for helper in _HELPERS}}
+# Names that mean something in every expression.
+RESERVED = frozenset([*CONSTANTS, *FUNCTIONS, *VECTORS])
+SCOPE: Mapping[str, Any] = {
+    "math": math,
+    "np": np,
+    **{helper.__name__: helper for helper in _HELPERS},
+}

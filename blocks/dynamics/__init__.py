@@ -1,6 +1,9 @@
-"""Blocks with continuous states, which the run's solver integrates: integrators, linear systems."""
+"""Dynamic systems: continuous, integrated by the run's solver, and in discrete time."""
 
+from blocks.dynamics.delays import Delay, Hold, MovingAverage
+from blocks.dynamics.discrete import DiscreteIntegrator, DiscreteTransferFunction
 from blocks.dynamics.integrator import Integrator
-from blocks.dynamics.linear import StateSpace
+from blocks.dynamics.linear import DiscreteStateSpace, StateSpace
 
-__all__ = ["Integrator", "StateSpace"]
+__all__ = ["Delay", "DiscreteIntegrator", "DiscreteStateSpace", "DiscreteTransferFunction", "Hold"]
+__all__ += ["Integrator", "MovingAverage", "StateSpace"]

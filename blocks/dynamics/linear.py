@@ -1,4 +1,4 @@
-"""Linear systems in continuous time."""
+"""Linear systems with several inputs, states and outputs."""
 
 from __future__ import annotations
 
@@ -24,14 +24,8 @@ from blocks.core import (
 )
 
 
-class StateSpace(Block):
-    """A linear system with n states, m inputs and p outputs.
-
-        input ─▶ [ StateSpace ] ─▶ out
-
-    x' = A x + B u, y = C x + D u, x(0) = x0. One input or output is a Scalar, several are a
-    Vector. With D = 0, the default, ``out`` depends on the state alone and breaks loops.
-    """
+class _Linear(Block):
+    """The ports, parameters and output of a linear system."""
 
     signal = Input(Same("U"), name="input", doc="u, a Scalar or a Vector(m)")
     out = Output(Same("Y"), doc="y, a Scalar or a Vector(p)")
@@ -50,8 +44,6 @@ class StateSpace(Block):
         doc="p rows of m numbers, or one for all; default 0",
     )
     x0: FloatArray | None = param(None, shape=[(None,)], doc="initial state; default 0")
-
-    x = State("n", name="x", continuous=True, doc="the state")
 
     def validate(self) -> None:
         n = len(self.a)
@@ -105,13 +97,6 @@ class StateSpace(Block):
         state.single = state.context.types["input"].form == "scalar"
 
     def output(self, state: BlockState, t: float, input: Any = 0.0) -> Any:
-        y = np.einsum("ij,j->i", self.outputs, state.x)
-        if state.has_direct:
-            y += np.einsum("ij,j->i", self.direct, np.atleast_1d(input))
-        return float(y[0]) if state.form == "scalar" else y
-
-    @kernel_of(output)
-    def _output_kernel(self, state: BlockState, t: float, input: Any = 0.0) -> Any:
         y = np.zeros(len(self.outputs))
         for i in range(len(y)):
             for j in range(len(state.x)):
@@ -123,8 +108,20 @@ class StateSpace(Block):
                     for j in range(len(input)):
                         y[i] += self.direct[i, j] * input[j]
         if state.form == "scalar":
-            return y[0]
+            return float(y[0])
         return y
+
+
+class StateSpace(_Linear):
+    """A linear system with n states, m inputs and p outputs.
+
+        input ─▶ [ StateSpace ] ─▶ out
+
+    x' = A x + B u, y = C x + D u, x(0) = x0. One input or output is a Scalar, several are a
+    Vector. With D = 0, the default, ``out`` depends on the state alone and breaks loops.
+    """
+
+    x = State("n", name="x", continuous=True, doc="the state")
 
     def derivative(self, state: BlockState, t: float, input: Any) -> FloatArray:
         rate: FloatArray = np.einsum("ij,j->i", self.a, state.x)
@@ -143,6 +140,32 @@ class StateSpace(Block):
                 for j in range(len(input)):
                     rate[i] += self.inputs[i, j] * input[j]
         return rate
+
+
+class DiscreteStateSpace(_Linear):
+    """A linear system in discrete time with n states, m inputs and p outputs.
+
+        input ─▶ [ DiscreteStateSpace ] ─▶ out
+
+    x(t_k+1) = A x(t_k) + B u(t_k), y(t_k) = C x(t_k) + D u(t_k), x(0) = x0, at the block's own
+    ``dt``. One input or output is a Scalar, several are a Vector. With D = 0, the default, ``out``
+    depends on the state alone and breaks loops.
+    """
+
+    x = State("n", name="x", doc="the state")
+
+    def update(self, state: BlockState, t: float, input: Any) -> None:
+        following = np.zeros(len(state.x))
+        for i in range(len(state.x)):
+            for j in range(len(state.x)):
+                following[i] += self.a[i, j] * state.x[j]
+            if state.single:
+                following[i] += self.inputs[i, 0] * input
+            else:
+                for j in range(len(input)):
+                    following[i] += self.inputs[i, j] * input[j]
+        for i in range(len(state.x)):
+            state.x[i] = following[i]
 
 
 def _size(matrix: FloatArray) -> str:

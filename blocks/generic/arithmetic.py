@@ -124,21 +124,47 @@ def scaled(value: Any, factor: float) -> Any:
 
 
 class Gain(Block):
-    """Multiply a signal by a number.
+    """Multiply a signal by a number, or each of its components by its own.
 
         input ─▶ [ Gain ] ─▶ out
 
     out = gain * input, each component. The gain may have a unit, so that of ``out`` is free: a
-    Gain converts between units.
+    Gain converts between units. A MatrixGain multiplies a vector by a matrix.
     """
 
     signal = Input(Same("T"), name="input", doc="what to scale")
     out = Output(Same("T", own_unit=True), through="input", doc="gain times input")
 
-    gain: float = param(doc="the factor")
+    gain: FloatArray = param(shape=[(), (None,)], doc="the factor, or one per component")
+
+    def validate(self) -> None:
+        if self.gain.ndim > 1:
+            message = "expected a number or one per component; a matrix belongs in a MatrixGain"
+            raise ParameterError([("gain", message)])
+
+    def validate_in(self, context: BlockContext) -> None:
+        kind = context.types["out"]
+        if self.gain.ndim and self.gain.shape != kind.shape:
+            expected = f"a number or {kind.numbers}" if kind.shape else "a number"
+            message = f"expected {expected} for {kind}, got {self.gain.tolist()}"
+            raise ParameterError([("gain", message)])
+
+    def start(self, state: BlockState) -> None:
+        kind = state.context.types["out"]
+        state.form, state.pack = kind.form, kind.pack
+        state.single = not self.gain.ndim
+        state.factor = float(self.gain) if state.single else 1.0
+        state.factors = np.atleast_1d(self.gain).copy()
 
     def output(self, state: BlockState, t: float, input: Any) -> Any:
-        return scaled(input, self.gain)
+        if state.single:
+            return scaled(input, state.factor)
+        out = np.empty(len(state.factors))
+        for i in range(len(state.factors)):
+            out[i] = state.factors[i] * input[i]
+        if state.form == "array":
+            return out
+        return state.pack(out)
 
 
 class Mux(Block):

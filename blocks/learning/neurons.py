@@ -93,6 +93,9 @@ class LearningEnsemble(Learner):
         state.encoder_rows = np.ascontiguousarray(state.scaled_encoders.T)
         state.further = range(1, d)
 
+    def resume(self, state: BlockState) -> None:
+        state.encoder_rows[...] = state.scaled_encoders.T
+
     def watch(self, state: BlockState) -> float:
         """The norm of the weights."""
         return float(np.linalg.norm(state.weights))

@@ -113,6 +113,10 @@ class Distribution(Setting):
         known = ", ".join(kind.form for kind in KINDS.values())
         if match is None or match[1] not in KINDS:
             near = hint(match[1], KINDS) if match else ""
+            if "(" in text and ")" not in text:
+                raise SettingError(
+                    [("", f"{show(text)} ends at a comma; in {{...}} put it into quotes")]
+                )
             message = f"expected a number, an array or one of {known}, got {show(text)}{near}"
             raise SettingError([("", message)])
         kind = KINDS[match[1]]

@@ -91,8 +91,10 @@ class Ensemble(Block):
     membrane = State("total", name="voltage", doc="membrane voltage")
     refractory = State("total", unit="s", doc="refractory time left")
     recovery = State("total", doc="adaptation, or the model's recovery variable")
+    gains = State("total", name="gain", doc="gains")
+    biases = State("total", name="bias", doc="bias currents")
     scaled = State(
-        "moving", "total", name="scaled_encoders", doc="gain * encoders / radius, learnt"
+        "per_group", "total", name="scaled_encoders", doc="gain * encoders / radius, as columns"
     )
     activity = State("learners", unit="1/s", doc="filtered spikes s, of a learning rule")
 
@@ -107,7 +109,7 @@ class Ensemble(Block):
     def infer(self, lengths: Mapping[str, int]) -> Mapping[str, int]:
         if "d" not in lengths:
             return {}
-        return {"moving": 0 if self.learning is None else lengths["d"] // self.groups}
+        return {"per_group": max(1, lengths["d"] // self.groups)}
 
     def validate(self) -> None:
         if (self.gain is None) != (self.bias is None):
@@ -133,29 +135,30 @@ class Ensemble(Block):
     def start(self, state: BlockState) -> None:
         d = state.context.types["input"].shape[0] // self.groups
         drawn = self._drawn(state.rng, d)
-        state.gain, state.bias = drawn["gain"], drawn["bias"]
-        state.encoders, state.voltage[:] = drawn["encoders"], drawn["voltage"]
+        state.gain[:], state.bias[:] = drawn["gain"], drawn["bias"]
+        state.voltage[:] = drawn["voltage"]
         state.recovery[:] = self.neuron.initial_recovery
-        scaled = state.encoders / self.radius * state.gain[:, None]
-        shape = (self.groups, self.neurons, d)
         # One row of encoders per dimension of a group, for all neurons.
-        state.rows = np.ascontiguousarray(scaled.T)
-        state.grouped = scaled.reshape(shape)
+        state.scaled_encoders[...] = (drawn["encoders"] / self.radius * state.gain[:, None]).T
+        state.row_groups = state.scaled_encoders.reshape(d, self.groups, self.neurons)
+        state.drive_of_groups = state.drive.reshape(self.groups, self.neurons)
+        state.point, state.dimensions = np.zeros((self.groups, d)), range(d)
+        state.step, state.constants = type(self.neuron).step, self.neuron.constants
         state.learns, state.rate, state.share = self.learning is not None, 0.0, 0.0
         if isinstance(self.learning, Voja):
-            state.scaled_encoders[...] = state.rows
-            state.rows = state.scaled_encoders
             state.rate = self.learning.learning_rate * state.dt
             state.share = share_of(self.learning.tau, state.dt)
-            state.scale = state.gain / self.radius
-        state.step, state.constants = type(self.neuron).step, self.neuron.constants
-        state.point, state.dimensions = np.zeros((self.groups, d)), range(d)
-        state.drive_of_groups = state.drive.reshape(shape[:2])
-        state.row_groups = state.rows.reshape(d, *shape[:2])
+        state.scale = state.gain / self.radius
+
+    def resume(self, state: BlockState) -> None:
+        state.scale[:] = state.gain / self.radius
 
     def tuning(self, state: BlockState) -> Tuning:
-        """The published description of ``spikes``."""
-        return Tuning(self.neuron, state.gain, state.bias, state.encoders, self.radius, self.groups)
+        """The published description of ``spikes``: that of the states when the run begins."""
+        gain, scaled = state.gain.copy(), state.scaled_encoders.T * self.radius
+        encoders = np.zeros_like(scaled)
+        np.divide(scaled, gain[:, None], out=encoders, where=gain[:, None] != 0.0)
+        return Tuning(self.neuron, gain, state.bias.copy(), encoders, self.radius, self.groups)
 
     def _drawn(self, rng: np.random.Generator, d: int) -> Mapping[str, FloatArray]:
         """Gains, biases, encoders and voltages, always drawn in one order.
@@ -223,11 +226,11 @@ class Ensemble(Block):
         for term in input:
             flat += term
         state.drive[:] = state.bias
-        if state.learns or len(state.row_groups) < MANY_DIMENSIONS:
+        if len(state.row_groups) < MANY_DIMENSIONS:
             for j in state.dimensions:
                 drive += state.row_groups[j] * point[:, j, None]
         else:
-            drive += np.einsum("gnd,gd->gn", state.grouped, point)
+            drive += np.einsum("dgn,gd->gn", state.row_groups, point)
         for straight in current:
             state.drive += state.gain * straight
         state.step(
@@ -245,7 +248,7 @@ class Ensemble(Block):
         current: tuple[FloatArray, ...],
         learn: float,
     ) -> None:
-        point, drive, bias, rows = state.point, state.drive, state.bias, state.rows
+        point, drive, rows = state.point, state.drive, state.scaled_encoders
         for g in range(len(point)):
             for j in range(len(rows)):
                 point[g, j] = 0.0
@@ -253,7 +256,7 @@ class Ensemble(Block):
                     for term in input:
                         point[g, j] += term[g * len(rows) + j]
         for i in range(len(drive)):
-            drive[i] = bias[i]
+            drive[i] = state.bias[i]
         for g in range(len(point)):
             for j in range(len(rows)):
                 row, value = rows[j], point[g, j]
@@ -279,7 +282,7 @@ class Ensemble(Block):
         if state.learns:
             follow(state.activity, state.fired, state.share)
             rate = state.rate * learn
-            voja_step(state.rows, state.activity, state.scale, state.point, rate)
+            voja_step(state.scaled_encoders, state.activity, state.scale, state.point, rate)
 
 
 def _number(text: str) -> str | float:

@@ -28,7 +28,7 @@ from blocks.neural.functions import DecodedFunction, PointError
 from blocks.neural.solvers import SingularError, Solver, rmse
 from blocks.neural.tuning import Tuning
 
-LEAST_POINTS, MOST_POINTS, POINTS_PER_DIMENSION = 750, 2500, 500
+LEAST_POINTS, MOST_POINTS, POINTS_PER_DIMENSION, MANY_POINTS = 750, 2500, 500, 4000
 TRIED = 100
 
 
@@ -148,7 +148,7 @@ class Solved(Block, ABC):
                 raise ValueError(f"expected rows of {d} numbers, got {rows.shape[1]}")
             return rows * radius
         count = min(max(POINTS_PER_DIMENSION * d, LEAST_POINTS), MOST_POINTS)
-        count = max(count, 2 * n) if self.points is None else self.points
+        count = max(count, min(2 * n, MANY_POINTS)) if self.points is None else self.points
         return given.draw(rng, count, d) * radius
 
     def _solve(self, state: BlockState, tuning: Tuning) -> None:
@@ -159,6 +159,9 @@ class Solved(Block, ABC):
             targets = self._targets(points)
         except PointError as error:
             raise ParameterError([("function", str(error))], type(self).__name__) from None
+        if not targets.any():
+            state.error = 0.0  # nothing to solve: the weights are zero
+            return
         for group in range(tuning.groups):
             rates = tuning.rates(points, group)
             try:

@@ -80,15 +80,16 @@ class Bench:
     def _state(self, seed: int) -> BlockState:
         """The state as an engine makes it: zeros in the declared shapes."""
         context, spec = self.context, self.block.spec
-        lengths = {**context.lengths, **self.block.sizes()}
+        lengths = {**context.lengths, **self.block.sizes_in(context)}
         for name, port in spec.ports.items():
             if isinstance(port.type, SignalType) and port.type.symbol:
                 lengths[port.type.symbol] = context.types[name].shape[0]
         arrays = {
             name: np.zeros(
-                context.types[declared.like].shape
-                if declared.like
-                else [n if isinstance(n, int) else lengths[n] for n in declared.shape]
+                (
+                    *(n if isinstance(n, int) else lengths[n] for n in declared.shape),
+                    *(context.types[declared.like].shape if declared.like else ()),
+                )
             )
             for name, declared in spec.states.items()
         }

@@ -118,17 +118,19 @@ def settle(
         kind = variables.get(declared.variable, Scalar) if isinstance(declared, Same) else declared
         return kind.sized(lengths.get(kind.symbol, LENGTH)) if kind.symbol else kind
 
-    types = {name: resolve(port.type) for name, port in spec.ports.items()}
-    for name, port in spec.ports.items():
-        if isinstance(port.type, SignalType) and port.type.symbol:
-            lengths.setdefault(port.type.symbol, types[name].shape[0])
-    lengths.update({s: n for s, n in block.infer(lengths).items() if s not in lengths})
-    for name, kind in given.items():
-        if types[name] != (kind.sized(types[name].length) if kind.symbol else kind):
-            raise ValueError(f"{type(block).__name__}.{name} takes {types[name]}, not {kind}")
     variadic = [name for name, port in spec.inputs.items() if port.variadic]
+    spread = [port.spread for port in spec.inputs.values() if port.spread]
     rejections = []
     for count in TERMS if variadic else (0,):
+        lengths.update(dict.fromkeys(spread, count))
+        types = {name: resolve(port.type) for name, port in spec.ports.items()}
+        for name, port in spec.ports.items():
+            if isinstance(port.type, SignalType) and port.type.symbol:
+                lengths.setdefault(port.type.symbol, types[name].shape[0])
+        lengths.update({s: n for s, n in block.infer(lengths).items() if s not in lengths})
+        for name, kind in given.items():
+            if types[name] != (kind.sized(types[name].length) if kind.symbol else kind):
+                raise ValueError(f"{type(block).__name__}.{name} takes {types[name]}, not {kind}")
         terms = dict.fromkeys(variadic, (True,) * count)
         context = BlockContext(dt, types, terms, world, lengths)
         try:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 from runtime.codegen import arrays, library, scalars
 from runtime.codegen.body import Body
-from runtime.codegen.types import BOOL, FLOAT, INT, Array, NotTypedError, Tuple
+from runtime.codegen.types import BOOL, FLOAT, INT, NONE, Array, NotTypedError, Tuple, join
 from runtime.codegen.values import (
     UNKNOWN,
     Value,
@@ -116,6 +116,26 @@ BUILTINS: dict[str, Callable[[Body, Given], Value]] = {
     **{"round": _round, "min": _extreme("min"), "max": _extreme("max"), "sum": _sum},
     **{"pow": _pow, "divmod": _divmod, "all": _tests("&&"), "any": _tests("||")},
 }
+
+
+def picked(body: Body, parts: list[Value], index: Value) -> Value:
+    """A part of a tuple by a variable index: the parts must have one type."""
+    kind = parts[0].type if parts else NONE
+    for part in parts:
+        kind = join(kind, part.type)
+    if not parts or index.type != INT:
+        raise NotTypedError("takes a part of a tuple by a variable; use a literal number")
+    ready = [body.kept(converted(part, kind)) for part in parts]
+    failure = body.fail("IndexError", "tuple index out of range")
+    at = body.fresh("at")
+    body.act(f"const int64_t {at} = checked(ctx, {index.text}, {len(parts)}, 0, {failure});")
+    texts = []
+    for leaf in range(len(ready[0].texts)):
+        choice = ready[-1].texts[leaf]
+        for k in range(len(ready) - 2, -1, -1):
+            choice = f"({at} == {k} ? {ready[k].texts[leaf]} : {choice})"
+        texts.append(choice)
+    return body.kept(Value(kind, tuple(texts)), "part")
 
 
 def selected(body: Body, array: Value, chosen: Value) -> Value:

@@ -320,7 +320,7 @@ class Expressions(Body, ast.NodeVisitor):
             return parts[int(index.const)]
         kind = parts[0].type if parts else NONE
         if not isinstance(kind, Number) or any(p.type != kind for p in parts):
-            raise NotTypedError("takes a part of a tuple by a variable; use a literal number")
+            return builtins.picked(self, parts, index)
         name = self.fresh("array")
         entries = ", ".join(part.text for part in parts)
         self.put(f"const {next(leaves(kind))[1]} {name}[{len(parts)}] = {{{entries}}};")

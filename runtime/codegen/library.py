@@ -19,6 +19,7 @@ from runtime.codegen.values import (
     known,
     number,
     parts_of,
+    product_text,
     size_of,
     size_text,
 )
@@ -357,15 +358,14 @@ def _item(body: Body, value: Value, given: Given) -> Value:
 
 def _reshaped(body: Body, value: Value, given: Given) -> Value:
     sizes = creation.shape_of(given[0] if len(given) == 1 else group(given))
-    if any(size.const is UNKNOWN or size.const < 0 for size in sizes):
-        raise NotTypedError("reshapes to sizes that are not literal numbers")
+    if any(size.const is not UNKNOWN and size.const < 0 for size in sizes):
+        raise NotTypedError("reshapes to a size of -1; write the size")
     flat = arrays.flat(body, value)
-    dims = tuple(int(size.const) for size in sizes)
-    total = 1
-    for dim in dims:
-        total *= dim
-    if array_type(flat).dims != (total,):
+    dims = tuple(None if size.const is UNKNOWN else int(size.const) for size in sizes)
+    total = product_text([size.text for size in sizes])
+    if size_text(flat, 0) != total:
         failure = body.fail("ValueError", "cannot reshape an array of size {index} into {size}")
         body.act(f"same_size(ctx, {size_text(flat, 0)}, {total}, {failure});")
     kind = array_type(flat)
-    return Value(replace(kind, dims=dims), (flat.text,))
+    held = [size.text for size in sizes if size.const is UNKNOWN]
+    return Value(replace(kind, dims=dims), (flat.text, *held))

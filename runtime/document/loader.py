@@ -285,7 +285,7 @@ class _Loader:
         """Merge what the document extends, and inline the parts that its blocks name."""
         extends = document.get("extends")
         document = self.parts(document.with_item("extends", None), "blocks", above)
-        document = self.world(document)
+        document = self.runs(self.world(document))
         if extends is None:
             return document
         base: Node | None = None
@@ -315,6 +315,16 @@ class _Loader:
             return document.with_item("world", None)
         return document.with_item("world", Node(world.value, world.where, node.key))
 
+    def runs(self, document: Node) -> Node:
+        """Make the runs that a graph begins from relative to the file that names them."""
+        whole, named = document.get("from"), document.get("initial")
+        if whole is not None and is_path(whole):
+            document = document.with_item("from", _absolute(whole))
+        if named is not None and named.is_map:
+            entries = {k: _absolute(n) if is_path(n) else n for k, n in named.items()}
+            document = document.with_item("initial", Node(entries, named.where, named.key))
+        return document
+
     def parts(self, document: Node, address: str, above: tuple[Path, ...]) -> Node:
         blocks = document.get("blocks")
         if blocks is None or not blocks.is_map:
@@ -329,8 +339,7 @@ class _Loader:
                 entries[name] = self.parts(entry, f"{inner}.blocks", above)
             elif module is not None and is_path(module):
                 # Relative to the file that names it, which the merged tree no longer knows.
-                file = str((_folder(module) / module.value).resolve())
-                entries[name] = entry.with_item("module", Node(file, module.where, module.key))
+                entries[name] = entry.with_item("module", _absolute(module))
         return document.with_item("blocks", Node(entries, blocks.where, blocks.key))
 
     def part(self, entry: Node, part: Node, address: str, above: tuple[Path, ...]) -> Node:
@@ -354,6 +363,11 @@ class _Loader:
 def is_path(node: Node) -> bool:
     """Whether a value can name a file; ``$names`` are filled in after files are read."""
     return isinstance(node.value, str) and node.value.isprintable() and node.value[:1] not in "$"
+
+
+def _absolute(node: Node) -> Node:
+    """A path relative to the file that names it, which the merged tree no longer knows."""
+    return Node(str((_folder(node) / node.value).resolve()), node.where, node.key)
 
 
 def _folder(node: Node) -> Path:

@@ -14,11 +14,12 @@ from runtime.errors import Problems
 DEFAULT_UNTIL = 10.0
 MAX_TICKS = 10**12
 ENGINES = ("auto", "python", "compiled", "checked")
+KEPT = ("small", "all", "none")
 SOLVERS = ("euler", "heun", "rk4", "dopri5")
 ADAPTIVE = ("dopri5",)
 TOLERANCES = ("rtol", "atol", "max_step")
 # Keys of the section that take one of a few words.
-RUN_CHOICES = {"engine": ENGINES, "solver": SOLVERS}
+RUN_CHOICES = {"engine": ENGINES, "solver": SOLVERS, "states": KEPT}
 DEFAULT_MEMORY = 1024**3
 UNITS = {"": 1, "K": 1024, "M": 1024**2, "G": 1024**3}
 
@@ -56,6 +57,7 @@ class RunSection:
     engine: str
     memory: int
     solver: Solver
+    states: str = KEPT[0]
 
 
 def read_run(document: Node, problems: Problems) -> RunSection:
@@ -78,7 +80,9 @@ def read_run(document: Node, problems: Problems) -> RunSection:
         problems.add(where, "run.until", message)
         until = dt
     seed, engine = _seed(run, problems), _choice(run, "engine", ENGINES, ENGINES[0], problems)
-    return RunSection(dt, until, seed, engine, _memory(run, problems), _solver(run, problems))
+    states = _choice(run, "states", KEPT, KEPT[0], problems)
+    solver = _solver(run, problems)
+    return RunSection(dt, until, seed, engine, _memory(run, problems), solver, states)
 
 
 def _seed(run: dict[str, Node], problems: Problems) -> int:

@@ -22,10 +22,12 @@ SECTIONS = {
     "metrics": "numbers from probes",
     "without": "blocks to leave out, with their wires",
     "bypass": "blocks to bypass",
+    "from": "a run with whose final states this one begins",
+    "initial": "blocks or states, each with a run that it begins from",
 }
 WRITTEN_ORDER = (
     *("graph", "run", "params", "blocks", "wires", "without", "bypass"),
-    *("probes", "plots", "metrics"),
+    *("from", "initial", "probes", "plots", "metrics"),
 )
 PART_SECTIONS = ("params", "inputs", "outputs", "blocks", "wires", "graph", "part")
 EXAMPLES = {
@@ -37,16 +39,29 @@ EXAMPLES = {
     "probes": "pose: plant.pose",
     "plots": "path: {kind: trajectory, of: plant.pose}",
     "metrics": "miss: {kind: rms, of: error.lateral}",
+    "initial": "snn.weights: runs/my/latest",
     "inputs": "speed: Scalar",
     "outputs": "command: join.out",
 }
-RUN_KEYS = ("dt", "until", "seed", "engine", "memory", "solver", "rtol", "atol", "max_step")
+RUN_KEYS = (
+    "dt",
+    "until",
+    "seed",
+    "engine",
+    "memory",
+    "states",
+    "solver",
+    "rtol",
+    "atol",
+    "max_step",
+)
 RUN_DOCS = {
     "dt": "base step, s",
     "until": "length of the run, s",
     "seed": "of all noise and neurons",
     "engine": "python, compiled (extra 'fast'), or auto: compiled where that pays off",
     "memory": "memory for recordings, as in 512M; larger ones are written to disk",
+    "states": "final states that the run folder keeps: small (up to 1 MB each), all, none",
     "solver": "how continuous states are integrated between two ticks",
     "rtol": "dopri5: largest error of a step, relative to the state",
     "atol": "dopri5: largest error of a step of a state near 0",

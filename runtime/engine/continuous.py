@@ -115,8 +115,8 @@ def slots(network: Network) -> tuple[Slot, ...]:
     for name, entry in sorted(network.entries.items()):
         spec = entry.cls.spec
         for state in spec.continuous:
-            context, sizes = network.context(name), entry.made.sizes()
-            shape = state_shape(sizes, spec.states[state], context, spec)
+            context = network.context(name)
+            shape = state_shape(entry.made, spec.states[state], context, spec)
             found.append(Slot(name, state, found[-1].stop if found else 0, shape))
     return tuple(found)
 

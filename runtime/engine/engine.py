@@ -35,9 +35,10 @@ from runtime.engine.schedule import GLOBALS, Plan
 from runtime.engine.solvers import METHODS, blend, controls, joined, judged, substep
 from runtime.engine.values import NotFiniteError, OutputChecks, bad_slope, sealed, unreached
 from runtime.errors import SimulationError, UsageError
-from runtime.network import Network, state_shape
+from runtime.network import Network, columns, state_shape
 
 CHUNK_SECONDS = 0.1
+SMALL_STATE = 1024**2
 
 
 def seed_of(seed: int, name: str) -> np.random.SeedSequence:
@@ -228,7 +229,24 @@ class Engine:
             published[port] = self._guard(source.block, call)
         state = self.states[name]
         state.published = published
-        self._guard(name, partial(self.network.entries[name].made.start, state))
+        block = self.network.entries[name].made
+        self._guard(name, partial(block.start, state))
+        if name in self.network.initial:
+            for key, array in self.network.initial[name].items():
+                getattr(state, key)[...] = array
+            self._guard(name, partial(block.resume, state))
+
+    def final_states(self) -> dict[str, FloatArray]:
+        """Copies of the states by ``block.state``, as far as ``run.states`` keeps them."""
+        kept = self.network.states
+        largest = {"none": -1, "small": SMALL_STATE, "all": math.inf}[kept]
+        found = {}
+        for name, entry in self.network.entries.items():
+            for key, declared in entry.cls.spec.states.items():
+                array = getattr(self.states[name], key)
+                if 0 < array.nbytes <= largest and not declared.cached:
+                    found[f"{name}.{key}"] = array.copy()
+        return found
 
     def _continuous_names(self) -> dict[str, Any]:
         """What the text of a graph with continuous states refers to."""
@@ -291,9 +309,8 @@ class Engine:
     def _state(self, name: str) -> BlockState:
         entry = self.network.entries[name]
         context = self.network.context(name)
-        sizes = entry.made.sizes()
         shapes = {
-            key: state_shape(sizes, declared, context, entry.cls.spec)
+            key: state_shape(entry.made, declared, context, entry.cls.spec)
             for key, declared in entry.cls.spec.states.items()
         }
         arrays = {key: np.zeros(shape) for key, shape in shapes.items()}
@@ -308,8 +325,8 @@ class Engine:
             if recording.constant and (recording.end.block, recording.end.port) == (block, port):
                 kind = self.network.types[block, port]
                 array = self.namespace[recording.array]
-                column = kind.column(recording.end.component) if recording.end.component else None
-                item = value if column is None else value[column]
+                component = recording.end.component
+                item = value[columns(kind, component)] if component else value
                 array[0 if recording.columns is None else (0, recording.columns)] = item
 
 

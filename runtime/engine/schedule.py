@@ -12,7 +12,7 @@ from runtime.engine.continuous import Continuous, continuous_part
 from runtime.engine.solvers import METHODS
 from runtime.engine.steps import Step, drivers
 from runtime.errors import NOWHERE, Problems, Where
-from runtime.network import Endpoint, Network, component_type
+from runtime.network import Endpoint, Network, columns, component_type
 
 INDENT = "    "
 GLOBALS = ("isfinite", "isnan", "dot", "array", "full", "checked", "sealed", "not_finite")
@@ -311,8 +311,12 @@ class Emitter:
         kind = self.network.types[end.block, end.port]
         text = self.variable(end.block, end.port)
         if end.component:
-            column = kind.column(end.component)
-            text = f"{text}.item({column})" if kind.form == "array" else f"{text}[{column}]"
+            column = columns(kind, end.component)
+            if isinstance(column, slice):
+                text = f"{text}[{column.start}:{column.stop}]"
+                text = f"array({text})" if kind.form == "record" else text
+            else:
+                text = f"{text}.item({column})" if kind.form == "array" else f"{text}[{column}]"
             kind = component_type(kind, end) or kind
         if target is not None and target.form != kind.form:
             return f"array(({text},))" if target.form == "array" else f"{text}.item(0)"

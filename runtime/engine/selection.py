@@ -57,10 +57,10 @@ def python_seconds(network: Network) -> float:
         for call in calls:
             cost += COMPUTED * sum(_computed(network, name, port) for port in call.outputs)
         if spec.update is not None:
-            context, sizes = network.context(name), entry.made.sizes()
+            context = network.context(name)
             for declared in spec.states.values():
                 length = 1
-                for side in state_shape(sizes, declared, context, spec):
+                for side in state_shape(entry.made, declared, context, spec):
                     length *= side
                 cost += NUMBER * length
         each_tick += cost / entry.every

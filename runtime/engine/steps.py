@@ -22,6 +22,6 @@ class Step:
 def drivers(network: Network) -> dict[tuple[str, str], list[Wire]]:
     """The wires into each input, in the order of an input's terms."""
     found: dict[tuple[str, str], list[Wire]] = defaultdict(list)
-    for wire in network.wires:
+    for wire in network.driving:
         found[wire.block, wire.port].append(wire)
     return found

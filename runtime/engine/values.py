@@ -92,8 +92,8 @@ class OutputChecks:
             message = f"derivative must return a tuple, one value per state ({listed})"
             raise TypeError(f"{message}, got {brief(value)}")
         for name, rate in zip(names, (value,) if len(names) == 1 else value, strict=True):
-            context, sizes = self.network.context(block), entry.made.sizes()
-            shape = state_shape(sizes, spec.states[name], context, spec)
+            context = self.network.context(block)
+            shape = state_shape(entry.made, spec.states[name], context, spec)
             if np.shape(rate) != shape or np.asarray(rate).dtype.kind not in "fiu":
                 expected = f"numbers of shape {shape}" if shape else "a float"
                 message = f"derivative of state '{name}' must be {expected}"

@@ -26,7 +26,7 @@ from runtime.document import (
     set_entry,
     set_wire,
 )
-from runtime.errors import GraphError, MissingExtraError
+from runtime.errors import GraphError, MissingExtraError, Where
 from runtime.graph.content import Checked, Content, checked
 from runtime.network import Network, is_variadic, replace_block, source_file
 from runtime.observation import Observation
@@ -280,6 +280,27 @@ class Graph:
         changed = add_names(self.document, kind, names, origin)
         graph = self._changed(changed, *(Override(kind, name) for name in names))
         return graph._with_known_names(origin, kind)
+
+    def begin_from(self, run: str | Path, *addresses: str, origin: str = "") -> Graph:
+        """A copy that begins with the states that a run ended with.
+
+        Parameters
+        ----------
+        run : the folder of a run, or a link to it.
+        addresses : blocks (``snn``) or states (``snn.weights``); without them, every block of the
+            same name whose states have the same shapes.
+        """
+        folder = str(Path(run).absolute())
+        if not addresses:
+            changed = self.document.with_item("from", Node(folder, Where(origin), Where(origin)))
+        else:
+            named = self.document.get("initial")
+            entries = dict(named.items()) if named is not None and named.is_map else {}
+            new = Node(folder, Where(origin), Where(origin))
+            entries |= dict.fromkeys(addresses, new)
+            changed = self.document.with_item("initial", Node(entries, Where(origin)))
+        target = f"{run}: {', '.join(addresses)}" if addresses else str(run)
+        return self._changed(changed, Override("from", target))
 
     def replace(self, name: str, kind: str, *, origin: str = "") -> Graph:
         """A copy with a block of another type in a block's place, as in ``replace("lqr", "PID")``.

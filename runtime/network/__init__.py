@@ -6,7 +6,8 @@
 from runtime.network.addresses import AddressError, Endpoint, ReportedError, find
 from runtime.network.block_types import is_variadic, source_file
 from runtime.network.build import BLOCK_KEYS, build
-from runtime.network.inference import component_type, unknown_component
+from runtime.network.components import columns, component_type, is_range, unknown_component
+from runtime.network.initial import STATES
 from runtime.network.network import Entry, Network, Wire, check_output
 from runtime.network.open_inputs import fits, outputs_in
 from runtime.network.removal import follow, missing_block
@@ -17,6 +18,7 @@ from runtime.network.shapes import MAX_BYTES, state_shape, whole_shape
 __all__ = [
     "BLOCK_KEYS",
     "MAX_BYTES",
+    "STATES",
     "AddressError",
     "Endpoint",
     "Entry",
@@ -26,11 +28,13 @@ __all__ = [
     "Wire",
     "build",
     "check_output",
+    "columns",
     "component_type",
     "expand",
     "find",
     "fits",
     "follow",
+    "is_range",
     "is_variadic",
     "missing_block",
     "outputs_in",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, replace
 
 from blocks.core import hint
@@ -10,6 +11,8 @@ from runtime.errors import Location
 from runtime.network.scope import Scope
 
 MAX_HOPS = 100
+_BRACKETS = re.compile(r"([^\[\]]+)\[([^\[\]]*)\]")
+_INDEX = re.compile(r"[0-9]+|[0-9]*:[0-9]*", re.ASCII)
 
 
 @dataclass(frozen=True)
@@ -21,6 +24,8 @@ class Endpoint:
     component: str = ""
 
     def __str__(self) -> str:
+        if ":" in self.component:
+            return f"{self.block}.{self.port}[{self.component}]"
         return ".".join(part for part in (self.block, self.port, self.component) if part)
 
 
@@ -64,7 +69,7 @@ def find(scope: Scope, text: str, depth: int = 0) -> ResolvedAddress:
     ------
     AddressError : the message names what does not exist, and similar names.
     """
-    names = text.split(".")
+    names = _split(text)
     if "" in names or depth > MAX_HOPS:
         message = "leads through parts in a circle" if depth else "is not an address"
         raise AddressError(f"'{text}' {message}; expected block.output")
@@ -85,6 +90,24 @@ def find(scope: Scope, text: str, depth: int = 0) -> ResolvedAddress:
     if "blocks" in scope.unread or (scope is not start and "outputs" in scope.unread):
         raise ReportedError
     raise AddressError(_missing(start, scope, head))
+
+
+def _split(text: str) -> list[str]:
+    """The names in an address; ``a.out[1]`` and ``a.out[0:2]`` end in a component.
+
+    Raises
+    ------
+    AddressError : what is in brackets is no component.
+    """
+    match = _BRACKETS.fullmatch(text)
+    if match is None:
+        return text.split(".")
+    inner = match[2].replace(" ", "")
+    if not _INDEX.fullmatch(inner):
+        raise AddressError(
+            f"'{text}': expected a number or a range in brackets, as in [1] or [0:2]"
+        )
+    return [*match[1].split("."), inner]
 
 
 def _component(found: ResolvedAddress, rest: list[str], text: str) -> ResolvedAddress:

@@ -25,6 +25,7 @@ from runtime.errors import MissingExtraError, Problems, Where
 from runtime.network.addresses import Endpoint
 from runtime.network.block_types import block_class, own_types
 from runtime.network.inference import infer_types, report_open
+from runtime.network.initial import read_initial
 from runtime.network.network import Entry, Network
 from runtime.network.open_inputs import report_open_inputs
 from runtime.network.removal import remove
@@ -81,6 +82,9 @@ def build(
     if not problems.found:
         report_open(network, problems)
     missing = _check_contexts(network, problems) if can_run else None
+    if not problems.found:
+        initial, notes = read_initial(network, problems)
+        network = replace(network, initial=initial, notes=(*network.notes, *notes))
     extra = None if missing is None else MissingExtraError(missing.feature, missing.extra)
     return network, extra
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from blocks.core import BlockSpec, PortType, Same, Scalar, SignalType
 from runtime.errors import NOWHERE, Problems
-from runtime.network.addresses import Endpoint
+from runtime.network.components import component_type, unknown_component
 from runtime.network.network import Network, Wire
 
 Variable = tuple[str, str]
@@ -64,6 +64,11 @@ def _open(block: str, port: str, spec: BlockSpec) -> str:
     if isinstance(kind, Same):
         message = f"the signal type of '{block}.{port}' is open; wire a typed signal to it"
         return message + (", or write its type, as in 'signal: Scalar'" if spec.generic else "")
+    spread = [name for name, declared in spec.inputs.items() if declared.spread == kind.symbol]
+    if spread:
+        return (
+            f"the length of '{block}.{port}' is open; wire typed signals to '{block}.{spread[0]}'"
+        )
     alike = [name for name, declared in spec.inputs.items() if declared.type == kind]
     inputs = " or ".join(f"'{block}.{name}'" for name in alike or [port])
     return f"the length of '{block}.{port}' ({kind}) is open; wire a {kind.name} to {inputs}"
@@ -73,19 +78,6 @@ def compatible(source: SignalType, target: SignalType) -> bool:
     """Whether a wire may join the two: equal types, or a scalar and a Vector(1)."""
     pair = {str(source), str(target)}
     return source == target or pair == {"Scalar", "Vector(1)"}
-
-
-def component_type(kind: SignalType, end: Endpoint) -> SignalType | None:
-    """The type at the end of an address; None where the component does not exist."""
-    if not end.component:
-        return kind
-    if end.component.isdigit() and end.component != str(_number(end.component)):
-        return None
-    return Scalar if kind.column(end.component) is not None else None
-
-
-def _number(text: str) -> int | None:
-    return int(text) if text.isascii() else None
 
 
 def _resolved(declared: PortType, block: _Block) -> SignalType | None:
@@ -123,6 +115,22 @@ class _Inference:
 
     def into(self, wire: Wire) -> PortType:
         return self.network.entries[wire.block].cls.spec.inputs[wire.port].type
+
+    def spread(self, wire: Wire) -> str:
+        """The length symbol of an input that takes components of any signals; '' for others."""
+        return self.network.entries[wire.block].cls.spec.inputs[wire.port].spread
+
+    def width(self, wire: Wire) -> int:
+        """The number of components that arrive at such an input; 0 if it is not known yet."""
+        found = 0
+        for other in self.network.wires:
+            if (other.block, other.port) == (wire.block, wire.port):
+                known = other.source.block in self.known
+                kind = _concrete(self.arriving(other)) if known else None
+                if kind is None or len(kind.shape) > 1:
+                    return 0
+                found += kind.shape[0] if kind.shape else 1
+        return found
 
     def declared_by_part(self, wire: Wire) -> SignalType | None:
         """The type that the outermost part on a wire's way declares for its source."""
@@ -170,6 +178,8 @@ class _Inference:
 
         votes: list[tuple[Variable, SignalType, str]] = []
         for wire in self.wires:
+            if self.spread(wire):
+                continue
             source = self.variable(wire.source.block, self.out(wire))
             target = self.variable(wire.block, self.into(wire))
             coming = _concrete(self.arriving(wire))
@@ -204,6 +214,13 @@ class _Inference:
         """Propagate types along one wire, both ways; returns the blocks that changed."""
         changed = []
         source, target = self.known[wire.source.block], self.known[wire.block]
+        spread = self.spread(wire)
+        if spread:
+            width = self.width(wire)
+            if width and spread not in target.lengths:
+                target.lengths[spread] = width
+                changed.append(wire.block)
+            return changed
         coming = _concrete(self.arriving(wire))
         if coming is not None and _bind(self.into(wire), target, coming, wire.source_text):
             changed.append(wire.block)
@@ -253,7 +270,12 @@ class _Inference:
         for wire in self.wires:
             target = _resolved(self.into(wire), self.known[wire.block])
             coming = self.arriving(wire)
-            if target is not None and coming is not None:
+            if self.spread(wire):
+                if coming is not None and coming.form == "array" and coming.components:
+                    message = f"expected a number, a record or a vector, got {coming} from "
+                    message += f"'{wire.source_text}'"
+                    self.problems.add(wire.where, wire.address, message)
+            elif target is not None and coming is not None:
                 declared = self.into(wire)
                 symbol = declared.variable if isinstance(declared, Same) else declared.symbol
                 self.check(wire, coming, target, self.known[wire.block].why.get(symbol or "", ""))
@@ -292,17 +314,3 @@ def _bind(declared: PortType, block: _Block, kind: SignalType, why: str) -> bool
     block.lengths[symbol] = length
     block.why[symbol] = why
     return True
-
-
-def unknown_component(kind: SignalType, end: Endpoint) -> str:
-    """What is wrong with a component that a signal does not have."""
-    if kind.form == "scalar":
-        has = "it is a scalar"
-    elif kind.form == "record":
-        has = f"its components: {', '.join(kind.components)}"
-    elif kind.components:
-        has = "only records and vectors have components"
-    else:
-        last = kind.length - 1 if isinstance(kind.length, int) else "its length"
-        has = f"its components: 0 to {last}"
-    return f"{kind} '{end.block}.{end.port}' has no component '{end.component}'; {has}"

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
-from blocks.core import Block, BlockContext, Evaluation, SignalType, hint
+from blocks.core import Block, BlockContext, Evaluation, FloatArray, SignalType, hint
 from blocks.world import World
 from runtime.document import Node, Solver
 from runtime.errors import Where
 from runtime.network.addresses import Endpoint
+from runtime.network.components import component_names
 from runtime.network.scope import Scope
 
 
@@ -92,6 +95,7 @@ class Network:
     wires : into blocks; part_wires : into parts, whose typed inputs ``part_inputs`` lists.
     terms : (block, port) of a variadic input to one flag per wire as written: whether it is kept.
     types : (block, port) to signal type; lengths : block to its known lengths, by symbol.
+    initial : block to the states, by name, that it takes from an earlier run when it starts.
     removed : blocks that are left out, each with "without" or "bypass".
     removed_by : the name in ``without`` that removed a block: its own, or that of its part.
     removed_entries, removed_wires : removed blocks, and wires that went or moved with them.
@@ -107,6 +111,7 @@ class Network:
     solver: Solver
     scope: Scope
     document: Node
+    states: str = "small"
     world: World | None = None
     signal_types: Mapping[str, SignalType] = field(default_factory=dict)
     entries: Mapping[str, Entry] = field(default_factory=dict)
@@ -117,6 +122,7 @@ class Network:
     terms: Mapping[tuple[str, str], tuple[bool, ...]] = field(default_factory=dict)
     types: Mapping[tuple[str, str], SignalType] = field(default_factory=dict)
     lengths: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
+    initial: Mapping[str, Mapping[str, FloatArray]] = field(default_factory=dict)
     removed: Mapping[str, str] = field(default_factory=dict)
     removed_by: Mapping[str, str] = field(default_factory=dict)
     removed_entries: Mapping[str, Entry] = field(default_factory=dict)
@@ -126,6 +132,20 @@ class Network:
     @property
     def ticks(self) -> int:
         return round(self.until / self.dt)
+
+    @cached_property
+    def driving(self) -> tuple[Wire, ...]:
+        """The wires as blocks read them: into an input that spreads, one for each component."""
+        found: list[Wire] = []
+        for wire in self.wires:
+            inputs = self.entries[wire.block].cls.spec.inputs
+            found += self._spread(wire) if inputs[wire.port].spread else [wire]
+        return tuple(found)
+
+    def _spread(self, wire: Wire) -> list[Wire]:
+        kind = self.types[wire.source.block, wire.source.port]
+        names = component_names(kind, wire.source)
+        return [replace(wire, source=replace(wire.source, component=name)) for name in names]
 
     def is_typed(self, name: str) -> bool:
         """Whether all ports of a block have their types."""
@@ -140,7 +160,7 @@ class Network:
             dt=self.dt * entry.every,
             types={port: self.types[name, port] for port in ports if (name, port) in self.types},
             terms={
-                port: self.terms.get((name, port), ())
+                port: self._flags(name, port, bool(declared.spread))
                 for port, declared in entry.cls.spec.inputs.items()
                 if declared.variadic
             },
@@ -148,6 +168,16 @@ class Network:
             lengths=self.lengths.get(name, {}),
             published=frozenset(port for port, _ in self.publications(name)),
         )
+
+    def _flags(self, name: str, port: str, spread: bool) -> tuple[bool, ...]:
+        """Whether each term of a variadic input is connected."""
+        flags = self.terms.get((name, port), ())
+        if not spread:
+            return flags
+        widths = Counter(
+            wire.term for wire in self.driving if (wire.block, wire.port) == (name, port)
+        )
+        return tuple(flag for i, flag in enumerate(flags) for _ in range(widths[i] if flag else 1))
 
     def publications(self, name: str) -> list[tuple[str, Endpoint]]:
         """The inputs of a block that receive a published description, and from which output."""

@@ -9,6 +9,7 @@ from blocks.core import hint
 from runtime.document import Node, texts
 from runtime.errors import Problems
 from runtime.network.addresses import Endpoint
+from runtime.network.components import within
 from runtime.network.network import Network, Wire
 
 
@@ -85,7 +86,7 @@ def _chain(network: Network, end: Endpoint) -> Iterator[Endpoint]:
         through = network.bypass_sources.get(f"{end.block}.{end.port}")
         if network.removed.get(end.block) != "bypass" or through is None:
             return
-        end = replace(through, component=through.component or end.component)
+        end = replace(through, component=within(through.component, end.component))
 
 
 def follow(network: Network, end: Endpoint) -> Endpoint | None:

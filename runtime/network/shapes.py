@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from blocks.core import BlockContext, SignalType, State
+from blocks.core import Block, BlockContext, SignalType, State
 from runtime.network.addresses import Endpoint
 from runtime.network.network import Network
 
@@ -22,17 +22,14 @@ def whole_shape(network: Network, end: Endpoint) -> tuple[int, ...] | None:
         return None if kind is None else kind.shape
     if not network.is_typed(end.block):
         return None
-    return state_shape(entry.block.sizes(), spec.states[end.port], network.context(end.block), spec)
+    return state_shape(entry.block, spec.states[end.port], network.context(end.block), spec)
 
 
-def state_shape(
-    sizes: dict[str, int], state: State, context: BlockContext, spec: Any
-) -> tuple[int, ...]:
+def state_shape(block: Block, state: State, context: BlockContext, spec: Any) -> tuple[int, ...]:
     """The shape of a declared state, with symbolic lengths resolved."""
-    if state.like:
-        return context.types[state.like].shape
-    lengths = {**context.lengths, **sizes}
+    lengths = {**context.lengths, **block.sizes_in(context)}
     for name, port in {**spec.inputs, **spec.outputs}.items():
         if isinstance(port.type, SignalType) and port.type.symbol and name in context.types:
             lengths[port.type.symbol] = context.types[name].shape[0]
-    return tuple(n if isinstance(n, int) else lengths[n] for n in state.shape)
+    like = context.types[state.like].shape if state.like else ()
+    return (*(n if isinstance(n, int) else lengths[n] for n in state.shape), *like)

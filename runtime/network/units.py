@@ -7,6 +7,7 @@ from collections import defaultdict, deque
 from blocks.core import Input, Same, differ
 from runtime.errors import Problems
 from runtime.network.addresses import Endpoint
+from runtime.network.components import columns
 from runtime.network.network import Network, Wire
 
 INTENDED = "; if that is intended, a Gain on this wire gives it another unit"
@@ -77,8 +78,8 @@ class _Units:
         port = self.network.entries[end.block].cls.spec.outputs[end.port]
         kind = self.network.types.get((end.block, end.port))
         if kind is not None and kind.form == "record":
-            column = kind.column(end.component) if end.component else None
-            return "" if column is None else kind.units[column]
+            column = columns(kind, end.component) if end.component else None
+            return kind.units[column] if isinstance(column, int) else ""
         if port.unit or not isinstance(port.type, Same):
             return port.unit or (kind.units[0] if kind and len(kind.units) == 1 else "")
         if port.type.own_unit:

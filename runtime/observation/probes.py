@@ -5,8 +5,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from blocks.core import SignalType
-from runtime.network import Endpoint, Network, component_type, state_shape, unknown_component
+from blocks.core import SignalType, Vector
+from runtime.network import (
+    Endpoint,
+    Network,
+    columns,
+    component_type,
+    is_range,
+    state_shape,
+    unknown_component,
+)
 
 MAX_RECORDING = 1024**4
 
@@ -122,10 +130,15 @@ def make_signal(network: Network, end: Endpoint, label: str) -> Signal | None:
     spec = entry.cls.spec
     if end.port in spec.states:
         state = spec.states[end.port]
-        shape = state_shape(entry.made.sizes(), state, network.context(end.block), spec)
+        shape = state_shape(entry.made, state, network.context(end.block), spec)
         kind = state.signal.name if state.signal is not None else "State"
         unit = state.unit
-        if end.component:
+        if is_range(end.component):
+            part = columns(Vector(shape[0]), end.component) if len(shape) == 1 else None
+            if not isinstance(part, slice):
+                return None
+            shape = (part.stop - part.start,)
+        elif end.component:
             number = int(end.component) if end.component.isdecimal() else -1
             if len(shape) != 1 or not 0 <= number < shape[0] or str(number) != end.component:
                 return None
@@ -149,6 +162,13 @@ def make_signal(network: Network, end: Endpoint, label: str) -> Signal | None:
 def _columns(
     whole: SignalType, end: Endpoint, label: str, unit: str
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    part = columns(whole, end.component) if is_range(end.component) else None
+    if isinstance(part, slice):
+        base = label.split("[")[0]
+        units = whole.units or (unit,)
+        each = units if whole.form == "record" else (unit or units[0],) * whole.shape[0]
+        names = whole.components or tuple(map(str, range(whole.shape[0])))
+        return tuple(f"{base}.{name}" for name in names[part]), each[part]
     if whole.form == "record":
         if end.component:
             return (label,), (whole.units[whole.column(end.component) or 0],)

@@ -63,9 +63,9 @@ class RunData:
     """A run: ``result["plant.pose"]`` is an array, ``result.metrics`` a dict.
 
     Names are those of probes, or the addresses that they record. ``world`` holds the graph's
-    walls, if any, and ``units`` the units of the metrics that have one. ``origin`` returns the
-    graph's texts and the files of its own blocks, by name; it is called only when they are needed,
-    which is rare in a sweep.
+    walls, if any, ``states`` the blocks' states at the end of the run, and ``units`` the units of
+    the metrics that have one. ``origin`` returns the graph's texts and the files of its own blocks,
+    by name; it is called only when they are needed, which is rare in a sweep.
     """
 
     title: str
@@ -78,6 +78,7 @@ class RunData:
     failures: list[str] = field(default_factory=list)
     world: World | None = None
     units: dict[str, str] = field(default_factory=dict)
+    states: dict[str, FloatArray] = field(default_factory=dict)
 
     @cached_property
     def texts(self) -> dict[str, str]:

@@ -22,6 +22,7 @@ from blocks.core import FloatArray, show
 from blocks.world import World
 from runtime.errors import UsageError
 from runtime.files import json_text, read_text, sha256, system_errors, write_json, write_whole
+from runtime.network import STATES
 from runtime.observation import PlotSpec, Probe, Recording, RunData
 from runtime.runs.commit import git_commit
 from runtime.schema import NUMBER, check, is_number
@@ -118,6 +119,8 @@ def write(result: RunData, folder: Path, commit: str | None) -> None:
         arrays[name] = recorded.values
         arrays[f"{name}.{TIME}"] = recorded.t
     save_arrays(folder / PROBES, arrays)
+    if result.states:
+        save_arrays(folder / STATES, result.states)
     _write_texts(result, folder)
     write_whole(folder / METRICS, json_text(result.metrics, indent=2) + "\n")
     hashes = {path.name: sha256(path) for path in sorted(folder.iterdir())}
@@ -258,6 +261,7 @@ def described_run(
     return RunData(
         *(str(manifest["graph"]), probes, metrics, plots, manifest),
         *(lambda: (texts, {}), notes, failures, world, units),
+        _arrays(folder / STATES) if (folder / STATES).is_file() else {},
     )
 
 

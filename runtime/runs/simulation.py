@@ -93,6 +93,7 @@ def simulate(
     notes += engine.diagnosis.notes(outcome.ticks) if outcome.ticks else []
     result = _result(graph, outcome, probes, metrics, notes, began)
     result.failures = failures
+    result.states = engine.final_states() if outcome.ticks else {}
     if outcome.error is not None:
         outcome.error.result = result
         raise outcome.error
@@ -183,6 +184,8 @@ def _resolved(graph: PreparedRun, engine: str) -> dict[str, Any]:
     run = {"dt": network.dt, "until": network.until, "seed": network.seed, "engine": engine}
     if network.memory != DEFAULT_MEMORY:
         run["memory"] = network.memory
+    if network.states != "small":
+        run["states"] = network.states
     return {**graph.document(), "run": run | network.solver.written()}
 
 

@@ -57,6 +57,8 @@ PLAUSIBLE: dict[str, tuple[str, ...]] = {
     "--wire": ("plant.command=go.value", "gain.input=plant.pose", "noise.pose=noise.measured"),
     "--without": ("noise", "gain", "plant", "noise,limit", "nobody"),
     "--bypass": ("limit", "gain", "noise,limit", "go"),
+    "--from": ("runs", "nowhere", "."),
+    "--initial": ("snn.weights=runs", "snn=nowhere", "snn", "=x"),
     "--replace": ("limit=ActuatorFault", "gain=Lowpass", "gain=Gian", "noise=PoseNoise,gain=Sum"),
     "--variant": ("soft", "a/b", "baseline"),
     "--except": ("plant", "plant,noise", "nobody"),

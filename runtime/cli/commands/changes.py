@@ -40,6 +40,8 @@ def add_changes(parser: ArgumentParser, seed: bool = True, variants: bool = Fals
             "replace blocks by a direct wire from their input to their output",
         ),
         ("--replace", "NAME=TYPE[,...]", "replace a block by one of another type"),
+        ("--from", "RUN", "begin with the states that blocks of the same name had at a run's end"),
+        ("--initial", "ADDRESS=RUN", "so for one block or state: snn.weights=runs/my/latest"),
     ):
         change.add_argument(flag, action=_Change, metavar=form, help=text, dest="changes")
     if variants:
@@ -105,9 +107,14 @@ def apply(graph: Graph, kind: str, text: str) -> Graph:
                 raise UsageError(f"{origin}: expected NAME=TYPE, as in lqr=PID")
             graph = graph.replace(name.strip(), typed.strip(), origin=origin)
         return graph
+    if kind == "from":
+        return graph.begin_from(text, origin=origin)
     path, equals, value = text.partition("=")
     if not equals:
-        raise UsageError(f"{origin}: expected PATH=VALUE")
+        expected = "ADDRESS=RUN" if kind == "initial" else "PATH=VALUE"
+        raise UsageError(f"{origin}: expected {expected}")
+    if kind == "initial":
+        return graph.begin_from(value, path.strip(), origin=origin)
     plain = parse_yaml(value, origin).plain()
     if kind == "set":
         return graph.set(path, plain, origin=origin)

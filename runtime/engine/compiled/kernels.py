@@ -94,7 +94,7 @@ def make_kernels(
         if not calls:
             continue
         terms = {
-            port: sum(w.block == name and w.port == port for w in network.wires)
+            port: sum(w.block == name and w.port == port for w in network.driving)
             for port, declared in spec.inputs.items()
             if declared.variadic
         }

@@ -350,9 +350,9 @@ def state_like_nothing() -> Any:
             through_many,
             "Bad.out: through='terms' takes many wires of Twist, which cannot replace Twist",
         ),
-        (no_annotation, "Bad.gain: annotate the parameter with float, int, bool, str or FloatAr"),
-        (odd_annotation, "Bad.gain: annotate the parameter with float, int, bool, str or FloatA"),
-        (two_annotations, "Bad.gain: annotate the parameter with float, int, bool, str or Float"),
+        (no_annotation, "Bad.gain: annotate the parameter with float, int, bool, str, FloatAr"),
+        (odd_annotation, "Bad.gain: annotate the parameter with float, int, bool, str, FloatA"),
+        (two_annotations, "Bad.gain: annotate the parameter with float, int, bool, str, Float"),
         (unseen_annotation, "Bad: cannot read its annotations: name 'Unseen' is not defined; imp"),
         (
             default_out_of_bounds,

@@ -5,7 +5,7 @@ compiled. The text is run as plain Python on many random runs, and compiled on o
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,7 +15,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import blocks
-from blocks import Block, Path, Pose, Scan, SignalType, Twist, Vector
+from blocks import Block, Path, Pose, Scalar, Scan, SignalType, Twist, Vector, nonlinear, sources
+from blocks import generic as generic_room
+from blocks.generic.mathematics import COMPARISONS, LOGIC
 from blocks.registry import BUILTIN
 from blocks.testing.bench import Bench
 from blocks.testing.checking import settle
@@ -106,6 +108,12 @@ def generic(block: Block, *free: str) -> list[Case]:
     """A block that takes any type, with types of every form."""
     kinds = (blocks.Scalar, Pose, Vector(4), Path(5))
     return [Case(block, {block_input(block): kind}, free=free) for kind in kinds]
+
+
+def elementwise(block: Block, *free: str) -> list[Case]:
+    """A block that takes numbers, records and vectors, with each of them."""
+    kinds = (Scalar, Pose, Vector(4))
+    return [Case(block, {"input": kind}, free=free) for kind in kinds]
 
 
 def block_input(block: Block) -> str:
@@ -215,7 +223,111 @@ CASES: dict[str, list[Case]] = {
         Case(blocks.Sum(), {"terms": Twist}, absent=True),
     ],
     "Mux": [Case(blocks.Mux()), Case(blocks.Mux(), absent=True)],
-    "Gain": generic(blocks.Gain(gain=-0.7)),
+    "Gain": [
+        *generic(blocks.Gain(gain=-0.7)),
+        Case(blocks.Gain(gain=[2, -3]), {"input": Twist}),
+        Case(blocks.Gain(gain=[2, -3]), {"input": Vector(2)}),
+    ],
+    "MatrixGain": [Case(blocks.MatrixGain(matrix=[[1, 2, 3], [4, 5, 6]]))],
+    "Product": [
+        Case(blocks.Product(powers=[1, -1])),
+        Case(blocks.Product(), {"factors": Twist}),
+        Case(blocks.Product(), {"factors": Vector(3)}, absent=True),
+    ],
+    "Norm": [
+        *(Case(blocks.Norm(order=order)) for order in ("1", "2", "max")),
+        Case(blocks.Norm(), absent=True),
+    ],
+    "Wrap": [*elementwise(blocks.Wrap()), Case(blocks.Wrap(low=0.0), {"input": Pose})],
+    "Compare": [Case(blocks.Compare(operator=name, value=0.5)) for name in COMPARISONS],
+    "Logic": [
+        *(Case(blocks.Logic(operator=name)) for name in LOGIC),
+        Case(blocks.Logic(operator="nor"), absent=True),
+    ],
+    "Function": [
+        Case(blocks.Function(expression="a*u[0]*u[1] - sin(t)", constants={"a": 2})),
+        Case(blocks.Function(expression=["x**3", "clip(y, -1, 1)", "t"], names=["x", "y"])),
+        Case(blocks.Function(expression=["min(u)", "norm(u)"], signal="Twist")),
+        Case(blocks.Function(expression="x if 0 < x < 1 else -floor(x)%3", names=["x"])),
+        Case(blocks.Function(expression="u[1]**4 + exp(-u[0]**2)/(1+u[0]**2)**0.5"), absent=True),
+    ],
+    "Concatenate": [Case(blocks.Concatenate()), Case(blocks.Concatenate(), absent=True)],
+    "Select": [
+        Case(blocks.Select(indices=[1, 0, 1])),
+        Case(blocks.Select(indices=[0]), absent=True),
+    ],
+    "MultiportSwitch": [
+        Case(blocks.MultiportSwitch(), {"inputs": kind}) for kind in (Scalar, Twist, Vector(3))
+    ],
+    "Clock": [Case(blocks.Clock())],
+    "Sine": [Case(blocks.Sine(frequency=3.0, phase=1.0, offset=2.0))],
+    "Step": [Case(blocks.Step(time=0.1, before=-1.0))],
+    "Ramp": [Case(blocks.Ramp(start=0.1, stop=0.2, slope=-3.0))],
+    "Pulse": [
+        Case(blocks.Pulse(period=0.1)),
+        Case(blocks.Pulse(period=0.1, rise=0.03, fall=0.02, width=0.01, start=0.05, count=2)),
+    ],
+    "Chirp": [Case(blocks.Chirp()), Case(blocks.Chirp(method="logarithmic", duration=0.3))],
+    "Piecewise": [
+        Case(blocks.Piecewise(times=[0, 0.1, 0.2, 0.25], values=[1, 3, 2, 5], method=method))
+        for method in ("hold", "linear", "cubic")
+    ]
+    + [Case(blocks.Piecewise(times=[0.05, 0.1], values=[[1, 2], [3, 4]], signal="Twist"))],
+    "WhiteNoise": [
+        Case(blocks.WhiteNoise(density=0.1)),
+        Case(blocks.WhiteNoise(density=[0.1, 0.2], mean=1.0, signal="Twist")),
+    ],
+    "RandomWalk": [Case(blocks.RandomWalk(density=0.1, initial=[1, 2], signal="Vector(2)"))],
+    "Clip": [
+        *elementwise(blocks.Clip(low=-0.5)),
+        Case(blocks.Clip(high=[0.1, 0]), {"input": Twist}),
+    ],
+    "DeadZone": elementwise(blocks.DeadZone(low=-0.5, high=0.2)),
+    "Quantizer": elementwise(blocks.Quantizer(step=0.25, offset=0.1)),
+    "RateLimiter": elementwise(blocks.RateLimiter(rising=5.0, falling=-30.0), "previous"),
+    "Backlash": elementwise(blocks.Backlash(width=0.5, initial=0.3), "previous"),
+    "Relay": elementwise(blocks.Relay(switch_on=0.5, switch_off=-0.5, low=-1.0), "previous"),
+    "LookupTable": [
+        Case(blocks.LookupTable(x=[-1, 0, 0.5, 1], y=[0, 1, -1, 2], method=method, outside=outside))
+        for method in ("hold", "linear", "cubic", "pchip")
+        for outside in ("hold", "extrapolate")
+    ],
+    "LookupTable2D": [
+        Case(
+            blocks.LookupTable2D(
+                x=[-1, 0, 1], y=[-0.5, 0.5], values=[[1, 2], [3, 5], [0, 1]], **options
+            )
+        )
+        for options in ({}, {"method": "hold"}, {"outside": "extrapolate"})
+    ],
+    "Delay": [*elementwise(blocks.Delay(delay=0.05), "ring"), Case(blocks.Delay(delay=0.0333))],
+    "Hold": elementwise(blocks.Hold()),
+    "MovingAverage": [
+        *elementwise(blocks.MovingAverage(samples=4, initial=1.0), "ring"),
+        Case(blocks.MovingAverage(samples=1)),
+    ],
+    "DiscreteTransferFunction": [
+        *elementwise(
+            blocks.DiscreteTransferFunction(numerator=[0.2, 0.1], denominator=[2, -1, 0.3]),
+            "memory",
+        ),
+        Case(blocks.DiscreteTransferFunction(numerator=[1, 0.5], denominator=[1, -0.3])),
+        Case(blocks.DiscreteTransferFunction(numerator=[3], denominator=[2])),
+    ],
+    "DiscreteIntegrator": [
+        *elementwise(blocks.DiscreteIntegrator(), "total"),
+        Case(blocks.DiscreteIntegrator(method="backward", upper=0.02, gain=2.0), {"input": Twist}),
+        Case(blocks.DiscreteIntegrator(method="trapezoidal", initial=1.0)),
+    ],
+    "DiscreteStateSpace": [
+        Case(blocks.DiscreteStateSpace(A=[[0.9, 0.1], [0, 0.8]], B=[0, 1], C=[1, 0]), free=("x",)),
+        Case(
+            blocks.DiscreteStateSpace(
+                A=[[0.5]], B=[[1, 2]], C=[[1], [2]], D=[[1, 0], [0, 1]], x0=[1]
+            ),
+            free=("x",),
+        ),
+    ],
     "Switch": generic(blocks.Switch()),
     "UnitDelay": [
         *generic(blocks.UnitDelay(), "memory"),
@@ -385,9 +497,19 @@ def test_the_text_computes_what_the_block_computes(case: Case) -> None:
         check_equal(case, TextRun, stream)
 
 
+def compiled() -> Iterator[Any]:
+    """All cases; of small blocks, all but the first one take long for what they show."""
+    small = {name for room in (sources, generic_room, nonlinear) for name in room.__all__}
+    for name, cases in CASES.items():
+        for i, case in enumerate(cases):
+            yield pytest.param(
+                case, id=str(case), marks=[pytest.mark.slow] if i and name in small else []
+            )
+
+
 @needs_compiler
 @pytest.mark.parametrize("form", [CompiledRun, CheckedRun])
-@pytest.mark.parametrize("case", EVERY, ids=str)
+@pytest.mark.parametrize("case", list(compiled()))
 def test_the_compiled_block_computes_what_the_block_computes(case: Case, form: type[Run]) -> None:
     check_equal(case, form, STREAMS)
 

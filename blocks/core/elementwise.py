@@ -1,0 +1,66 @@
+"""The base of blocks that treat each component of a signal alike."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any
+
+import numpy as np
+
+from blocks.core.block import Block, BlockContext, BlockState
+from blocks.core.declarations import Input, Output
+from blocks.core.params import ParameterError
+from blocks.core.signals import FloatArray, Same
+
+
+class Elementwise(Block, ABC):
+    """A block whose output is ``value`` of each component of its input.
+
+    Numbers, records and vectors; the two forms of ``output`` are one text for both engines.
+    """
+
+    signal = Input(Same("T"), name="input", doc="a number, a record or a vector")
+    out = Output(Same("T"), through="input", doc="of each component")
+
+    def validate_in(self, context: BlockContext) -> None:
+        kind = context.types["out"]
+        if len(kind.shape) > 1:
+            message = f"expected a number, a record or a vector, got {kind}"
+            raise ParameterError([("input", message)])
+
+    def check_sized(self, context: BlockContext, name: str) -> None:
+        """Check that an array parameter is one number or has one per component.
+
+        Raises
+        ------
+        ParameterError : it is neither.
+        """
+        value, kind = self.value(name), context.types["out"]
+        if value is not None and value.shape not in ((), kind.shape):
+            expected = f"a number or {kind.numbers}" if kind.shape else "a number"
+            message = f"expected {expected} for {kind}, got {value.tolist()}"
+            raise ParameterError([(name, message)])
+
+    def start(self, state: BlockState) -> None:
+        kind = state.context.types["out"]
+        state.form, state.pack = kind.form, kind.pack
+        state.size = kind.shape[0] if kind.shape else 1
+
+    def output(self, state: BlockState, t: float, input: Any) -> Any:
+        if state.form == "scalar":
+            return self.of(state, input, 0)
+        out = np.empty(state.size)
+        for i in range(state.size):
+            out[i] = self.of(state, float(input[i]), i)
+        if state.form == "array":
+            return out
+        return state.pack(out)
+
+    @abstractmethod
+    def of(self, state: BlockState, x: float, i: int) -> float:
+        """The output's component ``i``, where that of the input is x."""
+
+
+def spread_to(value: FloatArray | float | None, size: int, absent: float = 0.0) -> FloatArray:
+    """A parameter as ``size`` numbers: one for all components, or one for each."""
+    return np.broadcast_to(np.asarray(absent if value is None else value, float), (size,)).copy()

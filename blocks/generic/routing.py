@@ -1,0 +1,137 @@
+"""Blocks that join and select signals."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from blocks.core import (
+    Block,
+    BlockContext,
+    BlockState,
+    FloatArray,
+    Input,
+    Output,
+    ParameterError,
+    Same,
+    Scalar,
+    Vector,
+    kernel_of,
+    nearest,
+    param,
+)
+
+
+class Select(Block):
+    """Pick components of signals, in any order.
+
+        inputs[0], inputs[1], ... ─▶ [ Select ] ─▶ out
+
+    out = the components of all inputs, counted through from 0, at the given indices: a vector with
+    as many components as indices. One component of one signal needs no block: ``a.out[1]``.
+    """
+
+    inputs = Input(Scalar, variadic=True, spread="inputs", doc="numbers, records or vectors")
+    out = Output(Vector("chosen"), doc="the chosen components")
+
+    indices: FloatArray = param(at_least=0.0, shape=(None,), doc="which components, from 0")
+
+    def validate(self) -> None:
+        if (self.indices % 1.0).any() or not len(self.indices):
+            message = f"expected a list of integers, got {self.indices.tolist()}"
+            raise ParameterError([("indices", message)])
+
+    def sizes(self) -> dict[str, int]:
+        return {"chosen": len(self.indices)} if "indices" in self.__dict__ else {}
+
+    def validate_in(self, context: BlockContext) -> None:
+        flags = context.terms["inputs"]
+        check_complete(flags, "inputs")
+        if self.indices.max() >= len(flags):
+            message = f"expected numbers from 0 to {len(flags) - 1}, since the inputs have "
+            message += f"{len(flags)} components, got {self.indices.max():g}"
+            raise ParameterError([("indices", message)])
+
+    def start(self, state: BlockState) -> None:
+        state.count = len(self.indices)
+        state.indices = self.indices.astype(np.int64)
+
+    def output(self, state: BlockState, t: float, inputs: tuple[float, ...]) -> FloatArray:
+        out = np.zeros(state.count)
+        if len(inputs) == 0:
+            return out
+        for i in range(state.count):
+            out[i] = inputs[state.indices[i]]
+        return out
+
+
+class MultiportSwitch(Block):
+    """Pass on one of many signals, by its number.
+
+        select, inputs[0], inputs[1], ... ─▶ [ MultiportSwitch ] ─▶ out
+
+    out = inputs[i] with i the integer nearest to ``select``, at least 0 and at most the last one.
+    All signals are computed all the time.
+    """
+
+    select = Input(Scalar, doc="number of the signal, from 0")
+    inputs = Input(Same("T"), variadic=True, doc="the signals, of one type")
+    out = Output(Same("T"), doc="the selected signal")
+
+    def validate_in(self, context: BlockContext) -> None:
+        flags = context.terms["inputs"]
+        if not flags:
+            raise ParameterError([("inputs", "expected at least one signal to choose from")])
+        check_complete(flags, "inputs")
+
+    def start(self, state: BlockState) -> None:
+        state.zero = state.context.types["out"].zero()
+
+    def output(self, state: BlockState, t: float, select: float, inputs: tuple[Any, ...]) -> Any:
+        if len(inputs) == 0:
+            return state.zero
+        i = min(max(nearest(select), 0.0), len(inputs) - 1.0)
+        return inputs[int(i)]
+
+
+def check_complete(flags: tuple[bool, ...], name: str) -> None:
+    """Check that no term of an input is removed.
+
+    Raises
+    ------
+    ParameterError : one is.
+    """
+    if not all(flags):
+        message = "an input's block is removed, which would shift the components after it"
+        raise ParameterError([(name, f"{message}; bypass that block, or remove this one")])
+
+
+class Concatenate(Block):
+    """Join the components of any signals to one vector.
+
+        inputs[0], inputs[1], ... ─▶ [ Concatenate ] ─▶ out
+
+    out has the components of all inputs, in order: numbers, records and vectors of any length.
+    """
+
+    inputs = Input(Scalar, variadic=True, spread="n", doc="numbers, records or vectors")
+    out = Output(Vector("n"), doc="all components, in order")
+
+    def validate_in(self, context: BlockContext) -> None:
+        check_complete(context.terms["inputs"], "inputs")
+
+    def start(self, state: BlockState) -> None:
+        state.n = state.context.types["out"].shape[0]
+
+    def output(self, state: BlockState, t: float, inputs: tuple[float, ...]) -> FloatArray:
+        return np.array(inputs) if inputs else np.zeros(state.n)
+
+    @kernel_of(output)
+    def _output_kernel(self, state: BlockState, t: float, inputs: tuple[float, ...]) -> FloatArray:
+        out = np.zeros(state.n)
+        if len(inputs) == 0:
+            return out
+        for i in range(len(inputs)):
+            out[i] = inputs[i]
+        return out

@@ -1,0 +1,113 @@
+"""Nonlinear elements whose output depends on what came before, component by component."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from blocks.core import (
+    BlockContext,
+    BlockState,
+    Elementwise,
+    FloatArray,
+    ParameterError,
+    State,
+    param,
+)
+
+
+class _Stepped(Elementwise):
+    """An element that remembers its output of the last tick."""
+
+    memory = State(name="previous", like="out", doc="the output of the last tick")
+
+    initial: FloatArray = param(
+        0.0, shape=[(), (None,)], doc="output before the first tick, or one per component"
+    )
+
+    def validate_in(self, context: BlockContext) -> None:
+        super().validate_in(context)
+        self.check_sized(context, "initial")
+
+    def start(self, state: BlockState) -> None:
+        super().start(state)
+        state.previous[...] = self.initial
+        state.cells = state.previous.reshape(-1)
+
+    def update(self, state: BlockState, t: float, out: Any) -> None:
+        if state.form == "scalar":
+            state.cells[0] = out
+        else:
+            for i in range(state.size):
+                state.cells[i] = out[i]
+
+
+class RateLimiter(_Stepped):
+    """Limit how fast a signal changes.
+
+        input ─▶ [ RateLimiter ] ─▶ out
+
+    out(t_k) = out(t_k-1) + min(max(input - out(t_k-1), falling dt), rising dt), each component.
+    """
+
+    rising: float = param(above=0.0, doc="largest rate of increase, per second")
+    falling: float | None = param(
+        None, below=0.0, doc="largest rate of decrease, negative, per second; default -rising"
+    )
+
+    def start(self, state: BlockState) -> None:
+        super().start(state)
+        falling = -self.rising if self.falling is None else self.falling
+        state.up, state.down = self.rising * state.dt, falling * state.dt
+
+    def of(self, state: BlockState, x: float, i: int) -> float:
+        change = x - state.cells[i]
+        if change > state.up:
+            return float(state.cells[i] + state.up)
+        if change < state.down:
+            return float(state.cells[i] + state.down)
+        return x
+
+
+class Backlash(_Stepped):
+    """Play between gears: the output follows only once the gap is closed.
+
+        input ─▶ [ Backlash ] ─▶ out
+
+    out = input - width/2 where that is above the last output, input + width/2 where that is below
+    it, and the last output between the two, each component.
+    """
+
+    width: float = param(above=0.0, doc="width of the gap")
+
+    def of(self, state: BlockState, x: float, i: int) -> float:
+        half = 0.5 * self.width
+        return float(min(max(state.cells[i], x - half), x + half))
+
+
+class Relay(_Stepped):
+    """Switch with hysteresis, like a thermostat.
+
+        input ─▶ [ Relay ] ─▶ out
+
+    out changes to ``high`` where input rises to ``switch_on``, to ``low`` where it falls to
+    ``switch_off``, and keeps its value in between, each component. ``initial`` is one of the two,
+    or a number nearer to one of them.
+    """
+
+    switch_on: float = param(0.0, doc="input at which the output changes to high")
+    switch_off: float = param(0.0, doc="input at which the output changes to low")
+    low: float = param(0.0, doc="output while off")
+    high: float = param(1.0, doc="output while on")
+
+    def validate(self) -> None:
+        if self.switch_off > self.switch_on:
+            message = f"expected at most switch_on = {self.switch_on:g}, got {self.switch_off:g}"
+            raise ParameterError([("switch_off", message)])
+
+    def of(self, state: BlockState, x: float, i: int) -> float:
+        if x >= self.switch_on:
+            return self.high
+        if x <= self.switch_off:
+            return self.low
+        near_high = abs(state.cells[i] - self.high) < abs(state.cells[i] - self.low)
+        return self.high if near_high else self.low

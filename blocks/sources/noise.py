@@ -1,0 +1,127 @@
+"""Random signals."""
+
+from __future__ import annotations
+
+from abc import ABC
+from typing import Any
+
+import numpy as np
+
+from blocks.core import (
+    Block,
+    BlockContext,
+    BlockState,
+    FloatArray,
+    Output,
+    ParameterError,
+    Same,
+    Scalar,
+    SignalType,
+    State,
+    Vector,
+    param,
+)
+
+
+class _Random(Block, ABC):
+    out = Output(Same("T"), doc="the noise")
+
+    kind: SignalType | None = param(
+        None, name="signal", doc="the output's type; default Scalar, or Vector for a list"
+    )
+
+    memory = State(name="value", like="out", doc="the output of this tick")
+
+    @property
+    def variables(self) -> dict[str, SignalType]:
+        lengths = [len(value) for value in self.lists]
+        count = max(lengths, default=0)
+        kind = self.kind or (Vector(count) if count else Scalar)
+        return {"T": kind.sized(count) if kind.symbol and count else kind}
+
+    @property
+    def lists(self) -> list[FloatArray]:
+        """Parameters that have one number per component."""
+        values = [self.value(name) for name in self.spec.params]
+        return [value for value in values if isinstance(value, np.ndarray) and value.ndim]
+
+    def validate(self) -> None:
+        if self.variables["T"].symbol:
+            message = f"expected a type with its length, as in Vector(3), got {self.kind}"
+            raise ParameterError([("signal", message)])
+
+    def validate_in(self, context: BlockContext) -> None:
+        kind = context.types["out"]
+        if len(kind.shape) > 1:
+            message = f"expected a number, a record or a vector, got {kind}"
+            raise ParameterError([("signal", message)])
+        for name in self.spec.params:
+            value = self.value(name)
+            if isinstance(value, np.ndarray) and value.shape not in ((), kind.shape):
+                expected = f"a number or {kind.numbers}" if kind.shape else "a number"
+                message = f"expected {expected} for {kind}, got {value.tolist()}"
+                raise ParameterError([(name, message)])
+
+    def start(self, state: BlockState) -> None:
+        kind = state.context.types["out"]
+        state.pack, state.cells = kind.pack, state.value.reshape(-1)
+
+    def numbers(self, state: BlockState, value: FloatArray) -> FloatArray:
+        """A parameter with one number per component."""
+        return np.broadcast_to(value, state.cells.shape).copy()
+
+    def output(self, state: BlockState, t: float) -> Any:
+        return state.pack(state.value)
+
+
+class WhiteNoise(_Random):
+    """White noise up to half the sampling rate; its power does not depend on the step.
+
+        [ WhiteNoise ] ─▶ out
+
+    out(t_k) = mean + sqrt(density / dt) * n_k, with independent normal n_k, held between ticks:
+    ``density`` is the two-sided power spectral density (unit^2/Hz), so that the integral of the
+    noise has the variance density * t at any dt.
+    """
+
+    density: FloatArray = param(
+        shape=[(), (None,)], at_least=0.0, doc="two-sided power spectral density, per component"
+    )
+    mean: FloatArray = param(0.0, shape=[(), (None,)], doc="mean value, per component")
+
+    def start(self, state: BlockState) -> None:
+        super().start(state)
+        state.mean = self.numbers(state, self.mean)
+        state.sigma = np.sqrt(self.numbers(state, self.density) / state.dt)
+        self.draw(state)
+
+    def draw(self, state: BlockState) -> None:
+        for i in range(len(state.cells)):
+            state.cells[i] = state.mean[i] + state.sigma[i] * state.rng.standard_normal()
+
+    def update(self, state: BlockState, t: float) -> None:
+        self.draw(state)
+
+
+class RandomWalk(_Random):
+    """A random walk, the integral of white noise.
+
+        [ RandomWalk ] ─▶ out
+
+    out(t_k+1) = out(t_k) + sqrt(density * dt) * n_k, with independent normal n_k: the variance
+    grows by ``density`` per second at any dt.
+    """
+
+    density: FloatArray = param(
+        shape=[(), (None,)], at_least=0.0, doc="growth of the variance per second, per component"
+    )
+    initial: FloatArray = param(0.0, shape=[(), (None,)], doc="value at the start, per component")
+
+    def start(self, state: BlockState) -> None:
+        super().start(state)
+        state.sigma = np.sqrt(self.numbers(state, self.density) * state.dt)
+        state.cells[...] = self.numbers(state, self.initial)
+
+    def update(self, state: BlockState, t: float) -> None:
+        for i in range(len(state.cells)):
+            state.cells[i] += state.sigma[i] * state.rng.standard_normal()

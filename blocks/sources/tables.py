@@ -1,0 +1,181 @@
+"""Signals that interpolate given values over time."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from blocks.core import (
+    Block,
+    BlockState,
+    FloatArray,
+    Output,
+    ParameterError,
+    Same,
+    Scalar,
+    SignalType,
+    Vector,
+    param,
+)
+
+METHODS = ("hold", "linear", "cubic")
+
+
+class Table(Block, ABC):
+    """A source whose value follows rows of numbers over time."""
+
+    out = Output(Same("T"), doc="the interpolated value")
+
+    @property
+    @abstractmethod
+    def rows(self) -> tuple[FloatArray, FloatArray]:
+        """Times (n,) and values (n,) or (n, k)."""
+
+    @property
+    @abstractmethod
+    def how(self) -> str:
+        """One of METHODS."""
+
+    @property
+    def stated(self) -> SignalType | None:
+        """The output's type, if it is stated."""
+        return None
+
+    @cached_property
+    def resolved(self) -> SignalType:
+        """The output's type: a number, or as many components as there are columns."""
+        values = self.rows[1]
+        kind = self.stated or (Scalar if values.ndim == 1 else Vector(values.shape[1]))
+        return kind.sized(values.shape[-1]) if kind.symbol and values.ndim == 2 else kind
+
+    @property
+    def variables(self) -> dict[str, SignalType]:
+        return {"T": self.resolved}
+
+    def check_type(self) -> None:
+        """Check that the stated type has one component per column.
+
+        Raises
+        ------
+        ParameterError : it has not.
+        """
+        values = self.rows[1]
+        if self.resolved.symbol or self.resolved.shape != values.shape[1:]:
+            count = values.shape[1] if values.ndim == 2 else 1
+            message = f"expected a type of {count} component(s), one per column, got {self.stated}"
+            raise ParameterError([("signal", message)])
+
+    @cached_property
+    def coefficients(self) -> FloatArray:
+        """Of each segment (n - 1, 4, k): the value and its derivatives, divided by factorials."""
+        times, values = self.rows
+        table = values.reshape(len(times), -1)
+        found = np.zeros((len(times) - 1, 4, table.shape[1]))
+        found[:, 0] = table[:-1]
+        if self.how == "linear":
+            found[:, 1] = np.diff(table, axis=0) / np.diff(times)[:, None]
+        elif self.how == "cubic":
+            from scipy.interpolate import CubicSpline
+
+            found[:] = CubicSpline(times, table).c[::-1].transpose(1, 0, 2)
+        return found
+
+    def start(self, state: BlockState) -> None:
+        times, values = self.rows
+        kind = self.resolved
+        state.form, state.pack = kind.form, kind.pack
+        state.size = kind.shape[0] if kind.shape else 1
+        state.times, state.last = times.copy(), values.reshape(len(times), -1)[-1].copy()
+        state.table = self.coefficients.copy()
+        state.early = 1e-9 * state.dt
+
+    def output(self, state: BlockState, t: float) -> Any:
+        i = self.segment(state, t + state.early)
+        x = max(0.0, t - state.times[i])
+        if state.form == "scalar":
+            return self.column(state, i, 0, x)
+        out = np.empty(state.size)
+        for j in range(state.size):
+            out[j] = self.column(state, i, j, x)
+        if state.form == "array":
+            return out
+        return state.pack(out)
+
+    def segment(self, state: BlockState, t: float) -> int:
+        """The row before t, by bisection; the first one before all, the last one after."""
+        low, high = 0, len(state.times) - 1
+        if t >= state.times[high]:
+            return high
+        while high - low > 1:
+            middle = (low + high) // 2
+            if t < state.times[middle]:
+                high = middle
+            else:
+                low = middle
+        return low
+
+    def column(self, state: BlockState, i: int, j: int, x: float) -> float:
+        """One component, x seconds after row i."""
+        if i == len(state.times) - 1:
+            return float(state.last[j])
+        c0, c1 = state.table[i, 0, j], state.table[i, 1, j]
+        c2, c3 = state.table[i, 2, j], state.table[i, 3, j]
+        return float(((c3 * x + c2) * x + c1) * x + c0)
+
+
+class Piecewise(Table):
+    """Given values at given times, and what lies between.
+
+        [ Piecewise ] ─▶ out
+
+    out(times[i]) = values[i]. Between two times the value holds, or changes linearly, or along the
+    cubic spline through all points (scipy's CubicSpline, not-a-knot). Before the first time out is
+    the first value, after the last one the last.
+    """
+
+    times: FloatArray = param(unit="s", shape=(None,), doc="times, in ascending order")
+    values: FloatArray = param(
+        shape=[(None,), (None, None)], doc="a number per time, or a list of numbers per time"
+    )
+    method: str = param("hold", choices=METHODS, doc="what lies between two times")
+    kind: SignalType | None = param(
+        None, name="signal", doc="the output's type; default Scalar, or Vector for lists"
+    )
+
+    def validate(self) -> None:
+        check_times(self.times, "times")
+        if len(self.values) != len(self.times):
+            message = f"expected {len(self.times)} values, one per time, got {len(self.values)}"
+            raise ParameterError([("values", message)])
+        self.check_type()
+
+    @property
+    def rows(self) -> tuple[FloatArray, FloatArray]:
+        return self.times, self.values
+
+    @property
+    def how(self) -> str:
+        return self.method
+
+    @property
+    def stated(self) -> SignalType | None:
+        return self.kind
+
+
+def check_times(times: FloatArray, name: str) -> None:
+    """Check that times ascend.
+
+    Raises
+    ------
+    ParameterError : they do not, or there are fewer than two.
+    """
+    if len(times) < 2:
+        raise ParameterError([(name, f"expected at least two times, got {len(times)}")])
+    wrong = np.flatnonzero(np.diff(times) <= 0.0)
+    if wrong.size:
+        i = int(wrong[0])
+        message = f"expected times in ascending order, got {times[i]:g} s before {times[i + 1]:g} s"
+        raise ParameterError([(name, message)])

@@ -1,0 +1,97 @@
+"""Components of signals, by name, number or range: ``pose.theta``, ``out.1``, ``out[0:2]``."""
+
+from __future__ import annotations
+
+import re
+
+from blocks.core import Scalar, SignalType, Vector
+from runtime.network.addresses import Endpoint
+
+_RANGE = re.compile(r"(0|[1-9][0-9]{0,8})?:(0|[1-9][0-9]{0,8})?")
+
+
+def is_range(component: str) -> bool:
+    """Whether a component is a range, such as ``0:2``."""
+    return ":" in component
+
+
+def component_type(kind: SignalType, end: Endpoint) -> SignalType | None:
+    """The type at the end of an address; None where the component does not exist.
+
+    A range of a vector is one of its kind, and a range of a record a vector; its length is open
+    as long as that of the signal is.
+    """
+    if not end.component:
+        return kind
+    if is_range(end.component):
+        return _ranged(kind, end.component)
+    if end.component.isdigit() and end.component != str(_number(end.component)):
+        return None
+    return Scalar if kind.column(end.component) is not None else None
+
+
+def _ranged(kind: SignalType, component: str) -> SignalType | None:
+    if kind.form == "scalar" or (kind.form == "array" and kind.components):
+        return None
+    if kind.symbol:
+        return kind
+    found = columns(kind, component)
+    if not isinstance(found, slice):
+        return None
+    length = found.stop - found.start
+    return Vector(length) if kind.form == "record" else kind.sized(length)
+
+
+def columns(kind: SignalType, component: str) -> int | slice | None:
+    """The index, or the indices, of a component; None where it does not exist."""
+    if not is_range(component):
+        return kind.column(component)
+    match = _RANGE.fullmatch(component)
+    if match is None or len(kind.shape) != 1:
+        return None
+    start = int(match[1] or 0)
+    stop = int(match[2]) if match[2] else kind.shape[0]
+    return slice(start, stop) if start < stop <= kind.shape[0] else None
+
+
+def within(outer: str, inner: str) -> str:
+    """The component of a signal that ``inner`` is of its component ``outer``."""
+    if not outer or not inner:
+        return outer or inner
+    match = _RANGE.fullmatch(outer)
+    if match is None:
+        return outer
+    first = int(match[1] or 0)
+    if not is_range(inner):
+        return str(first + int(inner)) if inner.isdecimal() else inner
+    low, _, high = inner.partition(":")
+    return f"{first + int(low or 0)}:{first + int(high) if high else match[2] or ''}"
+
+
+def component_names(kind: SignalType, end: Endpoint) -> list[str]:
+    """The components at an address, one by one, as in an address; [''] for a number."""
+    if kind.form == "scalar" or (end.component and not is_range(end.component)):
+        return [end.component]
+    names = list(kind.components) or [str(i) for i in range(kind.shape[0])]
+    found = columns(kind, end.component) if end.component else slice(None)
+    return names[found] if isinstance(found, slice) else []
+
+
+def _number(text: str) -> int | None:
+    return int(text) if text.isascii() else None
+
+
+def unknown_component(kind: SignalType, end: Endpoint) -> str:
+    """What is wrong with a component that a signal does not have."""
+    if kind.form == "scalar":
+        has = "it is a scalar"
+    elif kind.form == "record":
+        has = f"its components: {', '.join(kind.components)}"
+    elif kind.components:
+        has = "only records and vectors have components"
+    else:
+        last = kind.length - 1 if isinstance(kind.length, int) else "its length"
+        has = f"its components: 0 to {last}"
+        if is_range(end.component):
+            has += "; a range ends before its second number, as in [0:2]"
+    return f"{kind} '{end.block}.{end.port}' has no component '{end.component}'; {has}"

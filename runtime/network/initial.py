@@ -1,0 +1,144 @@
+"""States with which a run begins: those that earlier runs ended with."""
+
+from __future__ import annotations
+
+import struct
+import zipfile
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+
+from blocks.core import FloatArray, hint
+from runtime.document import Node
+from runtime.errors import Problems
+from runtime.network.addresses import Endpoint
+from runtime.network.network import Network
+from runtime.network.shapes import whole_shape
+from runtime.streaming import open_arrays
+
+STATES = "states.npz"
+Initial = dict[str, dict[str, FloatArray]]
+_BROKEN = (OSError, ValueError, TypeError, EOFError, KeyError, RuntimeError, zipfile.BadZipFile)
+
+
+def read_initial(network: Network, problems: Problems) -> tuple[Initial, list[str]]:
+    """The states by block and name that ``from`` and ``initial`` take from runs, and notes.
+
+    ``from`` gives its states to all blocks of the same name whose states have the same shapes,
+    ``initial`` to the blocks or states that it names.
+    """
+    found: Initial = {}
+    notes: list[str] = []
+    files: dict[str, dict[str, FloatArray] | None] = {}
+    whole = network.document.get("from")
+    if whole is not None and whole.value is not None:
+        arrays = _states(whole, "from", files, problems)
+        if arrays is not None:
+            notes += _take_all(network, arrays, found, whole, problems)
+    named = network.document.get("initial")
+    if named is None or named.value is None:
+        return found, notes
+    if not named.is_map:
+        message = f"expected entries such as 'snn.weights: RUN', got {named.describe()}"
+        problems.add(named.where, "initial", message)
+        return found, notes
+    for address, node in named.items():
+        arrays = _states(node, f"initial.{address}", files, problems)
+        if arrays is not None:
+            _take(network, address, arrays, found, node, problems)
+    return found, notes
+
+
+def _states(
+    node: Node, address: str, files: dict[str, dict[str, FloatArray] | None], problems: Problems
+) -> dict[str, FloatArray] | None:
+    """The states that a run folder holds, each file read once."""
+    if not isinstance(node.value, str):
+        problems.add(node.where, address, f"expected a run folder, got {node.describe()}")
+        return None
+    if node.value in files:
+        return files[node.value]
+    folder = Path(node.value)
+    folder = folder.parent if folder.name == "manifest.json" else folder
+    arrays: dict[str, FloatArray] | None = None
+    try:
+        arrays = dict(open_arrays(folder / STATES))
+    except FileNotFoundError:
+        message = f"'{node.value}' has no {STATES}"
+        if not folder.is_dir():
+            message = f"no such run: '{node.value}'; paths are relative to the graph's own file"
+        elif (folder / "manifest.json").is_file():
+            message += (
+                ": the run was made by an older version or with run.states: none; run it again"
+            )
+        problems.add(node.where, address, message)
+    except (*_BROKEN, zlib.error, struct.error) as error:
+        problems.add(node.where, address, f"'{folder / STATES}' is damaged: {error}")
+    files[node.value] = arrays
+    return arrays
+
+
+def _take_all(
+    network: Network,
+    arrays: Mapping[str, FloatArray],
+    found: Initial,
+    node: Node,
+    problems: Problems,
+) -> list[str]:
+    """Whatever fits; returns a note on the blocks that differ."""
+    taken, differing = set(), set()
+    for name, array in arrays.items():
+        block, _, state = name.rpartition(".")
+        if _misfit(network, block, state, array):
+            differing.add(block)
+        else:
+            taken.add(block)
+            found.setdefault(block, {})[state] = array
+    for block in differing:
+        found.pop(block, None)
+    if not taken - differing:
+        problems.add(
+            node.where, "from", f"no block has the name and the states of one in '{node.value}'"
+        )
+    left = sorted(block for block in differing if block in network.entries)
+    return [f"from: {', '.join(left)} differ from the run's and start anew"] if left else []
+
+
+def _take(
+    network: Network,
+    address: str,
+    arrays: Mapping[str, FloatArray],
+    found: Initial,
+    node: Node,
+    problems: Problems,
+) -> None:
+    """The states that an entry of ``initial`` names: one, or all of a block."""
+    place = f"initial.{address}"
+    if address in network.entries:
+        chosen = {n: a for n, a in arrays.items() if n.rpartition(".")[0] == address}
+    else:
+        chosen = {address: arrays[address]} if address in arrays else {}
+    if not chosen:
+        known = [*arrays, *(name.rpartition(".")[0] for name in arrays)]
+        suggestion = hint(address, known) or f"; it has {', '.join(sorted(arrays)) or 'none'}"
+        problems.add(node.key, place, f"the run has no state of that name{suggestion}")
+    for name, array in chosen.items():
+        block, _, state = name.rpartition(".")
+        message = _misfit(network, block, state, array)
+        if message:
+            problems.add(node.key, place, message)
+        else:
+            found.setdefault(block, {})[state] = array
+
+
+def _misfit(network: Network, block: str, state: str, array: FloatArray) -> str:
+    """Why an array is no state of a block; '' if it is one."""
+    entry = network.entries.get(block)
+    if entry is None:
+        return f"there is no block '{block}'{hint(block, network.entries)}"
+    if state not in entry.cls.spec.states:
+        return f"'{block}' has no state '{state}'{hint(state, entry.cls.spec.states)}"
+    shape = whole_shape(network, Endpoint(block, state))
+    if shape is not None and shape != array.shape:
+        return f"state '{state}' of '{block}' has the shape {shape}, that of the run {array.shape}"
+    return ""

@@ -1,0 +1,189 @@
+"""Function and the blocks of arithmetic, logic and routing, in graphs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import runtime
+from tests.blocks.responses import problems, respond
+
+DRAW = np.random.default_rng(1)
+A, B = DRAW.standard_normal((2, 50))
+ROWS = DRAW.standard_normal((50, 3))
+T = 0.01 * np.arange(50)
+
+
+def test_a_function_of_signals_time_and_constants() -> None:
+    entry = {"type": "Function", "expression": "a*u[0] - u[3]**2 + sin(t)", "constants": {"a": 2}}
+    expected = 2 * ROWS[:, 0] - A**2 + np.sin(T)
+    np.testing.assert_allclose(respond(entry, {"u": [ROWS, A]}), expected, atol=1e-14)
+
+
+def test_several_expressions_make_a_vector_or_a_record() -> None:
+    entry: dict[str, Any] = {"type": "Function", "names": ["x", "y"], "expression": ["x*y", "x-y"]}
+    expected = np.column_stack((A * B, A - B))
+    np.testing.assert_array_equal(respond(entry, {"u": [A, B]}), expected)
+    found = respond({**entry, "signal": "Twist"}, {"u": [A, B]}, of="out.omega")
+    np.testing.assert_array_equal(found, A - B)
+
+
+def test_one_to_many_components_without_inputs() -> None:
+    entry = {"type": "Function", "expression": ["t", 2, "t if t > 0.1 else -1"]}
+    expected = np.column_stack((T, np.full(50, 2.0), np.where(T > 0.1, T, -1.0)))
+    np.testing.assert_array_equal(respond(entry, ticks=50), expected)
+
+
+@pytest.mark.parametrize(
+    ("entry", "part"),
+    [
+        ({"expression": "u[0] + sni(t)"}, "column 8 of 'u[0] + sni(t)': no function 'sni', did"),
+        ({"expression": ["1", "u[7]"]}, "number 1, column 3 of 'u[7]': 'u' has 3 components"),
+        ({"expression": "x", "names": ["x", "y"]}, "expected 3 names, one for each component of u"),
+        ({"expression": "1", "names": ["sin", "y", "z"]}, "the name 'sin' is taken"),
+        ({"expression": "1", "names": ["x", "x", "z"]}, "the name 'x' is given twice"),
+        ({"expression": "1", "constants": {"2a": 1}}, "'2a' is not a valid name"),
+        ({"expression": "1", "constants": [1]}, "expected a mapping of names to numbers"),
+        ({"expression": ["1", "2"], "signal": "Pose"}, "expected a type of 2 components"),
+        ({"expression": []}, "expected a text or a list of texts"),
+        ({"expression": {"a": 1}}, "expected a text or a list of texts"),
+    ],
+)
+def test_a_wrong_function_is_refused(entry: dict[str, Any], part: str) -> None:
+    assert part in problems({"type": "Function", **entry}, ["Vector"], "u")
+
+
+def test_a_failing_expression_names_the_block_and_the_time() -> None:
+    with pytest.raises(runtime.SimulationError, match="'it' at tick 5"):
+        respond({"type": "Function", "expression": "1/(u[0] - 5)"}, {"u": np.arange(9.0)})
+
+
+def test_arithmetic() -> None:
+    product = respond({"type": "Product", "powers": [1, -1, 1]}, {"factors": [A, B, A]})
+    np.testing.assert_allclose(product, A / B * A, rtol=1e-15)
+    rows = respond({"type": "Product"}, {"factors": [ROWS, ROWS]})
+    np.testing.assert_array_equal(rows, ROWS**2)
+    np.testing.assert_array_equal(
+        respond({"type": "Gain", "gain": [1, 2, -3]}, {"input": ROWS}), ROWS * [1, 2, -3]
+    )
+    matrix = [[1, 2, 3], [0, -1, 4]]
+    found = respond({"type": "MatrixGain", "matrix": matrix}, {"input": ROWS})
+    np.testing.assert_allclose(found, ROWS @ np.transpose(matrix), rtol=1e-12)
+
+
+@pytest.mark.parametrize(("order", "number"), [("1", 1), ("2", 2), ("max", np.inf)])
+def test_a_norm(order: str, number: float) -> None:
+    found = respond({"type": "Norm", "order": order}, {"inputs": [ROWS, A]})
+    together = np.column_stack((ROWS, A))
+    np.testing.assert_allclose(found, np.linalg.norm(together, number, axis=1), rtol=1e-14)
+
+
+def test_angles_are_wrapped() -> None:
+    angles = np.linspace(-20, 20, 50)
+    wrapped = respond({"type": "Wrap"}, {"input": angles})
+    np.testing.assert_allclose(np.exp(1j * wrapped), np.exp(1j * angles), atol=1e-12)
+    assert np.abs(wrapped).max() <= np.pi
+    turn = respond({"type": "Wrap", "low": 0}, {"input": angles})
+    np.testing.assert_allclose(turn, angles % (2 * np.pi), atol=1e-12)
+
+
+def test_comparison_and_logic() -> None:
+    above = respond({"type": "Compare", "operator": ">=", "value": 0.5}, {"input": A})
+    np.testing.assert_array_equal(above, A >= 0.5)
+    less = respond({"type": "Compare", "operator": "<"}, {"input": A, "other": B})
+    np.testing.assert_array_equal(less, A < B)
+    p, q = (A > 0) * 1.0, (B > 0) * 1.0
+    for name, expected in {
+        "and": p * q,
+        "or": np.maximum(p, q),
+        "xor": p != q,
+        "nand": 1 - p * q,
+        "nor": 1 - np.maximum(p, q),
+    }.items():
+        found = respond({"type": "Logic", "operator": name}, {"inputs": [p, q]})
+        np.testing.assert_array_equal(found, expected)
+    assert "'not' takes one input, got 2" in problems(
+        {"type": "Logic", "operator": "not"}, ["Scalar", "Scalar"], "inputs"
+    )
+
+
+def test_routing() -> None:
+    joined = np.column_stack((A, ROWS, B))
+    found = respond({"type": "Concatenate"}, {"inputs": [A, ROWS, B]})
+    np.testing.assert_array_equal(found, joined)
+    chosen = respond({"type": "Select", "indices": [4, 0, 2]}, {"inputs": [A, ROWS, B]})
+    np.testing.assert_array_equal(chosen, joined[:, [4, 0, 2]])
+    number = np.arange(50) % 4 - 0.6
+    switched = respond({"type": "MultiportSwitch"}, {"select": number, "inputs": [A, B, -A]})
+    expected = np.choose(np.clip(np.round(number), 0, 2).astype(int), [A, B, -A])
+    np.testing.assert_array_equal(switched, expected)
+    message = problems({"type": "Select", "indices": [3]}, ["Vector"], "inputs")
+    assert "expected numbers from 0 to 2" in message
+
+
+GRAPH: dict[str, Any] = {
+    "run": {"dt": 0.01, "until": 0.05},
+    "blocks": {
+        "pose": {"type": "Constant", "value": [1, 2, 3], "signal": "Pose"},
+        "v": {"type": "Constant", "value": [4, 5, 6, 7], "signal": "Vector"},
+        "joined": {"type": "Concatenate"},
+        "first": {"type": "Gain", "gain": 2},
+        "pair": {"type": "Gain", "gain": 2},
+        "memory": {"type": "UnitDelay"},
+    },
+    "wires": {
+        "joined": {"inputs": ["pose.value[1:]", "v.value[1:3]", "v.value.3", "pose.value"]},
+        "first": {"input": "v.value[1]"},
+        "pair": {"input": "joined.out[2:4]"},
+        "memory": {"input": "v.value[:2]"},
+    },
+    "probes": {
+        "first": "first.out",
+        "pair": "pair.out",
+        "part": "joined.out[4:]",
+        "one": "joined.out[0]",
+        "xy": "pose.value[0:2]",
+        "memory": "memory.out",
+        "state": "memory.memory[0:1]",
+    },
+}
+
+
+@pytest.mark.parametrize("engine", ["python", "compiled"])
+def test_components_and_ranges_of_wires_and_probes(engine: str) -> None:
+    result = runtime.load(GRAPH).run(engine=engine)
+    expected = {
+        "first": 10.0,
+        "pair": [10.0, 12.0],
+        "part": [7.0, 1.0, 2.0, 3.0],
+        "one": 2.0,
+        "xy": [1.0, 2.0],
+        "memory": [4.0, 5.0],
+        "state": [4.0],
+    }
+    for name, value in expected.items():
+        np.testing.assert_array_equal(np.asarray(result[name])[-1], value, err_msg=name)
+
+
+@pytest.mark.parametrize(
+    ("source", "part"),
+    [
+        ("v.value[4]", "has no component '4'; its components: 0 to 3"),
+        ("v.value[2:9]", "has no component '2:9'"),
+        ("v.value[2:2]", "has no component '2:2'"),
+        ("v.value[x]", "expected a number or a range in brackets, as in"),
+        ("v.value[0][0]", "has no output"),
+    ],
+)
+def test_a_wrong_range_is_refused(source: str, part: str) -> None:
+    graph = {**GRAPH, "wires": {**GRAPH["wires"], "first": {"input": source}}}
+    with pytest.raises(runtime.GraphError) as caught:
+        runtime.load(graph).check()
+    assert part in str(caught.value)
+
+
+def test_a_removed_input_that_would_shift_the_others_is_an_error() -> None:
+    with pytest.raises(runtime.GraphError, match="shift the components after it"):
+        runtime.load(GRAPH).without("pose").check()

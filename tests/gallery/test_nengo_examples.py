@@ -1,0 +1,72 @@
+"""The graphs of graphs/gallery/nengo against Nengo's own runs of the same models.
+
+Neurons are drawn at random on both sides, so means over seeds are compared: at each time, in units
+of the radius, with the scatter between seeds as the tolerance.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import nengo
+import numpy as np
+import pytest
+
+import runtime
+from tests.gallery.nengo_models import MODELS
+
+FOLDER = Path(__file__).parents[2] / "graphs" / "gallery" / "nengo"
+GRAPHS = sorted(path.stem for path in FOLDER.glob("*.yaml"))
+RADIUS = {"multiplication": 100.0, "lorenz_attractor": 60.0}
+# Chaotic: only what does not depend on the initial state is compared.
+CHAOTIC = ("lorenz_attractor",)
+# The run takes long, or the seeds scatter so much that many are needed.
+SLOW = (
+    *("lorenz_attractor", "learn_communication_channel", "learn_square", "learn_product"),
+    *("controlled_oscillator", "izhikevich", "matrix_multiplication", "oscillator", "integrator"),
+    *("controlled_integrator", "controlled_integrator2", "multiplication", "combining"),
+)
+SEEDS, MORE_SEEDS = 4, 8
+
+
+def theirs(name: str, seconds: float, seed: int) -> np.ndarray:
+    with nengo.Network(seed=seed) as model:
+        probe = MODELS[name]()
+    with nengo.Simulator(model, progress_bar=False) as simulator:
+        simulator.run(seconds)
+    return np.asarray(simulator.data[probe])
+
+
+def ours(name: str, seed: int) -> np.ndarray:
+    found = runtime.load(FOLDER / f"{name}.yaml").run(seed=seed)["out"]
+    return found.reshape(len(found), -1)
+
+
+def test_every_graph_has_a_model() -> None:
+    assert sorted(MODELS) == GRAPHS
+    assert len(GRAPHS) >= 20
+    for name in GRAPHS:
+        first, second = (FOLDER / f"{name}.yaml").read_text(encoding="utf-8").split("\n")[:2]
+        assert first.startswith("# ")
+        assert first.endswith((".", ";"))
+        assert second == f"graph: {name}"
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[pytest.mark.slow] if name in SLOW else []) for name in GRAPHS],
+)
+def test_means_over_seeds_are_nengos(name: str) -> None:
+    seeds = MORE_SEEDS if name in SLOW else SEEDS
+    radius = RADIUS.get(name, 1.0)
+    mine = np.stack([ours(name, seed) for seed in range(seeds)]) / radius
+    seconds = mine.shape[1] * 0.001
+    other = np.stack([theirs(name, seconds, seed) for seed in range(seeds)]) / radius
+    assert mine.shape == other.shape
+    if name in CHAOTIC:
+        # The statistics of each coordinate after the transient.
+        mine, other = (x[:, 1000:].std(axis=1, keepdims=True) for x in (mine, other))
+    scatter = np.sqrt((mine.var(axis=0).mean() + other.var(axis=0).mean()) / seeds)
+    difference = np.sqrt(np.mean((mine.mean(axis=0) - other.mean(axis=0)) ** 2))
+    assert difference < 0.02 + 2.0 * scatter
+    assert difference < 0.2
