@@ -91,15 +91,17 @@ def select(plan: Plan, chosen: frozenset[str]) -> Selection:
     }
     sources = {
         (wire.source.block, wire.source.port): None
-        for wire in network.wires
+        for wire in network.driving
         if wire.block in chosen
     }
     steps = tuple(s for s in plan.steps if s.block in chosen and not s.constant)
     updates = tuple(u for u in Emitter(plan, []).updates() if u[0] in chosen)
     read = {
-        (wire.source.block, wire.source.port) for wire in network.wires if wire.block not in chosen
+        (wire.source.block, wire.source.port)
+        for wire in network.driving
+        if wire.block not in chosen
     }
-    inside = {(wire.source.block, wire.source.port) for wire in network.wires}
+    inside = {(wire.source.block, wire.source.port) for wire in network.driving}
     made = [(step.block, port) for step in steps for port in step.evaluation.outputs]
     outputs = [port for port in made if port in read] or [p for p in made if p not in inside]
     working = {step.block for step in steps} | {name for name, _, _ in updates}
