@@ -11,6 +11,7 @@ from blocks import (
     mujoco,
     neural,
     nonlinear,
+    plants,
     sources,
     vehicle,
     wall_fitting,
@@ -48,6 +49,7 @@ from blocks.learning import *
 from blocks.mujoco import *
 from blocks.neural import *
 from blocks.nonlinear import *
+from blocks.plants import *
 from blocks.sources import *
 from blocks.testing import CheckError, check_block
 from blocks.vehicle import *
@@ -64,6 +66,7 @@ __all__ += generic.__all__
 __all__ += learning.__all__
 __all__ += mujoco.__all__
 __all__ += nonlinear.__all__
+__all__ += plants.__all__
 __all__ += sources.__all__
 __all__ += neural.__all__
 __all__ += vehicle.__all__

@@ -22,6 +22,7 @@ from blocks import (
     mujoco,
     neural,
     nonlinear,
+    plants,
     sources,
     vehicle,
     wall_fitting,
@@ -45,6 +46,7 @@ ROOMS = (
     generic,
     dynamics,
     nonlinear,
+    plants,
     mujoco,
 )
 BUILTIN: Mapping[str, type[Block]] = {

@@ -19,7 +19,7 @@ PACKAGES = ("blocks", "runtime")
 FLOORS: tuple[tuple[str, ...], ...] = (
     ("blocks.core",),
     ("blocks.dynamics", "blocks.generic", "blocks.learning", "blocks.neural", "blocks.nonlinear"),
-    ("blocks.sources", "blocks.world"),
+    ("blocks.plants", "blocks.sources", "blocks.world"),
     ("blocks.testing", "blocks.control", "blocks.vehicle"),
     ("blocks.wall_fitting", "blocks.mujoco"),
     ("blocks.registry",),
@@ -44,6 +44,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.experiments.analysis.sweep_plots", "runtime.experiments.analysis.ablation_plots"),
     ("runtime.experiments",),
     ("runtime.reports", "runtime.language"),
+    ("runtime.lsp",),
     ("runtime.cli",),
     ("runtime",),
 )

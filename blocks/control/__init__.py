@@ -4,19 +4,19 @@ from blocks.control.compensators import LQI, DisturbanceObserver, L1Adaptive
 from blocks.control.lqr import LQR
 from blocks.control.mpc import MPC
 from blocks.control.paths import CirclePath, LinePath, SinePath, WaypointPath, curvature
-from blocks.control.trackers import PID, PurePursuit, Stanley
+from blocks.control.trackers import PathPID, PurePursuit, Stanley
 from blocks.control.tracking import MatchingPoint, TrackingError
 
 __all__ = [
     "LQI",
     "LQR",
     "MPC",
-    "PID",
     "CirclePath",
     "DisturbanceObserver",
     "L1Adaptive",
     "LinePath",
     "MatchingPoint",
+    "PathPID",
     "PurePursuit",
     "SinePath",
     "Stanley",

@@ -12,10 +12,10 @@ QUARTER = 0.5 * math.pi
 
 
 @final
-class PID(Tracker):
+class PathPID(Tracker):
     """Hold the course to a point ahead on the path's tangent with a PID controller.
 
-        error, reference ─▶ [ PID ] ─▶ command
+        error, reference ─▶ [ PathPID ] ─▶ command
 
     The point lies v_r * lookahead_time along the tangent from where the robot is beside it, and
     epsilon = wrap(e_theta + atan(e / (v_r lookahead_time))) is the deviation of the

@@ -24,7 +24,16 @@ from blocks.core.expressions import (
 from blocks.core.extras import MissingPackageError, require
 from blocks.core.kernels import function_kernel, has_kernels, kernel_for, kernel_of
 from blocks.core.options import Options
-from blocks.core.params import Param, ParameterError, beyond_a_turn, hint, param, plain, show
+from blocks.core.params import (
+    REQUIRED,
+    Param,
+    ParameterError,
+    beyond_a_turn,
+    hint,
+    param,
+    plain,
+    show,
+)
 from blocks.core.portable import arctan2, cos, directions, product, sin, solve
 from blocks.core.scalar_functions import RESERVED, modulo, nearest
 from blocks.core.settings import Setting, SettingError
@@ -54,6 +63,7 @@ from blocks.core.signals import (
 from blocks.core.variants import Variant
 
 __all__ = [
+    "REQUIRED",
     "RESERVED",
     "TYPES",
     "Block",

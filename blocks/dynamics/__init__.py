@@ -4,6 +4,10 @@ from blocks.dynamics.delays import Delay, Hold, MovingAverage
 from blocks.dynamics.discrete import DiscreteIntegrator, DiscreteTransferFunction
 from blocks.dynamics.integrator import Integrator
 from blocks.dynamics.linear import DiscreteStateSpace, StateSpace
+from blocks.dynamics.pid import PID
+from blocks.dynamics.system import DynamicSystem
+from blocks.dynamics.transfer import Derivative, SecondOrder, TransferFunction, ZeroPoleGain
 
-__all__ = ["Delay", "DiscreteIntegrator", "DiscreteStateSpace", "DiscreteTransferFunction", "Hold"]
-__all__ += ["Integrator", "MovingAverage", "StateSpace"]
+__all__ = ["PID", "Delay", "Derivative", "DiscreteIntegrator", "DiscreteStateSpace"]
+__all__ += ["DiscreteTransferFunction", "DynamicSystem", "Hold", "Integrator", "MovingAverage"]
+__all__ += ["SecondOrder", "StateSpace", "TransferFunction", "ZeroPoleGain"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from functools import cached_property
 from typing import Any
 
@@ -19,16 +20,101 @@ from blocks.core import (
     SignalType,
     State,
     Vector,
-    kernel_of,
     param,
 )
 
 
-class _Linear(Block):
-    """The ports, parameters and output of a linear system."""
+class LinearSystem(Block, ABC):
+    """The ports and the output of a linear system with matrices A, B, C and D."""
 
     signal = Input(Same("U"), name="input", doc="u, a Scalar or a Vector(m)")
     out = Output(Same("Y"), doc="y, a Scalar or a Vector(p)")
+
+    @abstractmethod
+    def sizes(self) -> dict[str, int]:
+        """The number of states, n; known before the parameters are checked."""
+
+    @property
+    @abstractmethod
+    def matrices(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """A (n, n), B (n, m), C (p, n) and D (p, m)."""
+
+    @property
+    def first(self) -> FloatArray:
+        """The initial state (n,)."""
+        return np.zeros(len(self.matrices[0]))
+
+    @cached_property
+    def transition(self) -> FloatArray:
+        """A, n rows of n numbers."""
+        return self.matrices[0].copy()
+
+    @cached_property
+    def inputs(self) -> FloatArray:
+        """B, n rows of m numbers."""
+        return self.matrices[1].copy()
+
+    @cached_property
+    def outputs(self) -> FloatArray:
+        """C, p rows of n numbers."""
+        return self.matrices[2].copy()
+
+    @cached_property
+    def direct(self) -> FloatArray:
+        """D, p rows of m numbers."""
+        return self.matrices[3].copy()
+
+    @property
+    def variables(self) -> dict[str, SignalType]:
+        m, p = self.inputs.shape[1], len(self.outputs)
+        return {"U": Scalar if m == 1 else Vector(m), "Y": Scalar if p == 1 else Vector(p)}
+
+    @property
+    def indirect(self) -> tuple[str, ...]:
+        return () if self.direct.any() else ("input",)
+
+    def start(self, state: BlockState) -> None:
+        state.x[:] = self.first
+        state.has_direct = bool(self.direct.any())
+        state.form = state.context.types["out"].form
+        state.single = state.context.types["input"].form == "scalar"
+
+    def output(self, state: BlockState, t: float, input: Any = 0.0) -> Any:
+        y = np.zeros(len(self.outputs))
+        for i in range(len(y)):
+            for j in range(len(state.x)):
+                y[i] += self.outputs[i, j] * state.x[j]
+            if state.has_direct:
+                if state.single:
+                    y[i] += self.direct[i, 0] * input
+                else:
+                    for j in range(len(input)):
+                        y[i] += self.direct[i, j] * input[j]
+        if state.form == "scalar":
+            return float(y[0])
+        return y
+
+
+class ContinuousSystem(LinearSystem, ABC):
+    """A linear system in continuous time: x' = A x + B u."""
+
+    x = State("n", name="x", continuous=True, doc="the state")
+
+    def derivative(self, state: BlockState, t: float, input: Any) -> FloatArray:
+        rate = np.zeros(len(state.x))
+        for i in range(len(rate)):
+            for j in range(len(rate)):
+                rate[i] += self.transition[i, j] * state.x[j]
+            if state.single:
+                rate[i] += self.inputs[i, 0] * input
+            else:
+                for j in range(len(input)):
+                    rate[i] += self.inputs[i, j] * input[j]
+        return rate
+
+
+class _Matrices(LinearSystem, ABC):
+    """A linear system whose matrices are its parameters."""
 
     a: FloatArray = param(shape=[(None, None)], name="A", doc="n rows of n numbers")
     b: FloatArray = param(
@@ -54,65 +140,34 @@ class _Linear(Block):
             problems.append(("B", f"expected {n} rows, as A has, got {_size(self.b)}"))
         elif self.c.shape[-1] != n:
             problems.append(("C", f"expected {n} columns, as A has, got {_size(self.c)}"))
-        elif self.d.ndim and self.d.shape != (len(self.outputs), self.inputs.shape[1]):
-            wanted = f"{len(self.outputs)} x {self.inputs.shape[1]}"
+        elif self.d.ndim and self.d.shape != self.shape:
+            wanted = f"{self.shape[0]} x {self.shape[1]}"
             problems.append(("D", f"expected {wanted} numbers, got {_size(self.d)}"))
         if n and self.x0 is not None and len(self.x0) != n:
             problems.append(("x0", f"expected {n} numbers, one per state, got {len(self.x0)}"))
         if problems:
             raise ParameterError(problems)
 
-    @cached_property
-    def inputs(self) -> FloatArray:
-        """B as n rows of m numbers."""
-        return self.b.reshape(len(self.b), -1).copy()
+    @property
+    def shape(self) -> tuple[int, int]:
+        """That of D: the number of outputs, and of inputs."""
+        return self.c.size // max(1, len(self.a)), self.b.size // max(1, len(self.a))
 
-    @cached_property
-    def outputs(self) -> FloatArray:
-        """C as p rows of n numbers."""
-        return self.c.reshape(-1, self.c.shape[-1]).copy()
-
-    @cached_property
-    def direct(self) -> FloatArray:
-        """D as p rows of m numbers."""
-        shape = (len(self.outputs), self.inputs.shape[1])
-        return np.broadcast_to(self.d, shape).copy()
+    @property
+    def matrices(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        n = len(self.a)
+        d = np.broadcast_to(self.d, self.shape)
+        return self.a, self.b.reshape(n, -1), self.c.reshape(-1, n), d
 
     def sizes(self) -> dict[str, int]:
         return {"n": len(self.a)}
 
     @property
-    def variables(self) -> dict[str, SignalType]:
-        m, p = self.inputs.shape[1], len(self.outputs)
-        return {"U": Scalar if m == 1 else Vector(m), "Y": Scalar if p == 1 else Vector(p)}
-
-    @property
-    def indirect(self) -> tuple[str, ...]:
-        return () if self.direct.any() else ("input",)
-
-    def start(self, state: BlockState) -> None:
-        state.x[:] = 0.0 if self.x0 is None else self.x0
-        state.has_direct = bool(self.direct.any())
-        state.form = state.context.types["out"].form
-        state.single = state.context.types["input"].form == "scalar"
-
-    def output(self, state: BlockState, t: float, input: Any = 0.0) -> Any:
-        y = np.zeros(len(self.outputs))
-        for i in range(len(y)):
-            for j in range(len(state.x)):
-                y[i] += self.outputs[i, j] * state.x[j]
-            if state.has_direct:
-                if state.single:
-                    y[i] += self.direct[i, 0] * input
-                else:
-                    for j in range(len(input)):
-                        y[i] += self.direct[i, j] * input[j]
-        if state.form == "scalar":
-            return float(y[0])
-        return y
+    def first(self) -> FloatArray:
+        return np.zeros(len(self.a)) if self.x0 is None else self.x0
 
 
-class StateSpace(_Linear):
+class StateSpace(_Matrices, ContinuousSystem):
     """A linear system with n states, m inputs and p outputs.
 
         input ─▶ [ StateSpace ] ─▶ out
@@ -121,28 +176,8 @@ class StateSpace(_Linear):
     Vector. With D = 0, the default, ``out`` depends on the state alone and breaks loops.
     """
 
-    x = State("n", name="x", continuous=True, doc="the state")
 
-    def derivative(self, state: BlockState, t: float, input: Any) -> FloatArray:
-        rate: FloatArray = np.einsum("ij,j->i", self.a, state.x)
-        rate += np.einsum("ij,j->i", self.inputs, np.atleast_1d(input))
-        return rate
-
-    @kernel_of(derivative)
-    def _derivative_kernel(self, state: BlockState, t: float, input: Any) -> FloatArray:
-        rate = np.zeros(len(state.x))
-        for i in range(len(rate)):
-            for j in range(len(rate)):
-                rate[i] += self.a[i, j] * state.x[j]
-            if state.single:
-                rate[i] += self.inputs[i, 0] * input
-            else:
-                for j in range(len(input)):
-                    rate[i] += self.inputs[i, j] * input[j]
-        return rate
-
-
-class DiscreteStateSpace(_Linear):
+class DiscreteStateSpace(_Matrices):
     """A linear system in discrete time with n states, m inputs and p outputs.
 
         input ─▶ [ DiscreteStateSpace ] ─▶ out
@@ -158,7 +193,7 @@ class DiscreteStateSpace(_Linear):
         following = np.zeros(len(state.x))
         for i in range(len(state.x)):
             for j in range(len(state.x)):
-                following[i] += self.a[i, j] * state.x[j]
+                following[i] += self.transition[i, j] * state.x[j]
             if state.single:
                 following[i] += self.inputs[i, 0] * input
             else:

@@ -1,12 +1,15 @@
-"""Writes docs/blocks.md and docs/observing.md: ``python -m runtime.cli.describe``."""
+"""Writes the generated pages and graphs/schema.json: ``python -m runtime.cli.describe``."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Container, Mapping
 from pathlib import Path
 
 from blocks.registry import BUILTIN
 from runtime.descriptions import describe_markdown, option_text
+from runtime.document import SHIPPED
+from runtime.language import json_schema
 from runtime.observation import METRIC_KINDS, PLOT_KINDS, MetricKind, MetricOptions, PlotKind
 
 HEADER = """# Blocks
@@ -54,7 +57,13 @@ def _kinds_table(
     return rows
 
 
+def schema_file() -> str:
+    """The text of graphs/schema.json."""
+    return json.dumps(json_schema(), indent=1, ensure_ascii=False) + "\n"
+
+
 if __name__ == "__main__":
     docs = Path(__file__).parents[2] / "docs"
+    (SHIPPED / "schema.json").write_text(schema_file(), encoding="utf-8")
     (docs / "blocks.md").write_text(blocks_page(), encoding="utf-8")
     (docs / "observing.md").write_text(observing_page(), encoding="utf-8")

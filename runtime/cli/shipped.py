@@ -7,6 +7,8 @@ from pathlib import Path
 
 from runtime.document import SHIPPED
 
+HEADER = "# yaml-language-server: $schema="
+
 # The folders whose use needs a word; others are listed by their names alone.
 USES = {
     "graphs": "run one by its name: runtime run NAME",
@@ -48,10 +50,16 @@ def _group(path: Path) -> str:
     return str(folder) if folder.parts else FIRST[0]
 
 
+def schema_line(text: str) -> str:
+    """The first line of a graph's text if it names a schema, with its break; '' if not."""
+    first = text.partition("\n")[0]
+    return f"{first}\n" if first.startswith(HEADER) else ""
+
+
 def summary(text: str) -> str:
     """The first sentence of the comment that a graph's text begins with."""
     lines = []
-    for line in text.splitlines():
+    for line in text.removeprefix(schema_line(text)).splitlines():
         if not line.startswith("#") or not line.strip("# "):
             break
         lines.append(line.strip("# "))

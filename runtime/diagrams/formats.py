@@ -6,7 +6,7 @@ from runtime.diagrams.picture import picture_of
 from runtime.errors import UsageError
 from runtime.network import Network
 
-FORMATS = ("svg", "png", "dot", "mermaid")
+FORMATS = ("svg", "png", "pdf", "dot", "mermaid")
 
 
 def diagram(network: Network, format: str) -> str | bytes:
@@ -15,12 +15,12 @@ def diagram(network: Network, format: str) -> str | bytes:
     Parameters
     ----------
     network : a checked network; removed blocks are drawn in grey.
-    format : "svg" or "png" for a picture that is laid out here, "dot" or "mermaid" for a text
-        that Graphviz or Mermaid lays out.
+    format : "svg", "png" or "pdf" for a picture that is laid out here, "dot" or "mermaid" for a
+        text that Graphviz or Mermaid lays out.
 
     Returns
     -------
-    The text, or the bytes of the png. The same network gives the same bytes.
+    The text, or the bytes of the png or pdf. The same network gives the same bytes.
 
     Raises
     ------
@@ -44,6 +44,6 @@ def diagram(network: Network, format: str) -> str | bytes:
         from runtime.diagrams.svg import to_svg
 
         return to_svg(drawing)
-    from runtime.diagrams.png import to_png
+    from runtime.diagrams.png import to_pdf, to_png
 
-    return to_png(drawing)
+    return to_pdf(drawing) if format == "pdf" else to_png(drawing)

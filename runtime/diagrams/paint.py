@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Collection, Iterator
 from itertools import cycle
 
-from runtime.diagrams.picture import CONSTANT, Box, Net, Picture, rate_text
+from runtime.diagrams.layout import Point
+from runtime.diagrams.picture import CONSTANT, MINUS, Box, Net, Picture, rate_text
 from runtime.diagrams.shapes import (
     CurveShape,
     Dot,
@@ -21,6 +23,7 @@ from runtime.diagrams.shapes import (
     without_repeats,
 )
 from runtime.diagrams.sheet import (
+    CIRCLE_TOP,
     LABEL_SIZE,
     NAME_SIZE,
     PORT_SIZE,
@@ -32,6 +35,7 @@ from runtime.diagrams.sheet import (
 
 PAGE_MARGIN = 16.0
 LEGEND_HEIGHT = 40.0
+TITLE_HEIGHT, TITLE_SIZE = 26.0, 14.0
 INK, SOFT, GHOST, PORT_INK = "#1f2937", "#6b7280", "#a7adb8", "#374151"
 BORDER, FRAME_BORDER = "#475569", "#c5ccd6"
 # Nested frames alternate between the two.
@@ -51,23 +55,25 @@ TYPE_COLOURS = {
     "PointCloud": "#4d7c0f",
 }
 OTHER_COLOURS = ("#9f1239", "#3730a3", "#166534", "#854d0e", "#6b21a8")
-TINTS = ("#fff7e8", "#e9f1fc", "#eaf6ec", "#f3edfb", "#fdecee", "#e8f6f6")
+# Of 1 kHz, 300, 100, 30, 10 and 3 Hz, and again of 1 Hz.
+TINTS = ("#fff7e8", "#f3edfb", "#e9f1fc", "#e8f6f6", "#eaf6ec", "#fdecee")
 
 
 def draw(picture: Picture) -> Drawing:
     """Lay out a picture and turn it into shapes."""
     sheet = lay_out(picture)
     painter = _Painter(sheet)
-    groups = [*painter.frames(), *painter.nets(), *painter.boxes()]
+    groups = [*painter.frames(), *painter.nets(), *painter.boxes(), painter.title()]
     legend = painter.legend()
-    height = sheet.height + 2 * PAGE_MARGIN
-    width = sheet.width
+    height = sheet.height + 2 * PAGE_MARGIN + TITLE_HEIGHT
+    width = max(sheet.width, text_width(picture.title, TITLE_SIZE, bold=True))
     if legend is not None:
         ends = [s.x + text_width(s.text, s.size) for s in legend.shapes if isinstance(s, Text)]
         width = max(width, *ends)
         height += LEGEND_HEIGHT
         groups.append(legend)
-    return Drawing(picture.title, width + 2 * PAGE_MARGIN, height, PAGE_MARGIN, groups)
+    wide = width + 2 * PAGE_MARGIN
+    return Drawing(picture.title, wide, height, PAGE_MARGIN, groups, TITLE_HEIGHT)
 
 
 class _Painter:
@@ -75,6 +81,11 @@ class _Painter:
         self.sheet = sheet
         self.picture = sheet.picture
         self.palette = Palette(sheet.picture)
+
+    def title(self) -> Group:
+        """The graph's name, above everything."""
+        text = Text(0.0, 14.0 - TITLE_HEIGHT, self.picture.title, TITLE_SIZE, INK, bold=True)
+        return Group("title", "", "", [text])
 
     def frames(self) -> Iterator[Group]:
         for name, placement in self.sheet.frames.items():
@@ -111,7 +122,7 @@ class _Painter:
 
     def net(self, i: int, net: Net) -> Group:
         colour = self.palette.wire(net)
-        lines = [self.sheet.lines[i, target] for target in net.targets]
+        lines = [self.line(i, net, target) for target in net.targets]
         forks = branchings(lines)
         shapes: list[Shape] = []
         for line in without_repeats(lines):
@@ -126,6 +137,15 @@ class _Painter:
         about += f"\n{net.type}" if net.type else ""
         return Group("removed wire" if net.is_ghost else "wire", source, about, shapes)
 
+    def line(self, i: int, net: Net, target: tuple[str, str]) -> list[Point]:
+        """The corners of a wire; at a Sum it goes on to the circle."""
+        points = list(self.sheet.lines[i, target])
+        for at, name, side in ((0, net.source[0], -1.0), (-1, target[0], 1.0)):
+            if self.picture.boxes[name].is_sum:
+                x, y = points[at]
+                points[at] = (x + side * _inset(self.sheet.boxes[name], y), y)
+        return points
+
     def label(self, net: Net) -> Group:
         placement = self.sheet.boxes[net.source[0]]
         x, y = placement.x + placement.width + 5, placement.outputs[net.source[1]] - 4
@@ -135,7 +155,10 @@ class _Painter:
     def boxes(self) -> Iterator[Group]:
         for name, box in self.picture.boxes.items():
             placement = self.sheet.boxes[name]
-            shapes = [*self.frame_of(box, placement), *self.ports_of(box, placement)]
+            if box.is_sum:
+                shapes = list(self.circle_of(box, placement))
+            else:
+                shapes = [*self.frame_of(box, placement), *self.ports_of(box, placement)]
             yield Group("removed block" if box.fate else "block", name, box.about, shapes)
 
     def frame_of(self, box: Box, placement: BoxPlacement) -> Iterator[Shape]:
@@ -153,6 +176,25 @@ class _Painter:
         yield Text(middle, placement.y + 30, box.type, TYPE_SIZE, soft, "middle")
         bottom = placement.y + placement.height - 7
         yield Text(middle, bottom, box.fate or box.rate, LABEL_SIZE, soft, "middle")
+
+    def circle_of(self, box: Box, placement: BoxPlacement) -> Iterator[Shape]:
+        """A Sum: a circle with the signs of its terms, and its name above it."""
+        is_out = bool(box.fate)
+        size, top = placement.width, placement.y + CIRCLE_TOP
+        ink = GHOST if is_out else INK
+        yield Rect(
+            *(placement.x, top, size, size, size / 2),
+            GHOST_FILL if is_out else self.palette.tints[box.period],
+            GHOST if is_out else BORDER,
+            stroke_width=1.2,
+            dashed=is_out,
+        )
+        middle = placement.x + size / 2
+        yield Text(middle, placement.y + 14, box.title, NAME_SIZE, ink, "middle", bold=True)
+        for port, sign in box.signs.items():
+            y = placement.inputs[port]
+            x = placement.x + _inset(placement, y) + 4
+            yield Text(x, y + 4, sign, NAME_SIZE, ink, bold=sign == MINUS)
 
     def ports_of(self, box: Box, placement: BoxPlacement) -> Iterator[Shape]:
         ink = GHOST if box.fate else PORT_INK
@@ -181,12 +223,21 @@ class _Painter:
         return Group("legend", "", "", shapes)
 
 
+def _inset(placement: BoxPlacement, y: float) -> float:
+    """How far a circle is from the sides of the square around it, at the height ``y``."""
+    radius = placement.width / 2
+    away = y - (placement.y + CIRCLE_TOP + radius)
+    return radius - math.sqrt(max(0.0, radius * radius - away * away))
+
+
 class Palette:
     """The colours of one picture; ``tints`` maps the step of a block to its box's colour."""
 
     def __init__(self, picture: Picture) -> None:
         periods = {box.period for box in picture.boxes.values() if not box.fate}
-        self.tints = dict(zip(sorted(periods - {0.0}), cycle(TINTS), strict=False))
+        self.tints: dict[float, str] = {}
+        for period in sorted(periods - {0.0}):
+            self.tints[period] = _tint(period, self.tints.values())
         if 0.0 in periods:
             self.tints[0.0] = CONSTANT_TINT
         kinds = {_family(net) for net in picture.nets}
@@ -195,6 +246,13 @@ class Palette:
 
     def wire(self, net: Net) -> str:
         return GHOST if net.is_ghost else self._colours.get(_family(net), INK)
+
+
+def _tint(period: float, used: Collection[str]) -> str:
+    """The colour of a rate: the same in every diagram, unless another rate there has it already."""
+    first = round(2.0 * math.log10(1000.0 * period)) % len(TINTS)
+    order = [*TINTS[first:], *TINTS[:first]]
+    return next((tint for tint in order if tint not in used), TINTS[first])
 
 
 def frame_fill(part: str) -> str:

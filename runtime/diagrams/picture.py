@@ -7,9 +7,11 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 from blocks.core import SignalType
+from blocks.generic import Sum
 from runtime.network import Endpoint, Entry, Network, Wire, component_type
 
 CONSTANT = "constant"
+MINUS = "−"
 FATES = {"without": "removed", "bypass": "bypassed"}
 
 
@@ -19,6 +21,7 @@ class Box:
 
     ``fate`` is "removed" or "bypassed" for a block that does not run, else empty; ``part`` is the
     full name of the part that it belongs to. ``inputs`` and ``outputs`` are the wired ports.
+    ``signs`` are those of the terms of a Sum, which is drawn as a circle.
     """
 
     name: str
@@ -30,6 +33,11 @@ class Box:
     about: str
     inputs: list[str] = field(default_factory=list)
     outputs: list[str] = field(default_factory=list)
+    signs: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def is_sum(self) -> bool:
+        return bool(self.signs)
 
     @property
     def rate(self) -> str:
@@ -129,6 +137,7 @@ def picture_of(network: Network) -> Picture:
     for name, box in boxes.items():
         spec = entries[name].cls.spec
         box.inputs.sort(key=_as_declared(spec.inputs))
+        box.signs = _signs(entries[name], box)
         box.outputs.sort(key=_as_declared(spec.outputs))
     return Picture(network.title, boxes, parts, nets)
 
@@ -151,6 +160,23 @@ def _box(network: Network, entry: Entry) -> Box:
     facts += [f"{name} = {_short(repr(value))}" for name, value in values.items()]
     part = entry.scope.prefix[:-1]
     return Box(entry.name, entry.short, entry.cls.__name__, period, part, fate, "\n".join(facts))
+
+
+def _signs(entry: Entry, box: Box) -> dict[str, str]:
+    """The signs of the wired terms of a Sum; {} for any other block."""
+    if entry.cls is not Sum or not isinstance(entry.block, Sum):
+        return {}
+    signs = entry.block.signs
+    return {
+        port: MINUS if signs is not None and signs[_term(port)] < 0.0 else "+"
+        for port in box.inputs
+    }
+
+
+def _term(port: str) -> int:
+    """The number of a term in the name of its port."""
+    number = port.partition("[")[2].rstrip("]")
+    return int(number) if number.isdigit() else 0
 
 
 def _nets(

@@ -1,4 +1,4 @@
-"""A drawing as PNG, drawn by matplotlib from the same shapes as the SVG."""
+"""A drawing as PNG or PDF, drawn by matplotlib from the same shapes as the SVG."""
 
 from __future__ import annotations
 
@@ -20,13 +20,26 @@ ANCHORS = {"start": "left", "middle": "center", "end": "right"}
 DASHES = (0, (5.0, 3.5))
 
 
+def to_pdf(drawing: Drawing) -> bytes:
+    """The drawing as a PDF of its nominal size, with its text as text."""
+    import matplotlib
+
+    with matplotlib.rc_context({"pdf.fonttype": 42}):
+        return _saved(drawing, 1.0, "pdf")
+
+
 def to_png(drawing: Drawing) -> bytes:
     """The drawing as a PNG of twice its nominal size (less if that would be too large)."""
+    width, height = drawing.width, drawing.height
+    scale = min(SCALE, MAX_SIDE / max(width, height), (MAX_AREA / (width * height)) ** 0.5)
+    return _saved(drawing, scale, "png")
+
+
+def _saved(drawing: Drawing, scale: float, kind: str) -> bytes:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     width, height = drawing.width, drawing.height
-    scale = min(SCALE, MAX_SIDE / max(width, height), (MAX_AREA / (width * height)) ** 0.5)
     # One unit of the drawing is one point, so that text sizes and line widths fit.
     size = (width / POINTS_PER_INCH, height / POINTS_PER_INCH)
     figure = Figure(figsize=size, dpi=POINTS_PER_INCH * scale, facecolor="white")
@@ -34,16 +47,19 @@ def to_png(drawing: Drawing) -> bytes:
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.set_axis_off()
     axes.set_xlim(-drawing.margin, width - drawing.margin)
-    axes.set_ylim(height - drawing.margin, -drawing.margin)
+    above = drawing.margin + drawing.top
+    axes.set_ylim(height - above, -above)
     order = 0
     for group in drawing.groups:
         for shape in group.shapes:
-            if isinstance(shape, Text) and shape.size * scale < LEGIBLE:
+            if kind == "png" and isinstance(shape, Text) and shape.size * scale < LEGIBLE:
                 continue
             order += 1
             _add(axes, shape, order)
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", metadata={"Software": None})
+    # Without dates, the same drawing is the same file.
+    about = {"Software": None} if kind == "png" else {"CreationDate": None}
+    figure.savefig(buffer, format=kind, metadata=about)
     return buffer.getvalue()
 
 
@@ -62,18 +78,21 @@ def _add(axes: Axes, shape: Shape, order: int) -> None:
 
 
 def _add_rect(axes: Axes, rect: Rect, order: int) -> None:
-    from matplotlib.patches import FancyBboxPatch
+    from matplotlib.patches import Circle, FancyBboxPatch
 
+    look: dict[str, Any] = {
+        "facecolor": rect.fill,
+        "edgecolor": rect.stroke,
+        "linewidth": rect.stroke_width,
+        "linestyle": DASHES if rect.dashed else "solid",
+        "zorder": order,
+    }
+    if rect.width == rect.height == 2.0 * rect.radius:
+        middle = (rect.x + rect.radius, rect.y + rect.radius)
+        axes.add_artist(Circle(middle, rect.radius, **look))
+        return
     style = f"round,pad=0,rounding_size={rect.radius}"
-    patch = FancyBboxPatch(
-        *((rect.x, rect.y), rect.width, rect.height, style),
-        facecolor=rect.fill,
-        edgecolor=rect.stroke,
-        linewidth=rect.stroke_width,
-        linestyle=DASHES if rect.dashed else "solid",
-        zorder=order,
-    )
-    axes.add_artist(patch)
+    axes.add_artist(FancyBboxPatch((rect.x, rect.y), rect.width, rect.height, style, **look))
 
 
 def _add_curve(axes: Axes, curve: CurveShape, order: int) -> None:

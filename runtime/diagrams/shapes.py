@@ -78,11 +78,14 @@ class Group:
 
 @dataclass
 class Drawing:
+    """Shapes in a page with a margin; they begin ``top`` below it, under the title."""
+
     title: str
     width: float
     height: float
     margin: float
     groups: list[Group]
+    top: float = 0.0
 
 
 def text_width(text: str, size: float, bold: bool = False) -> float:

@@ -13,6 +13,8 @@ from runtime.diagrams.shapes import text_width
 NAME_SIZE, TYPE_SIZE, PORT_SIZE, LABEL_SIZE = 13.0, 10.0, 9.5, 9.0
 HEADER, ROW, FOOTER, MARGIN = 36, 16, 20, 10
 MIN_WIDTH = 84
+# A Sum is a circle below its name.
+CIRCLE, CIRCLE_TOP = 34.0, 20.0
 FRAME_TOP, FRAME_BOTTOM, FRAME_SIDE = 28, 14, 16
 GHOST_WEIGHT = 0.25
 
@@ -96,7 +98,20 @@ def lay_out(picture: Picture) -> Sheet:
     return Sheet(picture, top.width, top.height, boxes, frames, lines)
 
 
+def _sum_cell(box: Box) -> Cell:
+    """A circle, with its name above it; wires end at the sides of the square around it."""
+    rows = max(len(box.inputs), 1)
+    size = max(CIRCLE, ROW * rows + 6.0)
+    middle = CIRCLE_TOP + size / 2
+    ins = [middle + ROW * (i - (len(box.inputs) - 1) / 2) for i in range(len(box.inputs))]
+    outs = [middle] * len(box.outputs)
+    height = CIRCLE_TOP + size + 2.0
+    return Cell(box.name, math.ceil(size), height, box.inputs[:], box.outputs[:], ins, outs, True)
+
+
 def _box_cell(box: Box) -> Cell:
+    if box.is_sum:
+        return _sum_cell(box)
     inside = [text_width(pin, PORT_SIZE) for pin in box.inputs]
     outside = [text_width(pin, PORT_SIZE) for pin in box.outputs]
     width = max(
@@ -114,7 +129,16 @@ def _box_cell(box: Box) -> Cell:
     height = HEADER + ROW * rows + FOOTER
     sides = heights(len(inside)), heights(len(outside))
     name = box.name
-    return Cell(name, math.ceil(width), height, box.inputs[:], box.outputs[:], *sides, stretch=True)
+    return Cell(
+        name,
+        math.ceil(width),
+        height,
+        box.inputs[:],
+        box.outputs[:],
+        *sides,
+        fixed=True,
+        stretch=True,
+    )
 
 
 def _child(level: str, box: Box) -> str | None:

@@ -12,7 +12,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import asdict
 from typing import Any
 
-from runtime.diagrams.picture import FATES, Box, Net, Part, Picture, picture_of
+from runtime.diagrams.picture import FATES, MINUS, Box, Net, Part, Picture, picture_of
 from runtime.network import Network
 from runtime.schema import NUMBER, check
 
@@ -93,6 +93,11 @@ def _box(entry: Mapping[str, Any]) -> Box:
     box = Box(**_fields(entry, _BOX))
     if not 0.0 <= box.period < math.inf or (box.fate and box.fate not in FATES.values()):
         raise ValueError("boxes: expected a non-negative finite period and a known fate")
+    signs = entry.get("signs", {})
+    check(signs, dict)
+    if not all(key in box.inputs and sign in ("+", MINUS) for key, sign in signs.items()):
+        raise ValueError("boxes: expected a sign, + or −, for inputs only")
+    box.signs = signs
     for ports in (box.inputs, box.outputs):
         _check_distinct(ports, "inputs and outputs")
     return box

@@ -14,13 +14,13 @@ DASHES = ' stroke-dasharray="5 3.5"'
 def to_svg(drawing: Drawing) -> str:
     """The drawing as the text of an SVG file."""
     width, height = _number(drawing.width), _number(drawing.height)
-    margin = _number(drawing.margin)
+    margin, top = _number(drawing.margin), _number(drawing.margin + drawing.top)
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" '
         f'viewBox="0 0 {width} {height}" font-family="{FONTS}" role="img">',
         f"<title>{_escape(drawing.title)}</title>",
         f'<rect width="{width}" height="{height}" fill="#ffffff"/>',
-        f'<g transform="translate({margin} {margin})" fill="none">',
+        f'<g transform="translate({margin} {top})" fill="none">',
     ]
     for group in drawing.groups:
         lines += _group(group)

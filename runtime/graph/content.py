@@ -11,7 +11,7 @@ from blocks.core import Block, SignalType
 from blocks.registry import Modules
 from runtime.document import Node, Override
 from runtime.errors import GraphError, MissingExtraError, Problem, Problems
-from runtime.network import Network, build
+from runtime.network import Made, Network, build
 from runtime.observation import Observation, observe
 
 if TYPE_CHECKING:
@@ -25,6 +25,7 @@ class Content:
     classes, signal_types : of blocks that were added in Python, by name.
     source : the file that the graph was loaded from. files : content of all files read.
     modules : whether Python files that the graph names may be imported, or how they are read.
+    made : blocks that were constructed before, which are used again.
     """
 
     document: Node
@@ -35,6 +36,7 @@ class Content:
     notes: tuple[str, ...] = ()
     modules: Modules = True
     files: Mapping[str, bytes] = field(default_factory=dict)
+    made: Made | None = None
 
 
 @dataclass(frozen=True)
@@ -79,7 +81,12 @@ def examined(content: Content, loops: bool = False) -> Examined:
     network = observation = missing = None
     try:
         network, missing = build(
-            content.document, problems, content.classes, content.signal_types, content.modules
+            content.document,
+            problems,
+            content.classes,
+            content.signal_types,
+            content.modules,
+            content.made,
         )
         observation = observe(network, problems)
     except GraphError as error:

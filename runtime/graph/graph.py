@@ -303,7 +303,7 @@ class Graph:
         return self._changed(changed, Override("from", target))
 
     def replace(self, name: str, kind: str, *, origin: str = "") -> Graph:
-        """A copy with a block of another type in a block's place, as in ``replace("lqr", "PID")``.
+        """A copy with a block of another type in a block's place: ``replace("lqr", "PathPID")``.
 
         Parameters and wires that the new type has as well stay; ``notes`` lists what is dropped.
         """
@@ -401,7 +401,7 @@ class Graph:
         return f"<Graph '{self.document.plain().get('graph')}': {', '.join(self.names)}>"
 
     def diagram(self, format: str = "svg") -> str | bytes:
-        """The block diagram as svg, png, dot or mermaid."""
+        """The block diagram as svg, png, pdf, dot or mermaid."""
         from runtime.diagrams import diagram
 
         return diagram(self.network, format)

@@ -11,6 +11,8 @@ from runtime.language.formatting import applied, formatted
 from runtime.language.hints import Hint, Lens, hints, lenses
 from runtime.language.hover import Card, hover
 from runtime.language.insertion import Edit
+from runtime.language.isolation import Isolation
+from runtime.language.json_schema import json_schema
 from runtime.language.model import Model, Surroundings
 from runtime.language.names import Place, Project, definition, references, rename, renamed
 from runtime.language.offers import Offer
@@ -25,6 +27,7 @@ __all__ = [
     "Diagnostic",
     "Edit",
     "Hint",
+    "Isolation",
     "Lens",
     "Model",
     "Offer",
@@ -45,6 +48,7 @@ __all__ = [
     "formatted",
     "hints",
     "hover",
+    "json_schema",
     "lenses",
     "outline",
     "references",

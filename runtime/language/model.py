@@ -6,7 +6,10 @@ is a function of a model and an offset.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import gc
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -25,7 +28,7 @@ from runtime.document import (
     parse_yaml,
 )
 from runtime.errors import NOWHERE, GraphError, Problem, SpikeblocksError, Where
-from runtime.experiments.design import check_experiment, is_experiment
+from runtime.experiments.design import KEYS, check_experiment, is_experiment
 from runtime.graph import Content, Examined, Graph, examined
 from runtime.language.items import Item
 from runtime.language.scan import scan
@@ -35,6 +38,10 @@ from runtime.observation import Observation
 
 Kind = Literal["graph", "part", "overlay", "experiment", "world"]
 PORTS = ("inputs", "outputs")
+# Sections that hardly any other YAML has.
+OWN = {"blocks", "wires", "probes", "bypass", "experiment", "vary", "room", "circles"}
+_TOP = re.compile(r"^[{ ]?([A-Za-z_]\w*)\s*:", re.MULTILINE)
+MAX_MADE = 50_000
 _OUTSIDE = "_outside_"
 
 
@@ -49,6 +56,21 @@ class _Outside(Block):
     def output(self, state: object, t: float) -> object:
         """Never evaluated: parts are checked and not run."""
         raise NotImplementedError("a part is not run by itself")
+
+
+@contextmanager
+def _no_collection() -> Iterator[None]:
+    """No garbage collection: it would go through all of a graph's trees again and again.
+
+    What is made here lives as long as its model; the next collection comes between two requests.
+    """
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
 
 
 @lru_cache(maxsize=128)
@@ -67,10 +89,18 @@ class Surroundings:
 
     unsaved : texts that editors hold, by resolved path; they take the place of the files.
     modules : whether, or how, Python files that graphs name are read.
+    made : blocks of earlier versions, by type and parameters.
     """
 
     unsaved: Mapping[Path, str] = field(default_factory=dict)
     modules: Modules = False
+    made: dict[tuple[type[Block], str], Block] = field(default_factory=dict, compare=False)
+
+    def constructed(self) -> dict[tuple[type[Block], str], Block]:
+        """The blocks that were constructed for earlier versions of texts; blocks never change."""
+        if len(self.made) > MAX_MADE:
+            self.made.clear()
+        return self.made
 
     def completed(self, document: Node, path: Path) -> tuple[Node, list[Problem]]:
         """A document with all that it extends and its parts, and what is wrong with those."""
@@ -124,7 +154,8 @@ class Model:
     @cached_property
     def _strict(self) -> Node | list[Problem]:
         try:
-            return parse_yaml(self.text.source, self.file)
+            with _no_collection():
+                return parse_yaml(self.text.source, self.file)
         except GraphError as error:
             return error.problems
 
@@ -155,6 +186,13 @@ class Model:
             return Node(parse_scalar(item.value), where, key)
         except ValueError:
             return Node(0, where, key)
+
+    @property
+    def is_ours(self) -> bool:
+        """Whether the text is one of a graph, or may become one, and not some other YAML."""
+        names = set(_TOP.findall(self.text.source))
+        known = {*SECTIONS, *PORTS, *KEYS, "extends", "room", "obstacles", "circles"}
+        return bool(names & OWN) or names <= known
 
     @cached_property
     def kind(self) -> Kind:
@@ -231,9 +269,14 @@ class Model:
             return Examined(self._examined_other())
         classes: dict[str, type[Block]] = {"_Outside": _Outside} if self.kind == "part" else {}
         content = Content(
-            self.document, source=self.path, modules=self.surroundings.modules, classes=classes
+            self.document,
+            source=self.path,
+            modules=self.surroundings.modules,
+            classes=classes,
+            made=self.surroundings.constructed(),
         )
-        return examined(content, loops=True)
+        with _no_collection():
+            return examined(content, loops=True)
 
     def _examined_other(self) -> list[Problem]:
         if self.kind == "world":

@@ -18,6 +18,15 @@ _EDITOR_BREAK = re.compile("\r\n|[\n\r]")
 _YAML_BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 
 
+def _width(character: str, encoding: str) -> int:
+    """How many units a character takes."""
+    if encoding == "utf-32":
+        return 1
+    if encoding == "utf-8":
+        return len(character.encode("utf-8", "surrogatepass"))
+    return 2 if character > "\uffff" else 1
+
+
 class Span(NamedTuple):
     """A part of a text: offsets of its first character and of the one after its last."""
 
@@ -58,8 +67,11 @@ class Text:
         """The number, from 0, of the line that an offset is in."""
         return bisect_right(self.starts, max(0, offset)) - 1
 
-    def offset(self, line: int, units: int) -> int:
-        """The offset of an editor's position, moved into the text where it is outside."""
+    def offset(self, line: int, units: int, encoding: str = "utf-16") -> int:
+        """The offset of an editor's position, moved into the text where it is outside.
+
+        ``encoding`` says what the editor counts: utf-8, utf-16 or utf-32 units.
+        """
         if line < 0:
             return 0
         if line >= len(self.starts):
@@ -72,15 +84,17 @@ class Text:
         for i, character in enumerate(written):
             if seen >= units:
                 return start + i
-            seen += 2 if character > "\uffff" else 1
+            seen += _width(character, encoding)
         return end
 
-    def position(self, offset: int) -> tuple[int, int]:
-        """Line and UTF-16 units of an offset, as editors count."""
+    def position(self, offset: int, encoding: str = "utf-16") -> tuple[int, int]:
+        """Line and units of an offset, as editors count."""
         offset = min(max(0, offset), len(self.source))
         line = self.line_of(offset)
         before = self.source[self.starts[line] : offset]
-        return line, len(before) + sum(character > "\uffff" for character in before)
+        if before.isascii():
+            return line, len(before)
+        return line, sum(_width(character, encoding) for character in before)
 
     def at(self, where: Where) -> int:
         """The offset of a message's position."""

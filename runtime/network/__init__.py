@@ -5,7 +5,7 @@
 
 from runtime.network.addresses import AddressError, Endpoint, ReportedError, find
 from runtime.network.block_types import is_variadic, source_file
-from runtime.network.build import BLOCK_KEYS, build
+from runtime.network.build import BLOCK_KEYS, Made, build
 from runtime.network.components import columns, component_type, is_range, unknown_component
 from runtime.network.initial import STATES
 from runtime.network.network import Entry, Network, Wire, check_output
@@ -22,6 +22,7 @@ __all__ = [
     "AddressError",
     "Endpoint",
     "Entry",
+    "Made",
     "Network",
     "ReportedError",
     "Scope",

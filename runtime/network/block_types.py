@@ -72,6 +72,15 @@ def _reader(modules: Modules) -> ModuleReader:
     return modules if isinstance(modules, ModuleReader) else ModuleReader()
 
 
+def relative_with(cls: type[Block], name: str) -> str:
+    """A type of the library that has a parameter or input, and the type's name in its own."""
+    for other, found in BUILTIN.items():
+        has = name in found.spec.params or name in found.spec.inputs
+        if has and other != cls.__name__ and cls.__name__ in other:
+            return other
+    return ""
+
+
 def own_types(cls: type[Block], node: Node, modules: Modules = True) -> list[SignalType]:
     """Signal types, other than the library's, that a block or its ``module`` defines."""
     kinds: list[object] = [port.type for port in cls.spec.ports.values()]

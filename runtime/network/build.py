@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, MutableMapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,7 +23,7 @@ from blocks.world import World
 from runtime.document import MAX_TICKS, Node, closest, read_run, seconds, section
 from runtime.errors import MissingExtraError, Problems, Where
 from runtime.network.addresses import Endpoint
-from runtime.network.block_types import block_class, own_types
+from runtime.network.block_types import block_class, own_types, relative_with
 from runtime.network.inference import infer_types, report_open
 from runtime.network.initial import read_initial
 from runtime.network.network import Entry, Network
@@ -36,6 +36,7 @@ from runtime.network.wiring import Wiring
 
 BLOCK_KEYS = ("type", "module", "dt")
 MAX_TITLE = 120
+Made = MutableMapping[tuple[type[Block], str], Block]
 
 
 def build(
@@ -44,6 +45,7 @@ def build(
     classes: Mapping[str, type[Block]] | None = None,
     kinds: Mapping[str, SignalType] | None = None,
     modules: Modules = True,
+    made: Made | None = None,
 ) -> tuple[Network, MissingExtraError | None]:
     """Build the network of a document in which nothing is left to extend or inline.
 
@@ -52,6 +54,7 @@ def build(
     problems : collects what is wrong; the network is valid only if nothing is.
     classes, kinds : block types and signal types beside the library's, of graphs made in Python.
     modules : whether Python files that the graph names are imported, or how they are read.
+    made : blocks by type and parameters, which are used again, and to which new ones are added.
 
     Returns
     -------
@@ -63,7 +66,7 @@ def build(
     world = _world(document, problems)
     network = Network(title, **vars(run), scope=scope, document=document, world=world)
     can_run = len(problems.found) == before
-    network = _with_blocks(network, classes or {}, kinds or {}, problems, modules)
+    network = _with_blocks(network, classes or {}, kinds or {}, problems, modules, made)
     wiring = Wiring(network, problems)
     network = replace(
         network,
@@ -149,6 +152,7 @@ def _with_blocks(
     kinds: Mapping[str, SignalType],
     problems: Problems,
     modules: Modules,
+    made: Made | None,
 ) -> Network:
     """The network with its blocks, constructed once all classes and signal types are known."""
     found = []
@@ -160,7 +164,7 @@ def _with_blocks(
     own = _signal_types(found, kinds, problems, modules)
     entries, notes = {}, []
     for definition in found:
-        block, seen = _constructed(definition, own, problems)
+        block, seen = _constructed(definition, own, problems, made)
         scope, node = definition.scope, definition.node
         full = scope.prefix + definition.name
         every = _ticks(node.get("dt"), network.dt, definition.address, problems)
@@ -193,7 +197,10 @@ def _signal_types(
 
 
 def _constructed(
-    definition: _Definition, own: Mapping[str, SignalType], problems: Problems
+    definition: _Definition,
+    own: Mapping[str, SignalType],
+    problems: Problems,
+    made: Made | None = None,
 ) -> tuple[Block | None, list[str]]:
     """A block, None where it cannot be constructed, and notes about its parameters."""
     node, cls, address = definition.node, definition.cls, definition.address
@@ -206,11 +213,14 @@ def _constructed(
             before = list(values)[list(values).index(key) - 1]
             whole = values[before].plain()
             suggestion = f"; a decimal point is a dot, as in {before}: {whole}.{key}"
+        elif relative := relative_with(cls, key):
+            suggestion = f"; the block with this parameter is a {relative}"
         elif key == "graph":
             suggestion = "; parts are read with the file that names them"
         problems.add(values[key].key, f"{address}.{key}", f"unknown parameter{suggestion}", True)
     try:
-        block = cls(**_given({k: item for k, item in values.items() if k in known}, cls, own))
+        given = _given({k: item for k, item in values.items() if k in known}, cls, own)
+        block = _made(cls, given, made)
         dict(block.variables), dict(block.sizes())
         return block, _large_angles(cls, address, values)
     except ParameterError as error:
@@ -222,6 +232,17 @@ def _constructed(
     except (Exception, SystemExit) as error:  # noqa: BLE001 -- a user's block may raise anything
         problems.add(node.key, address, _failed(cls, error))
     return None, []
+
+
+def _made(cls: type[Block], given: dict[str, Any], made: Made | None) -> Block:
+    """A block with these parameters, the one that was constructed before if there is one."""
+    if made is None:
+        return cls(**given)
+    known = (cls, repr(given))
+    block = made.get(known)
+    if block is None:
+        block = made[known] = cls(**given)
+    return block
 
 
 def _place(node: Node, parameter: str) -> Where:

@@ -179,13 +179,20 @@ class Network:
         )
         return tuple(flag for i, flag in enumerate(flags) for _ in range(widths[i] if flag else 1))
 
+    @cached_property
+    def _into(self) -> Mapping[str, list[Wire]]:
+        """The wires into each block."""
+        found: dict[str, list[Wire]] = {}
+        for wire in self.wires:
+            found.setdefault(wire.block, []).append(wire)
+        return found
+
     def publications(self, name: str) -> list[tuple[str, Endpoint]]:
         """The inputs of a block that receive a published description, and from which output."""
         return [
             (wire.port, wire.source)
-            for wire in self.wires
-            if wire.block == name
-            and not wire.source.component
+            for wire in self._into.get(name, ())
+            if not wire.source.component
             and (entry := self.entries.get(wire.source.block)) is not None
             and entry.cls.spec.outputs[wire.source.port].publishes
         ]

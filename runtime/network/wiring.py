@@ -12,6 +12,7 @@ from runtime.network.addresses import (
     UnwiredError,
     find,
 )
+from runtime.network.block_types import relative_with
 from runtime.network.network import Entry, Network, Wire, check_output
 from runtime.network.scope import Scope, is_optional, part_input
 
@@ -58,8 +59,9 @@ class Wiring:
 
     def consumer(self, scope: Scope, name: str, ports: Node) -> None:
         address = scope.path("wires", name)
-        known = [*scope.names(), *scope.broken]
-        if name not in known and "blocks" not in scope.unread:
+        is_known = name in scope.blocks or name in scope.parts or name in scope.broken
+        if not is_known and "blocks" not in scope.unread:
+            known = [*scope.names(), *scope.broken]
             near = closest(name, known)
             suggestion = f"; delete these wires, or restore it and write 'without: [{name}]'"
             head, _, port = name.rpartition(".")
@@ -100,6 +102,10 @@ class Wiring:
         # The input is connected, if by a misspelt name.
         self.settled.add((full, closest(port, inputs)))
         suggestion = hint(port, inputs) or f"; its inputs: {', '.join(inputs) or 'none'}"
+        entry = self.network.entries.get(full)
+        relative = relative_with(entry.cls, port) if entry is not None else ""
+        if relative:
+            suggestion = f"; the block with this input is a {relative}"
         owner = f"part '{full}'" if name in scope.parts else f"'{full}'"
         self.problems.add(node.key, address, f"{owner} has no input '{port}'{suggestion}", True)
 

@@ -104,10 +104,11 @@ class Line:
 
 @cache
 def verbs() -> dict[str, ArgumentParser]:
-    """Each verb's parser."""
+    """The parser of each verb that ends by itself."""
     (commands,) = (a for a in make_parser()._actions if a.dest == "command")
     found: Any = commands.choices
-    return dict(found)
+    # A server ends when its editor does.
+    return {name: parser for name, parser in found.items() if name != "lsp"}
 
 
 def _values(action: Action, key: str) -> st.SearchStrategy[str]:

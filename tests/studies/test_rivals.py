@@ -14,7 +14,7 @@ SHIPPED = (
     "wall_following",
     "wall_following_robust",
 )
-TRACKERS = ("PID", "PurePursuit", "Stanley", "LQI", "DisturbanceObserver", "L1Adaptive", "MPC")
+TRACKERS = ("PathPID", "PurePursuit", "Stanley", "LQI", "DisturbanceObserver", "L1Adaptive", "MPC")
 # These keep the graph's weights, which are soft on purpose in case A.
 WEIGHED = ("LQI", "MPC")
 # What they learn while the robot explores, with no wall to follow, is wrong.

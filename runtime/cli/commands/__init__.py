@@ -17,7 +17,7 @@ from runtime.terminal import show
 
 NAMES = (
     *("new", "run", "validate", "draw", "explain", "blocks", "graphs"),
-    *("ablate", "sweep", "compare", "report", "render", "clean", "completion"),
+    *("ablate", "sweep", "compare", "report", "render", "clean", "completion", "lsp", "schema"),
     "export",
 )
 

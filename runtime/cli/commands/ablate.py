@@ -25,7 +25,7 @@ NAME begins a variant with all changes up to the next --variant. If no variant i
 is removed in turn: bypassed if it has a pass-through, removed if the graph runs without it, and
 listed as essential otherwise.
 
-  runtime ablate G --without adaptive --replace lqr=PID --set lqr.kp=2
+  runtime ablate G --without adaptive --replace lqr=PathPID --set lqr.kp=2
   runtime ablate G --variant soft --set lqr.q='[0.01, 0.01, 0.01]' --seeds 0..19
 """
 

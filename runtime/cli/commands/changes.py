@@ -104,7 +104,7 @@ def apply(graph: Graph, kind: str, text: str) -> Graph:
         for item in text.split(","):
             name, equals, typed = item.partition("=")
             if not (equals and name.strip() and typed.strip()):
-                raise UsageError(f"{origin}: expected NAME=TYPE, as in lqr=PID")
+                raise UsageError(f"{origin}: expected NAME=TYPE, as in lqr=PathPID")
             graph = graph.replace(name.strip(), typed.strip(), origin=origin)
         return graph
     if kind == "from":

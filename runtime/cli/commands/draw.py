@@ -9,7 +9,7 @@ from pathlib import Path
 from runtime.cli.commands.changes import add_graph, changed_graph
 from runtime.terminal import show
 
-HELP = "draw the block diagram: svg, png, dot, mermaid"
+HELP = "draw the block diagram: svg, png, pdf, dot, mermaid"
 
 
 def add(parser: ArgumentParser) -> None:
@@ -19,7 +19,9 @@ def add(parser: ArgumentParser) -> None:
         "-o", "--out", metavar="FILE", help="file to write (<graph>.svg); - is stdout"
     )
     parser.add_argument(
-        "--format", choices=("svg", "png", "dot", "mermaid"), help="default: by the file's suffix"
+        "--format",
+        choices=("svg", "png", "pdf", "dot", "mermaid"),
+        help="default: by the file's suffix",
     )
 
 

@@ -30,7 +30,7 @@ def add(parser: ArgumentParser) -> None:
 
 def run(options: Namespace) -> int:
     """Write the graph, and the Python file of its own blocks; or list the starters."""
-    from runtime.cli.shipped import shipped
+    from runtime.cli.shipped import schema_line, shipped
 
     starters = shipped("starters")
     if options.file is None:
@@ -41,7 +41,9 @@ def run(options: Namespace) -> int:
     if target.suffix not in (".yaml", ".yml"):
         raise UsageError(f"'{target}': expected a file that ends with .yaml, as in my.yaml")
     source = _chosen(options.start, [*starters, *shipped("graphs")])
-    text = source.path.read_text(encoding="utf-8").replace("my.yaml", target.name)
+    text = source.path.read_text(encoding="utf-8")
+    # Its schema is not beside the copy.
+    text = text.removeprefix(schema_line(text)).replace("my.yaml", target.name)
     text = text.replace("my.py", f"{target.stem}.py")
     written = {target: text}
     module = source.path.with_suffix(".py")

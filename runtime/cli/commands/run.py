@@ -35,7 +35,8 @@ def add(parser: ArgumentParser) -> None:
         "--vs",
         metavar="CHANGE=VALUE",
         help="also run with one more change, and draw both runs in the same pictures: "
-        "without=adaptive, bypass=limit, replace=lqr=PID, with=conditions/lag, set=lqr.q=[1,1,1]",
+        "without=adaptive, bypass=limit, replace=lqr=PathPID, with=conditions/lag, "
+        "set=lqr.q=[1,1,1]",
     )
     parser.add_argument(
         "--figures", default="png", metavar="FORMATS", help="formats: pdf,svg,png (png)"

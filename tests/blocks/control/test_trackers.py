@@ -14,12 +14,12 @@ from scipy.linalg import expm
 
 import blocks
 import runtime
-from blocks import LQR, PID, Block, BlockState, FloatArray, PurePursuit, Stanley
+from blocks import LQR, Block, BlockState, FloatArray, PathPID, PurePursuit, Stanley
 from blocks.core import Evaluation, TwistValue
 from blocks.vehicle.plants import INTEGRATORS
 from tests.blocks.direct import state_of
 
-TRACKERS = (PID, PurePursuit, Stanley)
+TRACKERS = (PathPID, PurePursuit, Stanley)
 STEP = 0.01
 
 # Where all laws are smooth: the point ahead is ahead, and the robot does not look away from it.
@@ -128,13 +128,13 @@ class TestPID:
         self, lateral: float, at: float, v_r: float, ahead: float
     ) -> None:
         looks = math.atan2(-lateral, v_r * ahead)
-        pid = PID(v_r=v_r, lookahead_time=ahead, limit=1e3)
+        pid = PathPID(v_r=v_r, lookahead_time=ahead, limit=1e3)
         assert command(pid, 0.4, lateral, looks, at)[1] == pytest.approx(0.0, abs=1e-12)
         assert command(pid, 0.4, lateral, looks + 0.1, at)[1] == pytest.approx(-2.0 * 0.1)
 
     def test_step(self) -> None:
         """u = -(kp E + ki E t + kd E (a / dt) exp(-t / tau)): the rate's impulse keeps its area."""
-        pid = PID(kp=1.5, ki=0.7, kd=0.3, tau=0.08, limit=1e3)
+        pid = PathPID(kp=1.5, ki=0.7, kd=0.3, tau=0.08, limit=1e3)
         state = state_of(pid, dt=STEP)
         assert ask(pid, state, 0.0, 0.0, 0.0) == (0.0, 0.0)
         got = np.array([ask(pid, state, 0.0, 0.0, 0.25)[1] for _ in range(200)])
@@ -145,7 +145,7 @@ class TestPID:
 
     def test_ramp(self) -> None:
         """u = -(kp c t + ki c t (t - dt) / 2 + kd c (1 - exp(-t / tau)))."""
-        pid = PID(kp=1.5, ki=0.7, kd=0.3, tau=0.08, limit=1e3)
+        pid = PathPID(kp=1.5, ki=0.7, kd=0.3, tau=0.08, limit=1e3)
         state = state_of(pid, dt=STEP)
         t = STEP * np.arange(200)
         got = np.array([ask(pid, state, 0.0, 0.0, 0.4 * now)[1] for now in t])
@@ -153,7 +153,7 @@ class TestPID:
         np.testing.assert_allclose(got, expected, rtol=1e-11, atol=1e-14)
 
     def test_the_rate_is_wrapped(self) -> None:
-        pid = PID(kp=0.0, ki=0.0, kd=1.0)
+        pid = PathPID(kp=0.0, ki=0.0, kd=1.0)
         state = state_of(pid, dt=STEP)
         ask(pid, state, 0.0, 0.0, 3.14)
         peak = -math.expm1(-STEP / 0.1) / STEP
@@ -161,7 +161,7 @@ class TestPID:
         assert turned == pytest.approx(-peak * (math.tau - 6.28 + 0.01), rel=1e-9)
 
     def test_at_the_limit_the_sum_waits(self) -> None:
-        pid = PID(kp=2.0, ki=1.0, kd=0.0, limit=1.0)
+        pid = PathPID(kp=2.0, ki=1.0, kd=0.0, limit=1.0)
         state = state_of(pid, dt=STEP)
         assert [ask(pid, state, 0.0, 0.0, 0.6)[1] for _ in range(500)] == [-1.0] * 500
         assert state.integral[0] == 0.0
@@ -169,7 +169,7 @@ class TestPID:
         assert ask(pid, state, 0.0, 0.0, -0.1) == pytest.approx((0.0, 0.2))
 
     def test_at_the_limit_the_sum_may_lead_away(self) -> None:
-        pid = PID(kp=0.0, ki=1.0, kd=0.0, limit=1.0)
+        pid = PathPID(kp=0.0, ki=1.0, kd=0.0, limit=1.0)
         state = state_of(pid, dt=STEP)
         for _ in range(500):
             ask(pid, state, 0.0, 0.0, 0.5)
@@ -180,7 +180,7 @@ class TestPID:
 
     @pytest.mark.parametrize(("v_r", "ki"), [(1.0, 0.0), (0.3, 0.4)])
     def test_near_the_path_it_is_the_linear_loop(self, v_r: float, ki: float) -> None:
-        pid = PID(v_r=v_r, kp=2.0, ki=ki, kd=0.0, lookahead_time=1.2)
+        pid = PathPID(v_r=v_r, kp=2.0, ki=ki, kd=0.0, lookahead_time=1.2)
         pose = drive(pid, 0.01 * v_r, 0.004, 6.0)["plant.pose"][::500]
         ahead = v_r * 1.2
         a = np.array([[0.0, v_r, 0.0], [-2.0 / ahead, -2.0, -ki], [1.0 / ahead, 1.0, 0.0]])
@@ -188,12 +188,12 @@ class TestPID:
         np.testing.assert_allclose(pose[:, 1:], expected[:, :2], rtol=0.0, atol=2e-5)
 
     def test_backwards_it_looks_the_other_way(self) -> None:
-        forwards, backwards = (command(PID(v_r=v), 0.0, 0.3, 0.0)[1] for v in (0.5, -0.5))
+        forwards, backwards = (command(PathPID(v_r=v), 0.0, 0.3, 0.0)[1] for v in (0.5, -0.5))
         assert backwards == -forwards > 0.0
 
     def test_it_needs_a_speed(self) -> None:
         with pytest.raises(blocks.ParameterError, match="v_r: at 0 turning does not move"):
-            PID(v_r=0.0)
+            PathPID(v_r=0.0)
 
 
 class TestPurePursuit:

@@ -57,7 +57,7 @@ PARAMETERS: dict[str, st.SearchStrategy[dict[str, Any]]] = {
             "max_iterations": st.integers(1, 2**60),
         },
     ),
-    "PID": st.fixed_dictionaries({}, optional={"kp": SIZES, "limit": SIZES, "v_r": SIZES}),
+    "PathPID": st.fixed_dictionaries({}, optional={"kp": SIZES, "limit": SIZES, "v_r": SIZES}),
     "PurePursuit": st.fixed_dictionaries({}, optional={"lookahead_time": SIZES, "v_r": SIZES}),
     "Stanley": st.fixed_dictionaries({}, optional={"k": SIZES, "wheel_base": SIZES}),
     "LQI": st.fixed_dictionaries({}, optional={"q_integral": SIZES, "v_r": SIZES, "r": weights(2)}),

@@ -180,7 +180,7 @@ def test_errors_have_colour_on_a_terminal_alone(monkeypatch: pytest.MonkeyPatch)
 
 
 MISTAKES = {
-    ("--set", "lqr=PID"): "takes the place of this one with --replace lqr=PID",
+    ("--set", "lqr=PathPID"): "takes the place of this one with --replace lqr=PathPID",
     ("--set", "v_r=2"): "there is no 'v_r' in the graph, did you mean 'params.v_r' or 'match.v_r'",
     (
         "--set",

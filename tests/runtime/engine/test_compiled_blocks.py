@@ -15,7 +15,20 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import blocks
-from blocks import Block, Path, Pose, Scalar, Scan, SignalType, Twist, Vector, nonlinear, sources
+from blocks import (
+    Block,
+    Path,
+    Pose,
+    Scalar,
+    Scan,
+    SignalType,
+    Twist,
+    Vector,
+    dynamics,
+    nonlinear,
+    plants,
+    sources,
+)
 from blocks import generic as generic_room
 from blocks.generic.mathematics import COMPARISONS, LOGIC
 from blocks.registry import BUILTIN
@@ -142,7 +155,9 @@ CASES: dict[str, list[Case]] = {
         Case(blocks.LQR(q=[0.01, 0.03, 0], r=[[1, 0.3], [0.3, 2]], model="exact"), inputs=TURNING),
         Case(blocks.LQR(q=[0, 1, 1]), inputs=TURNING, dt=0.1),
     ],
-    "PID": [Case(blocks.PID(limit=2.0, ki=3.0), inputs=TRACKING, free=("integral", "smooth"))],
+    "PathPID": [
+        Case(blocks.PathPID(limit=2.0, ki=3.0), inputs=TRACKING, free=("integral", "smooth"))
+    ],
     "PurePursuit": [Case(blocks.PurePursuit(), inputs=TRACKING)],
     "Stanley": [
         Case(blocks.Stanley(), inputs=TRACKING),
@@ -300,6 +315,50 @@ CASES: dict[str, list[Case]] = {
         )
         for options in ({}, {"method": "hold"}, {"outside": "extrapolate"})
     ],
+    "TransferFunction": [
+        Case(blocks.TransferFunction(numerator=[1, 3], denominator=[1, 2, 5]), free=("x",)),
+        Case(blocks.TransferFunction(numerator=[2, 1], denominator=[1, 3]), free=("x",)),
+    ],
+    "ZeroPoleGain": [
+        Case(blocks.ZeroPoleGain(zeros=[1], poles=[-1], complex_poles=[[-1, 2]]), free=("x",))
+    ],
+    "SecondOrder": [Case(blocks.SecondOrder(natural_frequency=5.0), free=("x",))],
+    "Derivative": elementwise(blocks.Derivative(tau=0.1), "x"),
+    "PID": [
+        Case(
+            blocks.PID(ki=2.0, kd=0.1, upper=0.5, lower=-1.0),
+            {"error": kind},
+            free=("integral", "filtered"),
+        )
+        for kind in (Scalar, Pose, Vector(4))
+    ],
+    "DynamicSystem": [
+        Case(blocks.DynamicSystem(derivative=["x[1]", "-sin(x[0])"], initial=[1, 0]), free=("x",)),
+        Case(
+            blocks.DynamicSystem(
+                derivative=["v", "-g + u[1]"],
+                initial=[1, 0],
+                states=["h", "v"],
+                constants={"g": 9.81},
+                output=["h", "v*u[0]"],
+                when="h < 0 and v < 0",
+                then=["0", "-0.8*v"],
+                signal="Twist",
+            ),
+            free=("x",),
+        ),
+        Case(blocks.DynamicSystem(derivative="-x[0]", initial=1.0), absent=True),
+    ],
+    "Unicycle": [Case(blocks.Unicycle(), free=("x",))],
+    "Bicycle": [Case(blocks.Bicycle(v_max=1.0), free=("x",))],
+    "Pendulum": [Case(blocks.Pendulum(damping=0.1), free=("x",))],
+    "CartPole": [Case(blocks.CartPole(friction=0.1), free=("x",))],
+    "MassSpringDamper": [Case(blocks.MassSpringDamper(damping=0.1), free=("x",))],
+    "DoubleIntegrator": [
+        Case(blocks.DoubleIntegrator(), {"acceleration": kind}, free=("x", "v"))
+        for kind in (Scalar, Twist, Vector(3))
+    ],
+    "TwoLinkArm": [Case(blocks.TwoLinkArm(friction=[0.1, 0.2]), free=("x",))],
     "Delay": [*elementwise(blocks.Delay(delay=0.05), "ring"), Case(blocks.Delay(delay=0.0333))],
     "Hold": elementwise(blocks.Hold()),
     "MovingAverage": [
@@ -499,7 +558,11 @@ def test_the_text_computes_what_the_block_computes(case: Case) -> None:
 
 def compiled() -> Iterator[Any]:
     """All cases; of small blocks, all but the first one take long for what they show."""
-    small = {name for room in (sources, generic_room, nonlinear) for name in room.__all__}
+    small = {
+        name
+        for room in (sources, generic_room, nonlinear, plants, dynamics)
+        for name in room.__all__
+    }
     for name, cases in CASES.items():
         for i, case in enumerate(cases):
             yield pytest.param(

@@ -100,8 +100,8 @@ def test_experiments_parts_and_worlds_are_checked() -> None:
     for path, old, new, message in [
         (
             "experiments/walls.yaml",
-            "PID: {replace: {lqr: PID}}",
-            "PID: {replase: {lqr: PID}}",
+            "PID: {replace: {lqr: PathPID}}",
+            "PID: {replase: {lqr: PathPID}}",
             "re",
         ),
         ("experiments/walls.yaml", "lqr.q: [50, 50, 20]", "lqr.qq: [50, 50, 20]", "'q'"),

@@ -28,7 +28,7 @@ def card(old: str, new: str) -> str:
         (
             "lqr: {error: error.state",
             "lqr: {error: error.st¦ate",
-            ["TrackingState, 20 Hz, x m, y m", "wall_following.yaml:17", "error: {type: Tracking"],
+            ["TrackingState, 20 Hz, x m, y m", "wall_following.yaml:18", "error: {type: Tracking"],
         ),
         ("lqr: {error: err", "lqr: {er¦ror: err", ["**lqr.error**: TrackingState"]),
         (

@@ -46,13 +46,13 @@ def shown(project: Project, places: list[Place]) -> list[str]:
 @pytest.mark.parametrize(
     ("marked", "expected"),
     [
-        ("error: err¦or.state", ["wall_following.yaml:17:error"]),
-        ("error: error.st¦ate", ["wall_following.yaml:17:error"]),
-        ("v_r: $v¦_r", ["wall_following.yaml:9:v_r"]),
-        ("of: [po¦se,", ["wall_following.yaml:56:pose"]),
-        ("rate¦_v:", ["adaptive_snn.yaml:8:rate_v"]),
-        ("turn_in¦put:", ["adaptive_snn.yaml:19:turn_input"]),
-        ("adaptive.comma¦nd]", ["adaptive_snn.yaml:24:command"]),
+        ("error: err¦or.state", ["wall_following.yaml:18:error"]),
+        ("error: error.st¦ate", ["wall_following.yaml:18:error"]),
+        ("v_r: $v¦_r", ["wall_following.yaml:10:v_r"]),
+        ("of: [po¦se,", ["wall_following.yaml:57:pose"]),
+        ("rate¦_v:", ["adaptive_snn.yaml:9:rate_v"]),
+        ("turn_in¦put:", ["adaptive_snn.yaml:20:turn_input"]),
+        ("adaptive.comma¦nd]", ["adaptive_snn.yaml:25:command"]),
         ("parts/adaptive_s¦nn.yaml", ["adaptive_snn.yaml:1:"]),
         ("worlds/paper¦_room.yaml", ["paper_room.yaml:1:"]),
     ],
@@ -88,9 +88,9 @@ def test_references_reach_experiments_overlays_and_parts(shipped: Project) -> No
     assert (
         shown(shipped, references(model, offset, shipped))
         == [
-            "adaptive_snn.yaml:24:join",
-            "adaptive_snn.yaml:47:join",
-            "adaptive_snn.yaml:52:join",
+            "adaptive_snn.yaml:25:join",
+            "adaptive_snn.yaml:48:join",
+            "adaptive_snn.yaml:53:join",
         ]
         or len(references(model, offset, shipped)) == 3
     )

@@ -5,12 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from runtime.document import parse_yaml
 from runtime.language import Model, Span, applied, folds, formatted, hints, lenses, outline
 from tests.runtime.language.texts import CASE_C, GRAPHS, SURROUNDINGS
+
+# A busy machine generates slowly.
+RELAXED = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 
 def model_of(text: str, path: Path = CASE_C) -> Model:
@@ -44,7 +47,7 @@ def test_sections_parts_and_comments_fold(case_c: Model) -> None:
     }
     assert found["wires:"][0].startswith("plant: {command: fault.actual}")
     assert found["adaptive:"][1] is False
-    assert found[lines[0]] == (lines[4], True)
+    assert found[lines[0]] == (lines[5], True)
 
 
 @pytest.mark.parametrize("path", sorted(GRAPHS.rglob("*.yaml")), ids=lambda p: p.stem)
@@ -72,6 +75,7 @@ def test_formatting(before: str, after: str) -> None:
     assert applied(before, formatted(model_of(before))) == after
 
 
+@RELAXED
 @given(
     st.lists(
         st.sampled_from(["{", "}", "[", "]", ", ", ": ", "a", "b1", "'q'", " ", "\n  ", "# c\n"]),

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from runtime.document import Node, dump_yaml, parse_scalar, parse_yaml
@@ -16,6 +16,9 @@ from runtime.language.items import Item
 from runtime.language.scan import scan
 from runtime.language.text import Text
 from tests.runtime.language.texts import GRAPHS, MARK
+
+# A busy machine generates slowly.
+RELAXED = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 
 def plain(item: Item) -> Any:
@@ -71,12 +74,14 @@ VALUES = st.sampled_from(
 KEYS = st.from_regex("[a-z][a-z0-9_ ]{0,8}[a-z]", fullmatch=True)
 
 
+@RELAXED
 @given(st.dictionaries(KEYS, VALUES, max_size=5))
 def test_what_the_writer_writes_scans_as_it_parses(value: dict[str, Any]) -> None:
     text = dump_yaml(value)
     assert plain(scan(text)) == parse_yaml(text, "x").plain() if value else True
 
 
+@RELAXED
 @given(st.text(alphabet=st.sampled_from("ab:-,{}[]'\"#&*|>% \n\r\t\x85é🙂0."), max_size=60))
 def test_any_text_scans(source: str) -> None:
     root = scan(source)
@@ -136,6 +141,7 @@ def test_there_is_nothing_to_write_in_a_comment(source: str) -> None:
     assert cursor_at(text, scan(text.source), source.index(MARK)) is None
 
 
+@RELAXED
 @given(st.text(alphabet="ab\n\r🙂é\x85\u2028", max_size=30), st.integers(0, 30))
 def test_positions_of_editors_round_trip(source: str, offset: int) -> None:
     text = Text(source)

@@ -129,7 +129,7 @@ def test_a_type_of_ones_own(tmp_path: Path, cli: Run) -> None:
         ("slow=Gian", "--replace slow=Gian: slow.type: no block type 'Gian', did you mean 'Gain'?"),
         ("slow.x=Gain", "--replace slow.x=Gain: 'slow' is a block, not a part"),
         ("slow=no.py:Gain", "no such file: 'no.py'"),
-        ("slow", "expected NAME=TYPE, as in lqr=PID"),
+        ("slow", "expected NAME=TYPE, as in lqr=PathPID"),
         ("slow=Constant", "blocks.slow.value: missing"),
     ],
 )

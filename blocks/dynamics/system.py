@@ -1,0 +1,202 @@
+"""Differential equations, written as expressions."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any
+
+from blocks.core import (
+    RESERVED,
+    Block,
+    BlockContext,
+    BlockState,
+    Expression,
+    ExpressionError,
+    FloatArray,
+    Input,
+    Output,
+    ParameterError,
+    Same,
+    Scalar,
+    SignalType,
+    State,
+    Vector,
+    function_from,
+    function_text,
+    param,
+    read_expression,
+)
+
+PARAMETERS = ("t", "x", "u", "c")
+_INDEX = re.compile(r"\bu\s*\[[^\]]*?(\d{1,3})\s*\]")
+
+
+class DynamicSystem(Block):
+    """Differential equations with any inputs: a plant, an oscillator, a reaction.
+
+        u ─▶ [ DynamicSystem ] ─▶ out
+
+    x' = derivative(x, u, t), x(0) = initial; out = x, or the expressions of ``output``. States are
+    x[0], x[1], ..., or have the names that ``states`` gives. With ``when``, an event: at each tick
+    at which that condition holds, the states become the values of ``then``, as when a ball bounces.
+    ``out`` depends on inputs directly only if an expression of ``output`` names u.
+    """
+
+    inputs = Input(
+        Scalar,
+        variadic=True,
+        spread="inputs",
+        name="u",
+        doc="any signals; their components in order are u[0], u[1], ...",
+    )
+    out = Output(Same("T"), doc="the states, or what output says")
+
+    rates: tuple[str, ...] = param(
+        name="derivative", doc="the rate of change of each state: ['v', '-k*x + u[0]']"
+    )
+    initial: FloatArray = param(shape=[(), (None,)], doc="the states at the start")
+    states: tuple[str, ...] | None = param(None, doc="names of the states: [x, v]")
+    constants: Mapping[str, float] | None = param(
+        None, doc="names that the expressions use, with their values: {k: 2.5}"
+    )
+    results: tuple[str, ...] | None = param(
+        None,
+        name="output",
+        doc="what out is, in states and inputs; default: the states",
+    )
+    when: str | None = param(None, doc="condition of an event: 'x < 0 and v < 0'")
+    then: tuple[str, ...] | None = param(
+        None, doc="the states after an event, one expression per state"
+    )
+    kind: SignalType | None = param(
+        None, name="signal", doc="the output's type; default Scalar, or Vector for several values"
+    )
+
+    x = State("n", name="x", continuous=True, doc="the states")
+
+    def sizes(self) -> dict[str, int]:
+        return {"n": len(self.rates)} if "rates" in self.__dict__ else {}
+
+    def validate(self) -> None:
+        count = len(self.rates)
+        problems = []
+        if self.initial.size != count:
+            message = f"expected {count} number(s), one per state, got {self.initial.size}"
+            problems.append(("initial", message))
+        if self.states is not None and len(self.states) != count:
+            message = f"expected {count} name(s), one per state, got {len(self.states)}"
+            problems.append(("states", message))
+        names = [*(self.states or ()), *(self.constants or ())]
+        for name in names:
+            bad = not (name.isidentifier() and name.isascii()) or name in RESERVED | {"t", "u"}
+            if bad or names.count(name) > 1:
+                place = "states" if name in (self.states or ()) else "constants"
+                problems.append((place, f"the name '{name}' is not valid, taken, or given twice"))
+        if (self.when is None) != (self.then is None):
+            missing = "then" if self.then is None else "when"
+            problems.append((missing, "missing; an event has 'when' and 'then'"))
+        elif self.then is not None and len(self.then) != count:
+            message = f"expected {count} expression(s), one per state, got {len(self.then)}"
+            problems.append(("then", message))
+        if self.resolved.symbol or self.resolved.shape != (
+            () if self.width == 1 else (self.width,)
+        ):
+            problems.append(("signal", f"expected a type of {self.width} components"))
+        if problems:
+            raise ParameterError(problems)
+        used = [int(n) for _, text in self.written for n in _INDEX.findall(text)]
+        for parameter, text in self.written:
+            self.read(parameter, text, 1 + max(used, default=0))
+
+    @property
+    def written(self) -> list[tuple[str, str]]:
+        """All expressions, each with its parameter."""
+        found = [("derivative", text) for text in self.rates]
+        found += [("output", text) for text in self.results or ()]
+        found += [("when", self.when)] if self.when is not None else []
+        return found + [("then", text) for text in self.then or ()]
+
+    @property
+    def width(self) -> int:
+        return len(self.rates if self.results is None else self.results)
+
+    @cached_property
+    def resolved(self) -> SignalType:
+        """The output's type."""
+        kind = self.kind or (Scalar if self.width == 1 else Vector(self.width))
+        return kind.sized(self.width) if kind.symbol else kind
+
+    @property
+    def variables(self) -> dict[str, SignalType]:
+        return {"T": self.resolved}
+
+    @property
+    def indirect(self) -> tuple[str, ...]:
+        named = any(re.search(r"\bu\b", text) for text in self.results or ())
+        return () if named else ("u",)
+
+    def read(self, parameter: str, text: str, count: int) -> Any:
+        """One expression, with ``count`` components in u.
+
+        Raises
+        ------
+        ParameterError : it is not valid.
+        """
+        states = [f"x[{i}]" for i in range(len(self.rates))]
+        names: dict[str, Any] = {"x": states, "u": [f"u[{i}]" for i in range(count)], "t": "t"}
+        names |= {name: f"c[{i}]" for i, name in enumerate(self.constants or ())}
+        names |= dict(zip(self.states or (), states, strict=False))
+        try:
+            return read_expression(text, names)
+        except ExpressionError as error:
+            short = text if len(text) <= 60 else text[:57] + "..."
+            message = f"column {error.column} of '{short}': {error.message}"
+            raise ParameterError([(parameter, message)]) from None
+
+    def validate_in(self, context: BlockContext) -> None:
+        flags = context.terms["u"]
+        if not all(flags):
+            message = "a block that is wired to u is removed, which would shift its components"
+            raise ParameterError([("u", f"{message}; bypass that block, or remove this one")])
+        for parameter, text in self.written:
+            self.read(parameter, text, len(flags))
+
+    def start(self, state: BlockState) -> None:
+        count = len(state.context.terms["u"])
+        state.x[:] = self.initial
+        state.n = len(self.rates)
+        state.constants = tuple((self.constants or {}).values()) or (0.0,)
+        form = self.resolved.form
+
+        def function(parameter: str, texts: tuple[str, ...], form: Any) -> Any:
+            read = [self.read(parameter, text, count) for text in texts]
+            return function_from(function_text(read, PARAMETERS, form))
+
+        state.rates = function("derivative", self.rates, "array")
+        if self.results is None:
+            own = [Expression("", f"x[{i}]", frozenset()) for i in range(state.n)]
+            state.results = function_from(function_text(own, PARAMETERS, form))
+        else:
+            state.results = function("output", self.results, form)
+        state.has_event = self.when is not None
+        state.condition = function("when", (self.when or "0",), "scalar")
+        state.jump = function("then", self.then or ("0",) * state.n, "array")
+
+    def output(self, state: BlockState, t: float, u: tuple[float, ...] = ()) -> Any:
+        return state.results(t, state.x.tolist(), u, state.constants)
+
+    def update(self, state: BlockState, t: float, u: tuple[float, ...]) -> None:
+        if state.has_event and self.happens(state, t, u):
+            after = state.jump(t, state.x.tolist(), u, state.constants)
+            for i in range(state.n):
+                state.x[i] = after[i]
+
+    def happens(self, state: BlockState, t: float, u: tuple[float, ...]) -> bool:
+        """Whether the event's condition holds."""
+        return bool(state.condition(t, state.x.tolist(), u, state.constants) != 0.0)
+
+    def derivative(self, state: BlockState, t: float, u: tuple[float, ...]) -> FloatArray:
+        rates: FloatArray = state.rates(t, state.x.tolist(), u, state.constants)
+        return rates

@@ -1,0 +1,191 @@
+"""Transfer functions in continuous time, of one input and one output."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any
+
+import numpy as np
+
+from blocks.core import (
+    Block,
+    BlockContext,
+    BlockState,
+    FloatArray,
+    Input,
+    Output,
+    ParameterError,
+    Same,
+    State,
+    param,
+)
+from blocks.dynamics.discrete import check_rational
+from blocks.dynamics.linear import ContinuousSystem
+
+
+class _Rational(ContinuousSystem, ABC):
+    """A system that is given as numerator and denominator in s."""
+
+    @property
+    @abstractmethod
+    def rational(self) -> tuple[FloatArray, FloatArray]:
+        """Coefficients of numerator and denominator, the highest power first."""
+
+    def sizes(self) -> dict[str, int]:
+        return {"n": max(1, len(self.rational[1]) - 1)}
+
+    @property
+    def matrices(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+        """The controllable canonical form."""
+        numerator, denominator = self.rational
+        a = denominator / denominator[0]
+        b = np.zeros(len(a))
+        kept = np.trim_zeros(numerator, "f")
+        b[len(a) - len(kept) :] = kept / denominator[0]
+        # A system without states, a gain, has one that stays zero.
+        n = max(1, len(a) - 1)
+        transition, inputs = np.eye(n, k=-1), np.zeros((n, 1))
+        outputs = np.zeros((1, n))
+        if len(a) > 1:
+            transition[0] = -a[1:]
+            inputs[0, 0] = 1.0
+            outputs[0] = b[1:] - b[0] * a[1:]
+        return transition, inputs, outputs, np.array([[b[0]]])
+
+
+class TransferFunction(_Rational):
+    """A linear system given as a transfer function in s.
+
+        input ─▶ [ TransferFunction ] ─▶ out
+
+    out(s) = (b0 s^m + ... + bm) / (a0 s^n + ... + an) input(s) with m <= n, in the controllable
+    canonical form, at rest at the start. With m < n, ``out`` depends on the state alone and breaks
+    loops.
+    """
+
+    numerator: FloatArray = param(shape=(None,), doc="b0, ..., bm: powers of s, the highest first")
+    denominator: FloatArray = param(shape=(None,), doc="a0, ..., an: the highest first")
+
+    def validate(self) -> None:
+        check_rational(self.numerator, self.denominator)
+
+    @property
+    def rational(self) -> tuple[FloatArray, FloatArray]:
+        return self.numerator, self.denominator
+
+
+class ZeroPoleGain(_Rational):
+    """A linear system given by its zeros, its poles and a gain.
+
+        input ─▶ [ ZeroPoleGain ] ─▶ out
+
+    out(s) = gain (s - z1) (s - z2) ... / ((s - p1) (s - p2) ...) input(s), with no more zeros than
+    poles. A complex zero or pole is written as [real, imaginary] and stands for its conjugate, too.
+    """
+
+    real_zeros: FloatArray | None = param(None, shape=(None,), name="zeros", doc="real zeros")
+    real_poles: FloatArray | None = param(None, shape=(None,), name="poles", doc="real poles")
+    complex_zeros: FloatArray | None = param(
+        None, shape=(None, 2), doc="pairs of complex zeros, [[real, imaginary], ...]"
+    )
+    complex_poles: FloatArray | None = param(
+        None, shape=(None, 2), doc="pairs of complex poles, [[real, imaginary], ...]"
+    )
+    gain: float = param(1.0, doc="the gain")
+
+    def validate(self) -> None:
+        numerator, denominator = self.rational
+        if len(numerator) > len(denominator):
+            message = f"improper: expected at most {len(denominator) - 1} zeros, one per pole, "
+            raise ParameterError([("zeros", f"{message}got {len(numerator) - 1}")])
+
+    @property
+    def rational(self) -> tuple[FloatArray, FloatArray]:
+        numerator = _polynomial(self.real_zeros, self.complex_zeros)
+        return self.gain * numerator, _polynomial(self.real_poles, self.complex_poles)
+
+
+class SecondOrder(_Rational):
+    """A second-order system, such as an actuator or a filter.
+
+        input ─▶ [ SecondOrder ] ─▶ out
+
+    out(s) = gain w^2 / (s^2 + 2 damping w s + w^2) input(s) with w = natural_frequency; at rest at
+    the start. ``out`` depends on the state alone: it breaks loops.
+    """
+
+    natural_frequency: float = param(unit="rad/s", above=0.0, doc="undamped natural frequency")
+    damping: float = param(0.7, at_least=0.0, doc="damping ratio; 1: critical")
+    gain: float = param(1.0, doc="gain at rest")
+
+    @property
+    def rational(self) -> tuple[FloatArray, FloatArray]:
+        w = self.natural_frequency
+        return np.array([self.gain * w * w]), np.array([1.0, 2.0 * self.damping * w, w * w])
+
+
+class Derivative(Block):
+    """The derivative of a signal, with a filter that limits noise.
+
+        input ─▶ [ Derivative ] ─▶ out
+
+    out(s) = s / (tau s + 1) input(s), each component: out = (input - x) / tau, x' = out. The filter
+    starts at ``initial``, the input's value at the start.
+    """
+
+    signal = Input(Same("T"), name="input", doc="a number, a record or a vector")
+    out = Output(Same("T", own_unit=True), doc="its rate of change")
+
+    tau: float = param(0.01, unit="s", above=0.0, doc="time constant of the filter")
+    initial: FloatArray = param(
+        0.0, shape=[(), (None,)], doc="the input at the start, or one number per component"
+    )
+
+    x = State(like="out", name="x", continuous=True, doc="the filtered input")
+
+    def validate_in(self, context: BlockContext) -> None:
+        kind = context.types["out"]
+        if len(kind.shape) > 1:
+            message = f"expected a number, a record or a vector, got {kind}"
+            raise ParameterError([("input", message)])
+        if self.initial.shape not in ((), kind.shape):
+            expected = f"a number or {kind.numbers}" if kind.shape else "a number"
+            message = f"expected {expected} for {kind}, got {self.initial.tolist()}"
+            raise ParameterError([("initial", message)])
+
+    def start(self, state: BlockState) -> None:
+        kind = state.context.types["out"]
+        state.form, state.pack = kind.form, kind.pack
+        state.size = kind.shape[0] if kind.shape else 1
+        state.x[...] = self.initial
+        state.cells = state.x.reshape(-1)
+
+    def slopes(self, state: BlockState, input: Any) -> FloatArray:
+        """The rate of change of each component."""
+        rates = np.zeros(state.size)
+        for i in range(state.size):
+            rates[i] = (input[i] - state.cells[i]) / self.tau
+        return rates
+
+    def output(self, state: BlockState, t: float, input: Any) -> Any:
+        if state.form == "scalar":
+            return float((input - state.cells[0]) / self.tau)
+        found = self.slopes(state, input)
+        if state.form == "array":
+            return found
+        return state.pack(found)
+
+    def derivative(self, state: BlockState, t: float, input: Any) -> Any:
+        if state.form == "scalar":
+            return float((input - state.cells[0]) / self.tau)
+        return self.slopes(state, input)
+
+
+def _polynomial(real: FloatArray | None, pairs: FloatArray | None) -> FloatArray:
+    """The polynomial with these roots, the highest power first."""
+    found = np.ones(1)
+    for root in () if real is None else real:
+        found = np.convolve(found, [1.0, -root])
+    for re, im in () if pairs is None else pairs:
+        found = np.convolve(found, [1.0, -2.0 * re, re * re + im * im])
+    return found

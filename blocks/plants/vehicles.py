@@ -1,0 +1,89 @@
+"""Vehicles on a plane, without slip."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC
+
+import numpy as np
+
+from blocks.core import (
+    Block,
+    BlockState,
+    FloatArray,
+    Input,
+    Output,
+    Pose,
+    PoseValue,
+    Scalar,
+    State,
+    Twist,
+    TwistValue,
+    param,
+)
+
+
+class _Vehicle(Block, ABC):
+    pose = Output(Pose, doc="position and heading; the heading is not wrapped")
+
+    x0: FloatArray = param([0.0, 0.0, 0.0], unit="m, m, rad", shape=(3,), doc="pose at the start")
+
+    def start(self, state: BlockState) -> None:
+        state.x[:] = self.x0
+
+    def output(self, state: BlockState, t: float) -> PoseValue:
+        return float(state.x[0]), float(state.x[1]), float(state.x[2])
+
+    def moved(self, state: BlockState, v: float, omega: float) -> FloatArray:
+        """The rate of change of the pose at a speed and a turn rate."""
+        rates = np.empty(3)
+        rates[0] = v * math.cos(state.x[2])
+        rates[1] = v * math.sin(state.x[2])
+        rates[2] = omega
+        return rates
+
+
+class Unicycle(_Vehicle):
+    """A vehicle that turns on the spot, such as one with two driven wheels.
+
+        command ─▶ [ Unicycle ] ─▶ pose
+
+    x' = v cos(theta), y' = v sin(theta), theta' = omega (Lynch and Park, Modern Robotics, 2017,
+    eq. 13.12). The continuous twin of DifferentialDrive: the solver of the run integrates it.
+    """
+
+    command = Input(Twist, doc="speed and turn rate")
+
+    x = State(3, name="x", continuous=True, signal=Pose, doc="the pose")
+
+    def derivative(self, state: BlockState, t: float, command: TwistValue) -> FloatArray:
+        return self.moved(state, command[0], command[1])
+
+
+class Bicycle(_Vehicle):
+    """A vehicle with a steered front wheel, such as a car.
+
+        v, steering ─▶ [ Bicycle ] ─▶ pose
+
+    x' = v cos(theta), y' = v sin(theta), theta' = v tan(delta) / wheel_base, where delta is
+    ``steering``, limited to steering_max, and the pose that of the rear axle (Corke, Robotics,
+    Vision and Control, 2nd ed., eq. 4.2).
+    """
+
+    v = Input(Scalar, unit="m/s", doc="speed of the rear axle")
+    steering = Input(Scalar, unit="rad", doc="angle of the front wheel, left positive")
+
+    wheel_base: float = param(1.0, unit="m", above=0.0, doc="distance between the axles")
+    steering_max: float = param(
+        0.5, unit="rad", above=0.0, below=0.5 * math.pi, doc="largest angle of the front wheel"
+    )
+    v_max: float = param(
+        math.inf, unit="m/s", above=0.0, finite=False, doc="largest speed, either way"
+    )
+
+    x = State(3, name="x", continuous=True, signal=Pose, doc="the pose")
+
+    def derivative(self, state: BlockState, t: float, v: float, steering: float) -> FloatArray:
+        speed = max(-self.v_max, min(self.v_max, v))
+        delta = max(-self.steering_max, min(self.steering_max, steering))
+        return self.moved(state, speed, speed * math.tan(delta) / self.wheel_base)

@@ -1,0 +1,279 @@
+"""A user's Python files, imported by processes of their own: one run per file and content.
+
+A language server must not run what it shows: a file may hang, crash, or print. So each file is run
+once per content by a :mod:`runtime.language.module_worker`, and classes that stand for those of the
+file take their place: same ports, parameters, documentation and checks. What goes wrong is
+remembered with the content, and so is what the worker answered.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, ClassVar
+
+from blocks.core import Block, BlockContext, DeclarationError, ParameterError, SignalType
+from blocks.registry import ModuleReader
+from runtime.language.module_worker import pack, receive, send
+
+IMPORT_SECONDS = 20.0
+START_SECONDS = 60.0  # until a process is ready to import, on a busy machine
+ANSWER_SECONDS = 2.0
+MAX_ANSWERS = 2_000
+MAX_KEPT = 32  # files and contents that are remembered
+PACKAGE = str(Path(__file__).parents[2])
+
+
+class SlowModuleError(Exception):
+    """A file that is still being imported, or took too long."""
+
+
+class Worker:
+    """The process that runs one content of one file, started when it is first asked."""
+
+    def __init__(self, file: Path, digest: str, changed: Callable[[], None]) -> None:
+        self.file, self.digest, self.changed = file, digest, changed
+        self.process: subprocess.Popen[bytes] | None = None
+        self.lock = threading.Lock()
+        self.answers: dict[bytes, tuple[str, Any]] = {}
+        self.ready = threading.Event()
+        self.description: tuple[str, Any] = ("slow", "")
+        self.classes: dict[str, type[Block]] = {}
+        self.signal_types: list[SignalType] = []
+        self.waited = False
+        threading.Thread(target=self._load, daemon=True).start()
+
+    def _load(self) -> None:
+        self.description = self.ask(("describe",), IMPORT_SECONDS)
+        if self.description[0] == "done":
+            found, self.signal_types = self.description[1]
+            self.classes = {each["key"]: stand_in(each, self) for each in found}
+        self.ready.set()
+        if self.waited:
+            self.changed()
+
+    def ask(self, question: tuple[Any, ...], seconds: float) -> tuple[str, Any]:
+        """An answer, asked for once; a process that does not answer in time is ended."""
+        try:
+            key = pack(question)
+        except Exception as error:  # noqa: BLE001 -- a world or value of a strange class
+            return "failed", (type(error).__name__, str(error))
+        with self.lock:
+            if key not in self.answers:
+                if len(self.answers) >= MAX_ANSWERS:
+                    self.answers.clear()
+                self.answers[key] = self._asked(question, seconds)
+            return self.answers[key]
+
+    def _asked(self, question: tuple[Any, ...], seconds: float) -> tuple[str, Any]:
+        if self.process is None:
+            if question != ("describe",):
+                return "slow", f"its process ended; it took longer than {seconds:g} s"
+            self.process = self._started()
+            self._exchange(self.process, ("hello",), START_SECONDS)
+        return self._exchange(self.process, question, seconds)
+
+    def _exchange(
+        self, process: subprocess.Popen[bytes], question: tuple[Any, ...], seconds: float
+    ) -> tuple[str, Any]:
+        if process.stdin is None or process.stdout is None:
+            return "failed", ("OSError", "no pipe")
+        ended = threading.Timer(seconds, process.kill)
+        ended.daemon = True
+        ended.start()
+        try:
+            send(process.stdin, question)
+            found: tuple[str, Any] = receive(process.stdout)
+        except (EOFError, OSError, ValueError):
+            was_slow = not ended.is_alive()
+            self.stop()
+            if was_slow:
+                return "slow", f"took longer than {seconds:g} s"
+            return "failed", ("Exit", "the process that imported it ended")
+        except Exception as error:  # noqa: BLE001 -- an answer may hold what cannot be read
+            self.stop()
+            return "failed", (type(error).__name__, str(error))
+        finally:
+            ended.cancel()
+        return found
+
+    def _started(self) -> subprocess.Popen[bytes]:
+        return subprocess.Popen(
+            [sys.executable, "-m", "runtime.language.module_worker", str(self.file)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            cwd=PACKAGE,
+            start_new_session=True,
+        )
+
+    def stop(self) -> None:
+        """End the process."""
+        process, self.process = self.process, None
+        if process is not None:
+            process.kill()
+            for pipe in (process.stdin, process.stdout):
+                if pipe is not None:
+                    try:
+                        pipe.close()
+                    except OSError:
+                        continue  # it had ended before all of the question was written
+            process.wait()
+
+    def loaded(self, patience: float) -> None:
+        """Wait until the file was imported.
+
+        Raises
+        ------
+        SlowModuleError, SyntaxError and others : it could not be, as an import would say.
+        """
+        patience = 0.0 if self.waited else patience
+        self.waited = True  # before waiting: the import then either is ready or tells
+        if not self.ready.wait(patience):
+            raise SlowModuleError("it is still being imported")
+        kind, value = self.description
+        if kind == "missing":
+            raise FileNotFoundError(str(self.file))
+        if kind == "syntax":
+            error = SyntaxError(value[0])
+            error.lineno = value[1]
+            raise error
+        if kind == "slow":
+            raise SlowModuleError(f"importing it {value}")
+        if kind == "failed":
+            name, text = value
+            if name == DeclarationError.__name__:
+                raise DeclarationError(text)
+            raise type(name, (Exception,), {})(text)
+
+
+class StandIn(Block):
+    """Stands for a class of a user's file, whose own checks run in the file's process."""
+
+    worker: ClassVar[Worker]
+    key: ClassVar[str]
+    source_file: ClassVar[str]
+    asks: ClassVar[bool]
+    checks: ClassVar[bool]
+
+    def _misshapen(self) -> list[tuple[str, str]]:
+        if not self.asks:
+            return super()._misshapen()
+        kind, value = self.worker.ask(("construct", self.key, self._values()), ANSWER_SECONDS)
+        if kind == "problems":
+            return list(value)
+        if kind != "done":
+            raise _failure(kind, value)
+        self.__dict__["_answered"] = value
+        return []
+
+    def _values(self) -> dict[str, Any]:
+        return {name: self.value(name) for name in self.spec.params}
+
+    @property
+    def variables(self) -> dict[str, SignalType]:
+        answered = self.__dict__.get("_answered")
+        return super().variables if answered is None else dict(answered[1])
+
+    def sizes(self) -> dict[str, int]:
+        answered = self.__dict__.get("_answered")
+        return super().sizes() if answered is None else dict(answered[0])
+
+    def validate_in(self, context: BlockContext) -> None:
+        if not self.checks:
+            return
+        question = ("check", self.key, self._values(), context)
+        kind, value = self.worker.ask(question, ANSWER_SECONDS)
+        if kind == "problems":
+            raise ParameterError(value)
+        if kind != "done":
+            raise _failure(kind, value)
+
+
+def _failure(kind: str, value: Any) -> Exception:
+    """The error of a class, by the name that it had in the other process."""
+    if kind == "failed":
+        return type(value[0], (Exception,), {})(value[1])  # type: ignore[no-any-return]
+    return SlowModuleError(str(value))
+
+
+def stand_in(described: Mapping[str, Any], worker: Worker) -> type[Block]:
+    """The class that stands for one of a file."""
+    inside = {
+        "__doc__": described["doc"],
+        "__module__": described["module"],
+        "worker": worker,
+        "key": described["key"],
+        "source_file": str(worker.file),
+        "asks": described["asks"],
+        "checks": described["checks"],
+    }
+    cls: type[Block] = type(described["name"], (StandIn,), inside)
+    cls.spec = described["spec"]
+    return cls
+
+
+class Isolation:
+    """Reads modules through workers; one per file, replaced when the file's content changes.
+
+    Parameters
+    ----------
+    patience : how long the first question about a file waits for its import, s.
+    changed : called when an import ends that something did not wait for.
+    """
+
+    def __init__(
+        self, patience: float = IMPORT_SECONDS + 1.0, changed: Callable[[], None] = lambda: None
+    ) -> None:
+        self.patience, self.changed = patience, changed
+        self.workers: dict[Path, Worker] = {}
+        self.lock = threading.Lock()
+
+    @property
+    def reader(self) -> ModuleReader:
+        """What the checks of a graph take in place of an import."""
+        return ModuleReader(self.blocks, self.signal_types)
+
+    def blocks(self, file: Path) -> Mapping[str, type[Block]]:
+        """The block types of a file, as :func:`blocks.registry.blocks_of_module`."""
+        worker = self.worker(file)
+        worker.loaded(self.patience)
+        return worker.classes
+
+    def signal_types(self, file: Path) -> list[SignalType]:
+        """The signal types of a file, as :func:`blocks.registry.types_of_module`."""
+        worker = self.worker(file)
+        worker.loaded(self.patience)
+        return worker.signal_types
+
+    def worker(self, file: Path) -> Worker:
+        """The worker of a file's present content.
+
+        Raises
+        ------
+        OSError : the file cannot be read.
+        """
+        file = file.resolve()
+        digest = hashlib.sha256(file.read_bytes()).hexdigest()
+        with self.lock:
+            worker = self.workers.pop(file, None)
+            if worker is not None and worker.digest != digest:
+                worker.stop()
+                worker = None
+            if worker is None:
+                worker = Worker(file, digest, self.changed)
+            self.workers[file] = worker
+            while len(self.workers) > MAX_KEPT:
+                self.workers.pop(next(iter(self.workers))).stop()
+            return worker
+
+    def close(self) -> None:
+        """End all processes."""
+        with self.lock:
+            for worker in self.workers.values():
+                worker.stop()
+            self.workers.clear()

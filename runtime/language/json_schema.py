@@ -1,0 +1,201 @@
+"""A JSON Schema of graph files, for editors without a language server.
+
+It is made of the declarations that the loader checks against. It knows names, types, units and
+bounds; it cannot know which blocks a graph has, nor what fits a wire.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from blocks.core import TYPES, Block, Param
+from blocks.registry import BUILTIN
+from runtime.descriptions import describe_markdown, param_row, summary
+from runtime.document import PART_SECTIONS, RUN_CHOICES, RUN_DOCS, RUN_KEYS, SECTIONS
+from runtime.experiments.design import KEYS, PLAN_KEYS
+from runtime.language.keys import (
+    BLOCK_DOCS,
+    COMMON_DOCS,
+    PORT_KEYS,
+    PROBE_KEYS,
+    WORLD_KEYS,
+)
+from runtime.observation import METRIC_KINDS, PLOT_KINDS
+
+Schema = dict[str, Any]
+ID = "https://json-schema.org/draft-07/schema#"
+REFERENCE: Schema = {"type": "string", "pattern": r"^\$[A-Za-z_]\w*$"}
+NAME = "^[A-Za-z_][A-Za-z0-9_]*$"
+SOURCE: Schema = {"type": "string", "description": "producer.output"}
+SOURCES: Schema = {"anyOf": [SOURCE, {"type": "array", "items": SOURCE}, {"type": "null"}]}
+ANY: Schema = {}
+
+
+def json_schema() -> Schema:
+    """The schema of all files of graphs: whole ones, parts, overlays, experiments and worlds."""
+    sections = _sections()
+    for key in PART_SECTIONS:
+        sections.setdefault(key, {"type": "object"})
+    sections["inputs"] = {"type": "object", "additionalProperties": _part_input()}
+    sections["outputs"] = {"type": "object", "additionalProperties": SOURCE}
+    sections["extends"] = SOURCES | {"description": "the graph to start from"}
+    for key, text in WORLD_KEYS.items():
+        sections[key] = {"type": "array", "description": text}
+    for key in KEYS:
+        if key not in PLAN_KEYS:
+            sections.setdefault(key, ANY)
+    sections.pop("part", None)
+    return {
+        "$schema": ID,
+        "title": "spikeblocks graph",
+        "type": "object",
+        "properties": sections,
+        "additionalProperties": False,
+        "definitions": {"block": _block(), "wires": _wires()},
+    }
+
+
+def _sections() -> dict[str, Schema]:
+    """The sections of a graph."""
+    found: dict[str, Schema] = {
+        "graph": {"type": ["string", "number"]},
+        "run": _run(),
+        "params": {"type": "object"},
+        "world": {"anyOf": [{"type": "string"}, {"type": "object"}, {"type": "null"}]},
+        "blocks": _map({"$ref": "#/definitions/block"}),
+        "wires": {"$ref": "#/definitions/wires"},
+        "probes": _map(_probe()),
+        "plots": _map(_kinds(PLOT_KINDS)),
+        "metrics": _map(_kinds(METRIC_KINDS)),
+        "without": SOURCES,
+        "bypass": SOURCES,
+    }
+    docs = {key: {"description": text} for key, text in SECTIONS.items()}
+    return {key: found.get(key, ANY) | docs.get(key, {}) for key in {**docs, **found}}
+
+
+def _map(value: Schema) -> Schema:
+    """A mapping of any names; null deletes what ``extends`` adds."""
+    null = {"type": "null"}
+    return {"type": ["object", "null"], "additionalProperties": {"anyOf": [value, null]}}
+
+
+def _object(properties: Mapping[str, Schema]) -> Schema:
+    return {"type": "object", "properties": dict(properties), "additionalProperties": False}
+
+
+def _run() -> Schema:
+    found = {}
+    for key in RUN_KEYS:
+        choices = RUN_CHOICES.get(key)
+        found[key] = {"anyOf": [{"enum": list(choices)}, REFERENCE]} if choices else ANY
+        found[key] = found[key] | {"description": RUN_DOCS.get(key, "")}
+    return _object(found)
+
+
+def _probe() -> Schema:
+    every: Schema = {"anyOf": [{"type": "integer", "minimum": 1}, REFERENCE]}
+    properties = {key: {"description": text} for key, text in PROBE_KEYS.items()}
+    properties["of"] = SOURCES | properties["of"]
+    properties["every"] = every | properties["every"]
+    return {"anyOf": [SOURCE, {"type": "array", "items": SOURCE}, _object(properties)]}
+
+
+def _part_input() -> Schema:
+    kind: Schema = {"type": "string", "description": f"one of {', '.join(TYPES)}"}
+    whole = _object({key: {"description": text} for key, text in PORT_KEYS.items()})
+    return {"anyOf": [kind, whole]}
+
+
+def _wires() -> Schema:
+    inputs = {"type": ["object", "null"], "additionalProperties": SOURCES}
+    return {"type": ["object", "null"], "additionalProperties": inputs}
+
+
+def _block() -> Schema:
+    """An entry of ``blocks``: of a type of the library, of one's own, or a part."""
+    types: list[Schema] = [
+        {"const": name, "description": summary(cls)} for name, cls in BUILTIN.items()
+    ]
+    known: dict[str, Schema] = {key: {"description": text} for key, text in BLOCK_DOCS.items()}
+    own: Schema = {"type": "string", "description": "a type of your own or of a package"}
+    known["type"] = known["type"] | {"anyOf": [*types, own]}
+    return {
+        "type": "object",
+        "properties": known,
+        "allOf": [_typed(name, cls) for name, cls in BUILTIN.items()],
+    }
+
+
+def _typed(name: str, cls: type[Block]) -> Schema:
+    """The parameters of a block, if it is of a type of the library."""
+    condition = {
+        "properties": {"type": {"const": name}},
+        "required": ["type"],
+        "not": {"required": ["module"]},
+    }
+    inside = {key: param_schema(key, declared) for key, declared in cls.spec.params.items()}
+    inside |= dict.fromkeys(("type", "dt", "module"), ANY)
+    then = _object(inside) | {"description": describe_markdown(cls).split("\n\n")[1]}
+    return {"if": condition, "then": then}
+
+
+def _kinds(kinds: Mapping[str, Any]) -> Schema:
+    """A plot or a metric: the keys of its kind."""
+    common = {key: {"description": text} for key, text in COMMON_DOCS.items()}
+    names: list[Schema] = [{"const": name, "description": kind.doc} for name, kind in kinds.items()]
+    branches = []
+    for name, kind in kinds.items():
+        declared = kind.options.declared
+        inside = {
+            key: param_schema(key, declared[key]) if key in declared else common.get(key, ANY)
+            for key in ("kind", *kind.keys)
+        }
+        condition = {"properties": {"kind": {"const": name}}, "required": ["kind"]}
+        branches.append({"if": condition, "then": _object(inside)})
+    kind_key = common["kind"] | {"anyOf": names}
+    return {"type": "object", "properties": common | {"kind": kind_key}, "allOf": branches}
+
+
+def param_schema(name: str, declared: Param) -> Schema:
+    """The schema of a parameter's value, or of a ``$name`` in its place."""
+    _, expected, default, doc = param_row(name, declared)
+    forms = [*_forms(declared), REFERENCE]
+    if declared.default is None:
+        forms.append({"type": "null"})
+    given = f", default {default}" if default not in ("", "required") else f" {default}".rstrip()
+    return {"description": f"{doc}: {expected}{given}", "anyOf": forms}
+
+
+def _forms(declared: Param) -> Iterable[Schema]:
+    """The forms that a value may have, without their units."""
+    if declared.choices:
+        return [{"enum": list(declared.choices)}]
+    number = {"type": "integer" if declared.kind == "int" else "number"} | _bounds(declared)
+    degrees: list[Schema] = []
+    if any(unit.startswith("rad") for unit in declared.units):
+        degrees = [{"type": "string", "pattern": "deg"}]
+    simple: dict[str, list[Schema]] = {
+        "bool": [{"type": "boolean"}],
+        "str": [{"type": "string"}],
+        "signal": [{"type": "string"}],
+        "float": [number, *degrees],
+        "int": [number],
+    }
+    if declared.kind in simple:
+        return simple[declared.kind]
+    if declared.kind != "array":
+        return [ANY]  # a setting with a form of its own
+    alone = [number, *degrees] if not declared.shapes or () in declared.shapes else []
+    return [*alone, {"type": "array"}]
+
+
+def _bounds(declared: Param) -> Schema:
+    names = {"above": "exclusiveMinimum", "at_least": "minimum"}
+    names |= {"below": "exclusiveMaximum", "at_most": "maximum"}
+    found = {names[key]: getattr(declared, key) for key in names}
+    return {
+        key: value for key, value in found.items() if value is not None and math.isfinite(value)
+    }

@@ -1,0 +1,185 @@
+"""The server: one handler per request; each asks the language service and converts the answer."""
+
+from __future__ import annotations
+
+import asyncio
+from importlib.metadata import PackageNotFoundError, version
+
+from lsprotocol import types
+from pygls.io_ import run_async
+from pygls.lsp.server import LanguageServer
+
+from runtime.errors import UsageError
+from runtime.language import Isolation, diagnose
+from runtime.lsp.commands import add_commands
+from runtime.lsp.convert import Converter
+from runtime.lsp.requests import add_requests
+from runtime.lsp.session import Session
+
+PATIENCE = 0.3  # how long a request waits for the import of a user's file, s
+PAUSE = 0.02  # how long to wait for more edits before a text is checked, s
+
+
+class _Checks:
+    """Publishes diagnostics of open texts, after the last of the edits that came together."""
+
+    def __init__(self, server: LanguageServer, session: Session) -> None:
+        self.server, self.session = server, session
+        self.converter = Converter(session)
+        self.timer: asyncio.TimerHandle | None = None
+        self.first = ""
+
+    def ask(self, uri: str = "") -> None:
+        """Check all open texts soon, one of them first."""
+        self.session.changed()
+        self.first = uri or self.first
+        if self.timer is not None:
+            self.timer.cancel()
+        self.timer = asyncio.get_running_loop().call_later(PAUSE, self.run)
+
+    def run(self) -> None:
+        self.timer = None
+        for uri in sorted(self.session.open, key=lambda uri: uri != self.first):
+            self.publish(uri)
+
+    def publish(self, uri: str) -> None:
+        model = self.session.model(uri)
+        found = diagnose(model) if model.is_ours else []
+        version = self.server.workspace.get_text_document(uri).version
+        shown = [self.converter.diagnostic(model, each) for each in found]
+        self.server.text_document_publish_diagnostics(
+            types.PublishDiagnosticsParams(uri, shown, version)
+        )
+
+    def clear(self, uri: str) -> None:
+        self.server.text_document_publish_diagnostics(types.PublishDiagnosticsParams(uri, []))
+
+
+def make_server(modules: bool = True) -> LanguageServer:
+    """A server for one editor; with ``modules=False`` no Python file of a graph is ever run."""
+    try:
+        number = version("spikeblocks")
+    except PackageNotFoundError:
+        number = "0"
+    server = LanguageServer(
+        "spikeblocks", number, text_document_sync_kind=types.TextDocumentSyncKind.Incremental
+    )
+    isolation = Isolation(PATIENCE) if modules else None
+    session = Session(server, isolation)
+    checks = _Checks(server, session)
+    _add_texts(server, session, checks, isolation)
+    add_requests(server, session)
+    add_commands(server, session)
+    return server
+
+
+def _add_texts(
+    server: LanguageServer, session: Session, checks: _Checks, isolation: Isolation | None
+) -> None:
+    """What happens as texts are opened, changed, saved and closed."""
+
+    @server.feature(types.INITIALIZED)
+    def initialized(ls: LanguageServer, params: types.InitializedParams) -> None:
+        if isolation is not None:
+            loop = asyncio.get_running_loop()
+            isolation.changed = lambda: _soon(loop, checks)
+        workspace = ls.client_capabilities.workspace
+        watching = workspace.did_change_watched_files if workspace is not None else None
+        if watching is not None and watching.dynamic_registration:
+            patterns = ("**/*.yaml", "**/*.yml", "**/*.py")
+            watchers = [types.FileSystemWatcher(pattern) for pattern in patterns]
+            options = types.DidChangeWatchedFilesRegistrationOptions(watchers)
+            method = types.WORKSPACE_DID_CHANGE_WATCHED_FILES
+            registration = types.Registration("files", method, options)
+            ls.client_register_capability(types.RegistrationParams([registration]))
+
+    @server.feature(types.TEXT_DOCUMENT_DID_OPEN)
+    def did_open(ls: LanguageServer, params: types.DidOpenTextDocumentParams) -> None:
+        checks.ask(params.text_document.uri)
+
+    @server.feature(types.TEXT_DOCUMENT_DID_CHANGE)
+    def did_change(ls: LanguageServer, params: types.DidChangeTextDocumentParams) -> None:
+        checks.ask(params.text_document.uri)
+
+    @server.feature(types.TEXT_DOCUMENT_DID_SAVE)
+    def did_save(ls: LanguageServer, params: types.DidSaveTextDocumentParams) -> None:
+        checks.ask(params.text_document.uri)
+
+    @server.feature(types.TEXT_DOCUMENT_DID_CLOSE)
+    def did_close(ls: LanguageServer, params: types.DidCloseTextDocumentParams) -> None:
+        session.closed(params.text_document.uri)
+        checks.clear(params.text_document.uri)
+
+    @server.feature(types.WORKSPACE_DID_CHANGE_WATCHED_FILES)
+    def files_changed(ls: LanguageServer, params: types.DidChangeWatchedFilesParams) -> None:
+        checks.ask()
+
+    @server.feature(types.SHUTDOWN)
+    def shut_down(ls: LanguageServer, params: None) -> None:
+        if isolation is not None:
+            isolation.close()
+
+
+def _soon(loop: asyncio.AbstractEventLoop, checks: _Checks) -> None:
+    """Check the texts again, asked for by a thread that waited for an import."""
+    if not loop.is_closed():
+        loop.call_soon_threadsafe(checks.ask)
+
+
+def serve_stdio(modules: bool) -> None:
+    """Serve the editor at the other end of standard input and output."""
+    make_server(modules).start_io()
+
+
+class _Headers:
+    """A reader of messages that ends at a line that is no header of the protocol.
+
+    Without it a web page could send one to a local port, inside an HTTP request.
+    """
+
+    def __init__(self, reader: asyncio.StreamReader) -> None:
+        self.reader = reader
+
+    async def readline(self) -> bytes:
+        line = await self.reader.readline()
+        is_header = not line.strip() or line.lower().startswith(b"content-")
+        return line if is_header else b""
+
+    async def readexactly(self, n: int) -> bytes:
+        return await self.reader.readexactly(n)
+
+
+def serve_tcp(modules: bool, host: str, port: int) -> None:
+    """Serve one editor that connects to a port.
+
+    Raises
+    ------
+    UsageError : the port cannot be listened on.
+    """
+    from threading import Event
+
+    from runtime.terminal import tell
+
+    server = make_server(modules)
+    ended: list[asyncio.Event] = []
+
+    async def connected(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        if server.protocol.writer is not None:
+            writer.close()  # one editor at a time
+            return
+        server.protocol.set_writer(writer)
+        await run_async(Event(), _Headers(reader), server.protocol)
+        writer.close()
+        ended[0].set()
+
+    async def listen() -> None:
+        ended.append(asyncio.Event())
+        try:
+            listening = await asyncio.start_server(connected, host, port)
+        except OSError as error:
+            raise UsageError(f"cannot listen on {host}:{port}: {error.strerror}") from None
+        async with listening:
+            tell(f"listening on {host}:{listening.sockets[0].getsockname()[1]}")
+            await ended[0].wait()
+
+    asyncio.run(listen())

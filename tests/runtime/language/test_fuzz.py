@@ -1,0 +1,124 @@
+"""Random edits at random places of shipped graphs: every question has an answer."""
+
+from __future__ import annotations
+
+import random
+import tracemalloc
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from runtime.language import (
+    Model,
+    Project,
+    Span,
+    Surroundings,
+    actions,
+    complete,
+    definition,
+    diagnose,
+    folds,
+    formatted,
+    hints,
+    hover,
+    lenses,
+    outline,
+    references,
+    renamed,
+    signature,
+)
+from tests.runtime.language.texts import GRAPHS
+
+FILES = sorted(GRAPHS.rglob("*.yaml"))
+PIECES = (
+    *("{", "}", "[", "]", ":", ": ", ",", "- ", "'", '"', "#", " ", "  ", "\n", "\n  ", "\t", "|"),
+    *("&a ", "*a", "!!x ", "$", "$v_r", ".", "🙂", "é", "\u2028", "\x00", "\r\n", "---\n", "null"),
+    *(
+        "type: Sum",
+        "error: ",
+        "blocks:\n",
+        "wires:\n",
+        "of: ",
+        "kind: map",
+        "graph: x.yaml",
+        "1e999",
+    ),
+    *("extends: wall_following\n", "without: [lqr]\n", "experiment: x\n", "inputs: {a: Pose}\n"),
+)
+
+
+def edits(text: str, rng: random.Random, count: int) -> Iterator[tuple[str, int]]:
+    """Texts, each one edit from the one before, with the place of the edit."""
+    for _ in range(count):
+        place = rng.randrange(len(text) + 1)
+        kind = rng.random()
+        if kind < 0.45:
+            text = text[:place] + rng.choice(PIECES) + text[place:]
+        elif kind < 0.75:
+            text = text[:place] + text[place + rng.choice((1, 1, 2, 8, 40)) :]
+        else:
+            start = rng.randrange(len(text) + 1)
+            copied = text[start : start + rng.choice((5, 20, 80))]
+            text = text[:place] + copied + text[place:]
+        yield text, min(place, len(text))
+
+
+def asked(model: Model, offset: int) -> None:
+    """Every question about a text and an offset."""
+    size = len(model.text.source)
+    for found in diagnose(model):
+        assert 0 <= found.span.start <= found.span.end <= size
+    for offer in complete(model, offset).offers:
+        assert offer.text
+    card = hover(model, offset)
+    assert card is None or 0 <= card.span.start <= card.span.end <= size
+    signature(model, offset)
+    project = Project([model])
+    definition(model, offset, project)
+    for place in references(model, offset, project):
+        assert place.span.start <= place.span.end
+    renamed(model, offset)
+    for action in actions(model, Span(offset, offset)):
+        for edit in action.edits:
+            assert 0 <= edit.span.start <= edit.span.end <= size
+    outline(model)
+    folds(model)
+    formatted(model)
+    hints(model, Span(0, size))
+    lenses(model)
+
+
+def ask_all(seed: int, count: int, per_file: int, files: list[Path] = FILES) -> None:
+    rng = random.Random(seed)
+    done = 0
+    while done < count:
+        path = rng.choice(files)
+        surroundings = Surroundings()
+        original = path.read_text(encoding="utf-8")
+        for text, place in edits(original, rng, min(per_file, count - done)):
+            model = Model(text, path, surroundings)
+            offset = place if rng.random() < 0.5 else rng.randrange(len(text) + 1)
+            try:
+                asked(model, offset)
+            except Exception as error:
+                error.add_note(f"{path.name}, seed {seed}, at {offset} of {text!r}")
+                raise
+            done += 1
+
+
+def test_random_edits_and_places() -> None:
+    quick = [path for path in FILES if path.parent.name not in ("experiments", "starters")]
+    ask_all(seed=1, count=200, per_file=20, files=quick)
+
+
+@pytest.mark.slow
+def test_five_thousand_random_edits_and_places_in_bounded_memory() -> None:
+    ask_all(seed=2, count=500, per_file=20)
+    tracemalloc.start()
+    ask_all(seed=3, count=500, per_file=20)
+    before, _ = tracemalloc.get_traced_memory()
+    ask_all(seed=4, count=4000, per_file=20)
+    after, _ = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert after - before < 30e6

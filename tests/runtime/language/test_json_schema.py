@@ -1,0 +1,133 @@
+"""The JSON Schema: current, valid for every shipped file, and strict about names and bounds."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from runtime.cli.describe import schema_file
+from runtime.document import parse_yaml
+from runtime.language import json_schema
+from tests.conftest import Run
+from tests.runtime.language.texts import CASE_C, GRAPHS
+
+KINDS: dict[str, tuple[type, ...]] = {
+    "object": (dict,),
+    "array": (list,),
+    "string": (str,),
+    "boolean": (bool,),
+    "null": (type(None),),
+    "integer": (int,),
+    "number": (int, float),
+}
+
+
+def is_valid(schema: dict[str, Any], value: Any, whole: dict[str, Any]) -> bool:
+    """Whether a value has a schema, as far as the keywords that ours uses."""
+    if "$ref" in schema:
+        return is_valid(whole["definitions"][schema["$ref"].rsplit("/")[-1]], value, whole)
+    kinds = schema.get("type", [])
+    kinds = [kinds] if isinstance(kinds, str) else kinds
+    numeric = isinstance(value, (int, float)) and not isinstance(value, bool)
+    fits = [
+        isinstance(value, KINDS[k]) and (k == "boolean" or not isinstance(value, bool))
+        for k in kinds
+    ]
+    tests = [
+        not kinds or any(fits),
+        "const" not in schema or value == schema["const"],
+        "enum" not in schema or value in schema["enum"],
+        not numeric or value >= schema.get("minimum", value),
+        not numeric or value <= schema.get("maximum", value),
+        not numeric or "exclusiveMinimum" not in schema or value > schema["exclusiveMinimum"],
+        not numeric or "exclusiveMaximum" not in schema or value < schema["exclusiveMaximum"],
+        "pattern" not in schema
+        or (isinstance(value, str) and re.search(schema["pattern"], value) is not None),
+        "anyOf" not in schema or any(is_valid(s, value, whole) for s in schema["anyOf"]),
+        all(is_valid(s, value, whole) for s in schema.get("allOf", [])),
+        "not" not in schema or not is_valid(schema["not"], value, whole),
+    ]
+    if "if" in schema and is_valid(schema["if"], value, whole):
+        tests.append(is_valid(schema.get("then", {}), value, whole))
+    return all(tests) and is_valid_inside(schema, value, whole)
+
+
+def is_valid_inside(schema: dict[str, Any], value: Any, whole: dict[str, Any]) -> bool:
+    if isinstance(value, list):
+        return all(is_valid(schema.get("items", {}), item, whole) for item in value)
+    if not isinstance(value, dict):
+        return True
+    if not set(schema.get("required", ())) <= value.keys():
+        return False
+    known, others = schema.get("properties", {}), schema.get("additionalProperties", {})
+    for key, item in value.items():
+        inner = known.get(key, others)
+        if inner is False or not is_valid(inner, item, whole):
+            return False
+    return True
+
+
+def checked(text: str) -> bool:
+    whole = json_schema()
+    return is_valid(whole, parse_yaml(text, "x").plain(), whole)
+
+
+def test_the_committed_schema_is_current() -> None:
+    text = (GRAPHS / "schema.json").read_text(encoding="utf-8")
+    assert text == schema_file(), "run: python -m runtime.cli.describe"
+
+
+@pytest.mark.parametrize("path", sorted(GRAPHS.rglob("*.yaml")), ids=lambda p: p.stem)
+def test_shipped_files_are_valid_and_name_their_schema(path: Path) -> None:
+    text = path.read_text(encoding="utf-8")
+    assert checked(text)
+    header = re.match(r"# yaml-language-server: \$schema=(\S+)\n", text)
+    if header is not None:
+        assert (path.parent / header[1]).resolve() == GRAPHS / "schema.json"
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("graph: wall", "grahp: wall"),
+        ("seed: 0", "sed: 0"),
+        ("q: [10", "Q: [10"),
+        ("omega_max: 1.5", "omega_max: -1.5"),
+        ("omega_max: 1.5", "omega_max: fast"),
+        ("fit: control_points", "fit: nothing"),
+        ("kind: map", "kind: mop"),
+        ("    engaged: explore.engaged\n    distance: $d\n    title", "    engagde: x\n    title"),
+        ("of: plant.pose, every: 50", "of: plant.pose, evry: 50"),
+        ("wires:\n", "wires: 3\nx:\n"),
+    ],
+)
+def test_mistakes_are_not_valid(old: str, new: str) -> None:
+    text = CASE_C.read_text(encoding="utf-8")
+    assert old in text
+    assert not checked(text.replace(old, new, 1))
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("omega_max: 1.5", "omega_max: $v_r"),
+        ("omega_max: 1.5", "omega_max: 30deg/s"),
+        ("type: Saturator, omega_max", "type: Mine, module: own.py, whatever"),
+        ("  limit: {type", "  gone: null\n  limit: {type"),
+    ],
+)
+def test_what_a_graph_may_also_say_is_valid(old: str, new: str) -> None:
+    assert checked(CASE_C.read_text(encoding="utf-8").replace(old, new, 1))
+
+
+def test_the_command_prints_it(cli: Run) -> None:
+    assert json.loads(cli("schema").stdout) == json_schema()
+
+
+def test_a_copy_does_not_name_a_schema_that_is_not_beside_it(cli: Run, tmp_path: Path) -> None:
+    assert cli("new", "mine.yaml").returncode == 0
+    assert "$schema" not in (tmp_path / "mine.yaml").read_text(encoding="utf-8")
