@@ -17,8 +17,8 @@ from runtime.terminal import show
 
 NAMES = (
     *("new", "run", "validate", "draw", "explain", "blocks", "graphs"),
-    *("ablate", "sweep", "compare", "report", "render", "clean", "completion", "lsp", "schema"),
-    "export",
+    *("ablate", "sweep", "tune", "compare", "report", "render"),
+    *("export", "clean", "completion", "lsp", "schema"),
 )
 
 
