@@ -15,7 +15,16 @@ from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from benchmarks import compiling, monte_carlo, per_tick, physics, start_up, sweeps, whole_loop
+from benchmarks import (
+    compiling,
+    monte_carlo,
+    per_tick,
+    physics,
+    populations,
+    start_up,
+    sweeps,
+    whole_loop,
+)
 from benchmarks.agreement import TOLERANCE, DisagreementError
 from benchmarks.contests import Contest, case_a_contest, tracking_contest
 from benchmarks.peers import PEERS
@@ -125,6 +134,7 @@ def page(rounds: int, sizes: Sizes, against: Path | None = None) -> str:
         *(partial(loop.section, rounds) for loop in loops),
         lambda: per_tick.parts_section(rounds),
         lambda: physics.section(rounds),
+        lambda: populations.section(rounds, quick=sizes is QUICK),
         lambda: per_tick.chain_section(sizes.chains, rounds),
         lambda: monte_carlo.section(sizes.seeds, sizes.nengo_seeds, sizes.until, rounds),
         lambda: sweeps.section(min(sizes.seeds, sweeps.SEEDS), sizes.until, 1),

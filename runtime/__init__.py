@@ -24,7 +24,7 @@ if TYPE_CHECKING:
         SpikeblocksError,
         UsageError,
     )
-    from runtime.experiments import AblationTable, SweepTable, ablate, sweep
+    from runtime.experiments import AblationTable, SweepTable, TuningTable, ablate, sweep, tune
     from runtime.graph import Graph, load
     from runtime.runs import Result
     from runtime.runs import open_run as open
@@ -52,7 +52,7 @@ _HOMES = {
     "Result": ("runtime.runs.result", "Result"),
     **{
         name: ("runtime.experiments", name)
-        for name in ("AblationTable", "SweepTable", "ablate", "sweep")
+        for name in ("AblationTable", "SweepTable", "TuningTable", "ablate", "sweep", "tune")
     },
     **{
         name: ("runtime.errors", name)
@@ -75,11 +75,13 @@ __all__ = [
     "SimulationError",
     "SpikeblocksError",
     "SweepTable",
+    "TuningTable",
     "UsageError",
     "ablate",
     "load",
     "open",
     "sweep",
+    "tune",
 ]
 
 

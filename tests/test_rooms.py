@@ -42,6 +42,8 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.experiments.execution",),
     ("runtime.experiments.analysis",),
     ("runtime.experiments.analysis.sweep_plots", "runtime.experiments.analysis.ablation_plots"),
+    ("runtime.experiments.tuning",),
+    ("runtime.experiments.tuning.tuning_plots",),
     ("runtime.experiments",),
     ("runtime.reports", "runtime.language"),
     ("runtime.lsp",),

@@ -5,13 +5,14 @@ from blocks.control.lqr import LQR
 from blocks.control.mpc import MPC
 from blocks.control.paths import CirclePath, LinePath, SinePath, WaypointPath, curvature
 from blocks.control.trackers import PathPID, PurePursuit, Stanley
-from blocks.control.tracking import MatchingPoint, TrackingError
+from blocks.control.tracking import CourseError, MatchingPoint, TrackingError
 
 __all__ = [
     "LQI",
     "LQR",
     "MPC",
     "CirclePath",
+    "CourseError",
     "DisturbanceObserver",
     "L1Adaptive",
     "LinePath",

@@ -66,6 +66,31 @@ class TrackingError(Block):
         return error, math.hypot(dx, dy), error[2], lateral, along
 
 
+class CourseError(Block):
+    """How far the robot's course is from the one that leads to the path.
+
+        error, reference ─▶ [ CourseError ] ─▶ course
+
+    course = wrap(e_theta + atan(e / (v_r lookahead_time))), the deviation of the heading from the
+    direction to a point on the path's tangent, v_r * lookahead_time ahead (line-of-sight guidance;
+    Fossen, Breivik and Skjetne, 2003). Near the path it is e_theta + lambda e with lambda = 1 /
+    (v_r lookahead_time), so that one time serves every speed; far from it, it is limited. A learner
+    that brings it to zero leaves no lateral offset.
+    """
+
+    error = Input(TrackingState, doc="pose minus reference")
+    reference = Input(Pose, doc="the point of the path that is followed")
+
+    course = Output(Scalar, unit="rad", doc="the deviation, positive to the left")
+
+    v_r: float = param(1.0, unit="m/s", above=0.0, doc="reference speed")
+    lookahead_time: float = param(1.0, unit="s", above=0.0, doc="how far ahead the point lies")
+
+    def output(self, state: BlockState, t: float, error: PoseValue, reference: PoseValue) -> float:
+        _, lateral = offsets(error, reference[2])
+        return wrap(error[2] + math.atan(lateral / (self.v_r * self.lookahead_time)))
+
+
 class Tracker(Block):
     """The ports of a controller that keeps a robot on its path; any can replace another.
 

@@ -223,6 +223,10 @@ class Block:
     def resume(self, state: BlockState) -> None:
         """Bring what ``start`` derived into line with states that come from an earlier run."""
 
+    def facts(self, state: BlockState) -> Mapping[str, float]:
+        """Numbers about the started block that ``runtime explain`` shows, by name."""
+        return {}
+
     def watch(self, state: BlockState) -> float:
         """A magnitude that :meth:`diagnose` receives as of eight evenly spaced times of a run."""
         return 0.0

@@ -43,6 +43,12 @@ class Learner(Block, ABC):
 
     learning_rate: float = param(1e-4, at_least=0.0, doc="kappa of PES, as Nengo scales it")
     leak: float = param(0.0, unit="1/s", at_least=0.0, doc="rate at which the learnt output decays")
+    e_leak: float = param(
+        0.0, at_least=0.0, doc="rate (1/s) at which it decays as well, per size of the error"
+    )
+    normalised: bool = param(
+        False, doc="divide steps by the activity squared: the rate is then in 1/s, whoever learns"
+    )
     limit: float = param(
         math.inf, above=0.0, finite=False, doc="largest size of each component of the output"
     )
@@ -90,6 +96,18 @@ class Learner(Block, ABC):
                 "and ever faster: learning diverges; check the sign of the error, lower "
                 "learning_rate or give it a leak or a limit"
             )
+
+    def keep_of(self, state: BlockState, error: FloatArray) -> float:
+        """The factor by which what was learnt decays in a step.
+
+        exp(-(leak + e_leak |error|) dt), |error| the sum over the components: a leak, and
+        e-modification (Narendra and Annaswamy, A New Adaptive Law for Robust Adaptation without
+        Persistent Excitation, 1987), which acts while there is an error only.
+        """
+        rate = self.leak
+        for k in range(len(error)):
+            rate += self.e_leak * abs(error[k])
+        return math.exp(-rate * state.dt)
 
     @abstractmethod
     def gain_of_a_step(self, state: BlockState) -> float:
@@ -214,7 +232,8 @@ class AdaptiveBias(Learner):
         input, error ─▶ [ AdaptiveBias ] ─▶ output
 
     output = b, each component within +-limit
-    b(t_k+1) = exp(-leak dt) b(t_k) - kappa power dt error(t_k)
+    b(t_k+1) = keep b(t_k) - g error(t_k),  keep = exp(-(leak + e_leak |error|) dt)
+    g = kappa power dt, or kappa dt if ``normalised``
 
     kappa is ``learning_rate``. An ensemble under PES with input 0 does the same, delayed by its
     synapse, with ``power`` the mean square of its neurons' rates. The default is computed for very
@@ -231,10 +250,9 @@ class AdaptiveBias(Learner):
     bias = State("k", doc="what was learnt")
 
     def start(self, state: BlockState) -> None:
-        power = self.power
+        power = 1.0 if self.normalised else self.power
         if power is None:
             power = mean_squared_rate(self.max_rates, self.intercepts, self.tau_rc, self.tau_ref)
-        state.keep = math.exp(-self.leak * state.dt)
         state.step = self.learning_rate * power * state.dt
         # PES of one neuron whose activity is 1.
         state.weights, state.activity = state.bias[:, None], np.ones(1)
@@ -252,5 +270,5 @@ class AdaptiveBias(Learner):
         return decode(state.weights, state.activity, self.limit)
 
     def update(self, state: BlockState, t: float, error: FloatArray, learn: float) -> None:
-        gamma = state.step * learn
-        pes(state.weights, state.activity, error, gamma, state.keep, state.scratch)
+        gamma, keep = state.step * learn, self.keep_of(state, error)
+        pes(state.weights, state.activity, error, gamma, keep, state.scratch)

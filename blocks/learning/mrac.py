@@ -20,7 +20,8 @@ class MRAC(Learner):
     output = b + w s, each component within +-limit
     s is ``input`` behind a lowpass of time constant ``tau_syn``
     b(t_k+1) = keep b(t_k) - g error(t_k),  w(t_k+1) = keep w(t_k) - g error(t_k) s'
-    g = kappa power dt,  keep = exp(-(leak + e_leak |error|) dt)
+    g = kappa power dt, or kappa dt / (1 + |s|^2) if ``normalised``
+    keep = exp(-(leak + e_leak |error|) dt)
 
     The law for a disturbance that is linear in known signals (Lavretsky and Wise, Robust and
     Adaptive Control, 2013; the reference model here is the path itself), with the leak of Ioannou's
@@ -36,16 +37,12 @@ class MRAC(Learner):
         None, unit="Hz^2", above=0.0, doc="mean squared rate, instead of the computed one"
     )
     tau_syn: float = param(0.01, unit="s", above=0.0, doc="time constant of the input's lowpass")
-    e_leak: float = param(
-        0.0, at_least=0.0, doc="rate (1/s) at which weights decay, per unit of the error"
-    )
-
     bias = State("k", doc="what was learnt for input 0")
     weights = State("k", "d", doc="what was learnt per input")
     regressor = State("d", doc="the input behind its lowpass")
 
     def start(self, state: BlockState) -> None:
-        power = self.power
+        power = 1.0 if self.normalised else self.power
         if power is None:
             power = mean_squared_rate(self.max_rates, self.intercepts, self.tau_rc, self.tau_ref)
         state.step = self.learning_rate * power * state.dt
@@ -56,8 +53,15 @@ class MRAC(Learner):
         return float(np.hypot(np.linalg.norm(state.bias), np.linalg.norm(state.weights)))
 
     def gain_of_a_step(self, state: BlockState) -> float:
-        """kappa power dt (1 + |s|^2)."""
-        return float(state.step * (1.0 + np.square(state.regressor).sum()))
+        """g (1 + |s|^2)."""
+        return float(state.step * (1.0 if self.normalised else self._power(state)))
+
+    def _power(self, state: BlockState) -> float:
+        """1 + |s|^2."""
+        power = 1.0
+        for j in range(len(state.regressor)):
+            power += state.regressor[j] * state.regressor[j]
+        return power
 
     def output(self, state: BlockState, t: float) -> FloatArray:
         found = np.empty(len(state.bias))
@@ -71,9 +75,11 @@ class MRAC(Learner):
     def update(
         self, state: BlockState, t: float, input: FloatArray, error: FloatArray, learn: float
     ) -> None:
+        keep, step = self.keep_of(state, error), state.step * learn
+        if self.normalised:
+            step /= self._power(state)
         for k in range(len(error)):
-            keep = math.exp(-(self.leak + self.e_leak * abs(error[k])) * state.dt)
-            slope = state.step * learn * error[k]
+            slope = step * error[k]
             state.bias[k] = keep * state.bias[k] - slope
             for j in range(len(input)):
                 state.weights[k, j] = keep * state.weights[k, j] - slope * state.regressor[j]

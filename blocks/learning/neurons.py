@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from collections.abc import Mapping
 from typing import final
 
 import numpy as np
@@ -19,7 +20,9 @@ from blocks.core import (
     param,
     portable,
 )
-from blocks.learning.learner import Learner, decode, gain_and_bias, lif_rate, pes
+from blocks.learning.learner import Learner, decode, dot, gain_and_bias, lif_rate, pes
+
+SILENT = 10.0  # Hz; activity below it hardly counts in a normalised step
 
 
 class LearningEnsemble(Learner):
@@ -29,7 +32,12 @@ class LearningEnsemble(Learner):
 
     Encoding  J = gain * (encoders @ input) / radius + bias
     Decoding  output = W s, each component within +-limit
-    PES       W(t_k+1) = exp(-leak dt) W(t_k) - (kappa dt / neurons) error(t_k) s'
+    PES       W(t_k+1) = keep W(t_k) - gamma error(t_k) s', keep = exp(-(leak + e_leak |error|) dt)
+
+    gamma is kappa dt / neurons or, if ``normalised``, kappa dt / (|s|^2 + neurons (10 Hz)^2): steps
+    of normalised LMS (Haykin, Adaptive Filter Theory), with which the output moves by kappa error
+    per second whatever the number, the rates and the range of the neurons (somewhat less with
+    spikes that the synapse hardly smooths).
 
     A subclass turns J into the post-synaptic current s (:meth:`_respond`). What is drawn depends
     on the run's seed and the block's name only, in one order for all subclasses, so that one kind
@@ -86,8 +94,8 @@ class LearningEnsemble(Learner):
         state.scaled_encoders[:] = gain[:, None] * encoders / self.radius
         state.offset[:] = bias if self.bias is None else self.bias
         state.pass_on = -math.expm1(-state.dt / self.tau_syn)
-        state.keep = math.exp(-self.leak * state.dt)
         state.gamma = self.learning_rate * state.dt / n
+        state.floor = SILENT**2 * n
         state.fade = 1.0 - state.pass_on
         state.scratch, state.products = np.empty(n), np.empty_like(state.weights)
         state.encoder_rows = np.ascontiguousarray(state.scaled_encoders.T)
@@ -96,13 +104,31 @@ class LearningEnsemble(Learner):
     def resume(self, state: BlockState) -> None:
         state.encoder_rows[...] = state.scaled_encoders.T
 
+    def facts(self, state: BlockState) -> Mapping[str, float]:
+        synapses = state.scaled_encoders.size + state.weights.size
+        return {"neurons": self.neurons, "synapses": synapses}
+
     def watch(self, state: BlockState) -> float:
         """The norm of the weights."""
         return float(np.linalg.norm(state.weights))
 
     def gain_of_a_step(self, state: BlockState) -> float:
         """gamma times the squared size of the activity."""
-        return float(state.gamma * np.square(state.activity).sum())
+        return self._gamma(state) * float(np.square(state.activity).sum())
+
+    def _gamma(self, state: BlockState) -> float:
+        """What multiplies error and activity in a step."""
+        if not self.normalised:
+            return float(state.gamma)
+        power = float(np.square(state.activity).sum())
+        return self.learning_rate * state.dt / (power + float(state.floor))
+
+    @kernel_of(_gamma)
+    def _gamma_kernel(self, state: BlockState) -> float:
+        if not self.normalised:
+            return float(state.gamma)
+        power = dot(state.activity, state.activity)
+        return self.learning_rate * state.dt / (power + float(state.floor))
 
     def output(self, state: BlockState, t: float) -> FloatArray:
         return decode(state.weights, state.activity, self.limit)
@@ -117,8 +143,8 @@ class LearningEnsemble(Learner):
             current += state.scratch
         current += state.offset
         self._respond(state)
-        gamma = state.gamma * learn
-        pes(state.weights, state.activity, error, gamma, state.keep, state.products)
+        gamma, keep = self._gamma(state) * learn, self.keep_of(state, error)
+        pes(state.weights, state.activity, error, gamma, keep, state.products)
 
     @kernel_of(update)
     def _update_kernel(
@@ -135,8 +161,8 @@ class LearningEnsemble(Learner):
         for i in range(len(current)):
             current[i] += offset[i]
         self._respond(state)
-        gamma = state.gamma * learn
-        pes(state.weights, state.activity, error, gamma, state.keep, state.products)
+        gamma, keep = self._gamma(state) * learn, self.keep_of(state, error)
+        pes(state.weights, state.activity, error, gamma, keep, state.products)
 
     @abstractmethod
     def _respond(self, state: BlockState) -> None:

@@ -115,6 +115,10 @@ class Decoder(Solved):
         elif state.by_spikes:
             state.quick = float(b[0])
 
+    def facts(self, state: BlockState) -> Mapping[str, float]:
+        found = {"synapses": float(state.weights.size)}
+        return found if math.isnan(state.error) else {**found, "rmse": state.error}
+
     def output(self, state: BlockState, t: float, spikes: FloatArray) -> FloatArray:
         if state.by_spikes:
             return self._of_filtered(state, spikes)

@@ -153,6 +153,9 @@ class Ensemble(Block):
     def resume(self, state: BlockState) -> None:
         state.scale[:] = state.gain / self.radius
 
+    def facts(self, state: BlockState) -> Mapping[str, float]:
+        return {"neurons": state.gain.size, "synapses": state.scaled_encoders.size}
+
     def tuning(self, state: BlockState) -> Tuning:
         """The published description of ``spikes``: that of the states when the run begins."""
         gain, scaled = state.gain.copy(), state.scaled_encoders.T * self.radius

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import final
 
 import numpy as np
@@ -87,6 +88,9 @@ class Weights(Block):
             state.slow = share_of(self.learning.theta_tau, state.dt)
         if isinstance(self.learning, Oja):
             state.beta = self.learning.beta
+
+    def facts(self, state: BlockState) -> Mapping[str, float]:
+        return {"synapses": float(state.weights.size)}
 
     def output(self, state: BlockState, t: float, spikes: FloatArray) -> FloatArray:
         return passed(state.filtered, state.a, state.b, decode(state.weights, spikes, 1))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from blocks.core import Block
 from runtime.engine import Engine, Plan, python_seconds
 from runtime.graph import Graph
 from runtime.runs import chosen_runner
@@ -38,6 +39,7 @@ def explain_json(graph: Graph) -> dict[str, Any]:
             for w in network.wires
         ],
         "continuous": _continuous(engine.plan),
+        "populations": _populations(engine),
         "removed": dict(network.removed),
         "engine": {"asked": network.engine, "python_s": python_seconds(network)}
         | (
@@ -59,6 +61,35 @@ def _continuous(plan: Plan) -> dict[str, Any] | None:
         "stages": [step.block for step in part.steps],
         "derivatives": [block for block, _ in part.derivatives],
     }
+
+
+def _populations(engine: Engine) -> dict[str, dict[str, float]]:
+    """Numbers of neurons and synapses, operations per second, and the errors of solved weights.
+
+    An operation is the work of one synapse in one tick.
+    """
+    entries = engine.network.entries
+    if not any(type(entry.made).facts is not Block.facts for entry in entries.values()):
+        return {}
+    engine = Engine(engine.program, engine.seed)  # started apart, in Python
+    engine.prepare()
+    found = {name: dict(entry.made.facts(engine.states[name])) for name, entry in entries.items()}
+    for name, facts in found.items():
+        if "synapses" in facts:
+            rate = 1.0 / (engine.network.dt * entries[name].every)
+            facts["operations_per_second"] = facts["synapses"] * rate
+    return {name: facts for name, facts in found.items() if facts}
+
+
+def _population_lines(populations: dict[str, dict[str, float]]) -> list[str]:
+    width = max(len(name) for name in populations)
+    names = ("neurons", "synapses", "operations_per_second")
+    total = {key: sum(facts.get(key, 0.0) for facts in populations.values()) for key in names}
+    lines = ["Populations"]
+    for name, facts in {**populations, "in all": total}.items():
+        shown = [f"{value:.6g} {key.replace('_', ' ')}" for key, value in facts.items()]
+        lines.append(f"  {name:<{width}}  {', '.join(shown)}")
+    return lines
 
 
 def _compiled(engine: Engine) -> dict[str, Any]:
@@ -94,6 +125,8 @@ def explain_text(graph: Graph) -> str:
         lines.append(f"  {i:>3}  {step['block']:<{width}}  {rate:>8}  {writes}{reads}")
     for name, how in facts["removed"].items():
         lines.append(f"       {name:<{width}}  {'removed' if how == 'without' else 'bypassed':>8}")
+    if facts["populations"]:
+        lines += ["", *_population_lines(facts["populations"])]
     if facts["continuous"] is not None:
         lines += ["", *_continuous_lines(facts["continuous"])]
     lines += ["", *_engine_lines(facts["engine"]), "", facts["engine"]["source"]]

@@ -14,6 +14,7 @@ USES = {
     "graphs": "run one by its name: runtime run NAME",
     "starters": "begin with a copy: runtime new my.yaml --from NAME",
     "conditions": "lay one over a graph: --with conditions/NAME",
+    "rules": "lay one over a graph: --with rules/NAME",
     "wheel_faults": "lay one over a graph with physics: --with wheel_faults/NAME",
     "worlds": "world: worlds/NAME, or --set world=worlds/NAME",
     "parts": "a block {graph: parts/NAME.yaml}",

@@ -77,11 +77,11 @@ def sweep(
         another experiment. Trials that fail are rows of the table.
     KeyboardInterrupt : it was interrupted; with a ``folder``, the same call continues it.
     """
-    experiment = _experiment(graph)
+    experiment = experiment_of(graph)
     own = experiment.graph.check().network.seed
-    chosen = _seeds(seeds) or experiment.seeds or Seeds(((own, own),))
+    chosen = seeds_of(seeds) or experiment.seeds or Seeds(((own, own),))
     experiment = Additions(
-        vary=[(path, _values(values)) for path, values in (vary or {}).items()],
+        vary=[(path, node_of(values)) for path, values in (vary or {}).items()],
         method=_method(random, sobol),
         samples=(random if sobol is None else sobol) or 0,
         sampling_seed=sampling_seed,
@@ -89,7 +89,7 @@ def sweep(
     ).to(experiment, chosen)
     plan = sweep_plan(experiment, chosen)
     pool = chosen_pool(jobs, scheduler, timeout)
-    with _folder(folder, plan.name) as target:
+    with folder_for(folder, plan.name) as target:
         options = SweepOptions(target, True, pool, keep, timeout)
         done = run_sweep(plan, options, Progress(plan.name))
         if done.is_interrupted:
@@ -126,7 +126,7 @@ def ablate(
         folder belongs to another experiment. Trials that fail are rows of the table.
     KeyboardInterrupt : it was interrupted; with a ``folder``, the same call continues it.
     """
-    experiment = _experiment(graph)
+    experiment = experiment_of(graph)
     baseline = experiment.graph.check()
     named = [Variant.of(name, each, baseline) for name, each in (variants or {}).items()]
     chosen = [*experiment.variants, *named]
@@ -135,13 +135,13 @@ def ablate(
         check_variants(chosen)
     else:
         chosen, essential = removals(baseline)
-    plan = ablation_plan(experiment, chosen, _seeds(seeds) or experiment.seeds or DEFAULT_SEEDS)
+    plan = ablation_plan(experiment, chosen, seeds_of(seeds) or experiment.seeds or DEFAULT_SEEDS)
     if not chosen:
         raise UsageError("no block of this graph can be removed alone; give variants")
     if not plan.metrics:
         raise UsageError("the graph has no metrics to compare variants by; add some")
     pool = chosen_pool(jobs, scheduler, timeout)
-    with _folder(folder, plan.name) as target:
+    with folder_for(folder, plan.name) as target:
         progress = Progress(plan.name)
         done = run_ablation(plan, chosen, essential, target, pool, test, timeout, progress)
         if done.is_interrupted:
@@ -151,7 +151,7 @@ def ablate(
 
 
 @contextmanager
-def _folder(folder: str | Path | None, name: str) -> Iterator[Path]:
+def folder_for(folder: str | Path | None, name: str) -> Iterator[Path]:
     """The folder of an experiment: a temporary one, removed after an error, if none is given."""
     if folder is not None:
         yield Path(folder)
@@ -164,14 +164,16 @@ def _folder(folder: str | Path | None, name: str) -> Iterator[Path]:
         raise
 
 
-def _experiment(graph: Source) -> Experiment:
+def experiment_of(graph: Source) -> Experiment:
+    """The experiment that a graph, a file or a name stands for."""
     if isinstance(graph, (str, Path)):
         return read_experiment(str(graph))
     found = graph if isinstance(graph, Graph) else load(graph)
     return Experiment(slug(found.title), found)
 
 
-def _seeds(seeds: SeedList | None) -> Seeds | None:
+def seeds_of(seeds: SeedList | None) -> Seeds | None:
+    """Seeds as a call gives them."""
     if seeds is None:
         return None
     given = seeds if isinstance(seeds, (str, int)) else list(seeds)
@@ -181,7 +183,8 @@ def _seeds(seeds: SeedList | None) -> Seeds | None:
     return found
 
 
-def _values(values: str | Iterable[object]) -> Node:
+def node_of(values: str | Iterable[object]) -> Node:
+    """The values of a factor as a call gives them."""
     if isinstance(values, str):
         return parse_yaml(values, "vary")
     return from_python(list(values), Where("vary"))

@@ -11,7 +11,7 @@ import numpy as np
 
 from blocks.core import FloatArray, param, show
 from blocks.world import World
-from runtime.observation import control_metrics, wall_metrics
+from runtime.observation import control_metrics, neural_metrics, wall_metrics
 from runtime.observation.metric_kinds import Checks, MetricKind, MetricOptions
 from runtime.observation.metric_kinds import ProbeInfo as ProbeInfo
 from runtime.observation.metric_kinds import Series as Series
@@ -217,5 +217,6 @@ METRIC_KINDS: dict[str, MetricKind] = {
         agrees=_same_rows,
     ),
     **control_metrics.CONTROL_KINDS,
+    **neural_metrics.NEURAL_KINDS,
     **wall_metrics.WALL_KINDS,
 }

@@ -27,7 +27,7 @@ HOLDS = (
     "Each ends with exit code 0, 1, 2, 3, 4 or 130; where it is neither 0 nor 1, with a sentence; "
     "never with a traceback; and what --json prints is JSON in the strict sense."
 )
-SEPARATE = ("sweep", "ablate")
+SEPARATE = ("sweep", "ablate", "tune")
 REAL = 25  # of so many lines that could run in this process, one runs as a process
 FOLDERS = ("runs/tiny/a", "runs/tiny/latest", "runs/tiny", "sweeps/tiny", "ablation", ".")
 GRAPHS = ("tiny.yaml", "tiny.yaml", "tiny.yaml", "exp.yaml", "scanning.yaml", "broken.yaml")
@@ -69,6 +69,12 @@ PLAUSIBLE: dict[str, tuple[str, ...]] = {
     "--format": ("svg", "png", "dot", "mermaid"),
     "--module": ("own.py", "tiny.yaml", "nope.py"),
     "--vary": ("gain.gain=[1, 2]", "params.k=1..2:2", "gain.gain=log(0..1):2", "gain.gain=[x]"),
+    "--trials": ("2", "0", "x"),
+    "--constrain": ("end below 3", "end under 3", "nope above 1"),
+    "--sampler": ("sobol", "random", "tpe", "best"),
+    "--batch": ("2", "0"),
+    "--over": ("mean", "worst", "best"),
+    "--held-out": ("7..8", "0", "x"),
     "--random": ("2", "0", "-1"),
     "--sobol": ("2", "0"),
     "--sampling-seed": ("1", "-1"),

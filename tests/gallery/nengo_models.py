@@ -331,3 +331,30 @@ def rates_and_functions() -> nengo.Probe:
     nengo.Connection(sine(), a, synapse=None)
     nengo.Connection(a, out, function=lambda x: [x[0] ** 2, np.sin(3 * x[0])], synapse=0.01)
     return nengo.Probe(out)
+
+
+@model
+def integrator_network() -> nengo.Probe:
+    steps = nengo.Node(lambda t: 0 if t < 0.2 else (1 if t < 1 else (0 if t < 2 else -2)))
+    network = nengo.networks.Integrator(0.1, 100, 1)
+    nengo.Connection(steps, network.input, synapse=None)
+    return decoded(network.ensemble)
+
+
+@model
+def product_network() -> nengo.Probe:
+    network = nengo.networks.Product(200, 1)
+    nengo.Connection(sine(), network.input_a, synapse=None)
+    nengo.Connection(nengo.Node(lambda t: np.cos(3 * t)), network.input_b, synapse=None)
+    return nengo.Probe(network.output, synapse=0.005)
+
+
+@model
+def basal_ganglia() -> nengo.Probe:
+    def utilities(t: float) -> list[float]:
+        second = 0.3 if t < 0.5 else (0.8 if t < 1 else 0.4)
+        return [0.8 if t < 0.5 else 0.3, second, 0.2 if t < 1 else 0.9]
+
+    network = nengo.networks.BasalGanglia(3)
+    nengo.Connection(nengo.Node(utilities), network.input, synapse=None)
+    return nengo.Probe(network.output, synapse=0.008)

@@ -25,6 +25,7 @@ SLOW = (
     *("lorenz_attractor", "learn_communication_channel", "learn_square", "learn_product"),
     *("controlled_oscillator", "izhikevich", "matrix_multiplication", "oscillator", "integrator"),
     *("controlled_integrator", "controlled_integrator2", "multiplication", "combining"),
+    *("integrator_network", "basal_ganglia"),
 )
 SEEDS, MORE_SEEDS = 4, 8
 

@@ -17,7 +17,8 @@ from runtime.terminal import show
 
 NAMES = (
     *("new", "run", "validate", "draw", "explain", "blocks", "graphs"),
-    *("ablate", "sweep", "compare", "report", "render", "clean", "completion", "lsp", "schema"),
+    *("ablate", "sweep", "tune", "compare", "report", "render"),
+    *("clean", "completion", "lsp", "schema"),
 )
 
 

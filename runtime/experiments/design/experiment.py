@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
+from typing import Literal
 
 from runtime.document import Node, check_keys, decoded, find_file, parse_yaml, read_file, texts
 from runtime.errors import (
@@ -21,6 +22,8 @@ from runtime.experiments.design.factors import parse_factor
 from runtime.experiments.design.objective import Objective
 from runtime.experiments.design.sampling import Design, Method
 from runtime.experiments.design.seeds import Seeds, parse_seeds
+from runtime.experiments.design.tuning import KEYS as TUNING_KEYS
+from runtime.experiments.design.tuning import TuningEntries, read_tuning
 from runtime.experiments.design.variants import Variant
 from runtime.files import slug
 from runtime.graph import Graph, load
@@ -28,8 +31,11 @@ from runtime.graph import Graph, load
 CHANGES = ("with", "set", "wire", "without", "bypass", "replace")
 SWEEP_KEYS = ("vary", "random", "sobol", "sampling_seed", "minimize", "maximize")
 # Further keys of plan.yaml, which is an experiment file as well.
-PLAN_KEYS = ("schema_version", "kind", "metrics", "units", "points", "digest", "made")
-KEYS = ("experiment", "graph", "until", *CHANGES, "seeds", *SWEEP_KEYS, "variants", *PLAN_KEYS)
+PLAN_KEYS = ("schema_version", "kind", "metrics", "units", "points", "digest", "made", "optimizer")
+KEYS = (
+    *("experiment", "graph", "until", *CHANGES, "seeds", *SWEEP_KEYS, "variants"),
+    *(*TUNING_KEYS, *PLAN_KEYS),
+)
 VARIANT_KEYS = ("graph", "until", *CHANGES, "changes")
 MAX_SAMPLES = 10**9
 Change = Callable[[Graph], Graph]
@@ -37,7 +43,10 @@ Change = Callable[[Graph], Graph]
 
 @dataclass(frozen=True)
 class Experiment:
-    """What to run: ``design`` for a sweep, ``variants`` for an ablation; either may be empty."""
+    """What to run: ``design`` for a sweep, ``variants`` for an ablation; either may be empty.
+
+    ``tuning`` holds what is written about finding the best values; ``path`` is the file.
+    """
 
     name: str
     graph: Graph
@@ -45,6 +54,8 @@ class Experiment:
     design: Design = field(default_factory=lambda: Design(()))
     objective: Objective | None = None
     variants: tuple[Variant, ...] = ()
+    tuning: TuningEntries = field(default_factory=TuningEntries)
+    path: Path | None = None
 
 
 def read_experiment(
@@ -66,9 +77,9 @@ def read_experiment(
     document = parse_yaml(decoded(read_file(path, (NOWHERE, "")), path), str(path))
     if not is_experiment(document):
         graph = change(load(source, modules=modules))
-        return Experiment(slug(graph.title), graph)
+        return Experiment(slug(graph.title), graph, path=path)
     reader = _Reader(document, path.parent, change, partial(load, modules=modules))
-    return reader.read(path.stem)
+    return replace(reader.read(path.stem), path=path)
 
 
 def check_experiment(document: Node, path: Path, load_graph: Callable[[str], Graph]) -> None:
@@ -110,7 +121,7 @@ def _placed(where: Where, otherwise: Where) -> Where:
 
 def is_experiment(document: Node) -> bool:
     """Whether a text describes an experiment, not a graph."""
-    return any(document.get(key) for key in ("experiment", "vary", "variants"))
+    return any(document.get(key) for key in ("experiment", "vary", "variants", "training"))
 
 
 @dataclass
@@ -142,13 +153,19 @@ class _Reader:
             problems.found += error.problems
             problems.raise_any()
         seeds = document.get("seeds")
+        objectives = tuple(self.objectives(graph))
         experiment = Experiment(
             name=str(name.value) if name is not None else slug(otherwise),
             graph=graph,
             seeds=None if seeds is None else parse_seeds(seeds, "seeds", problems),
             design=self.design(graph),
-            objective=self.objective(graph),
+            objective=next(iter(objectives), None),
             variants=tuple(self.variants(graph)),
+            tuning=read_tuning(
+                *(document, graph, objectives),
+                lambda node, address: self.named_variants(node, address, graph),
+                problems,
+            ),
         )
         problems.raise_any()
         return experiment
@@ -245,36 +262,39 @@ class _Reader:
         self.problems.add(node.where, key, message)
         return least
 
-    def objective(self, graph: Graph) -> Objective | None:
-        found = None
-        for key in ("minimize", "maximize"):
-            node = self.document.get(key)
-            if node is not None:
-                found = Objective(str(node.value), key)
-                check_objective(graph, found, node.where, self.problems)
-        return found
+    def objectives(self, graph: Graph) -> Iterator[Objective]:
+        goals: tuple[Literal["minimize", "maximize"], ...] = ("minimize", "maximize")
+        for goal in goals:
+            node = self.document.get(goal)
+            for item in [] if node is None else node.value if node.is_list else [node]:
+                found = Objective(str(item.value), goal)
+                check_objective(graph, found, item.where, self.problems)
+                yield found
 
     def variants(self, graph: Graph) -> list[Variant]:
         section = self.document.get("variants")
-        if section is None:
-            return []
+        return [] if section is None else self.named_variants(section, "variants", graph)
+
+    def named_variants(self, section: Node, address: str, graph: Graph) -> list[Variant]:
+        """The graphs of a section that maps names to changes of a graph."""
         if not section.is_map:
             message = f"expected {{name: changes}}, got {section.describe()}"
-            self.problems.add(section.where, "variants", message)
+            self.problems.add(section.where, address, message)
+            return []
         found = []
         for name, node in section.items():
-            address = f"variants.{name}"
+            place = f"{address}.{name}"
             if not node.is_map:
                 message = f"expected changes, as in {{without: adaptive}}, got {node.describe()}"
-                self.problems.add(node.where, address, message)
+                self.problems.add(node.where, place, message)
                 continue
-            check_keys(node, VARIANT_KEYS, address, self.problems, "key")
+            check_keys(node, VARIANT_KEYS, place, self.problems, "key")
             base = graph
             if node.get("graph") is not None:
-                base = self.graph(node, address) or graph
+                base = self.graph(node, place) or graph
             else:
                 try:
-                    base = self.changed(graph, node, f"{address}.")
+                    base = self.changed(graph, node, f"{place}.")
                 except GraphError as error:
                     self.problems.found += error.problems
             found.append(self.variant(name, node, base, graph))

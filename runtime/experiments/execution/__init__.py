@@ -11,17 +11,23 @@ from runtime.experiments.execution.plan import (
     SCHEMA_VERSION,
     SUMMARY,
     TABLE,
+    VARIANTS,
     ExperimentPlan,
+    Note,
     VariantBundle,
     ablation_plan,
+    bundle_for,
     check_same,
+    checked_plan,
     create,
+    engine_for,
+    metrics_of,
     read_plan,
     sweep_plan,
 )
 from runtime.experiments.execution.retention import RetentionPolicy, save_trial
-from runtime.experiments.execution.runner import run_all
-from runtime.experiments.execution.trials import Trial
+from runtime.experiments.execution.runner import run_all, run_trials
+from runtime.experiments.execution.trials import Configuration, Trial
 from runtime.experiments.execution.worker import TRAJECTORY_PLOTS, Task, TrialResult
 from runtime.experiments.execution.worker_pool import WorkerPool, chosen_pool
 
@@ -35,9 +41,12 @@ __all__ = [
     "SUMMARY",
     "TABLE",
     "TRAJECTORY_PLOTS",
+    "VARIANTS",
     "Columns",
+    "Configuration",
     "ExperimentPlan",
     "Index",
+    "Note",
     "RetentionPolicy",
     "Row",
     "Task",
@@ -46,14 +55,19 @@ __all__ = [
     "VariantBundle",
     "WorkerPool",
     "ablation_plan",
+    "bundle_for",
     "check_same",
+    "checked_plan",
     "chosen_pool",
     "create",
+    "engine_for",
     "forkserver",
+    "metrics_of",
     "read_plan",
     "read_rows",
     "remaining",
     "run_all",
+    "run_trials",
     "save_trial",
     "sweep_plan",
 ]

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 from runtime.diagrams import stored_picture
 from runtime.document import dump_yaml, parse_yaml
@@ -42,12 +42,15 @@ PLAN, GRAPH, INDEX = "plan.yaml", "graph.resolved.yaml", "index.csv"
 VARIANTS = "variants"
 TABLE, DIAGRAMS, RUNS = "ablation.json", "diagrams", "runs"
 SUMMARY = "summary.json"
-Kind = Literal["sweep", "ablation"]
+Kind = Literal["sweep", "ablation", "tuning"]
 Note = Callable[[str], None]
+PlanT = TypeVar("PlanT", bound="ExperimentPlan")
 _ALTERNATIVES: dict[Kind, str] = {
     "sweep": "--name NAME begins another sweep beside it; to continue that one, repeat its own "
     "command with --resume",
     "ablation": "without --resume, the ablation gets a new folder",
+    "tuning": "--name NAME begins another tuning beside it; to continue that one, repeat its own "
+    "command with --resume",
 }
 
 
@@ -163,12 +166,12 @@ def sweep_plan(experiment: Experiment, seeds: Seeds, note: Note = silent) -> Exp
     objective = experiment.objective
     if objective is None and metrics:
         objective = Objective(metrics[0])
-    engine = _engine(graph, len(design) * len(seeds), note)
+    engine = engine_for(graph, len(design) * len(seeds), note)
     plan = ExperimentPlan(
-        *("sweep", experiment.name, graph, _bundle(graph, engine), seeds, metrics, design),
+        *("sweep", experiment.name, graph, bundle_for(graph, engine), seeds, metrics, design),
         objective=objective,
     )
-    return _checked(plan)
+    return checked_plan(plan)
 
 
 def ablation_plan(
@@ -176,28 +179,29 @@ def ablation_plan(
 ) -> ExperimentPlan:
     """The plan of an ablation; the baseline is its first variant."""
     graph = experiment.graph
-    engine = _engine(graph, (1 + len(variants)) * len(seeds), note)
-    bundle, metrics = _bundle(graph, engine), metrics_of(graph)
+    engine = engine_for(graph, (1 + len(variants)) * len(seeds), note)
+    bundle, metrics = bundle_for(graph, engine), metrics_of(graph)
     names = slugs([BASELINE, *(variant.name for variant in variants)])
     bundles = [VariantBundle(BASELINE, names[BASELINE], bundle)]
     for variant in variants:
-        own = _bundle(variant.graph, engine)
+        own = bundle_for(variant.graph, engine)
         bundles.append(VariantBundle(variant.name, names[variant.name], own, variant.changes))
     plan = ExperimentPlan(
         *("ablation", experiment.name, graph, bundle, seeds, metrics, Design(())),
         variants=tuple(bundles),
     )
-    return _checked(plan)
+    return checked_plan(plan)
 
 
-def _engine(graph: Graph, runs: int, note: Note) -> str:
+def engine_for(graph: Graph, runs: int, note: Note) -> str:
     """The engine of all trials, chosen once: results of different engines are not comparable."""
     if not take_compiled(graph.network, runs, note):
         return "python"
     return "checked" if graph.network.engine == "checked" else "compiled"
 
 
-def _bundle(graph: Graph, engine: str) -> GraphBundle:
+def bundle_for(graph: Graph, engine: str) -> GraphBundle:
+    """A graph for workers, with the engine unless it names one itself."""
     is_open = graph.network.engine == "auto"
     return GraphBundle.of(graph.set("run.engine", engine) if is_open else graph)
 
@@ -207,7 +211,13 @@ def metrics_of(graph: Graph) -> tuple[str, ...]:
     return tuple(metric.name for metric in graph.observation.metrics)
 
 
-def _checked(plan: ExperimentPlan) -> ExperimentPlan:
+def checked_plan(plan: PlanT) -> PlanT:
+    """The plan, if no metric has the name of a column of the index.
+
+    Raises
+    ------
+    UsageError : one has.
+    """
     header = plan.columns.header
     for name in plan.metrics:
         if header.count(name) > 1:

@@ -47,6 +47,7 @@ PARAMETERS: dict[str, st.SearchStrategy[dict[str, Any]]] = {
         {}, optional={"window": SIZES, "curvature": st.sampled_from(["signed", "unsigned"])}
     ),
     "TrackingError": st.just({}),
+    "CourseError": st.fixed_dictionaries({}, optional={"v_r": SIZES, "lookahead_time": SIZES}),
     "LQR": st.fixed_dictionaries(
         {},
         optional={

@@ -148,6 +148,7 @@ CASES: dict[str, list[Case]] = {
         Case(blocks.MatchingPoint(window=0.5), {"path": Path(60)}, {"path": ring(60, 1.0)}),
         Case(blocks.MatchingPoint(window=9.0), {"path": Path(60)}, {"path": ring(60, 1.0)}),
     ],
+    "CourseError": [Case(blocks.CourseError(lookahead_time=0.5), inputs=TRACKING)],
     "TrackingError": [Case(blocks.TrackingError(), inputs={"pose": uniform(3.0, 3.0, 9.0)})],
     "LQR": [
         Case(blocks.LQR(), inputs=TRACKING),
@@ -177,6 +178,7 @@ CASES: dict[str, list[Case]] = {
     ],
     "MRAC": [
         Case(blocks.MRAC(), free=("bias", "weights")),
+        Case(blocks.MRAC(normalised=True, learning_rate=0.5), TWO, free=("bias", "weights")),
         Case(blocks.MRAC(leak=1.0, e_leak=0.5, limit=0.5, power=9e3), TWO, free=("weights",)),
     ],
     "AdaptiveEnsemble": [
@@ -187,6 +189,7 @@ CASES: dict[str, list[Case]] = {
     "RateEnsemble": [
         Case(blocks.RateEnsemble(), free=NEURAL),
         Case(blocks.RateEnsemble(leak=1.0, limit=0.5, neurons=33), TWO, free=NEURAL),
+        Case(blocks.RateEnsemble(normalised=True, e_leak=0.3), TWO, free=NEURAL),
     ],
     "Ensemble": [
         Case(blocks.Ensemble(neurons=30, dimensions=2), free=("drive",), dt=0.001),

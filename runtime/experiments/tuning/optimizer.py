@@ -1,0 +1,133 @@
+"""The optimiser that asks for configurations: optuna's samplers, by ask and tell."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from blocks.core import MissingPackageError, require
+from runtime.errors import MissingExtraError
+from runtime.experiments.design import Factor, Range, Tuning
+
+DIGITS = 4  # of values that are tried, so that a winner can be written by hand
+PENALTY = 1e12  # a cost that is worse than any; samplers compare costs, they do not add them
+STARTUP = 10
+EXTRA = "tune"
+
+
+@dataclass(frozen=True)
+class Suggestion:
+    """A configuration that the optimiser asks for: a value for each factor."""
+
+    values: tuple[Any, ...]
+    handle: Any
+
+
+class Optimizer:
+    """Asks for configurations, a batch at a time, and learns from their costs.
+
+    Equal settings and equal results give equal configurations.
+
+    Raises
+    ------
+    MissingExtraError : optuna is not installed.
+    """
+
+    def __init__(self, factors: Sequence[Factor], tuning: Tuning) -> None:
+        self.factors = factors
+        self._optuna = _optuna()
+        self._optuna.logging.set_verbosity(self._optuna.logging.ERROR)
+        self._space = {factor.path: self._distribution(factor) for factor in factors}
+        self._violations: dict[int, Sequence[float]] = {}
+        with warnings.catch_warnings():
+            # Of experimental samplers, and of a way to give constraints that optuna 7 removes.
+            warnings.simplefilter("ignore")
+            self._study = self._optuna.create_study(
+                directions=["minimize"] * len(tuning.objectives), sampler=self._sampler(tuning)
+            )
+
+    def _sampler(self, tuning: Tuning) -> Any:
+        samplers = self._optuna.samplers
+        constraints = {"constraints_func": self._violated} if tuning.constraints else {}
+        if tuning.sampler == "tpe":
+            return samplers.TPESampler(
+                seed=tuning.seed,
+                multivariate=True,
+                constant_liar=True,
+                n_startup_trials=STARTUP,
+                **constraints,
+            )
+        if tuning.sampler == "nsga2":
+            size = max(4, min(50, round(math.sqrt(2.0 * tuning.trials))))
+            return samplers.NSGAIISampler(seed=tuning.seed, population_size=size, **constraints)
+        if tuning.sampler == "sobol":
+            return samplers.QMCSampler(seed=tuning.seed, scramble=True)
+        return samplers.RandomSampler(seed=tuning.seed)
+
+    def _violated(self, trial: Any) -> Sequence[float]:
+        return self._violations.get(trial.number, (0.0,))
+
+    def _distribution(self, factor: Factor) -> Any:
+        kinds = self._optuna.distributions
+        if not isinstance(factor, Range):
+            return kinds.CategoricalDistribution(list(range(len(factor.values))))
+        if factor.steps:
+            return kinds.IntDistribution(0, factor.steps - 1)
+        if factor.scale == "int":
+            return kinds.IntDistribution(int(factor.low), int(factor.high))
+        low, high = float(factor.low), float(factor.high)
+        return kinds.FloatDistribution(low, high, log=factor.scale == "log")
+
+    def ask(self, count: int) -> list[Suggestion]:
+        """The next configurations, before any of them is known."""
+        found = []
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            for _ in range(count):
+                trial = self._study.ask(self._space)
+                values = tuple(_value(factor, trial.params[factor.path]) for factor in self.factors)
+                found.append(Suggestion(values, trial))
+        return found
+
+    def tell(
+        self, suggestion: Suggestion, costs: Sequence[float], violations: Sequence[float]
+    ) -> None:
+        """What a configuration costs, each the smaller the better; infinity if it has no value."""
+        self._violations[suggestion.handle.number] = [_finite(value) for value in violations]
+        self._study.tell(suggestion.handle, [_finite(cost) for cost in costs])
+
+
+def _finite(value: float) -> float:
+    return min(max(value, -PENALTY), PENALTY)
+
+
+def _value(factor: Factor, drawn: Any) -> Any:
+    """The factor's value that a drawn parameter stands for."""
+    if not isinstance(factor, Range):
+        return factor.values[drawn]
+    if factor.steps:
+        return factor.value(drawn)
+    if factor.scale == "int":
+        return int(drawn)
+    rounded = float(f"{drawn:.{DIGITS}g}")
+    return min(max(rounded, float(factor.low)), float(factor.high))
+
+
+def optimizer_version() -> str:
+    """The optimiser and its version, which decides what it asks for.
+
+    Raises
+    ------
+    MissingExtraError : optuna is not installed.
+    """
+    return f"optuna {_optuna().__version__}"
+
+
+def _optuna() -> Any:
+    try:
+        return require("optuna", "runtime tune", EXTRA)
+    except MissingPackageError as error:
+        raise MissingExtraError(error.feature, error.extra) from None

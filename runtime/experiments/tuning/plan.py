@@ -1,0 +1,166 @@
+"""The plan of a tuning run: everything its numbers depend on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from runtime.document import flow_yaml, full_path
+from runtime.engine import silent
+from runtime.errors import UsageError
+from runtime.experiments.design import Design, RunSet, Seeds, Tuning, slugs
+from runtime.experiments.execution import (
+    GRAPH,
+    VARIANTS,
+    Columns,
+    Configuration,
+    ExperimentPlan,
+    Note,
+    Trial,
+    VariantBundle,
+    bundle_for,
+    checked_plan,
+    engine_for,
+    metrics_of,
+)
+from runtime.experiments.tuning.optimizer import optimizer_version
+from runtime.graph import Graph
+
+HELD_OUT = "held_out.csv"
+CONDITION, CONFIGURATION = "condition", "configuration"
+BASELINE = 0  # the number of the graph's own values among the configurations
+
+
+@dataclass(frozen=True)
+class TuningPlan(ExperimentPlan):
+    """All that the numbers of a tuning run depend on.
+
+    ``variants`` are the conditions, those of training first.
+    """
+
+    tuning: Tuning = field(kw_only=True)
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """The paths of the factors."""
+        return tuple(factor.path for factor in self.design.factors)
+
+    @property
+    def columns(self) -> Columns:
+        return Columns((*self.paths, CONDITION), self.metrics)
+
+    @property
+    def held_out_columns(self) -> Columns:
+        """The columns of the index of the held-out runs."""
+        return Columns((CONFIGURATION, CONDITION), self.metrics)
+
+    @property
+    def total(self) -> int:
+        """The most runs that training can take."""
+        return (1 + self.tuning.trials) * len(self.tuning.training)
+
+    def cells(self, values: Sequence[Any] | None) -> tuple[str, ...]:
+        """The texts of a configuration's values in the index; empty for the graph's own."""
+        return tuple(map(flow_yaml, values)) if values is not None else ("",) * len(self.paths)
+
+    def _edits(self, values: Sequence[Any] | None) -> tuple[tuple[str, str], ...]:
+        if values is None:
+            return ()
+        return tuple(zip(self.paths, self.cells(values), strict=True))
+
+    def stage(self, number: int, values: Sequence[Any] | None, stage: int) -> list[Trial]:
+        """A configuration's training runs with one seed, one for each condition."""
+        runs, cells = self.tuning.training, self.cells(values)
+        edits = self._edits(values)
+        seed = list(runs.seeds)[stage]
+        return [
+            Trial(
+                number * len(runs) + stage * len(runs.conditions) + i,
+                Configuration(number, (*cells, condition.name), condition.bundle, edits),
+                seed,
+            )
+            for i, condition in enumerate(self._conditions(runs, 0))
+        ]
+
+    def held_out(self, chosen: dict[int, Sequence[Any] | None]) -> Iterator[Trial]:
+        """The held-out runs of some configurations, given by number."""
+        runs = self.tuning.held_out
+        for i, (number, values) in enumerate(chosen.items()):
+            edits = (
+                () if values is None else tuple(zip(self.paths, self.cells(values), strict=True))
+            )
+            for j, condition in enumerate(self._conditions(runs, len(self.tuning.training.names))):
+                for k, seed in enumerate(runs.seeds):
+                    place = (i * len(runs.conditions) + j) * len(runs.seeds) + k
+                    cells = (str(number), condition.name)
+                    yield Trial(place, Configuration(i, cells, condition.bundle, edits), seed)
+
+    def _conditions(self, runs: RunSet, first: int) -> list[VariantBundle]:
+        bundles = self.variants[first : first + len(runs.conditions)]
+        return [
+            VariantBundle(name, bundle.slug, bundle.bundle)
+            for name, bundle in zip(runs.names, bundles, strict=True)
+        ]
+
+    @property
+    def specification(self) -> dict[str, Any]:
+        """The plan as entries of an experiment file, without its graph."""
+        tuning = self.tuning
+        found: dict[str, Any] = {
+            "vary": {factor.path: factor.written for factor in self.design.factors}
+        }
+        for goal in ("minimize", "maximize"):
+            metrics = [o.metric for o in tuning.objectives if o.goal == goal]
+            if metrics:
+                found[goal] = metrics
+        constraints: dict[str, dict[str, float]] = {}
+        for constraint in tuning.constraints:
+            constraints.setdefault(constraint.metric, {})[constraint.side] = constraint.bound
+        if constraints:
+            found["constraints"] = constraints
+        found |= {"trials": tuning.trials, "sampler": tuning.sampler, "batch": tuning.batch}
+        found |= {"sampling_seed": tuning.seed, "over": tuning.over}
+        found["stop_early"] = tuning.stop_early
+        first = 0
+        for name, runs in (("training", tuning.training), ("held_out", tuning.held_out)):
+            slugs_of = self._conditions(runs, first)
+            first += len(runs.conditions)
+            found[name] = {
+                "seeds": str(runs.seeds),
+                "conditions": {c.name: {"graph": f"{VARIANTS}/{c.slug}/{GRAPH}"} for c in slugs_of},
+            }
+        found["optimizer"] = optimizer_version()
+        return found
+
+
+def tuning_plan(
+    name: str, graph: Graph, design: Design, tuning: Tuning, note: Note = silent
+) -> TuningPlan:
+    """The plan of a tuning run; ``note`` receives hints that would make it faster.
+
+    Raises
+    ------
+    UsageError : there is nothing to vary, a factor is duplicated, or a column's name is taken.
+    MissingExtraError : optuna is not installed.
+    """
+    if not design.factors:
+        raise UsageError("there is nothing to tune; add --vary PATH=RANGE")
+    paths = [full_path(graph.document, factor.path) for factor in design.factors]
+    for i, path in enumerate(paths):
+        if path in paths[:i]:
+            raise UsageError(f"'{design.factors[i].path}' is varied twice; keep one")
+    engine = engine_for(graph, (1 + tuning.trials) * len(tuning.training), note)
+    bundles, taken = [], []
+    for kind, runs in (("training", tuning.training), ("held_out", tuning.held_out)):
+        for condition in runs.conditions:
+            taken.append(f"{kind} {condition.name}")
+            bundles.append(bundle_for(condition.graph.check(), engine))
+    names = slugs(taken)
+    plan = TuningPlan(
+        *("tuning", name, graph, bundle_for(graph, engine), Seeds(()), metrics_of(graph)),
+        Design(design.factors, seed=tuning.seed),
+        tuple(VariantBundle(n, names[n], b) for n, b in zip(taken, bundles, strict=True)),
+        tuning=tuning,
+    )
+    return checked_plan(plan)

@@ -1,0 +1,260 @@
+"""Run a tuning: batches of configurations on the training runs, then winners on the held-out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from runtime.errors import UsageError
+from runtime.experiments.execution import (
+    INDEX,
+    Index,
+    Row,
+    Task,
+    Trial,
+    WorkerPool,
+    check_same,
+    create,
+    run_trials,
+)
+from runtime.experiments.tuning.optimizer import Optimizer, Suggestion
+from runtime.experiments.tuning.plan import BASELINE, HELD_OUT, TuningPlan
+from runtime.experiments.tuning.scores import Scorer, Tried, front
+from runtime.terminal import Progress
+
+WINNERS = 5  # of a front, that are run on the held-out runs
+
+
+@dataclass(frozen=True)
+class TuningOptions:
+    """How a tuning is run; none of this affects its numbers.
+
+    Parameters
+    ----------
+    folder : where it is written.
+    resume : continue one that is there.
+    make_pool : makes the worker pool, once everything else has been checked.
+    timeout : time limit of a run in seconds.
+    """
+
+    folder: Path
+    resume: bool
+    make_pool: Callable[[], WorkerPool]
+    timeout: float | None = None
+
+
+@dataclass
+class TuningResult:
+    """A tuning that has ended, or was interrupted.
+
+    ``tried`` are all configurations, the baseline first, with their training runs; ``held_out`` the
+    held-out runs of the baseline and of the winners, by number.
+    """
+
+    plan: TuningPlan
+    folder: Path
+    tried: list[Tried]
+    winners: list[Tried] = field(default_factory=list)
+    held_out: dict[int, Tried] = field(default_factory=dict)
+    wall_s: float = 0.0
+    is_interrupted: bool = False
+
+    @property
+    def runs(self) -> int:
+        """The number of training runs."""
+        return sum(len(one.rows) for one in self.tried)
+
+
+def run_tuning(plan: TuningPlan, options: TuningOptions, progress: Progress) -> TuningResult:
+    """Run what has no row in the indices yet.
+
+    The optimiser is asked again from the start and told what the index holds, so that a tuning that
+    was interrupted continues as if it had not been.
+
+    Raises
+    ------
+    UsageError : the folder belongs to a different plan, exists although ``resume`` is off, or
+        cannot be written.
+    MissingExtraError : optuna is not installed.
+    """
+    began = time.perf_counter()
+    _open_folder(plan, options)
+    result = TuningResult(plan, options.folder, [])
+    with (
+        closing(Index(options.folder / INDEX, plan.columns)) as index,
+        closing(Index(options.folder / HELD_OUT, plan.held_out_columns)) as judged,
+        closing(_Runner(plan, options, progress)) as runner,
+    ):
+        try:
+            _Training(plan, runner, index, result).run()
+            result.winners = _spaced(front(result.tried), WINNERS)
+            _judge(plan, runner, judged, result)
+            runner.finished = True
+        except KeyboardInterrupt:
+            result.is_interrupted = True
+    result.wall_s = time.perf_counter() - began
+    return result
+
+
+def _open_folder(plan: TuningPlan, options: TuningOptions) -> None:
+    folder = options.folder
+    if folder.exists():
+        check_same(plan, folder)
+        if not options.resume:
+            raise UsageError(
+                f"'{folder}' exists already; --resume continues it, --name begins another"
+            )
+    else:
+        create(plan, folder)
+    if not (folder / HELD_OUT).exists():
+        Index.create(folder / HELD_OUT, plan.held_out_columns)
+
+
+class _Runner:
+    """Runs trials that have no row yet, on a pool that is made when it is first needed."""
+
+    def __init__(self, plan: TuningPlan, options: TuningOptions, progress: Progress) -> None:
+        self.plan, self.options, self.progress = plan, options, progress
+        self.pool: WorkerPool | None = None
+        self.finished = False
+        self.done = 0
+
+    def run(self, trials: Iterable[Trial], known: dict[int, Row], index: Index) -> list[Row]:
+        """The rows of some trials: those that are known, and those of the others, which are run."""
+        trials = list(trials)
+        missing = [trial for trial in trials if trial.number not in known]
+        for trial in trials:
+            if trial.number in known:
+                _check_row(trial, known[trial.number], index.path)
+        if missing:
+            if self.pool is None:
+                self.pool = self.options.make_pool()
+                self.progress.resume(self.done)
+            for trial, done in run_trials(iter(missing), self.pool, self._task):
+                row = Row.of(trial, done, self.plan.metrics)
+                index.append(row)
+                known[trial.number] = row
+        self.done += len(trials)
+        return [known[trial.number] for trial in trials]
+
+    def _task(self, trial: Trial) -> Task:
+        return Task(trial, timeout=self.options.timeout)
+
+    def close(self) -> None:
+        self.progress.close()
+        if self.pool is not None:
+            self.pool.leave(self.finished)
+
+
+class _Training:
+    """The training runs: batches of configurations, each batch seed by seed."""
+
+    def __init__(
+        self, plan: TuningPlan, runner: _Runner, index: Index, result: TuningResult
+    ) -> None:
+        self.plan, self.runner, self.index, self.result = plan, runner, index, result
+        self.known = _rows(index)
+        self.scorer = Scorer(plan.tuning, plan.metrics)
+        self.seeds = list(plan.tuning.training.seeds)
+
+    def run(self) -> None:
+        """Try the baseline, then as many configurations as planned."""
+        tuning = self.plan.tuning
+        self._try([Tried(BASELINE, None)])
+        optimizer = Optimizer(self.plan.design.factors, tuning)
+        asked = 0
+        while asked < tuning.trials:
+            batch = optimizer.ask(min(tuning.batch, tuning.trials - asked))
+            tried = [Tried(asked + i, s.values) for i, s in enumerate(batch, start=1)]
+            self._try(tried)
+            self._tell(optimizer, batch, tried)
+            asked += len(batch)
+
+    def _try(self, batch: Sequence[Tried]) -> None:
+        going = list(batch)
+        for stage in range(len(self.seeds)):
+            trials = [t for one in going for t in self.plan.stage(one.number, one.values, stage)]
+            owners = {t.number: one for one in going for t in self._of(one, trials)}
+            for row in self.runner.run(trials, self.known, self.index):
+                owners[row.trial].rows[row.cells[-1], row.seed] = row
+            self._show(going)
+            seen = self.seeds[: stage + 1]
+            if stage + 1 < len(self.seeds):
+                going = [one for one in going if not self._stopped(one, seen)]
+            if not going:
+                break
+        for one in batch:
+            seeds = self.seeds if one.status == "complete" else _seen(one, self.seeds)
+            one.score = self.scorer.score(one.rows, self.plan.tuning.training, seeds)
+            if not one.score.has_values:
+                one.status = "no value"
+        self.result.tried.extend(batch)
+
+    def _of(self, one: Tried, trials: Iterable[Trial]) -> Iterator[Trial]:
+        return (trial for trial in trials if trial.configuration.number == one.number)
+
+    def _stopped(self, one: Tried, seeds: Sequence[int]) -> bool:
+        if self.scorer.should_stop(one, self.result.tried, seeds):
+            one.status = "stopped"
+        return one.status == "stopped"
+
+    def _tell(
+        self, optimizer: Optimizer, batch: Sequence[Suggestion], tried: Sequence[Tried]
+    ) -> None:
+        for suggestion, one in zip(batch, tried, strict=True):
+            if one.score is not None:
+                optimizer.tell(suggestion, one.score.costs, one.score.violations)
+
+    def _show(self, going: Sequence[Tried]) -> None:
+        best = front(self.result.tried)
+        note = ""
+        if best and best[0].score is not None:
+            goals = zip(self.plan.tuning.objectives, best[0].score.costs, strict=True)
+            note = "best: " + ", ".join(f"{o.metric} {o.of(cost):.4g}" for o, cost in goals)
+        total = (1 + self.plan.tuning.trials) * len(self.plan.tuning.training)
+        done = max(one.number for one in going) * len(self.plan.tuning.training)
+        self.runner.progress(min(done, total), total, note)
+
+
+def _seen(one: Tried, seeds: Sequence[int]) -> list[int]:
+    """The seeds that a configuration has run with."""
+    had = {seed for _, seed in one.rows}
+    return [seed for seed in seeds if seed in had]
+
+
+def _judge(plan: TuningPlan, runner: _Runner, index: Index, result: TuningResult) -> None:
+    chosen: dict[int, Sequence[Any] | None] = {BASELINE: None}
+    chosen |= {one.number: one.values for one in result.winners}
+    held_out = {number: Tried(number, values) for number, values in chosen.items()}
+    for row in runner.run(plan.held_out(chosen), _rows(index), index):
+        held_out[int(row.cells[0])].rows[row.cells[1], row.seed] = row
+    scorer = Scorer(plan.tuning, plan.metrics)
+    runs = plan.tuning.held_out
+    for one in held_out.values():
+        one.score = scorer.score(one.rows, runs, runs.seeds)
+        one.status = "complete" if one.score.has_values else "no value"
+    result.held_out = held_out
+
+
+def _rows(index: Index) -> dict[int, Row]:
+    return {row.trial: row for row in index.rows()}
+
+
+def _check_row(trial: Trial, row: Row, path: Path) -> None:
+    if (trial.configuration.cells, trial.seed) != (row.cells, row.seed):
+        raise UsageError(
+            f"'{path}' belongs to a different plan: its trial {row.trial} is "
+            f"{', '.join(row.cells)} with seed {row.seed}, ours "
+            f"{', '.join(trial.configuration.cells)} with seed {trial.seed}"
+        )
+
+
+def _spaced(found: list[Tried], most: int) -> list[Tried]:
+    """At most so many of a front, its ends included."""
+    if len(found) <= most:
+        return found
+    return [found[round(i * (len(found) - 1) / (most - 1))] for i in range(most)]

@@ -1,0 +1,228 @@
+"""Figures of a tuning: its history, which factors matter, the front, and slices along factors."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.figure import Figure
+
+from blocks.core import FloatArray
+from runtime.errors import UsageError
+from runtime.experiments.tuning.output import TUNING
+from runtime.files import own_folder, system_errors
+from runtime.plots import COLOURS, GREY, STYLE, save_figure
+from runtime.terminal import with_unit
+
+WIDTH, COLUMNS = 9.0, 3
+BINS = 5
+MARKS = {"complete": "o", "stopped": "x", "no value": "1"}
+
+
+@dataclass(frozen=True)
+class _Data:
+    """A tuning read for drawing; the arrays have one entry per configuration but the baseline."""
+
+    name: str
+    stored: dict[str, Any]
+    tried: list[dict[str, Any]]
+
+    @property
+    def metrics(self) -> list[str]:
+        """The objectives."""
+        return [*self.stored.get("minimize", []), *self.stored.get("maximize", [])]
+
+    @property
+    def factors(self) -> list[str]:
+        return list(self.stored["vary"])
+
+    def values(self, metric: str) -> FloatArray:
+        """NaN where there is none."""
+        return np.array([_float(one["metrics"].get(metric)) for one in self.tried])
+
+    def baseline(self, metric: str) -> float:
+        return _float(self.stored["configurations"][0]["metrics"].get(metric))
+
+    def label(self, metric: str) -> str:
+        return with_unit(metric, self.stored.get("units") or {})
+
+    def positions(self, factor: str) -> tuple[FloatArray, list[str]]:
+        """Where each configuration lies along a factor; names if values are not numbers."""
+        found = [one["values"][factor] for one in self.tried]
+        if all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in found):
+            return np.array(found, dtype=float), []
+        names = list(dict.fromkeys(map(str, found)))
+        return np.array([names.index(str(v)) for v in found], dtype=float), names
+
+
+def _float(value: Any) -> float:
+    return math.nan if value is None else float(value)
+
+
+def _read(folder: Path) -> _Data:
+    try:
+        stored = json.loads((folder / TUNING).read_text(encoding="utf-8"))
+        return _Data(str(stored["experiment"]), stored, stored["configurations"][1:])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise UsageError(f"cannot read the tuning in '{folder}': {error}") from None
+
+
+def save_tuning_figures(folder: Path) -> list[Path]:
+    """Draw the figures of a tuning into its folder; returns the files.
+
+    Raises
+    ------
+    UsageError : the tuning cannot be read, or the figures cannot be written.
+    """
+    target = folder / "plots"
+    files = []
+    with system_errors(f"write '{target}'"):
+        own_folder(target)
+        for name, figure in tuning_figures(folder):
+            files.append(target / f"{name}.png")
+            save_figure(figure, files[-1])
+    return files
+
+
+def tuning_figures(folder: Path) -> Iterator[tuple[str, Figure]]:
+    """The figures of a tuning with their names."""
+    data = _read(folder)
+    if not any(np.isfinite(data.values(metric)).any() for metric in data.metrics):
+        return
+    with matplotlib.rc_context(STYLE):
+        yield "history", _history(data)
+        yield "importance", _importance(data)
+        if len(data.metrics) > 1:
+            yield "front", _front(data)
+        yield "slices", _slices(data)
+
+
+def _panels(count: int, title: str) -> tuple[Figure, list[Any]]:
+    columns = min(COLUMNS, count)
+    rows = math.ceil(count / columns)
+    figure = Figure(figsize=(WIDTH / COLUMNS * max(2, columns), 0.5 + 2.6 * rows))
+    figure.set_layout_engine("constrained")
+    figure.suptitle(title, fontsize=10.0)
+    axes = list(figure.subplots(rows, columns, squeeze=False).flat)
+    for unused in axes[count:]:
+        unused.set_visible(False)
+    return figure, axes[:count]
+
+
+def _scatter(axes: Any, data: _Data, x: FloatArray, y: FloatArray) -> None:
+    """The configurations by status; those that violate a constraint are grey."""
+    feasible = np.array([one["feasible"] for one in data.tried])
+    status = np.array([one["status"] for one in data.tried])
+    for kind, mark in MARKS.items():
+        for holds, colour in ((True, COLOURS[0]), (False, GREY)):
+            chosen = (status == kind) & (feasible == holds)
+            if chosen.any():
+                label = kind if holds else f"{kind}, violates a constraint"
+                axes.scatter(x[chosen], y[chosen], s=16, marker=mark, color=colour, label=label)
+
+
+def _history(data: _Data) -> Figure:
+    """Each configuration in the order tried, and the best so far."""
+    figure, panels = _panels(len(data.metrics), f"{data.name}: history (training runs)")
+    numbers = np.array([one["number"] for one in data.tried])
+    for axes, metric in zip(panels, data.metrics, strict=True):
+        values = data.values(metric)
+        _scatter(axes, data, numbers, values)
+        good = np.array(
+            [o["feasible"] and o["status"] == "complete" for o in data.tried], dtype=bool
+        )
+        sign = 1.0 if metric in data.stored.get("minimize", []) else -1.0
+        costs = np.where(good & np.isfinite(values), sign * values, np.inf)
+        best = sign * np.minimum.accumulate(costs)
+        best[~np.isfinite(best)] = np.nan
+        axes.step(numbers, best, where="post", color=COLOURS[1], label="best so far")
+        if math.isfinite(data.baseline(metric)):
+            axes.axhline(data.baseline(metric), color=GREY, linestyle=":", label="own values")
+        axes.set_xlabel("configuration")
+        axes.set_ylabel(data.label(metric))
+    _legend(figure, panels)
+    return figure
+
+
+def _legend(figure: Figure, panels: list[Any]) -> None:
+    found: dict[str, Any] = {}
+    for axes in panels:
+        handles, labels = axes.get_legend_handles_labels()
+        found |= dict(zip(labels, handles, strict=True))
+    figure.legend(list(found.values()), list(found), loc="outside lower center", ncols=4)
+
+
+def importance(positions: FloatArray, values: FloatArray) -> float:
+    """Share of the variance of a metric's rank that a factor explains, from 0 to 1.
+
+    The correlation ratio over at most five bins of equal counts, less what chance alone explains
+    (epsilon squared; Kelley, 1935).
+    """
+    known = np.isfinite(values) & np.isfinite(positions)
+    ranks = np.argsort(np.argsort(values[known])).astype(float)
+    n = len(ranks)
+    places = np.unique(positions[known], return_inverse=True)[1]
+    order = np.argsort(np.argsort(places, kind="stable"), kind="stable")
+    bins = places if places.max(initial=0) < BINS else order * BINS // max(n, 1)
+    groups = [ranks[bins == b] for b in np.unique(bins)]
+    if n <= len(groups) or len(groups) < 2 or not np.ptp(ranks):
+        return 0.0
+    within = sum(float(((g - g.mean()) ** 2).sum()) for g in groups)
+    total = float(((ranks - ranks.mean()) ** 2).sum())
+    return max(0.0, 1.0 - within / (n - len(groups)) / (total / (n - 1)))
+
+
+def _importance(data: _Data) -> Figure:
+    figure, panels = _panels(len(data.metrics), f"{data.name}: which factors matter")
+    for axes, metric in zip(panels, data.metrics, strict=True):
+        shares = [importance(data.positions(f)[0], data.values(metric)) for f in data.factors]
+        axes.barh(data.factors[::-1], shares[::-1], color=COLOURS[0])
+        axes.set_xlim(0.0, 1.0)
+        axes.set_xlabel(f"share of the variance of the rank of {metric}")
+    return figure
+
+
+def _front(data: _Data) -> Figure:
+    """The first two objectives against each other, with the winners on training and held out."""
+    first, second = data.metrics[:2]
+    figure, (axes,) = _panels(1, f"{data.name}: front")
+    _scatter(axes, data, data.values(first), data.values(second))
+    for key, colour, label in (
+        ("training", COLOURS[1], "front, training"),
+        ("held_out", COLOURS[2], "front, held out"),
+    ):
+        means = {(r["configuration"], r["metric"]): r[key]["over"] for r in data.stored["table"]}
+        points = [
+            (_float(means.get((n, first))), _float(means.get((n, second))))
+            for n in data.stored["front"]
+        ]
+        if points:
+            axes.plot(*zip(*points, strict=True), "D-", color=colour, label=label, markersize=5)
+    own = (data.baseline(first), data.baseline(second))
+    axes.plot(*own, "*", color="black", markersize=10, label="own values")
+    axes.set_xlabel(data.label(first))
+    axes.set_ylabel(data.label(second))
+    _legend(figure, [axes])
+    return figure
+
+
+def _slices(data: _Data) -> Figure:
+    """The first objective along each factor."""
+    metric = data.metrics[0]
+    figure, panels = _panels(len(data.factors), f"{data.name}: {data.label(metric)}")
+    for axes, factor in zip(panels, data.factors, strict=True):
+        positions, names = data.positions(factor)
+        _scatter(axes, data, positions, data.values(metric))
+        if str(data.stored["vary"][factor]).startswith("log("):
+            axes.set_xscale("log")
+        if names:
+            axes.set_xticks(range(len(names)), names, rotation=30, ha="right")
+        axes.set_xlabel(factor)
+    _legend(figure, panels)
+    return figure

@@ -1,0 +1,99 @@
+"""Metrics of populations of neurons: errors of decoded values, rates, events of synapses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from blocks.core import FloatArray, param
+from runtime.observation.metric_kinds import Checks, MetricKind, MetricOptions, ProbeInfo, Series
+
+
+class Delayed(MetricOptions):
+    """What is done to the reference before it is compared."""
+
+    delay: float = param(0.0, unit="s", at_least=0.0, doc="the reference is compared as it was")
+    tau: float = param(0.0, unit="s", at_least=0.0, doc="lowpass that the reference passes first")
+
+
+class Synapses(MetricOptions):
+    """How many synapses a spike reaches."""
+
+    synapses: int = param(1, at_least=1, doc="targets of each neuron")
+
+
+def rmse(series: Mapping[str, Series], options: Mapping[str, Any]) -> float | None:
+    """Root of the mean squared distance between two signals, of equal rows."""
+    of, reference = series["of"], series["reference"]
+    values, wanted = (s.values.reshape(len(s.t), -1) for s in (of, reference))
+    step = float(of.t[1] - of.t[0]) if len(of.t) > 1 else math.inf
+    if options["tau"] > 0.0:
+        wanted = _lowpassed(wanted, -math.expm1(-step / options["tau"]))
+    lag = round(options["delay"] / step)
+    if lag:
+        values, wanted = values[lag:], wanted[:-lag]
+    if not len(values):
+        return None
+    return math.sqrt(float(np.square(values - wanted).sum(axis=1).mean()))
+
+
+def _lowpassed(values: FloatArray, share: float) -> FloatArray:
+    """The exact response of a lowpass to an input that holds between rows, from its first value."""
+    found = values.copy()
+    for k in range(1, len(values)):
+        found[k] = found[k - 1] + share * (values[k - 1] - found[k - 1])
+    return found
+
+
+def firing_rate(series: Mapping[str, Series], options: Mapping[str, Any]) -> float:
+    """The mean rate of a neuron: spikes of 1/dt each, or rates, averaged over all of them."""
+    return float(series["of"].values.mean())
+
+
+def synaptic_operations(series: Mapping[str, Series], options: Mapping[str, Any]) -> float:
+    """Spikes per second of all neurons, times the synapses that each reaches."""
+    values = series["of"].values
+    rows = values.reshape(len(values), -1)
+    return float(rows.mean(axis=0).sum() * options["synapses"])
+
+
+def _alike(options: Mapping[str, Any], probes: Mapping[str, ProbeInfo]) -> Checks:
+    of, reference = probes.get("of"), probes.get("reference")
+    if of is None or reference is None:
+        return
+    if of.width != reference.width:
+        yield (
+            "reference",
+            f"has {reference.width} columns and 'of' has {of.width}; expected as many",
+        )
+    if of.every != reference.every:
+        yield "reference", "is recorded at another rate than 'of'; give both the same 'every'"
+
+
+NEURAL_KINDS: dict[str, MetricKind] = {
+    "rmse": MetricKind(
+        rmse,
+        "root of the mean square of the difference from `reference`",
+        options=Delayed,
+        inputs=("of", "reference"),
+        forms=("columns",),
+        agrees=_alike,
+        unit="of",
+    ),
+    "firing_rate": MetricKind(
+        firing_rate,
+        "mean firing rate of the neurons of a probe of spikes or rates",
+        forms=("columns",),
+        unit="Hz",
+    ),
+    "synaptic_operations": MetricKind(
+        synaptic_operations,
+        "events at synapses per second: spikes of all neurons times the `synapses` of each",
+        options=Synapses,
+        forms=("columns",),
+        unit="1/s",
+    ),
+}

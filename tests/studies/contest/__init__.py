@@ -1,0 +1,1 @@
+"""Controllers of case C, tuned alike and compared: ``python -m tests.studies.contest``."""
