@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from blocks.core import SignalType
-from runtime.engine.compiled.translate import written
+from runtime.engine.compiled.entries import written
 
 RUN = """
 static bool all_finite(const double *a, int64_t n)
