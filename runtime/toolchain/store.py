@@ -169,13 +169,16 @@ def bound(limit: int = LIMIT) -> None:
     """Remove the oldest files if the folder is larger than its limit (bytes), and what killed
     builds left."""
     now, files = time.time(), []
-    for path in folder().rglob("*"):
-        with suppress(OSError):  # removed meanwhile by another process
-            found = path.lstat()
-            if path.name.startswith(WORK) and now - found.st_mtime > DAY:
-                remove_tree(path)
-            elif not stat.S_ISDIR(found.st_mode) and path.suffix != SEAL:
-                files.append((found.st_mtime, str(path), found.st_size))
+    # Other processes add and remove files meanwhile: os.walk passes over what is gone.
+    for place, folders, names in os.walk(folder()):
+        for name in (*folders, *names):
+            path = Path(place, name)
+            with suppress(OSError):
+                found = path.lstat()
+                if name.startswith(WORK) and now - found.st_mtime > DAY:
+                    remove_tree(path)
+                elif not stat.S_ISDIR(found.st_mode) and path.suffix != SEAL:
+                    files.append((found.st_mtime, str(path), found.st_size))
     total = sum(size for _, _, size in files)
     if total <= limit:
         return

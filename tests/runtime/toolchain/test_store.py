@@ -139,3 +139,23 @@ def test_a_folder_that_is_removed_meanwhile_is_made_again(cache: Path) -> None:
     shutil.rmtree(cache)
     store.write("entry", b"content")
     assert store.read("entry") == b"content" and stat.S_IMODE(cache.stat().st_mode) == 0o700
+
+
+def test_files_may_go_while_the_folder_is_looked_at(
+    cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for i in range(3):
+        entry(cache, f"entry{i}", 100.0 * i, 1000)
+    with store.work_folder() as running:
+        (running / "unit.o").write_bytes(b"new")
+        lstat = Path.lstat
+
+        def slow(path: Path) -> os.stat_result:
+            """Another process ends its build, and removes an entry, just before."""
+            shutil.rmtree(running, ignore_errors=True)
+            (cache / "entry1").unlink(missing_ok=True)
+            return lstat(path)
+
+        monkeypatch.setattr(Path, "lstat", slow)
+        store.bound(limit=1_500)
+    assert store.read("entry0") is not None and store.read("entry2") is None
