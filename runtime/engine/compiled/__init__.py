@@ -4,8 +4,8 @@
 plan that calls them, ``memory`` what both languages share, and ``runner`` runs it for the engine.
 """
 
+from runtime.engine.compiled.entries import fixed_sizes
 from runtime.engine.compiled.kernels import Kernel, make_kernels
 from runtime.engine.compiled.runner import CheckedRunner, CompiledRunner
-from runtime.engine.compiled.translate import fixed_sizes
 
 __all__ = ["CheckedRunner", "CompiledRunner", "Kernel", "fixed_sizes", "make_kernels"]

@@ -15,8 +15,8 @@ from dataclasses import dataclass, field
 
 from blocks.core import Evaluation, SignalType
 from runtime.engine.compiled.kernels import PROJECT, Kernel
+from runtime.engine.compiled.plan_text import RUN, count, literal, sizes
 from runtime.engine.compiled.stages import after_stage, before_stage, rates, solver_unit
-from runtime.engine.compiled.translate import written
 from runtime.engine.continuous import Continuous
 from runtime.engine.schedule import Emitter, Plan, RecordSlot
 from runtime.engine.solvers import METHODS
@@ -314,7 +314,7 @@ class CompiledEmitter(Emitter):
         """The arguments of an open input."""
         value = float(default or 0.0)
         if kind.form == "scalar":
-            return [_literal(value)]
+            return [literal(value)]
         name = self.member(f"open_{self.plan.names[block]}_{port}", max(2, count(kind)))
         self.made.fills[name] = value
         return [f"plan->{name}", *sizes(kind)]
@@ -403,57 +403,3 @@ class CompiledEmitter(Emitter):
         for port in step.evaluation.outputs:
             name, _ = self.signal(step.block, port)
             self.code(f"store({name!r}, {self.variable(step.block, port)})")
-
-
-RUN = """
-static bool all_finite(const double *a, int64_t n)
-{
-    for (int64_t i = 0; i < n; i++)
-        if (!isfinite(a[i])) return false;
-    return true;
-}
-
-static bool no_nan(const double *a, int64_t n)
-{
-    for (int64_t i = 0; i < n; i++)
-        if (isnan(a[i])) return false;
-    return true;
-}
-
-int64_t run(struct plan *plan, struct context *ctx, int64_t first, int64_t last, int64_t low,
-            int64_t high);
-
-int64_t run(struct plan *plan, struct context *ctx, int64_t first, int64_t last, int64_t low,
-            int64_t high)
-{
-    jmp_buf resume;
-    const double dt = @dt@;
-    ctx->resume = &resume;
-    ctx->failure = -1;
-    (void)all_finite;
-    (void)no_nan;
-    (void)low;
-    (void)high;
-    if (setjmp(resume)) return 2;
-    for (int64_t k = first; k < last; k++) {"""
-
-
-def count(kind: SignalType) -> int:
-    """How many numbers a signal has."""
-    if kind.form == "array":
-        return math.prod(kind.shape)
-    return 1 if kind.form == "scalar" else len(kind.components)
-
-
-def sizes(kind: SignalType) -> list[str]:
-    """The sizes of a signal that follow its address."""
-    if kind.form != "array":
-        return []
-    found = zip(kind.shape, written(kind.shape), strict=True)
-    return [str(size) for size, known in found if known is None]
-
-
-def _literal(value: float) -> str:
-    if math.isnan(value):
-        return "NAN"
-    return repr(value) if math.isfinite(value) else f"{'-' * (value < 0)}INFINITY"

@@ -12,7 +12,8 @@ from blocks.core import Block, BlockState, Evaluation, SignalType, has_kernels
 from blocks.registry import BUILTIN
 from runtime import codegen
 from runtime.codegen import FLOAT, Array, Entry, RefusedError, Tuple, Type, Writer
-from runtime.engine.compiled.translate import NotCompilableError, Translated, translate, written
+from runtime.engine.compiled.entries import NotCompilableError, written
+from runtime.engine.compiled.translate import Translated, translate
 from runtime.engine.continuous import slots
 from runtime.network import Network
 from runtime.toolchain import Unit, digest, read_record, write_record

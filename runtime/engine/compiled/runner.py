@@ -21,9 +21,9 @@ from runtime.engine.compiled.emit import (
     CompiledEmitter,
     PlanText,
 )
+from runtime.engine.compiled.entries import plain
 from runtime.engine.compiled.kernels import Kernels, make_kernels
 from runtime.engine.compiled.memory import Context, Words
-from runtime.engine.compiled.translate import plain
 from runtime.engine.program import Program
 from runtime.engine.runners import RunContext
 from runtime.toolchain import BuildError, Unit, build, folder

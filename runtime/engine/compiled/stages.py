@@ -6,7 +6,8 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from runtime.codegen import FLOAT, INT, Array, Entry, Type, Writer
-from runtime.engine.compiled.translate import translate_functions, written
+from runtime.engine.compiled.entries import written
+from runtime.engine.compiled.translate import translate_functions
 from runtime.engine.continuous import Continuous, Slot
 from runtime.engine.solvers import Method, first_bad, judged, keep, moved, substep
 from runtime.toolchain import Unit

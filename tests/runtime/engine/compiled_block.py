@@ -10,9 +10,9 @@ import numpy as np
 
 from blocks import Block, BlockState, SignalType
 from blocks.testing.checking import settle
+from runtime.engine.compiled.entries import written
 from runtime.engine.compiled.kernels import PROJECT, make_kernel
 from runtime.engine.compiled.memory import Context, Words
-from runtime.engine.compiled.translate import written
 from runtime.toolchain import Unit, build
 
 # Calls a method so that a failure returns here.
