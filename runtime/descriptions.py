@@ -36,8 +36,8 @@ def families(known: Mapping[str, type[Block]]) -> dict[str, list[str]]:
     for name, cls in known.items():
         top, *rest = cls.__module__.split(".")
         room = sys.modules.get(f"blocks.{rest[0]}") if top == "blocks" and rest else None
-        said = (room.__doc__ or "").strip().split("\n")[0].rstrip(".") if room is not None else ""
-        family = f"{rest[0]}: {said}" if said else top
+        about = (room.__doc__ or "").strip().split("\n")[0].rstrip(".") if room is not None else ""
+        family = f"{rest[0]}: {about}" if about else top
         found.setdefault("your own" if family.startswith("_") else family, []).append(name)
     return found
 

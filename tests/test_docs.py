@@ -18,7 +18,7 @@ import pytest
 import blocks
 import runtime
 from blocks.registry import blocks_of_module
-from runtime.cli.describe import blocks_page, observing_page
+from runtime.cli.describe import blocks_page, gallery_page, observing_page
 from runtime.document import parse_yaml
 from tests.conftest import Run
 from tests.test_rooms import FLOORS
@@ -35,6 +35,8 @@ def test_the_blocks_page_is_current() -> None:
     assert page == blocks_page(), "run: python -m runtime.cli.describe"
     page = (ROOT / "docs" / "observing.md").read_text(encoding="utf-8")
     assert page == observing_page(), "run: python -m runtime.cli.describe"
+    page = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
+    assert page == gallery_page(), "run: python -m runtime.cli.describe"
 
 
 @pytest.fixture

@@ -206,6 +206,14 @@ class Block:
     def validate_in(self, context: BlockContext) -> None:
         """Check that the block can run in this context; raise :class:`ParameterError`."""
 
+    @property
+    def stepwise(self) -> bool:
+        """Whether outputs hold between ticks although no ``update`` says so: those that jump.
+
+        A solver would see the value after a jump in the last stage of the step before it.
+        """
+        return False
+
     def infer(self, lengths: Mapping[str, int]) -> Mapping[str, int]:
         """Lengths that follow from others that are known, by symbol."""
         return {}

@@ -3,11 +3,12 @@
 from blocks.dynamics.delays import Delay, Hold, MovingAverage
 from blocks.dynamics.discrete import DiscreteIntegrator, DiscreteTransferFunction
 from blocks.dynamics.integrator import Integrator
+from blocks.dynamics.kalman import KalmanFilter
 from blocks.dynamics.linear import DiscreteStateSpace, StateSpace
 from blocks.dynamics.pid import PID
 from blocks.dynamics.system import DynamicSystem
 from blocks.dynamics.transfer import Derivative, SecondOrder, TransferFunction, ZeroPoleGain
 
 __all__ = ["PID", "Delay", "Derivative", "DiscreteIntegrator", "DiscreteStateSpace"]
-__all__ += ["DiscreteTransferFunction", "DynamicSystem", "Hold", "Integrator", "MovingAverage"]
-__all__ += ["SecondOrder", "StateSpace", "TransferFunction", "ZeroPoleGain"]
+__all__ += ["DiscreteTransferFunction", "DynamicSystem", "Hold", "Integrator", "KalmanFilter"]
+__all__ += ["MovingAverage", "SecondOrder", "StateSpace", "TransferFunction", "ZeroPoleGain"]

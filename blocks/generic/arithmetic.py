@@ -20,6 +20,7 @@ from blocks.core import (
     SignalType,
     Twist,
     TwistValue,
+    Vector,
     kernel_of,
     param,
 )
@@ -34,7 +35,9 @@ class Constant(Block):
     constant = Output(Same("T"), name="value", constant=True, doc="the value")
 
     number: FloatArray = param(name="value", doc="a number, or one number per component")
-    signal: SignalType = param("Scalar", doc="the signal type: Scalar, Twist, Vector(3), ...")
+    signal: SignalType | None = param(
+        None, doc="the signal type: Twist, Pose, ...; default Scalar, or Vector(n) for n numbers"
+    )
 
     def validate(self) -> None:
         kind = self.kind
@@ -45,8 +48,8 @@ class Constant(Block):
     @cached_property
     def kind(self) -> SignalType:
         """The signal type of the value; an open length is the value's own."""
-        kind = self.signal
         rows = len(self.number) if self.number.ndim else 0
+        kind = self.signal or (Vector(rows) if self.number.ndim == 1 and rows else Scalar)
         return kind.sized(rows) if kind.symbol and rows else kind
 
     @property

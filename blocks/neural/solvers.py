@@ -130,9 +130,9 @@ def ridge(a: FloatArray, y: FloatArray, sigma: float) -> FloatArray:
 
 def _singular(a: FloatArray) -> str:
     silent = int((a.max(axis=0, initial=0.0) <= 0.0).sum())
-    said = f"{silent} of {a.shape[1]} neurons are silent at all points, " if silent else ""
+    dead = f"{silent} of {a.shape[1]} neurons are silent at all points, " if silent else ""
     return (
-        f"the system is singular: {said}some neurons respond alike; give the solver a reg above 0"
+        f"the system is singular: {dead}some neurons respond alike; give the solver a reg above 0"
     )
 
 

@@ -40,6 +40,10 @@ class Table(Block, ABC):
         """One of METHODS."""
 
     @property
+    def stepwise(self) -> bool:
+        return self.how == "hold"
+
+    @property
     def stated(self) -> SignalType | None:
         """The output's type, if it is stated."""
         return None

@@ -49,7 +49,7 @@ class Step(Block):
 
         [ Step ] ─▶ out
 
-    out = before for t < time, and after from then on.
+    out = before for t < time, and after from then on; it holds between two ticks.
     """
 
     out = Output(Scalar, doc="the step")
@@ -57,6 +57,10 @@ class Step(Block):
     time: float = param(0.0, unit="s", doc="when the step happens")
     before: float = param(0.0, doc="value before the step")
     after: float = param(1.0, doc="value from the step on")
+
+    @property
+    def stepwise(self) -> bool:
+        return True
 
     def start(self, state: BlockState) -> None:
         state.since = self.time - EARLY * state.dt
@@ -96,7 +100,8 @@ class Pulse(Block):
 
     From ``start`` on, each period begins with an edge of ``rise`` seconds from ``low`` to ``high``,
     stays there for ``width`` seconds, and returns within ``fall`` seconds. A triangle has a width
-    of 0 and two edges of half a period. With ``width: 0`` and no edges nothing is seen.
+    of 0 and two edges of half a period. With ``width: 0`` and no edges nothing is seen. Without
+    edges out holds between two ticks.
     """
 
     out = Output(Scalar, doc="the pulses")
@@ -121,6 +126,10 @@ class Pulse(Block):
             if total > self.period * (1.0 + EARLY):
                 message = f"expected a pulse that fits into period = {self.period:g} s, got "
                 raise ParameterError([("width", f"{message}{total:g} s with its edges")])
+
+    @property
+    def stepwise(self) -> bool:
+        return self.rise == 0.0 and self.fall == 0.0
 
     def start(self, state: BlockState) -> None:
         half = 0.5 * self.period - 0.5 * (self.rise + self.fall)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Container, Mapping
 from pathlib import Path
 
 from blocks.registry import BUILTIN
+from runtime.cli.shipped import shipped
 from runtime.descriptions import describe_markdown, option_text
 from runtime.document import SHIPPED
 from runtime.language import json_schema
@@ -23,6 +25,24 @@ OBSERVING = """# Plots and metrics
 Made from their own declarations by `python -m runtime.cli.describe`; do not edit.
 `of` names probes or addresses. Angles may be written in degrees, as in `90deg`.
 """
+
+GALLERY = """# Gallery
+
+Made from the graphs' own first sentences by `python -m runtime.cli.describe`; do not edit.
+Each is a file in `graphs/gallery/`; run one, or draw it:
+
+    runtime run gallery/van_der_pol
+    runtime draw gallery/drive_to_point
+"""
+
+
+def gallery_page() -> str:
+    """The text of docs/gallery.md."""
+    lines = [GALLERY, "| graph | what it shows | blocks |", "|---|---|---|"]
+    for each in shipped("gallery"):
+        kinds = sorted(set(re.findall(r"type: (\w+)", each.path.read_text(encoding="utf-8"))))
+        lines.append(f"| `{each.name}` | {each.summary} | {', '.join(kinds)} |")
+    return "\n".join(lines) + "\n"
 
 
 def blocks_page() -> str:
@@ -67,3 +87,4 @@ if __name__ == "__main__":
     (SHIPPED / "schema.json").write_text(schema_file(), encoding="utf-8")
     (docs / "blocks.md").write_text(blocks_page(), encoding="utf-8")
     (docs / "observing.md").write_text(observing_page(), encoding="utf-8")
+    (docs / "gallery.md").write_text(gallery_page(), encoding="utf-8")

@@ -12,6 +12,7 @@ HEADER = "# yaml-language-server: $schema="
 # The folders whose use needs a word; others are listed by their names alone.
 USES = {
     "graphs": "run one by its name: runtime run NAME",
+    "gallery": "run one: runtime run gallery/NAME",
     "starters": "begin with a copy: runtime new my.yaml --from NAME",
     "conditions": "lay one over a graph: --with conditions/NAME",
     "rules": "lay one over a graph: --with rules/NAME",

@@ -144,4 +144,4 @@ def _moving(network: Network, order: list[Step], wires: Wires) -> set[tuple[str,
 
 def is_memoryless(entry: Entry) -> bool:
     """Whether a block's outputs depend on the time and its inputs alone, and are not sampled."""
-    return entry.cls.spec.update is None and not entry.sampled
+    return entry.cls.spec.update is None and not (entry.sampled or entry.made.stepwise)

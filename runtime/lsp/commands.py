@@ -95,11 +95,11 @@ async def _run(ls: LanguageServer, path: Path, *options: str) -> dict[str, Any]:
         cwd=path.parent,
     )
     try:
-        printed, said = await process.communicate()
+        printed, errors = await process.communicate()
     except asyncio.CancelledError:
         process.kill()
         raise
-    text = said.decode("utf-8", "replace").strip()
+    text = errors.decode("utf-8", "replace").strip()
     try:
         result: dict[str, Any] = json.loads(printed[:MAX_OUTPUT] or b"{}")
     except ValueError:

@@ -10,6 +10,7 @@ from runtime.network.components import columns, component_type, is_range, unknow
 from runtime.network.initial import STATES
 from runtime.network.network import Entry, Network, Wire, check_output
 from runtime.network.open_inputs import fits, outputs_in
+from runtime.network.other_names import ours_for
 from runtime.network.removal import follow, missing_block
 from runtime.network.replacement import replace_block
 from runtime.network.scope import Scope, expand
@@ -38,6 +39,7 @@ __all__ = [
     "is_range",
     "is_variadic",
     "missing_block",
+    "ours_for",
     "outputs_in",
     "replace_block",
     "source_file",

@@ -9,6 +9,7 @@ from blocks.core import TYPES, Block, DeclarationError, SignalType, hint
 from blocks.registry import BUILTIN, ModuleReader, Modules, installed
 from runtime.document import Node, closest
 from runtime.errors import Problems, UsageError
+from runtime.network.other_names import ours_for
 
 
 def block_class(
@@ -50,7 +51,7 @@ def block_class(
     if written.value in others:
         return others[written.value]
     known = [*own, *classes, *BUILTIN, *others]
-    suggestion = hint(written.value, known)
+    suggestion = ours_for(written.value) or hint(written.value, known)
     if not suggestion and module is not None:
         suggestion = f"; '{short_path(module)}' defines {', '.join(own) or 'none'}"
     suggestion = suggestion or "; see 'runtime blocks'; your own block needs 'module: file.py'"

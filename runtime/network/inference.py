@@ -53,8 +53,8 @@ def report_open(network: Network, problems: Problems) -> None:
         if ports:
             where = entry.node.key
             published = frozenset(port for port, _ in network.publications(name))
-            said = "" if entry.block is None else entry.block.why_open(published)
-            message = said or _open(name, ports[0], entry.cls.spec)
+            reason = "" if entry.block is None else entry.block.why_open(published)
+            message = reason or _open(name, ports[0], entry.cls.spec)
             problems.add(where, entry.address if where == NOWHERE else "", message)
 
 

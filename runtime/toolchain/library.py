@@ -34,7 +34,7 @@ SHOWN = 5  # lines of a compiler's message
 class BuildError(SpikeblocksError):
     """The compiler did not accept a unit, or its result cannot be loaded.
 
-    unit : its name, empty for the library. output : all that the compiler said.
+    unit : its name, empty for the library. output : all that the compiler printed.
     """
 
     exit_code = 4

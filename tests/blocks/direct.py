@@ -19,6 +19,7 @@ REQUIRED: dict[str, dict[str, Any]] = {
     "Weights": {"weights": [[1.0, -2.0, 0.5], [0.5, 0.1, 0.2], [0.0, 0.0, 1.0]]},
     "Decoder": {"weights": [[1.0, -2.0, 0.5, 0.0]]},
     "StateSpace": {"A": [[0, 1], [-1, -1]], "B": [0, 1], "C": [1, 0]},
+    "KalmanFilter": {"A": [[1, 0.1], [0, 1]], "C": [1, 0], "Q": [[1, 0], [0, 1]], "R": 1.0},
     "DynamicSystem": {"derivative": ["x[1]", "-x[0]"], "initial": [1, 0]},
     "SecondOrder": {"natural_frequency": 3.0},
     "TransferFunction": {"numerator": [1], "denominator": [1, 1]},

@@ -32,8 +32,11 @@ def run(options: Namespace) -> int:
     known = library(options.module)
     if options.type is not None and options.type not in known:
         from blocks.core import hint
+        from runtime.network import ours_for
 
-        suggestion = hint(options.type, known) or f"; there are {', '.join(known)}"
+        suggestion = (
+            ours_for(options.type) or hint(options.type, known) or f"; there are {', '.join(known)}"
+        )
         raise UsageError(f"no block type '{options.type}'{suggestion}")
     if options.json:
         chosen = known if options.type is None else {options.type: known[options.type]}

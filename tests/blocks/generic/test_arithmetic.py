@@ -144,7 +144,10 @@ def test_an_open_length_is_the_values_own(signal: str, value: Any, kind: SignalT
     ("parameters", "message"),
     [
         ({}, "value: missing; expected an array of numbers: a number, or one number per"),
-        ({"value": [1.0, 2.0]}, "value: expected a number for Scalar, got [1.0, 2.0]"),
+        (
+            {"value": [1.0, 2.0], "signal": "Scalar"},
+            "value: expected a number for Scalar, got [1.0, 2.0]",
+        ),
         ({"value": 1.0, "signal": "Vector"}, "value: expected a list of numbers for Vector, got 1"),
         ({"value": [], "signal": "Vector"}, "value: expected a list of numbers for Vector, got []"),
         ({"value": 1.0, "signal": "Pose"}, "value: expected 3 numbers for Pose, got 1.0"),

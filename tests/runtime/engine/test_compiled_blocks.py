@@ -327,6 +327,18 @@ CASES: dict[str, list[Case]] = {
         Case(blocks.ZeroPoleGain(zeros=[1], poles=[-1], complex_poles=[[-1, 2]]), free=("x",))
     ],
     "SecondOrder": [Case(blocks.SecondOrder(natural_frequency=5.0), free=("x",))],
+    "KalmanFilter": [
+        Case(blocks.KalmanFilter(A=[[1, 0.1], [0, 1]], C=[1, 0], Q=[[1, 0], [0, 1]], R=2.0)),
+        Case(
+            blocks.KalmanFilter(
+                A=[[1, 0.1], [0, 1]],
+                B=[[0, 1], [1, 0]],
+                C=[[1, 0], [1, 2]],
+                Q=[[1, 0], [0, 1]],
+                R=[[2, 1], [1, 2]],
+            )
+        ),
+    ],
     "Derivative": elementwise(blocks.Derivative(tau=0.1), "x"),
     "PID": [
         Case(

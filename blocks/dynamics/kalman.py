@@ -1,0 +1,192 @@
+"""Estimators of states in discrete time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from blocks.core import (
+    Block,
+    BlockState,
+    FloatArray,
+    Input,
+    Output,
+    ParameterError,
+    Same,
+    Scalar,
+    SignalType,
+    State,
+    Vector,
+    param,
+)
+
+
+class KalmanFilter(Block):
+    """The best estimate of the states of a linear system from noisy measurements.
+
+        measurement, control ─▶ [ KalmanFilter ] ─▶ estimate
+
+    For x(t_k+1) = A x + B u + w, y = C x + v, with the covariances Q of w and R of v. At each tick
+    the prediction is corrected with the gain K = P C' (C P C' + R)^-1: estimate = x + K (y - C x),
+    P becomes (I - K C) P (I - K C)' + K R K' (Joseph's form); both are then predicted for the next
+    tick (Simon, Optimal State Estimation, 2006, section 5.1). One measurement or control is a
+    Scalar, several are a Vector.
+    """
+
+    measurement = Input(Same("Y"), doc="y, a Scalar or a Vector(p)")
+    control = Input(Same("U"), default=0.0, doc="u, a Scalar or a Vector(m)")
+    estimate = Output(Vector("n"), doc="the corrected states")
+
+    a: FloatArray = param(shape=(None, None), name="A", doc="n rows of n numbers, for one step")
+    b: FloatArray | None = param(
+        None, shape=[(None, None), (None,)], name="B", doc="n rows of m numbers; default no control"
+    )
+    c: FloatArray = param(shape=[(None, None), (None,)], name="C", doc="p rows of n numbers")
+    q: FloatArray = param(shape=(None, None), name="Q", doc="covariance of the process noise")
+    r: FloatArray = param(
+        shape=[(None, None), ()], name="R", doc="covariance of the measurement noise"
+    )
+    x0: FloatArray | None = param(None, shape=(None,), doc="first prediction; default 0")
+    p0: FloatArray | None = param(
+        None, shape=(None, None), name="P0", doc="its covariance; default the identity"
+    )
+
+    x = State("n", name="x", doc="the prediction")
+    p = State("n", "n", name="P", doc="its covariance")
+
+    def sizes(self) -> dict[str, int]:
+        return {"n": len(self.a)} if "a" in self.__dict__ else {}
+
+    def validate(self) -> None:
+        n = len(self.a)
+        p = self.c.size // n if n else 0
+        wanted = {"A": (self.a, (n, n)), "Q": (self.q, (n, n)), "P0": (self.p0, (n, n))}
+        problems = [
+            (name, f"expected {shape[0]} x {shape[1]} numbers, got {list(value.shape)}")
+            for name, (value, shape) in wanted.items()
+            if value is not None and value.shape != shape
+        ]
+        if not n or self.c.shape[-1] != n:
+            problems.append(("C", f"expected {n} columns, as A has, got {list(self.c.shape)}"))
+        if self.r.size != p * p:
+            problems.append(("R", f"expected {p} x {p} numbers, got {list(self.r.shape)}"))
+        if self.b is not None and len(self.b) != n:
+            problems.append(("B", f"expected {n} rows, as A has, got {len(self.b)}"))
+        if self.x0 is not None and len(self.x0) != n:
+            problems.append(("x0", f"expected {n} numbers, one per state, got {len(self.x0)}"))
+        if problems:
+            raise ParameterError(problems)
+
+    @property
+    def variables(self) -> dict[str, SignalType]:
+        p = self.c.size // len(self.a)
+        m = 1 if self.b is None else self.b.size // len(self.a)
+        return {"Y": Scalar if p == 1 else Vector(p), "U": Scalar if m == 1 else Vector(m)}
+
+    def start(self, state: BlockState) -> None:
+        n = len(self.a)
+        state.n, state.p = n, self.c.size // n
+        state.a, state.c = self.a.copy(), self.c.reshape(-1, n).copy()
+        state.b = np.zeros((n, 1)) if self.b is None else self.b.reshape(n, -1).copy()
+        state.m = state.b.shape[1]
+        state.q, state.r = self.q.copy(), self.r.reshape(state.p, state.p).copy()
+        state.x[:] = 0.0 if self.x0 is None else self.x0
+        state.P[:] = np.eye(n) if self.p0 is None else self.p0
+        kinds = state.context.types
+        state.one_y = kinds["measurement"].form == "scalar"
+        state.one_u = kinds["control"].form == "scalar"
+
+    def weights(self, state: BlockState) -> FloatArray:
+        """K (n, p)."""
+        crossed = product(state.P, transposed(state.c))
+        spread = product(state.c, crossed)
+        for i in range(state.p):
+            for j in range(state.p):
+                spread[i, j] += state.r[i, j]
+        # K S = P C', so that S' K' = C P' is solved for K'.
+        return transposed(solved(transposed(spread), transposed(crossed)))
+
+    def output(self, state: BlockState, t: float, measurement: Any) -> FloatArray:
+        gain = self.weights(state)
+        out = np.zeros(state.n)
+        for i in range(state.n):
+            out[i] = state.x[i]
+        for k in range(state.p):
+            error = measurement if state.one_y else measurement[k]
+            for j in range(state.n):
+                error -= state.c[k, j] * state.x[j]
+            for i in range(state.n):
+                out[i] += gain[i, k] * error
+        return out
+
+    def update(self, state: BlockState, t: float, control: Any, estimate: FloatArray) -> None:
+        gain = self.weights(state)
+        kept = product(gain, state.c)
+        for i in range(state.n):
+            for j in range(state.n):
+                kept[i, j] = (1.0 if i == j else 0.0) - kept[i, j]
+        after = product(product(kept, state.P), transposed(kept))
+        noise = product(product(gain, state.r), transposed(gain))
+        for i in range(state.n):
+            for j in range(state.n):
+                after[i, j] += noise[i, j]
+        following = product(product(state.a, after), transposed(state.a))
+        for i in range(state.n):
+            total = 0.0
+            for j in range(state.n):
+                total += state.a[i, j] * estimate[j]
+                state.P[i, j] = following[i, j] + state.q[i, j]
+            for j in range(state.m):
+                total += state.b[i, j] * (control if state.one_u else control[j])
+            state.x[i] = total
+
+
+def product(a: FloatArray, b: FloatArray) -> FloatArray:
+    """The matrix product, summed from left to right."""
+    out = np.zeros((a.shape[0], b.shape[1]))
+    for i in range(a.shape[0]):
+        for j in range(b.shape[1]):
+            for k in range(a.shape[1]):
+                out[i, j] += a[i, k] * b[k, j]
+    return out
+
+
+def transposed(a: FloatArray) -> FloatArray:
+    """The transposed matrix."""
+    out = np.zeros((a.shape[1], a.shape[0]))
+    for i in range(a.shape[0]):
+        for j in range(a.shape[1]):
+            out[j, i] = a[i, j]
+    return out
+
+
+def solved(a: FloatArray, b: FloatArray) -> FloatArray:
+    """The solution x of a x = b, by Gaussian elimination with partial pivoting.
+
+    ``a`` is a covariance, which noise of the measurement keeps from being singular.
+    """
+    n, m = a.shape[0], b.shape[1]
+    work, out = a.copy(), b.copy()
+    for k in range(n):
+        pivot = k
+        for i in range(k + 1, n):
+            if abs(work[i, k]) > abs(work[pivot, k]):
+                pivot = i
+        for j in range(n):
+            work[k, j], work[pivot, j] = work[pivot, j], work[k, j]
+        for j in range(m):
+            out[k, j], out[pivot, j] = out[pivot, j], out[k, j]
+        for i in range(k + 1, n):
+            factor = work[i, k] / work[k, k]
+            for j in range(k, n):
+                work[i, j] -= factor * work[k, j]
+            for j in range(m):
+                out[i, j] -= factor * out[k, j]
+    for k in range(n - 1, -1, -1):
+        for j in range(m):
+            total = out[k, j]
+            for i in range(k + 1, n):
+                total -= work[k, i] * out[i, j]
+            out[k, j] = total / work[k, k]
+    return out

@@ -1,0 +1,76 @@
+"""What block types of other tools are called here."""
+
+from __future__ import annotations
+
+# Our type, or what to do instead, to the names that Simulink, bdsim, PathSim and others use.
+_NAMES: dict[str, str] = {
+    "an entry of 'probes:' records a signal and draws it": (
+        "scope scopexy scope2d display toworkspace print watch null sink terminator "
+        "realtimescope plot recorder logger"
+    ),
+    "Clip": "saturation saturate limiter limit clamp bound sat",
+    "DeadZone": "deadband deadzone dead_zone",
+    "RateLimiter": "ratelimit slewrate slew rate_limiter",
+    "Relay": "hysteresis schmitttrigger thermostat bangbang",
+    "Quantizer": "quantize quantise quantiser adc",
+    "LookupTable": "lut lut1d lookup lookuptable1d interpolate interp 1dlookuptable",
+    "LookupTable2D": "lut2d lookup2d 2dlookuptable",
+    "Hold": "zoh zeroorderhold samplehold sampleandhold sampler",
+    "UnitDelay": "register memory z1 unit_delay",
+    "Delay": "transportdelay timedelay deadtime tappeddelay integerdelay variabletransportdelay",
+    "Concatenate": "vectorconcatenate bus buscreator vectormux merge join stack",
+    "a slice on the wire, as in 'a.out[0:2]', or Select": (
+        "demux busselector slice slice1 slice2 index selector split item"
+    ),
+    "MultiportSwitch": "multiswitch multiport multiplexer indexswitch",
+    "Function": (
+        "fcn math expression matlabfunction interpretedfunction pow power sqrt abs sin cos tan exp "
+        "log mod atan atan2 polynomial lambda polyval sign square trigonometricfunction"
+    ),
+    "Sum": "adder add subtract sumofelements difference plus minus",
+    "Product": "prod multiply multiplier divide divider dotproduct",
+    "Gain": "amplifier amp scale slidergain",
+    "MatrixGain": "matrix matrixmultiply",
+    "Compare": (
+        "comparator greaterthan lessthan equal relationaloperator comparetoconstant threshold"
+    ),
+    "Logic": "logicand logicor logicnot logicaloperator and or not xor",
+    "Sine": "sinewave sinusoidalsource cosine waveform sinusoid signalgenerator",
+    "Step": "stepsource heaviside",
+    "Pulse": (
+        "squarewave squarewavesource pulsegenerator pulsesource trianglewavesource sawtooth pwm"
+    ),
+    "Chirp": "chirpsource sweepsource chirpsignal",
+    "Piecewise": "fromworkspace repeatingsequence signalbuilder timetable fromspreadsheet",
+    "Clock": "time digitalclock",
+    "WhiteNoise": "noise bandlimitedwhitenoise randomnumber gaussiannoise rng uniformrandomnumber",
+    "RandomWalk": "browniannoise wienerprocess brownian wiener",
+    "TransferFunction": (
+        "transferfcn transferfunctionnumden lti ltisiso lti_siso tf pt1 leadlag fopdt firstorder "
+        "butterworthlowpassfilter"
+    ),
+    "ZeroPoleGain": "zpk zeropole transferfunctionzpg zerospolesgain polezero",
+    "StateSpace": "ltiss lti_ss ss statespacemodel",
+    "SecondOrder": "pt2 secondordersystem sopdt",
+    "Derivative": "deriv differentiator derivativefilter differentiate",
+    "DynamicSystem": "ode dynamicalsystem dynamicalfunction odeblock",
+    "PID": "pidcontroller antiwinduppid pidcontrol pi pd",
+    "DiscreteTransferFunction": (
+        "discretetransferfcn discretefilter fir filter iir ltisisos dtf digitalfilter lti_siso_s"
+    ),
+    "DiscreteStateSpace": "discretess ltisss lti_ss_s dss",
+    "DiscreteIntegrator": "dintegrator integrators discretetimeintegrator accumulator integrator_s",
+    "MovingAverage": "movingmean rollingmean average boxcar",
+    "DifferentialDrive": "diffsteer differentialsteer",
+    "Pendulum": "simplependulum",
+    "CartPole": "invertedpendulum cartpendulum",
+    "a part, {graph: part.yaml}": "subsystem interface inport outport model",
+}
+_OURS = {name: ours for ours, names in _NAMES.items() for name in names.split()}
+
+
+def ours_for(name: str) -> str:
+    """What to use for another tool's block type: ``; here: Clip``; '' if it is not known."""
+    found = _OURS.get(name.lower().replace(" ", "").replace("-", ""))
+    found = found or _OURS.get(name.lower().replace("_", ""))
+    return "" if found is None else f"; here: {found}"
