@@ -17,7 +17,7 @@ from runtime.errors import SpikeblocksError
 from runtime.toolchain import store
 
 NAMES = ("cc", "gcc", "clang")
-EXTRA = "fast"
+EXTRA = "compiler"
 SECONDS = 60.0  # for a compiler to say who it is
 # The first of these that knows the system's distribution (ID or ID_LIKE in os-release).
 INSTALL = {

@@ -162,7 +162,7 @@ def section(seeds: tuple[int, ...]) -> str:
             measured,
             f"{START}\n",
             "How many values were tried for those that were chosen by hand was not recorded, "
-            "except where it is said.\n",
+            "except where the table gives it.\n",
             _table(header, lines),
             DEVIATIONS,
         )

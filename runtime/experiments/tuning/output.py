@@ -79,10 +79,10 @@ def summary(result: TuningResult) -> str:
     """What the command prints, without the folder."""
     plan, tuning = result.plan, result.plan.tuning
     counts = Counter(one.status for one in result.tried[1:])
-    told = ", ".join(f"{n} {status}" for status, n in sorted(counts.items()))
+    statuses = ", ".join(f"{n} {status}" for status, n in sorted(counts.items()))
     lines = [
         f"{plan.name}: {len(result.tried) - 1} of {tuning.trials} trials by {tuning.sampler}: "
-        f"{told}; {result.runs} training runs in {result.wall_s:.1f} s"
+        f"{statuses}; {result.runs} training runs in {result.wall_s:.1f} s"
     ]
     for name, runs in (("training", tuning.training), ("held out", tuning.held_out)):
         lines.append(f"{name}: seeds {runs.seeds}; conditions {', '.join(runs.names)}")
