@@ -18,11 +18,12 @@ from runtime.observation import StopTest
 
 INDENT = "    "
 GLOBALS = ("isfinite", "isnan", "dot", "array", "full", "checked", "sealed", "not_finite")
-# When a run stops: conditions on the distance ``beyond`` of a signal from the level.
+# When a run stops: conditions on the distance ``beyond`` of a signal from the level. The compiled
+# plan has the same, in C.
 CONDITIONS = {
     "above": "beyond > 0.0",
     "below": "beyond < 0.0",
-    "crosses": "stop[3] < 0.0 <= beyond or beyond <= 0.0 < stop[3]",
+    "crosses": "(stop[3] < 0.0 and beyond >= 0.0) or (stop[3] > 0.0 and beyond <= 0.0)",
 }
 # Names used by the compiled plan and the loop around it.
 COMPILED_NAMES = (
@@ -233,6 +234,13 @@ class Emitter:
         states = {(slot.block, slot.state) for slot in part.slots}
         return (end.block, end.port) in part.moving | states
 
+    def watched(self, part: Continuous) -> tuple[Step, ...]:
+        """The evaluations that compute the signal that may end the run, between ticks."""
+        if self.stop is None or self.stop.signal.is_state:
+            return ()
+        end = self.stop.signal.end
+        return needed([(end.block, end.port)], self.plan.steps, self.wires, part.moving)
+
     def search(self, part: Continuous, integrate: Callable[..., None], *given: Any) -> None:
         """Integrate to the next tick, or to the time in between at which the run stops."""
         dt = self.dt
@@ -246,9 +254,7 @@ class Emitter:
         self.copied("states", "origin")
         integrate(part, "span", *given)
         self.code(f"t = k * {dt} + span")
-        end = self.stop.signal.end
-        watched = [] if self.stop.signal.is_state else [(end.block, end.port)]
-        for step in needed(watched, self.plan.steps, self.wires, part.moving):
+        for step in self.watched(part):
             self.again(step)
         self.code(f"beyond = {self.tested(self.stop)} - {self.stop.level!r}")
         self.code(f"span = narrowed(stop, {CONDITIONS[self.stop.kind]}, span, {dt})")
