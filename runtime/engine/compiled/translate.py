@@ -50,10 +50,10 @@ class Writer(Folding):
         left = self.owner.made.indirect if self.bound else ()
         absent = [n for n in names if n in left and n in defaults]
         names = [n for n in names if n not in absent]
-        body = [
-            ast.Assign([ast.Name(n, ast.Store())], defaults[n]) for n in absent if _reads(node, n)
-        ]
-        body = [*body, *self.block(node.body)] or [ast.Pass()]
+        reads = [n for n in absent if _reads(node, n)]
+        set_first = [ast.Assign([ast.Name(n, ast.Store())], defaults[n]) for n in reads]
+        located = [ast.copy_location(each, node) for each in set_first]
+        body = [*located, *self.block(node.body)] or [ast.Pass()]
         return Function(
             name=name,
             parameters=tuple(names),

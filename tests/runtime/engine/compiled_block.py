@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import builtins
 import ctypes
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -48,7 +49,10 @@ class CompiledBlock:
         given = {n: k for n, k in state.context.types.items() if n in spec.inputs}
         context = settle(made, given, state.context.dt, state.context.world)
         self.terms, self.kinds = terms, dict(context.types)
-        calls = [*spec.evaluations]
+        calls = [
+            replace(each, needs=tuple(port for port in each.needs if port not in made.indirect))
+            for each in spec.evaluations
+        ]
         calls += [each for each in (spec.update, spec.derivative) if each is not None]
         calls += [PROJECT] if spec.projects else []
         self.calls = {call.method: call for call in calls}

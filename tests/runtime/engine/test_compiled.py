@@ -204,7 +204,7 @@ def test_without_a_compiler_the_message_is_the_command_that_installs_one(
     monkeypatch.setattr(choice, "find_compiler", no_compiler)
     code = cli.run(["run", "line_actuator_failure", "--engine", "compiled", "--until", "0.1"])
     assert code == 4
-    assert "pip install 'spikeblocks[fast]'" in capsys.readouterr().err
+    assert "pip install 'spikeblocks[compiler]'" in capsys.readouterr().err
 
 
 def test_auto_compiles_long_runs_and_has_a_note_without_a_compiler(
@@ -223,7 +223,7 @@ def test_auto_compiles_long_runs_and_has_a_note_without_a_compiler(
     assert notes == []
     monkeypatch.setattr(choice, "available", lambda: False)
     assert not choice.take_compiled(long, 1, notes.append)
-    assert "spikeblocks[fast]" in notes[0]
+    assert "spikeblocks[compiler]" in notes[0]
 
 
 def test_a_run_records_its_engine_and_runs_again_with_the_same_bits(cli, tmp_path: Path) -> None:
