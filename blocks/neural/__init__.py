@@ -8,6 +8,7 @@ from blocks.neural.decoder import Decoder
 from blocks.neural.ensemble import Ensemble
 from blocks.neural.models import Izhikevich, ReLU, Sigmoid, SpikingReLU, Tanh
 from blocks.neural.neurons import LIF, AdaptiveLIF, LIFRate, NeuronModel
+from blocks.neural.synapses import Synapse, passed, remember
 from blocks.neural.tuning import Tuning
 from blocks.neural.weights import Weights
 

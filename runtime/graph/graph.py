@@ -178,11 +178,15 @@ class Graph:
         several = is_variadic(self.document, target, self._content.classes)
         return self._changed(add_wire(self.document, source, target, several))
 
-    def probe(self, name: str, *of: str, every: int | None = None) -> Graph:
-        """A copy that records addresses under a name; without them, the name is the address."""
+    def probe(self, name: str, *of: str, **options: Any) -> Graph:
+        """A copy that records addresses under a name; without them, the name is the address.
+
+        ``options`` are the other keys of a probe: ``every``, ``synapse``, ``label``.
+        """
         addresses = list(of) or [name]
         signals: Any = addresses if len(addresses) > 1 else addresses[0]
-        entry = signals if every is None else {"of": signals, "every": every}
+        given = {key: value for key, value in options.items() if value is not None}
+        entry = {"of": signals, **given} if given else signals
         key = name if of else name.replace(".", "_")
         return self._changed(add_entry(self.document, "probes", key, entry))
 
