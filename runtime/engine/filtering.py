@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from blocks.core import FloatArray
-from blocks.neural import Synapse, passed, remember
+from blocks.neural import Synapse
 from runtime.observation import Probe
 
 
@@ -21,17 +21,12 @@ class ProbeFilter:
 
     def __init__(self, probe: Probe, synapse: Synapse, ticks: int, dt: float) -> None:
         self.probe, self.rows = probe, probe.rows(ticks)
-        self.a, self.b = synapse.matrices(probe.sampled * dt)
-        self.memory = np.zeros((len(self.b), math.prod(probe.shape)))
+        self.filter = synapse.filtering(probe.sampled * dt, math.prod(probe.shape))
         self.taken = self.made = 0
 
     def take(self, values: FloatArray) -> FloatArray:
         """Filter the next values (n, ...) in place; returns the rows that they complete."""
-        flat = values.reshape(len(values), -1)
-        for value in flat:
-            found = passed(self.memory, self.a, self.b, value)
-            remember(self.memory, self.a, self.b, value, found)
-            value[:] = found
+        self.filter(values.reshape(len(values), -1))
         first, self.taken = self.taken, self.taken + len(values)
         # Row r belongs to tick r * every, at which the last value is number r * every // sampled.
         every, sampled = self.probe.every, self.probe.sampled

@@ -1,4 +1,4 @@
-"""Probes with a synapse: against Nengo's and SciPy's filters, at any rate, in memory and on disk."""
+"""Probes with a synapse: Nengo's and SciPy's filters, at any rate, in memory and on disk."""
 
 from __future__ import annotations
 
