@@ -181,12 +181,10 @@ class Graph:
     def probe(self, name: str, *of: str, **options: Any) -> Graph:
         """A copy that records addresses under a name; without them, the name is the address.
 
-        ``options`` are the other keys of a probe: ``every``, ``synapse``, ``label``.
+        ``options``: ``every``, ``synapse``, ``label``.
         """
-        addresses = list(of) or [name]
-        signals: Any = addresses if len(addresses) > 1 else addresses[0]
-        given = {key: value for key, value in options.items() if value is not None}
-        entry = {"of": signals, **given} if given else signals
+        signals: Any = list(of) if len(of) > 1 else of[0] if of else name
+        entry = {"of": signals, **options} if options else signals
         key = name if of else name.replace(".", "_")
         return self._changed(add_entry(self.document, "probes", key, entry))
 
