@@ -179,10 +179,7 @@ class Graph:
         return self._changed(add_wire(self.document, source, target, several))
 
     def probe(self, name: str, *of: str, **options: Any) -> Graph:
-        """A copy that records addresses under a name; without them, the name is the address.
-
-        ``options``: ``every``, ``synapse``, ``label``.
-        """
+        """A copy that records addresses (its name by default); options as in a graph file."""
         signals: Any = list(of) if len(of) > 1 else of[0] if of else name
         entry = {"of": signals, **options} if options else signals
         key = name if of else name.replace(".", "_")
