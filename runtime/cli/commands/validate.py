@@ -74,9 +74,8 @@ def _show_fine(name: str, model: Model, notes: list[Diagnostic]) -> None:
     elif model.kind == "part":
         show(f"{name}: fine (part)")
     else:
-        show(
-            f"{name}: fine (overlay; check it on a graph with: runtime validate GRAPH --with {name})"
-        )
+        command = f"runtime validate GRAPH --with {name}"
+        show(f"{name}: fine (overlay; check it on a graph with: {command})")
 
 
 def _plain(model: Model, found: Diagnostic) -> dict[str, Any]:
