@@ -21,11 +21,11 @@ from runtime.engine.compiled.emit import (
     STOPPED,
     UNREACHED,
     CompiledEmitter,
-    PlanText,
 )
 from runtime.engine.compiled.entries import plain
 from runtime.engine.compiled.kernels import Kernels, make_kernels
 from runtime.engine.compiled.memory import Context, Words
+from runtime.engine.compiled.structs import PlanText
 from runtime.engine.program import Program
 from runtime.engine.runners import Held, RunContext
 from runtime.toolchain import BuildError, Unit, build, folder
