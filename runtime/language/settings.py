@@ -59,7 +59,9 @@ def forms_of(declared: Param, in_flow: bool) -> Iterator[Offer]:
     root = root_of(declared)
     for label, member in root.members.items() if root is not None else ():
         if root is not None and member.declared:
-            text = f"{{{root.key}: {label}, $1}}"
+            needed = [name for name, each in member.declared.items() if each.required]
+            places = [f"{name}: ${{{n}:number}}" for n, name in enumerate(needed, 1)]
+            text = f"{{{root.key}: {label}, {', '.join(places) or '$1'}}}"
             label = f"{{{root.key}: {label}, ...}}"
             yield Offer(label, "snippet", ", ".join(member.declared), "", text, True, 1)
 
