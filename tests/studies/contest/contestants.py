@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from runtime.document import dump_yaml
-
 from tests.studies.contest import rooms
 
 HERE = Path(__file__).parent
