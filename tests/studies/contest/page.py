@@ -32,8 +32,8 @@ Written by `python -m tests.studies.contest`; every number is from its runs. Cas
 follow the walls of the paper's room. Each was tuned by the same optimiser on the same training
 runs, with the same number of trials, for the smallest mean error under a limit of effort, once
 under a low one ("gentle") and once under a high one ("stiff"); its winners were then run on
-held-out seeds and conditions. The experiment files are in `tests/studies/contest/experiments`: `runtime tune FILE`
-runs one of them again.
+held-out seeds and conditions. The experiment files are in `tests/studies/contest/experiments`:
+`runtime tune FILE` runs one of them again.
 """
 
 READING = """## How to read this
@@ -66,8 +66,8 @@ number of trials that is given; nothing was chosen by hand but the ranges.
 
 
 TRANSFER = """Our rule with the setting that case C's gentle training chose, beside an LQR of
-Q = R = I (moderate) and beside the graph's own soft one; the printed and the robust rule as they are shipped.
-Mean error in m (from 10 s on in B), and the difference that the adaptive part makes.
+Q = R = I (moderate) and beside the graph's own soft one; the printed and the robust rule as they
+are shipped. Mean error in m (from 10 s on in B), and the difference that the adaptive part makes.
 """
 
 
