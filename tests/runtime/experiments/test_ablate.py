@@ -295,5 +295,5 @@ def test_a_world_is_looked_up_beside_the_experiment(here: Run, draw: Path, tmp_p
     assert here("ablate", "mine/e.yaml", "--no-plots", "-j", "1").returncode == 0
     variants = next((tmp_path / "ablations" / "rooms").glob("*/variants"))
     small = (variants / "small" / "graph.resolved.yaml").read_text()
-    assert "[[-1, -1], [1, -1], [1, 1], [-1, 1]]" in small
+    assert all(corner in small for corner in ("[-1, -1]", "[1, -1]", "[1, 1]", "[-1, 1]"))
     assert "room:" in (variants / "shipped" / "graph.resolved.yaml").read_text()
