@@ -123,7 +123,9 @@ class Engine:
     def __post_init__(self) -> None:
         self.network, self.plan = self.program.network, self.program.plan
         probes, ticks = self.program.observation.probes, self.network.ticks
-        self.recorder = Recorder(probes, ticks, self.program.gathered, self.folder)
+        self.recorder = Recorder(
+            *(probes, ticks, self.network.dt, self.program.gathered, self.folder)
+        )
         self.arrays = self.recorder.arrays
         part = self.plan.continuous
         self.continuous = np.zeros(0 if part is None else part.size)
