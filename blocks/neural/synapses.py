@@ -8,6 +8,7 @@ so that the output of tick k + 1 contains the spikes of step k, as in Nengo.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 import numpy as np
@@ -57,6 +58,19 @@ class Synapse(Variant, root=True):
     def matrices(self, dt: float) -> tuple[FloatArray, FloatArray]:
         """A (m, m) and B (m,) for a step of dt."""
         raise NotImplementedError
+
+    def filtering(self, dt: float, width: int) -> Callable[[FloatArray], None]:
+        """A function that filters row after row (n, width) in place, from zero on."""
+        a, b = self.matrices(dt)
+        memory = np.zeros((len(b), width))
+
+        def run(rows: FloatArray) -> None:
+            for row in rows:
+                found = passed(memory, a, b, row)
+                remember(memory, a, b, row, found)
+                row[:] = found
+
+        return run
 
 
 class Lowpass(Synapse, label="lowpass"):

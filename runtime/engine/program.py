@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from types import CodeType, MappingProxyType
 
 from runtime.engine.profile import ProfilingEmitter
-from runtime.engine.recorder import buffer_rows
+from runtime.engine.recorder import buffer_rows, buffered
 from runtime.engine.schedule import Emitter, Plan, RecordSlot, make_plan
 from runtime.network import Network
 from runtime.observation import Observation
@@ -97,12 +97,12 @@ def recordings(observation: Observation, gathered: Mapping[str, int]) -> list[Re
                 RecordSlot(
                     array=f"probe_{i}",
                     end=signal.end,
-                    every=probe.every,
+                    every=probe.sampled,
                     columns=columns,
                     is_state=signal.is_state,
                     is_event=signal.is_event,
                     constant=probe.constant,
-                    rows=gathered.get(probe.name, 0),
+                    rows=buffered(probe, gathered),
                 )
             )
     return made

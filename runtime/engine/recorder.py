@@ -20,12 +20,14 @@ from weakref import finalize
 import numpy as np
 
 from blocks.core import FloatArray
+from runtime.engine.filtering import ProbeFilter
 from runtime.errors import UsageError
 from runtime.files import slug
 from runtime.observation import Probe
 from runtime.terminal import readable_bytes
 
 TIMES_AT_ONCE = 1 << 20
+FILTERED_AT_ONCE = 512  # values
 BUFFER = 1 << 22  # bytes, the largest buffer of one probe
 
 
@@ -39,6 +41,11 @@ def buffer_rows(probes: Mapping[str, Probe], ticks: int, memory: int) -> dict[st
         name: min(probe.rows(ticks), max(1, share // probe.row_bytes))
         for name, probe in moving.items()
     }
+
+
+def buffered(probe: Probe, gathered: Mapping[str, int]) -> int:
+    """Rows of the buffer that the plan fills again and again; 0 if it fills the whole recording."""
+    return gathered.get(probe.name, 0) if probe.synapse is None else FILTERED_AT_ONCE
 
 
 class Stream:
@@ -86,7 +93,7 @@ class Recorder:
     Parameters
     ----------
     probes : by name.
-    ticks : of the whole run.
+    ticks : of the whole run. dt : its base step (s).
     gathered : rows of the buffers of the probes that go to disk, see :func:`buffer_rows`.
     folder : for their files; None for a temporary folder that is removed with the recorder.
 
@@ -99,6 +106,7 @@ class Recorder:
         self,
         probes: Mapping[str, Probe],
         ticks: int,
+        dt: float,
         gathered: Mapping[str, int],
         folder: Path | None = None,
     ) -> None:
@@ -120,8 +128,17 @@ class Recorder:
         elif folder is not None:
             _check_room(folder.parent, size)
         self.arrays = {
-            name: np.full((gathered.get(name, probe.rows(ticks)), *probe.shape), np.nan)
+            name: np.full((buffered(probe, gathered) or probe.rows(ticks), *probe.shape), np.nan)
             for name, probe in probes.items()
+        }
+        self.filters = {
+            name: ProbeFilter(probe, probe.synapse, ticks, dt)
+            for name, probe in probes.items()
+            if probe.synapse is not None
+        }
+        self.filtered = {
+            name: np.full((probes[name].rows(ticks), *probes[name].shape), np.nan)
+            for name in self.filters.keys() - self.streams.keys()
         }
 
     def _opened(self, folder: Path | None, size: int) -> Path:
@@ -141,6 +158,10 @@ class Recorder:
         ends = [
             (stream.rows + self.gathered[name]) * self.probes[name].every
             for name, stream in self.streams.items()
+            if name not in self.filters
+        ]
+        ends += [
+            (each.taken + FILTERED_AT_ONCE) * each.probe.sampled for each in self.filters.values()
         ]
         return min(ends, default=sys.maxsize)
 
@@ -152,12 +173,25 @@ class Recorder:
         UsageError : the disk is full or not available.
         """
         for name, stream in self.streams.items():
-            if self.probes[name].rows(tick) - stream.rows >= self.gathered[name]:
+            is_full = self.probes[name].rows(tick) - stream.rows >= self.gathered[name]
+            if name not in self.filters and is_full:
                 self._append(stream, self.arrays[name])
+        for name, each in self.filters.items():
+            if -(-tick // each.probe.sampled) - each.taken >= FILTERED_AT_ONCE:
+                self._filter(name, FILTERED_AT_ONCE)
         if self.folder is not None and not self.constants_saved:
             self.constants_saved = True
             for name in self.probes.keys() - self.streams.keys():
                 np.save(self.folder / recording_file(name), self.arrays[name])
+
+    def _filter(self, name: str, count: int) -> None:
+        """Pass the next values of a probe through its synapse, and keep the rows."""
+        made = self.filters[name].made
+        rows = self.filters[name].take(self.arrays[name][:count])
+        if name in self.streams:
+            self._append(self.streams[name], rows)
+        else:
+            self.filtered[name][made : made + len(rows)] = rows
 
     def _append(self, stream: Stream, rows: FloatArray) -> None:
         try:
@@ -172,16 +206,19 @@ class Recorder:
         found = {}
         for name, probe in self.probes.items():
             filled = min(1, tick) if probe.constant else probe.rows(tick)
+            if name in self.filters and not self.full:
+                with suppress(UsageError):
+                    self._filter(name, -(-tick // probe.sampled) - self.filters[name].taken)
             if name not in self.streams:
-                found[name] = self.arrays[name][:filled]
+                found[name] = self.filtered.get(name, self.arrays[name])[:filled]
                 continue
             stream = self.streams[name]
             left = filled - stream.rows
-            if left > 0 and not self.full:
+            if name not in self.filters and left > 0 and not self.full:
                 # On a full disk the last rows are lost; the others are kept.
                 with suppress(UsageError):
                     self._append(stream, self.arrays[name][:left])
-            found[name] = stream.close()
+            found[name] = stream.close()[:filled]
         return found
 
     def times(self, name: str, rows: int, dt: float) -> FloatArray:

@@ -178,11 +178,10 @@ class Graph:
         several = is_variadic(self.document, target, self._content.classes)
         return self._changed(add_wire(self.document, source, target, several))
 
-    def probe(self, name: str, *of: str, every: int | None = None) -> Graph:
-        """A copy that records addresses under a name; without them, the name is the address."""
-        addresses = list(of) or [name]
-        signals: Any = addresses if len(addresses) > 1 else addresses[0]
-        entry = signals if every is None else {"of": signals, "every": every}
+    def probe(self, name: str, *of: str, **options: Any) -> Graph:
+        """A copy that records addresses (its name by default); options as in a graph file."""
+        signals: Any = list(of) if len(of) > 1 else of[0] if of else name
+        entry = {"of": signals, **options} if options else signals
         key = name if of else name.replace(".", "_")
         return self._changed(add_entry(self.document, "probes", key, entry))
 

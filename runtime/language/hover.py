@@ -11,12 +11,12 @@ from runtime.document import RUN_DOCS, SECTIONS, flow_yaml
 from runtime.language.addresses import Target, line_at, target_of
 from runtime.language.cursor import ITEM, steps
 from runtime.language.items import Item, deepest
-from runtime.language.keys import BLOCK_DOCS, COMMON_DOCS, PORT_KEYS, PROBE_KEYS, param_doc
+from runtime.language.keys import BLOCK_DOCS, COMMON_DOCS, PORT_KEYS, param_doc
 from runtime.language.model import Model
 from runtime.language.scopes import class_of, inputs_of, known_types, params_in, scope_at
 from runtime.language.text import Span
 from runtime.network import Scope
-from runtime.observation import METRIC_KINDS, PLOT_KINDS
+from runtime.observation import METRIC_KINDS, PLOT_KINDS, PROBE_KEYS
 
 
 @dataclass(frozen=True)

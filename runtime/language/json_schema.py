@@ -19,10 +19,9 @@ from runtime.language.keys import (
     BLOCK_DOCS,
     COMMON_DOCS,
     PORT_KEYS,
-    PROBE_KEYS,
     WORLD_KEYS,
 )
-from runtime.observation import METRIC_KINDS, PLOT_KINDS
+from runtime.observation import METRIC_KINDS, PLOT_KINDS, PROBE_KEYS
 
 Schema = dict[str, Any]
 ID = "https://json-schema.org/draft-07/schema#"

@@ -28,7 +28,7 @@ from runtime.language.scopes import (
     scope_at,
 )
 from runtime.network import BLOCK_KEYS, Scope
-from runtime.observation import METRIC_KINDS, PLOT_KINDS, plot_keys
+from runtime.observation import METRIC_KINDS, PLOT_KINDS, PROBE_KEYS, plot_keys
 
 WORLD_KEYS = {
     "room": "corners of the outer wall, m",
@@ -43,7 +43,6 @@ BLOCK_DOCS = {
     "params": "values for the part's params",
 }
 PORT_KEYS = {"type": "its signal type", "optional": "may stay open", "doc": "one line"}
-PROBE_KEYS = {"of": "an address, or several side by side", "every": "base ticks between two rows"}
 COMMON_DOCS = {
     "kind": "what it shows or measures",
     "of": "a probe or an address, or several",

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from blocks.core import SignalType, Vector
+from blocks.neural import Synapse
 from runtime.network import (
     Endpoint,
     Network,
@@ -17,6 +19,12 @@ from runtime.network import (
 )
 
 MAX_RECORDING = 1024**4
+PROBE_KEYS = {
+    "of": "an address, or several side by side",
+    "every": "base ticks between two rows",
+    "synapse": "filter of the values: a time constant in s, or alpha(tau), second_order(...)",
+    "label": "what figures call it",
+}
 
 
 @dataclass(frozen=True)
@@ -54,12 +62,22 @@ class Signal:
 
 @dataclass(frozen=True)
 class Probe:
-    """One recorded array: one signal in its own shape, or several signals as columns."""
+    """One recorded array: one signal in its own shape, or several signals as columns.
+
+    ``every`` are the ticks between two rows. A ``synapse`` filters the values of all ticks, of
+    which the rows then show the filtered ones.
+    """
 
     name: str
     signals: tuple[Signal, ...]
     every: int
     auto: bool = False
+    synapse: Synapse | None = None
+
+    @property
+    def sampled(self) -> int:
+        """Ticks between two values that are read: for a synapse, whenever the signal is new."""
+        return self.every if self.synapse is None else own_rate(self.signals)
 
     @property
     def constant(self) -> bool:
@@ -91,17 +109,19 @@ class Probe:
             return "a table needs a probe of its own"
         if len({signal.constant for signal in self.signals}) > 1:
             return "constant and changing signals need separate probes"
+        if self.synapse is not None and self.constant:
+            return "a constant needs no synapse"
         return self.missed()
 
     def missed(self) -> str:
         """Which event a probe would miss or repeat; '' if none."""
         for signal in self.signals:
-            if signal.is_event and signal.every != self.every:
+            if signal.is_event and signal.every != self.sampled:
                 new = "on each tick" if signal.every == 1 else f"every {signal.every} ticks"
                 message = (
                     f"'{signal.end}' is new {new}: every {self.every} would miss or repeat some"
                 )
-                return f"{message}; probe it alone, without 'every'"
+                return f"{message}; probe it alone, without 'every' or with a 'synapse'"
         return ""
 
     def rows(self, ticks: int) -> int:
@@ -115,6 +135,11 @@ class Probe:
     def size(self, ticks: int) -> int:
         """Bytes of the recording."""
         return self.row_bytes * self.rows(ticks)
+
+
+def own_rate(signals: Sequence[Signal]) -> int:
+    """Ticks between two new values of the fastest of some signals."""
+    return min(signal.every for signal in signals)
 
 
 def no_component(network: Network, end: Endpoint) -> str:

@@ -7,7 +7,8 @@ from collections.abc import Container, Iterable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from blocks.core import hint
+from blocks.core import SettingError, hint
+from blocks.neural import Synapse
 from runtime.document import (
     SECTIONS,
     Node,
@@ -43,9 +44,11 @@ from runtime.observation.plots import (
 from runtime.observation.plots import PlotSpec as PlotSpec
 from runtime.observation.probes import (
     MAX_RECORDING,
+    PROBE_KEYS,
     Signal,
     make_signal,
     no_component,
+    own_rate,
 )
 from runtime.observation.probes import Probe as Probe
 from runtime.terminal import readable_bytes
@@ -185,7 +188,7 @@ class _Reader:
     def probe(self, name: str, node: Node, address: str) -> None:
         of: Node | None = node
         if node.is_map:
-            check_keys(node, ("of", "every", "label"), address, self.problems, "key")
+            check_keys(node, tuple(PROBE_KEYS), address, self.problems, "key")
             of = node.get("of")
         if of is None or of.value == []:
             where = node.key if of is None else of.where
@@ -200,7 +203,9 @@ class _Reader:
             signals = [s and replace(s, name=n) for s, n in zip(signals, names, strict=True)]
         written = node.get("every")
         every = self.every(written, f"{address}.every")
-        probe = Probe(name, tuple(signal for signal in signals if signal is not None), every)
+        synapse = self.synapse(node.get("synapse"), f"{address}.synapse")
+        kept = tuple(signal for signal in signals if signal is not None)
+        probe = Probe(name, kept, every, synapse=synapse)
         if written is not None and every and probe.missed():
             self.problems.add(written.where, f"{address}.every", probe.missed())
         else:
@@ -217,6 +222,18 @@ class _Reader:
             return []
         return found
 
+    def synapse(self, node: Node | None, address: str) -> Synapse | None:
+        """The filter of a probe; None for none."""
+        if node is None:
+            return None
+        try:
+            found: Synapse = Synapse.read(node.plain())
+        except SettingError as error:
+            for key, text in error.problems:
+                self.problems.add(node.where, f"{address}.{key}" if key else address, text)
+            return None
+        return found if found.order else None
+
     def every(self, node: Node | None, address: str) -> int:
         """The ticks between two rows as written; 0 for the signal's own rate."""
         if node is None:
@@ -231,7 +248,7 @@ class _Reader:
         """Add a probe if its signals can be recorded together."""
         if not probe.signals:
             return
-        every = probe.every or min(signal.every for signal in probe.signals)
+        every = probe.every or own_rate(probe.signals)
         probe = replace(probe, every=every)
         clash = probe.clash()
         if clash:

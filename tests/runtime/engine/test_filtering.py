@@ -1,0 +1,93 @@
+"""Probes with a synapse: Nengo's and SciPy's filters, at any rate, in memory and on disk."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import nengo
+import numpy as np
+import pytest
+from scipy import signal
+
+import runtime
+from blocks import Decoder, Ensemble, WhiteNoise
+from tests.conftest import Run
+
+SYNAPSES = [
+    (0.03, nengo.Lowpass(0.03)),
+    ("alpha(0.02)", nengo.Alpha(0.02)),
+]
+
+
+def noisy(until: float = 0.7, **probe: Any) -> runtime.Graph:
+    """White noise, recorded as it is and filtered."""
+    graph = runtime.Graph("noisy", dt=0.001, until=until, seed=3)
+    graph = graph.add("noise", WhiteNoise(density=[1e-3, 2e-3, 3e-3], signal="Vector(3)"))
+    return graph.probe("raw", "noise.out").probe("smooth", "noise.out", **probe)
+
+
+@pytest.mark.parametrize(("ours", "theirs"), SYNAPSES, ids=["lowpass", "alpha"])
+@pytest.mark.parametrize("engine", ["python", "compiled"])
+def test_a_filtered_probe_is_nengos(ours: Any, theirs: Any, engine: str) -> None:
+    run = noisy(synapse=ours).run(engine=engine)
+    expected = theirs.filt(run["raw"], dt=0.001, y0=0)
+    np.testing.assert_allclose(run["smooth"], expected, rtol=0.0, atol=1e-12)
+
+
+def test_the_second_order_filter_is_exact_for_held_inputs() -> None:
+    """Against SciPy's zero-order hold, whose output of tick k lacks the input of tick k."""
+    omega, damping = 40.0, 0.3
+    run = noisy(synapse=f"second_order({omega}, {damping})").run()
+    system = ([omega**2], [1.0, 2.0 * damping * omega, omega**2])
+    numerator, denominator, _ = signal.cont2discrete(system, 0.001, method="zoh")
+    expected = signal.lfilter(numerator[0][1:], denominator, run["raw"], axis=0)
+    np.testing.assert_allclose(run["smooth"], expected, rtol=0.0, atol=1e-10)
+
+
+@pytest.mark.parametrize("memory", ["1G", "8K"], ids=["memory", "disk"])
+@pytest.mark.parametrize("every", [1, 3, 700, 1024])
+@pytest.mark.parametrize("until", [0.5, 1.3])
+def test_a_slow_probe_shows_rows_of_the_fast_one(memory: str, every: int, until: float) -> None:
+    whole = noisy(until, synapse=0.02).run()
+    run = noisy(until, synapse=0.02, every=every).set("run.memory", memory).run()
+    assert np.array_equal(run["smooth"], whole["smooth"][::every])
+    assert np.array_equal(run.time("smooth"), whole.time("smooth")[::every])
+
+
+def test_events_are_all_seen_whatever_is_recorded() -> None:
+    """Spikes filtered by the probe are those filtered by a Decoder with weights of one, later."""
+    graph = runtime.Graph("spikes", dt=0.001, until=1.1, seed=1)
+    graph = graph.add("snn", Ensemble(neurons=5, dimensions=1))
+    graph = graph.add("out", Decoder(weights=np.eye(5), synapse=0.02))
+    graph = graph.connect("snn.spikes", "out.spikes").probe("value", "out.value", every=7)
+    run = graph.probe("rates", "snn.spikes", synapse=0.02, every=7).run()
+    assert run["value"].max() > 10.0
+    np.testing.assert_allclose(run["rates"], run["value"], rtol=0.0, atol=1e-10)
+    events = graph.probe("rates", "snn.fired", synapse=0.02, every=7).run()
+    assert len(events["rates"]) == 158
+
+
+def test_a_slow_block_is_filtered_at_its_own_rate() -> None:
+    graph = noisy(synapse=0.02).set("blocks.noise.dt", 0.004)
+    run = graph.run()
+    expected = nengo.Lowpass(0.02).filt(run["raw"], dt=0.004, y0=0)
+    np.testing.assert_allclose(run["smooth"], expected, rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("synapse", "message"),
+    [
+        ("-0.1", "probes.smooth.synapse.tau: expected a number above 0"),
+        ("alfa(0.1)", "probes.smooth.synapse: expected a time constant in s, or lowpass(tau)"),
+        ("{type: lowpas, tau: 1}", "probes.smooth.synapse.type: expected a synapse"),
+    ],
+)
+def test_errors(cli: Run, tmp_path: Path, synapse: str, message: str) -> None:
+    path = tmp_path / "noisy.yaml"
+    text = noisy(synapse=0.5).to_yaml()
+    assert "synapse: 0.5" in text
+    path.write_text(text.replace("synapse: 0.5", f"synapse: {synapse}"))
+    done = cli("validate", str(path))
+    assert done.returncode == 2
+    assert message in done.stderr
