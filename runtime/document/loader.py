@@ -77,10 +77,12 @@ def complete_document(
     """
     loader = _Loader(unsaved, parse)
     try:
-        document = loader.complete(document, (path.resolve(),))
+        completed = loader.parsed(document, (path.resolve(),))
+        if completed is not None:
+            loader.work.check(completed, completed.where, "")
     except GraphError as error:
         return document, error.problems
-    return document, loader.problems.found
+    return completed or document, loader.problems.found
 
 
 def _unlimited(entries: int) -> None:
@@ -259,6 +261,10 @@ class _Loader:
         except GraphError as error:
             self.problems.found += error.problems
             return None
+        return self.parsed(document, above)
+
+    def parsed(self, document: Node, above: tuple[Path, ...]) -> Node | None:
+        """A file's document, complete; None, and a problem, if it is not a mapping."""
         if not document.is_map:
             message = f"expected a mapping with blocks and wires, got {document.describe()}"
             self.problems.add(document.where, "", message)

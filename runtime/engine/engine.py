@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -233,6 +234,10 @@ class Engine:
         for recording in self.program.recordings:
             if recording.publisher:
                 self._record_tuning(recording)
+        for name in self.plan.enables:
+            spec, state = self.network.entries[name].cls.spec, self.states[name]
+            copies = {key: getattr(state, key).copy() for key in spec.states}
+            self.namespace[self.plan.variables[name, "0"]] = SimpleNamespace(**copies)
         for step in self.plan.steps:
             if step.constant:
                 method = getattr(self.network.entries[step.block].made, step.evaluation.method)
@@ -326,7 +331,14 @@ class Engine:
         return run
 
     def _held(self) -> Held:
-        return (None,) * len(self.program.emitter().held())
+        """The variables before the first tick: zero, as outputs of a part that is off are."""
+        held = set(self.program.emitter().held())
+        return tuple(
+            self.network.types[step.block, port].zero()
+            for step in self.plan.steps
+            for port in step.evaluation.outputs
+            if self.plan.variables[step.block, port] in held
+        )
 
     def locate(self, error: BaseException) -> str:
         """Set the tick to the one that raised an exception; returns the block."""

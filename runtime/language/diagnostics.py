@@ -52,7 +52,7 @@ def _of_problem(model: Model, problem: Problem) -> Diagnostic:
     if where.file and Path(where.file) != model.path:
         span = _brought_by(model, problem)
         related = (Related(where, text),)
-        text = f"{Path(where.file).name}:{where.line}:{where.column}: {text}"
+        text = f"{Where(Path(where.file).name, where.line, where.column)}: {text}"
     elif text.startswith("algebraic loop: "):
         span, related = _loop(model, text)
     elif not where.line:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import gc
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -22,10 +22,12 @@ from runtime.document import (
     SECTIONS,
     Node,
     complete_document,
+    decoded,
     find_file,
     is_part,
     parse_scalar,
     parse_yaml,
+    read_file,
 )
 from runtime.errors import NOWHERE, GraphError, Problem, SpikeblocksError, Where
 from runtime.experiments.design import KEYS, check_experiment, is_experiment
@@ -37,6 +39,7 @@ from runtime.network import Network
 from runtime.observation import Observation
 
 Kind = Literal["graph", "part", "overlay", "experiment", "world"]
+Change = Callable[[Graph], Graph]
 PORTS = ("inputs", "outputs")
 # Sections that hardly any other YAML has.
 OWN = {"blocks", "wires", "probes", "bypass", "experiment", "vary", "room", "circles"}
@@ -135,16 +138,34 @@ class Model:
 
     Parameters
     ----------
-    source : the text. path : its file, absolute; it need not exist.
+    source : the text. path : its file, as messages name it; it need not exist.
+    change : makes of the text's graph the one that is checked, as options of a command do.
     """
 
     def __init__(
-        self, source: str, path: Path, surroundings: Surroundings = Surroundings()
+        self,
+        source: str,
+        path: Path,
+        surroundings: Surroundings = Surroundings(),
+        change: Change | None = None,
     ) -> None:
         self.text = Text(source)
         self.path, self.file = path, str(path)
-        self.surroundings = surroundings
+        self.surroundings, self.change = surroundings, change
         self.memo: dict[str, Any] = {}  # what other modules derive from the text, by their keys
+
+    @classmethod
+    def of_file(
+        cls, name: str, surroundings: Surroundings = Surroundings(), change: Change | None = None
+    ) -> Model:
+        """The model of a file, or of a shipped graph.
+
+        Raises
+        ------
+        GraphError : there is no such file, or it is not a text.
+        """
+        path = find_file(name, (NOWHERE, ""), Path())
+        return cls(decoded(read_file(path, (NOWHERE, "")), path), path, surroundings, change)
 
     @cached_property
     def root(self) -> Item:
@@ -229,7 +250,14 @@ class Model:
 
     @cached_property
     def _loaded(self) -> tuple[Node, list[Problem]]:
-        return self.surroundings.completed(self.tree, self.path)
+        document, problems = self.surroundings.completed(self.tree, self.path)
+        if self.change is None or problems or self.syntax:
+            return document, problems
+        try:
+            graph = Graph.of_document(document, self.path, self.surroundings.modules)
+            return self.change(graph).document, []
+        except GraphError as error:
+            return document, error.problems
 
     @cached_property
     def document(self) -> Node:
@@ -280,10 +308,15 @@ class Model:
 
     def _examined_other(self) -> list[Problem]:
         if self.kind == "world":
+            if self.change is not None:
+                message = "a world has no blocks; options that change a graph do not apply to it"
+                return [Problem(Where(self.file), "", message)]
             found = examined(Content(Node({"world": self.tree, "blocks": Node({})})))
             return [problem for problem in found.problems if problem.address.startswith("world")]
         try:
-            check_experiment(self.tree, self.path, self.surroundings.load)
+            check_experiment(
+                self.tree, self.path, self.surroundings.load, self.change or (lambda graph: graph)
+            )
         except GraphError as error:
             return error.problems
         except SpikeblocksError as error:

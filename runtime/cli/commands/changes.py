@@ -60,6 +60,12 @@ def add_changes(parser: ArgumentParser, seed: bool = True, variants: bool = Fals
     change.add_argument("--engine", help="python, compiled, or auto: compiled when it pays off")
 
 
+def is_changed(options: Namespace) -> bool:
+    """Whether the command line changes the graph."""
+    values = (options.changes, getattr(options, "seed", None), options.until, options.engine)
+    return any(value is not None for value in values)
+
+
 def changed_graph(name: str, options: Namespace) -> Graph:
     """The graph of a file or a shipped one, with the changes of the command line."""
     from runtime.graph import load

@@ -45,6 +45,7 @@ class Item:
     recording: RecordSlot | None = None
     continuous: Continuous | None = None
     stop: StopTest | None = None
+    reset: str = ""
 
 
 @dataclass
@@ -150,6 +151,7 @@ class CompiledEmitter(Emitter):
             *(Item(r.every, recording=r) for r in recordings if not r.is_event),
             *([] if self.stop is None else [Item(self.stop.signal.every, stop=self.stop)]),
             *(Item(every, name, update=update) for name, every, update in self.updates()),
+            *(Item(self.network.entries[n].every, reset=n) for n in self.resetting()),
             *([] if self.plan.continuous is None else [Item(1, continuous=self.plan.continuous)]),
             *(Item(r.every, recording=r) for r in recordings if r.is_event),
         ]
@@ -197,13 +199,18 @@ class CompiledEmitter(Emitter):
                 self.take("stop"), self.take("origin")
             self.search(item.continuous, self.stages)
             return
-        evaluation = item.step.evaluation if item.step else item.update
-        if evaluation is None:
-            return
+        if item.reset:
+            self.reset(item.reset)
+        elif item.update is not None:
+            self.update(item.block, item.update)
+        elif item.step is not None:
+            with self.enabled(item.step.enables):
+                self.compiled_step(item, item.step.evaluation)
+            self.zeroed(item.step)
+
+    def compiled_step(self, item: Item, evaluation: Evaluation) -> None:
+        """Call an evaluation, and check its outputs."""
         call = self.called(item.block, evaluation)
-        if item.step is None:
-            self.code(call)
-            return
         targets = [self.variable(item.block, port) for port in evaluation.outputs]
         self.code(f"{', '.join(targets)} = {call}")
         kinds = [self.network.types[item.block, port] for port in evaluation.outputs]
@@ -251,9 +258,13 @@ class CompiledEmitter(Emitter):
         for step in part.steps:
             self.again(step)
         for block, derivative in part.derivatives:
-            self.code(f"rates = {self.called(block, derivative)}")
-            for text in assigned(part.slots_of(block)):
-                self.code(text)
+            enables, slots = self.plan.enables.get(block, ()), part.slots_of(block)
+            if enables:
+                self.code(f"{slopes}[stage, {slots[0].start}:{slots[-1].stop}] = 0.0")
+            with self.enabled(enables):
+                self.code(f"rates = {self.called(block, derivative)}")
+                for text in assigned(slots):
+                    self.code(text)
         self.code(f"if first_bad({slopes}, stage) >= 0:")
         self.end(BAD_SLOPE, "stage", "t")
         self.code(f"moved({states}, {start}, {slopes}, {table}, stage, {h})")
@@ -327,6 +338,9 @@ class CompiledEmitter(Emitter):
         item = f"[{end.component}]" if end.component else ""
         return self.take(f"{self.state(end.block)}.{end.port}") + item
 
+    def initial_state(self, block: str, state: str) -> str:
+        return self.take(super().initial_state(block, state))
+
     def recorded(self, recording: RecordSlot) -> None:
         end = recording.end
         kind = self.network.types.get((end.block, end.port))
@@ -369,13 +383,19 @@ class CompiledEmitter(Emitter):
             if item.step is not None:
                 self.python_step(item.step)
             elif item.update is not None:
-                Emitter.call(self, item.block, item.update, "")
+                self.update(item.block, item.update)
             elif item.continuous is not None:
                 self.search(item.continuous, self.integrate)
         self.line(2, f"{packed} = run(k, k + 1, {len(items)}, {len(items) + 1}, {packed})")
         self.line(2, "k += 1")
         self.line(1, f"return {packed}")
         made.driver, made.lines = "\n".join(self.text) + "\n", self.lines
+
+    def updated(self, name: str, update: Evaluation) -> None:
+        if self.dt == "dt":
+            self.code(self.called(name, update))
+        else:
+            Emitter.call(self, name, update, "")
 
     def again(self, step: Step) -> None:
         if self.dt == "dt":

@@ -82,19 +82,25 @@ def read_experiment(
     return replace(reader.read(path.stem), path=path)
 
 
-def check_experiment(document: Node, path: Path, load_graph: Callable[[str], Graph]) -> None:
+def check_experiment(
+    document: Node,
+    path: Path,
+    load_graph: Callable[[str], Graph],
+    change: Change = lambda graph: graph,
+) -> None:
     """Check an experiment whose text is in memory.
 
     Parameters
     ----------
     document : the parsed text; path : its file, which need not exist.
     load_graph : loads the graphs that it names.
+    change : applied to the baseline, as for :func:`read_experiment`.
 
     Raises
     ------
     GraphError, UsageError : what is wrong.
     """
-    experiment = _Reader(document, path.parent, lambda graph: graph, load_graph).read(path.stem)
+    experiment = _Reader(document, path.parent, change, load_graph).read(path.stem)
     problems = Problems()
     for variant in experiment.variants:
         written = (document.get("variants") or document).get(variant.name) or document
