@@ -13,6 +13,7 @@ from blocks.core.block import (
 )
 from blocks.core.declarations import BlockSpec
 from blocks.core.elementwise import Elementwise, spread_to
+from blocks.core.enabling import PartEnable
 from blocks.core.expression_reader import ExpressionError, parsed
 from blocks.core.expressions import (
     Expression,
@@ -84,6 +85,7 @@ __all__ = [
     "Output",
     "Param",
     "ParameterError",
+    "PartEnable",
     "Path",
     "PointCloud",
     "PortType",

@@ -27,6 +27,7 @@ def explain_json(graph: Graph) -> dict[str, Any]:
                 "every": step.every,
                 "dt": step.every * network.dt,
                 "once": step.constant,
+                "enabled_by": [f"{name}.on" for name in step.enables],
                 "reads": [str(port) for port in step.evaluation.needs],
                 "writes": {
                     port: str(network.types[step.block, port]) for port in step.evaluation.outputs
@@ -122,7 +123,8 @@ def explain_text(graph: Graph) -> str:
         rate = "once" if step["once"] else f"{1.0 / step['dt']:g} Hz"
         writes = ", ".join(f"{port}: {kind}" for port, kind in step["writes"].items())
         reads = f" from {', '.join(step['reads'])}" if step["reads"] else ""
-        lines.append(f"  {i:>3}  {step['block']:<{width}}  {rate:>8}  {writes}{reads}")
+        enables = f", while {' and '.join(step['enabled_by'])}" if step["enabled_by"] else ""
+        lines.append(f"  {i:>3}  {step['block']:<{width}}  {rate:>8}  {writes}{reads}{enables}")
     for name, how in facts["removed"].items():
         lines.append(f"       {name:<{width}}  {'removed' if how == 'without' else 'bypassed':>8}")
     if facts["populations"]:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,7 @@ from runtime.engine.runners import (
     located,
     silent,
 )
-from runtime.engine.schedule import GLOBALS, Plan
+from runtime.engine.schedule import GLOBALS, Plan, RecordSlot
 from runtime.engine.solvers import (
     BEFORE,
     FOUND,
@@ -230,6 +231,13 @@ class Engine:
             self.namespace[self.plan.variables[name, ""]] = self.states[name]
         for name in self._starting_order():
             self._start_block(name)
+        for recording in self.program.recordings:
+            if recording.publisher:
+                self._record_tuning(recording)
+        for name in self.plan.enables:
+            spec, state = self.network.entries[name].cls.spec, self.states[name]
+            copies = {key: getattr(state, key).copy() for key in spec.states}
+            self.namespace[self.plan.variables[name, "0"]] = SimpleNamespace(**copies)
         for step in self.plan.steps:
             if step.constant:
                 method = getattr(self.network.entries[step.block].made, step.evaluation.method)
@@ -323,7 +331,14 @@ class Engine:
         return run
 
     def _held(self) -> Held:
-        return (None,) * len(self.program.emitter().held())
+        """The variables before the first tick: zero, as outputs of a part that is off are."""
+        held = set(self.program.emitter().held())
+        return tuple(
+            self.network.types[step.block, port].zero()
+            for step in self.plan.steps
+            for port in step.evaluation.outputs
+            if self.plan.variables[step.block, port] in held
+        )
 
     def locate(self, error: BaseException) -> str:
         """Set the tick to the one that raised an exception; returns the block."""
@@ -349,8 +364,16 @@ class Engine:
                 arrays[slot.state] = whole.reshape(slot.shape)
         return BlockState(context, seed_of(self.seed, name), arrays)
 
+    def _record_tuning(self, recording: RecordSlot) -> None:
+        """Record what a block publishes about the neurons behind a signal."""
+        name = recording.end.block
+        describe = getattr(self.network.entries[name].made, recording.publisher)
+        self.namespace[recording.array][0] = describe(self.states[name]).table()
+
     def _record_constant(self, block: str, port: str, value: Any) -> None:
         for recording in self.program.recordings:
+            if recording.publisher:
+                continue
             if recording.constant and (recording.end.block, recording.end.port) == (block, port):
                 kind = self.network.types[block, port]
                 array = self.namespace[recording.array]

@@ -55,6 +55,8 @@ class PointEmitter(Emitter):
         self.at(1)
         self.line(1, "def flow(offset):")
         self.depth, self.is_inside = 2, True
+        if held:
+            self.line(2, f"nonlocal {', '.join(held)}")
         self.code("stage = 0")
         for step in self.plan.steps:
             entry = self.network.entries[step.block]

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import keyword
-import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
 from typing import Any
 
 from blocks.core import Evaluation, Input, SignalType
 from runtime.engine.continuous import Continuous, continuous_part, needed
+from runtime.engine.order import ordered_steps
 from runtime.engine.solvers import METHODS
 from runtime.engine.steps import Step, drivers
-from runtime.errors import NOWHERE, Problems, Where
-from runtime.network import Endpoint, Network, columns, component_type
+from runtime.engine.terms import absent_value, finite_test
+from runtime.network import Endpoint, Network, columns, component_type, enables_of, resets
 from runtime.observation import StopTest
 
 INDENT = "    "
@@ -44,7 +45,8 @@ class RecordSlot:
     """One recorded column group: the rows of an array that a tick fills.
 
     ``array`` names the array in the function; ``columns`` is the slice it fills, None for all.
-    With ``rows``, the array is a buffer of that many, filled again and again.
+    With ``rows``, the array is a buffer of that many, filled again and again. ``publisher`` is the
+    method of the block that describes what is recorded, once.
     """
 
     array: str
@@ -55,6 +57,7 @@ class RecordSlot:
     is_event: bool = False
     constant: bool = False
     rows: int = 0
+    publisher: str = ""
 
     @property
     def row(self) -> str:
@@ -69,6 +72,8 @@ class Plan:
 
     ``names`` maps blocks to their names, ``variables`` (block, port) to the names of outputs and
     (block, "") to those of states. ``continuous`` is what a solver integrates between two ticks.
+    ``enables`` has, of each block in a part that runs only at times, the blocks that switch it;
+    ``variables`` (block, "0") names the copies of its states as they were after ``start``.
     """
 
     network: Network
@@ -76,6 +81,7 @@ class Plan:
     names: dict[str, str]
     variables: dict[tuple[str, str], str]
     continuous: Continuous | None = None
+    enables: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 def make_plan(network: Network) -> Plan:
@@ -85,56 +91,15 @@ def make_plan(network: Network) -> Plan:
     ------
     GraphError : naming every algebraic loop.
     """
-    order = _order(network)
+    enables = enables_of(network)
+    order = ordered_steps(network, enables)
     continuous = continuous_part(network, order, drivers(network))
     reserved = CONTINUOUS_NAMES if continuous is not None or network.stop is not None else ()
-    return Plan(network, order, *_identifiers(network, reserved), continuous)
-
-
-def _order(network: Network) -> list[Step]:
-    """Producers before consumers; then by rate, then by name."""
-    import networkx as nx
-
-    wires = drivers(network)
-    makes: dict[tuple[str, str], tuple[str, int]] = {}
-    steps: dict[tuple[str, int], Step] = {}
-    graph = nx.DiGraph()
-    for name, entry in network.entries.items():
-        spec = entry.cls.spec
-        for i, evaluation in enumerate(entry.evaluations):
-            steps[name, i] = Step(name, evaluation, entry.every, spec.is_constant(evaluation))
-            graph.add_node((name, i))
-            makes.update({(name, port): (name, i) for port in evaluation.outputs})
-    for (name, i), step in steps.items():
-        for port in step.evaluation.needs:
-            for wire in wires.get((name, port), ()):
-                source = makes[wire.source.block, wire.source.port]
-                graph.add_edge(source, (name, i), wire=wire)
-    if not nx.is_directed_acyclic_graph(graph):
-        _report_loops(graph)
-    ranked = {key: (step.every, *key) for key, step in steps.items()}
-    order = nx.lexicographical_topological_sort(graph, key=ranked.__getitem__)
-    return [steps[key] for key in order]
-
-
-def _report_loops(graph: object) -> None:
-    import networkx as nx
-
-    problems = Problems()
-    for component in nx.strongly_connected_components(graph):
-        inside = graph.subgraph(sorted(component))  # type: ignore[attr-defined]
-        if len(component) > 1 or inside.number_of_edges():
-            cycle = nx.find_cycle(inside, source=min(component))
-            wires = [inside.edges[a, b]["wire"] for a, b in cycle]
-            path = " ▸ ".join(f"{wire.source} ▸ {wire.target}" for wire in wires)
-            message = f"algebraic loop: {path}; a UnitDelay on one of these wires breaks it"
-            file = Where(wires[0].where.file) if wires[0].where != NOWHERE else NOWHERE
-            problems.add(file, "", message)
-    problems.raise_any()
+    return Plan(network, order, *_identifiers(network, reserved, enables), continuous, enables)
 
 
 def _identifiers(
-    network: Network, reserved: Iterable[str]
+    network: Network, reserved: Iterable[str], enables: Iterable[str]
 ) -> tuple[dict[str, str], dict[tuple[str, str], str]]:
     """Python names for blocks, outputs and states: ``plant``, ``plant_pose``, ``plant_s``."""
     taken = {*keyword.kwlist, *GLOBALS, *COMPILED_NAMES, "run", "first", "last", "held", "k", "t"}
@@ -154,6 +119,8 @@ def _identifiers(
         for port in network.entries[name].cls.spec.outputs:
             variables[name, port] = fresh(f"{names[name]}_{port}")
         variables[name, ""] = fresh(f"{names[name]}_s")
+    for name in enables:
+        variables[name, "0"] = fresh(f"{names[name]}_s0")
     return names, variables
 
 
@@ -202,7 +169,9 @@ class Emitter:
             self.stop_at_tick(self.stop)
         for name, every, update in self.updates():
             self.at(every)
-            self.call(name, update, "")
+            self.update(name, update)
+        for name in self.resetting():
+            self.reset(name)
         if self.plan.continuous is not None:
             self.at(1)
             self.search(self.plan.continuous, self.integrate, checked)
@@ -309,12 +278,69 @@ class Emitter:
             targets, around = f"slopes[stage, {slots[0].start}:{slots[-1].stop}]", "joined({})"
         if checked:
             around = around.format(f"rates({block!r}, {{}})")
-        self.call(block, derivative, f"{targets} = ", around=around)
+        enables = self.plan.enables.get(block, ())
+        with self.enabled(enables):
+            self.call(block, derivative, f"{targets} = ", around=around)
+        if enables:
+            self.code("else:")
+            self.code(f"{INDENT}slopes[stage, {slots[0].start}:{slots[-1].stop}] = 0.0")
+
+    def update(self, name: str, update: Evaluation) -> None:
+        """Call an update; no event happens in a part that is off."""
+        enables, states = (
+            self.plan.enables.get(name, ()),
+            self.network.entries[name].cls.spec.states,
+        )
+        with self.enabled(enables):
+            self.updated(name, update)
+        events = [state for state, declared in states.items() if declared.event]
+        if enables and events:
+            self.code("else:")
+            for event in events:
+                self.code(f"{INDENT}{self.state_value(Endpoint(name, event))}[...] = 0.0")
+
+    def updated(self, name: str, update: Evaluation) -> None:
+        self.call(name, update, "")
+
+    @contextmanager
+    def enabled(self, enables: Sequence[str]) -> Iterator[None]:
+        """Write what follows under the condition that the parts around a block run."""
+        if enables:
+            self.code(f"if {self.all_on(enables)}:")
+        self.depth += bool(enables)
+        yield
+        self.depth -= bool(enables)
+
+    def all_on(self, enables: Sequence[str]) -> str:
+        return " and ".join(self.variable(name, "on") for name in enables)
+
+    def resetting(self) -> list[str]:
+        """The blocks that reset the part that they are in while it is off."""
+        found = dict.fromkeys(name for names in self.plan.enables.values() for name in names)
+        return [name for name in found if resets(self.network, name)]
+
+    def reset(self, enable: str) -> None:
+        """Bring the states of a part that is off back to what they were after ``start``."""
+        self.at(self.network.entries[enable].every)
+        states = self.switched_states(enable)
+        if states:
+            self.code(f"if not {self.variable(enable, 'on')}:")
+        for name, state in states:
+            initial = self.initial_state(name, state)
+            self.code(f"{INDENT}{self.state_value(Endpoint(name, state))}[...] = {initial}")
+
+    def switched_states(self, enable: str) -> list[tuple[str, str]]:
+        """The states, by block and name, of the part that a block switches."""
+        switched = [name for name, above in self.plan.enables.items() if enable in above]
+        return [(n, s) for n in switched for s in self.network.entries[n].cls.spec.states]
+
+    def initial_state(self, block: str, state: str) -> str:
+        return f"{self.plan.variables[block, '0']}.{state}"
 
     def held(self) -> list[str]:
-        """The variables that outlive a call: outputs of slow blocks."""
-        slow = [s for s in self.plan.steps if s.every > 1 and not s.constant]
-        return [self.variable(s.block, port) for s in slow for port in s.evaluation.outputs]
+        """The variables that outlive a call: outputs of blocks that are slow, or switched."""
+        kept = [s for s in self.plan.steps if (s.every > 1 or s.enables) and not s.constant]
+        return [self.variable(s.block, port) for s in kept for port in s.evaluation.outputs]
 
     def updates(self) -> list[tuple[str, int, Evaluation]]:
         """Every block with an update, in the order in which they are updated."""
@@ -345,6 +371,21 @@ class Emitter:
     def step(self, step: Step, checked: bool = False) -> None:
         """Call an evaluation, and check its outputs."""
         self.at(step.every)
+        with self.enabled(step.enables):
+            self.evaluation(step, checked)
+        self.zeroed(step)
+
+    def zeroed(self, step: Step) -> None:
+        """Set the outputs of a part that is off to zero, if it is reset."""
+        resetting = [name for name in step.enables if resets(self.network, name)]
+        if resetting:
+            same = len(resetting) == len(step.enables)
+            self.code("else:" if same else f"if not ({self.all_on(resetting)}):")
+            for port in step.evaluation.outputs:
+                zero = absent_value(self.network.types[step.block, port], 0.0)
+                self.code(f"{INDENT}{self.variable(step.block, port)} = {zero}")
+
+    def evaluation(self, step: Step, checked: bool) -> None:
         targets = [self.variable(step.block, port) for port in step.evaluation.outputs]
         around = f"checked({step.block!r}, {step.evaluation.outputs!r}, {{}})" if checked else "{}"
         self.call(step.block, step.evaluation, ", ".join(targets) + " = ", around)
@@ -417,31 +458,3 @@ class Emitter:
         end = recording.end
         value = self.state_value(end) if recording.is_state else self.value(end)
         self.code(f"{recording.array}[{row}] = {value}")
-
-
-def absent_value(kind: SignalType, number: float | None) -> str:
-    """The expression of an open input's value; an array is created anew on each tick.
-
-    Otherwise a block that writes into an input would change what it reads on the next tick.
-    """
-    text = repr(float(number or 0.0))
-    text = text if math.isfinite(float(text)) else f"float({text!r})"
-    if kind.form == "array":
-        return f"full({kind.shape!r}, {text})"
-    return text if kind.form == "scalar" else f"({f'{text}, ' * len(kind.components)})"
-
-
-def finite_test(signals: dict[str, SignalType]) -> str:
-    """An expression that is true while signals hold only valid numbers."""
-    finite: list[str] = []
-    others: list[str] = []
-    for variable, kind in signals.items():
-        if kind.form == "scalar":
-            finite.append(variable)
-        elif kind.form == "record":
-            finite += [f"{variable}[{i}]" for i in range(len(kind.components))]
-        else:
-            flat = f"{variable}.ravel()" if kind.components else variable
-            (finite if kind.finite else others).append(f"dot({flat}, {flat})")
-    tests = [f"isfinite({' + '.join(finite)})"] if finite else []
-    return " and ".join(tests + [f"not isnan({term})" for term in others])

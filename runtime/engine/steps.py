@@ -11,12 +11,16 @@ from runtime.network import Network, Wire
 
 @dataclass(frozen=True)
 class Step:
-    """One evaluation of one block, every ``every`` base ticks."""
+    """One evaluation of one block, every ``every`` base ticks.
+
+    ``enables`` names the blocks without whose ``on`` it is left out: those of the parts around it.
+    """
 
     block: str
     evaluation: Evaluation
     every: int
     constant: bool = False
+    enables: tuple[str, ...] = ()
 
 
 def drivers(network: Network) -> dict[tuple[str, str], list[Wire]]:

@@ -7,6 +7,7 @@ from runtime.network.addresses import AddressError, Endpoint, ReportedError, fin
 from runtime.network.block_types import is_variadic, source_file
 from runtime.network.build import BLOCK_KEYS, Made, build
 from runtime.network.components import columns, component_type, is_range, unknown_component
+from runtime.network.enabling import enables_of, resets
 from runtime.network.initial import STATES
 from runtime.network.network import Entry, Network, Wire, check_output
 from runtime.network.open_inputs import fits, outputs_in
@@ -32,6 +33,7 @@ __all__ = [
     "check_output",
     "columns",
     "component_type",
+    "enables_of",
     "expand",
     "find",
     "fits",
@@ -42,6 +44,7 @@ __all__ = [
     "ours_for",
     "outputs_in",
     "replace_block",
+    "resets",
     "source_file",
     "state_shape",
     "unknown_component",

@@ -24,6 +24,7 @@ from runtime.document import MAX_TICKS, Node, closest, read_run, seconds, sectio
 from runtime.errors import MissingExtraError, Problems, Where
 from runtime.network.addresses import Endpoint
 from runtime.network.block_types import block_class, own_types, relative_with
+from runtime.network.enabling import check_enabling
 from runtime.network.inference import infer_types, report_open
 from runtime.network.initial import read_initial
 from runtime.network.network import Entry, Network
@@ -82,6 +83,7 @@ def build(
         notes = check_units(network, problems)
         network = replace(network, notes=(*network.notes, *notes))
     report_open_inputs(network, wiring, problems)
+    check_enabling(network, problems)
     if not problems.found:
         report_open(network, problems)
     missing = _check_contexts(network, problems) if can_run else None

@@ -10,12 +10,13 @@ whose layout :class:`.structs.PlanText` states.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 
 from blocks.core import Evaluation, SignalType
+from runtime.engine.compiled.driver import Driver, Item
 from runtime.engine.compiled.kernels import PROJECT
-from runtime.engine.compiled.plan_text import RUN, literal, sizes
+from runtime.engine.compiled.plan_text import RUN, count, literal, sizes
 from runtime.engine.compiled.stages import (
     after_stage,
     around_search,
@@ -26,29 +27,16 @@ from runtime.engine.compiled.stages import (
 )
 from runtime.engine.compiled.structs import PlanText, StructEmitter
 from runtime.engine.continuous import Continuous
-from runtime.engine.schedule import Emitter, RecordSlot
+from runtime.engine.schedule import RecordSlot
 from runtime.engine.solvers import METHODS
 from runtime.engine.steps import Step
-from runtime.network import Endpoint
+from runtime.network import Endpoint, resets
 from runtime.observation import StopTest
 
 # What ``run`` returns: an output is not finite, a block failed, a rate of change is not finite, or
 # the tolerance of the solver is not met, or the run's condition to stop holds.
 FINISHED, NOT_FINITE, FAILED, BAD_SLOPE, UNREACHED, STOPPED = range(6)
 SOLVER = ("states", "start", "slopes", "table", "errors", "control")
-
-
-@dataclass
-class Item:
-    """One item of a tick: an evaluation, a row of a recording, or the continuous part."""
-
-    every: int
-    block: str = ""
-    step: Step | None = None
-    update: Evaluation | None = None
-    recording: RecordSlot | None = None
-    continuous: Continuous | None = None
-    stop: StopTest | None = None
 
 
 class CompiledEmitter(StructEmitter):
@@ -74,7 +62,9 @@ class CompiledEmitter(StructEmitter):
                 self.line(2, "}")
         body, self.text = self.text, []
         if cut:
-            self.drive()
+            items = [item for item in self.items() if self.is_python(item)]
+            driver = Driver(self, items)
+            self.made.driver, self.made.lines = driver.written(), driver.lines
         used = {e for kernel in self.kernels.values() for e in kernel.prototypes} | self.own
         self.made.text = "\n".join(
             [
@@ -107,6 +97,7 @@ class CompiledEmitter(StructEmitter):
             *(Item(r.every, recording=r) for r in recordings if not r.is_event),
             *([] if self.stop is None else [Item(self.stop.signal.every, stop=self.stop)]),
             *(Item(every, name, update=update) for name, every, update in self.updates()),
+            *(Item(self.network.entries[n].every, reset=n) for n in self.resetting()),
             *([] if self.plan.continuous is None else [Item(1, continuous=self.plan.continuous)]),
             *(Item(r.every, recording=r) for r in recordings if r.is_event),
         ]
@@ -150,17 +141,67 @@ class CompiledEmitter(StructEmitter):
         if item.continuous is not None:
             self.continue_states(item.continuous)
             return
-        evaluation = item.step.evaluation if item.step else item.update
-        if evaluation is None:
-            return
-        outputs = [self.signal(item.block, port) for port in evaluation.outputs]
-        self.called(
-            item.block,
-            evaluation,
-            [text for name, kind in outputs for text in self.place(name, kind)],
-        )
-        if outputs:
+        if item.reset:
+            self.reset(item.reset)
+        elif item.update is not None:
+            self.update(item.block, item.update)
+        elif item.step is not None:
+            self.step(item.step)
+
+    def step(self, step: Step, checked: bool = False) -> None:
+        """Call an evaluation, and check its outputs; those of a part that is reset are zero."""
+        outputs = [self.signal(step.block, port) for port in step.evaluation.outputs]
+        places = [text for name, kind in outputs for text in self.place(name, kind)]
+        with self.enabled(step.enables):
+            self.called(step.block, step.evaluation, places)
             self.code(f"if (!({' && '.join(self.tests(outputs))})) return {NOT_FINITE};")
+        resetting = [name for name in step.enables if resets(self.network, name)]
+        if resetting:
+            self.code(f"if (!({self.all_on(resetting)})) {{")
+            for name, kind in outputs:
+                self.code(f"    set_zero({self.place(name, kind)[0]}, {count(kind)});")
+            self.code("}")
+
+    def updated(self, name: str, update: Evaluation) -> None:
+        self.called(name, update, [])
+
+    @contextmanager
+    def enabled(self, enables: Sequence[str]) -> Iterator[None]:
+        if enables:
+            self.code(f"if ({self.all_on(enables)}) {{")
+        self.depth += bool(enables)
+        yield
+        self.depth -= bool(enables)
+        if enables:
+            self.code("}")
+
+    def all_on(self, enables: Sequence[str]) -> str:
+        return " && ".join(f"plan->{self.signal(name, 'on')[0]} != 0.0" for name in enables)
+
+    def update(self, name: str, update: Evaluation) -> None:
+        enables = self.plan.enables.get(name, ())
+        with self.enabled(enables):
+            self.updated(name, update)
+        states = self.network.entries[name].cls.spec.states
+        events = [state for state, declared in states.items() if declared.event]
+        if enables and events:
+            self.code(f"if (!({self.all_on(enables)})) {{")
+            for event in events:
+                place = self.address(Endpoint(name, event), is_state=True)
+                self.code(f"    set_zero({place}, {self.state_size(name, event)});")
+            self.code("}")
+
+    def reset(self, enable: str) -> None:
+        states = self.switched_states(enable)
+        if states:
+            self.code(f"if (!({self.all_on([enable])})) {{")
+            for name, state in states:
+                place = self.address(Endpoint(name, state), is_state=True)
+                member = f"initial_{self.plan.names[name]}_{state}"
+                initial = self.pointer(member, ("initial", name, state))
+                size = self.state_size(name, state)
+                self.code(f"    copy_numbers({place}, {initial}, {size});")
+            self.code("}")
 
     def place(self, name: str, kind: SignalType) -> list[str]:
         """The address of an output, and the sizes that no text tells."""
@@ -211,7 +252,7 @@ class CompiledEmitter(StructEmitter):
         self.stages(part, "span")
         self.code("const double t = (double)k * dt + span;")
         for step in self.watched(part):
-            self.item(Item(1, step.block, step=step))
+            self.step(step)
         self.code(f"beyond = {self.distance(self.stop)};")
         met = condition(self.stop.kind)
         self.code(f"solver_narrowed(ctx, NULL, stop, {met}, span, dt, &span);")
@@ -235,10 +276,14 @@ class CompiledEmitter(StructEmitter):
         inner = 2 + bool(method.errors)
         self.depth += inner
         for step in part.steps:
-            self.item(Item(1, step.block, step=step))
+            self.step(step)
         for block, derivative in part.derivatives:
-            places = rates(part.slots_of(block), arrays[2], part.size)
-            self.called(block, derivative, places)
+            enables, slots = self.plan.enables.get(block, ()), part.slots_of(block)
+            if enables:
+                first = f"{arrays[2]} + (stage * {part.size} + {slots[0].start})"
+                self.code(f"set_zero({first}, {slots[-1].stop - slots[0].start});")
+            with self.enabled(enables):
+                self.called(block, derivative, rates(slots, arrays[2], part.size))
         self.depth -= inner
         self.codes(after_stage(method, arrays, (BAD_SLOPE, UNREACHED), span))
         for block in part.projected:
@@ -272,65 +317,3 @@ class CompiledEmitter(StructEmitter):
         target = f"{array} + {start}" + (f" + {columns.start}" if columns.start else "")
         source = self.address(recording.end, recording.is_state)
         self.code(f"copy_numbers({target}, {source}, {columns.stop - columns.start});")
-
-    # The loop in Python
-
-    def drive(self) -> None:
-        """Write the Python loop that calls blocks that are not compiled between the parts."""
-        self.text, self.lines, self.rate, self.depth = [], {}, 0, 2
-        items = [item for item in self.items() if self.is_python(item)]
-        rates = sorted({item.every for item in items})
-        self.leave = "return"
-        halted = "" if self.stop is None else " and not stop[2]"
-        self.line(0, "def drive(first, last):")
-        self.line(1, "k = first")
-        self.line(1, f"while k < last{halted}:")
-        following = ", ".join(f"-(-k // {every}) * {every}" for every in rates)
-        self.line(2, f"due = min(last, {following})")
-        self.line(2, "if k < due:")
-        self.line(3, f"run(k, due, 0, {len(items) + 1})")
-        self.line(3, "k = due")
-        self.line(3, "continue")
-        self.line(2, f"t = k * {self.network.dt!r}")
-        for number, item in enumerate(items):
-            self.line(2, f"run(k, k + 1, {number}, {number + 1})")
-            if self.stop is not None:
-                self.line(2, "if stop[2]:")
-                self.line(3, self.leave)
-            self.rate = 0
-            Emitter.at(self, item.every)
-            self.call_python(item)
-        self.line(2, f"run(k, k + 1, {len(items)}, {len(items) + 1})")
-        self.line(2, "k += 1")
-        self.made.driver, self.made.lines = "\n".join(self.text) + "\n", self.lines
-
-    def call_python(self, item: Item) -> None:
-        """Read what a block needs, call it, and store its outputs."""
-        if item.continuous is not None:
-            part = item.continuous
-            steps = [(s.block, s.evaluation) for s in (*part.steps, *self.watched(part))]
-            for block, called in (*steps, *part.derivatives):
-                self.needed(block, called)
-            self.search(part, self.integrate)
-        elif item.step is not None:
-            self.needed(item.block, item.step.evaluation)
-            self.again(item.step)
-        elif item.update is not None:
-            self.needed(item.block, item.update)
-            Emitter.call(self, item.block, item.update, "")
-
-    def needed(self, block: str, evaluation: Evaluation) -> None:
-        """Read what a block needs."""
-        declared = self.network.entries[block].cls.spec.inputs
-        for port in evaluation.needs:
-            ends = [wire.source for wire in self.wires.get((block, port), [])]
-            for end in ends if port in declared else [Endpoint(block, port)]:
-                name, _ = self.signal(end.block, end.port)
-                self.code(f"{self.variable(end.block, end.port)} = read({name!r})")
-
-    def again(self, step: Step) -> None:
-        """Call a block, and store its outputs."""
-        self.step(step)
-        for port in step.evaluation.outputs:
-            name, _ = self.signal(step.block, port)
-            self.code(f"store({name!r}, {self.variable(step.block, port)})")

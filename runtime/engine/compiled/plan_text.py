@@ -22,6 +22,11 @@ static bool no_nan(const double *a, int64_t n)
     return true;
 }
 
+static void set_zero(double *a, int64_t n)
+{
+    for (int64_t i = 0; i < n; i++) a[i] = 0.0;
+}
+
 int64_t run(struct plan *plan, struct context *ctx, int64_t first, int64_t last, int64_t low,
             int64_t high);
 
@@ -34,6 +39,7 @@ int64_t run(struct plan *plan, struct context *ctx, int64_t first, int64_t last,
     ctx->failure = -1;
     (void)all_finite;
     (void)no_nan;
+    (void)set_zero;
     (void)low;
     (void)high;
     if (setjmp(resume)) return 2;

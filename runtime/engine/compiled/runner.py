@@ -148,6 +148,9 @@ class CompiledRunner:
             self.words.point(at, words.ints)
             return words
         value = self.context.namespace[owner] if kind == "array" else None
+        if kind == "initial":
+            variable = self.context.program.plan.variables[owner, "0"]
+            value = getattr(self.context.namespace[variable], state)
         if kind == "state":
             value = plain(getattr(self.context.states[owner], state), f"state.{state}")
         self.words.point(at, np.asarray(value))

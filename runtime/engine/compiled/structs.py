@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -9,7 +10,7 @@ from blocks.core import Evaluation, SignalType
 from runtime.engine.compiled.kernels import Kernel
 from runtime.engine.compiled.plan_text import count, literal, sizes
 from runtime.engine.schedule import Emitter, Plan, RecordSlot
-from runtime.network import Endpoint, columns
+from runtime.network import Endpoint, columns, state_shape
 from runtime.observation import StopTest
 from runtime.toolchain import Unit
 
@@ -120,6 +121,12 @@ class StructEmitter(Emitter):
         if kind.form != "scalar":
             place += f"[{first_column(kind, end.component)}]"
         return [place] if target.form == "scalar" else [f"&{place}", *sizes(target)]
+
+    def state_size(self, block: str, state: str) -> int:
+        """How many numbers a state has."""
+        entry, spec = self.network.entries[block], self.network.entries[block].cls.spec
+        context = self.network.context(block)
+        return math.prod(state_shape(entry.made, spec.states[state], context, spec))
 
     def absent(self, block: str, port: str, kind: SignalType, default: float | None) -> list[str]:
         """The arguments of an open input."""

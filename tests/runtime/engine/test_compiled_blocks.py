@@ -259,6 +259,8 @@ CASES: dict[str, list[Case]] = {
     ],
     "Wrap": [*elementwise(blocks.Wrap()), Case(blocks.Wrap(low=0.0), {"input": Pose})],
     "Compare": [Case(blocks.Compare(operator=name, value=0.5)) for name in COMPARISONS],
+    "Enable": [Case(blocks.Enable())],
+    "Trigger": [Case(blocks.Trigger(edge=edge)) for edge in ("rising", "falling", "either")],
     "Logic": [
         *(Case(blocks.Logic(operator=name)) for name in LOGIC),
         Case(blocks.Logic(operator="nor"), absent=True),

@@ -1,0 +1,65 @@
+"""Blocks that switch the part that they are in: enabled and triggered subsystems."""
+
+from __future__ import annotations
+
+from blocks.core import BlockState, Input, Output, PartEnable, Scalar, State, param
+
+EDGES = ("rising", "falling", "either")
+
+
+class Enable(PartEnable):
+    """Run the part that this block is in while a signal is positive.
+
+        input ─▶ [ Enable ] ─▶ on
+
+    on = 1 if input > 0, otherwise 0; it is decided at ticks. While it is 0, nothing in the part is
+    computed: outputs hold their last values, zero before the part first ran, and states hold, the
+    derivatives of continuous ones being zero. With ``while_off: reset``, outputs are zero and
+    states have their initial values, which an output that depends on states alone shows from the
+    next tick on. Outputs that are constant are not switched. (An enabled subsystem of Simulink.)
+    """
+
+    signal = Input(Scalar, name="input", doc="what decides, from outside of the part")
+    on = Output(Scalar, doc="1 on ticks on which the part runs, otherwise 0")
+
+    while_off: str = param(
+        "hold", choices=("hold", "reset"), doc="what outputs and states do while the part is off"
+    )
+
+    @property
+    def resets(self) -> bool:
+        return self.while_off == "reset"
+
+    def output(self, state: BlockState, t: float, input: float) -> float:
+        return 1.0 if input > 0.0 else 0.0
+
+
+class Trigger(PartEnable):
+    """Run the part that this block is in once, on each tick on which a signal changes its sign.
+
+        input ─▶ [ Trigger ] ─▶ on
+
+    on = 1 if input is positive and was not on the last tick (rising), the other way round
+    (falling), or both; otherwise 0. The input before the first tick counts as zero. Outputs and
+    states hold in between. (A triggered subsystem of Simulink.)
+    """
+
+    momentary = True
+
+    signal = Input(Scalar, name="input", doc="what decides, from outside of the part")
+    on = Output(Scalar, doc="1 on ticks on which the part runs, otherwise 0")
+
+    edge: str = param("rising", choices=EDGES, doc="which changes of the sign trigger")
+
+    before = State(doc="1 if the input was positive on the last tick, otherwise 0")
+
+    def output(self, state: BlockState, t: float, input: float) -> float:
+        after, before = input > 0.0, state.before > 0.0
+        if self.edge != "falling" and after and not before:
+            return 1.0
+        if self.edge != "rising" and before and not after:
+            return 1.0
+        return 0.0
+
+    def update(self, state: BlockState, t: float, input: float) -> None:
+        state.before[...] = 1.0 if input > 0.0 else 0.0

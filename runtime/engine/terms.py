@@ -1,0 +1,35 @@
+"""Expressions of the plan's text that depend on signal types alone."""
+
+from __future__ import annotations
+
+import math
+
+from blocks.core import SignalType
+
+
+def absent_value(kind: SignalType, number: float | None) -> str:
+    """The expression of an open input's value; an array is created anew on each tick.
+
+    Otherwise a block that writes into an input would change what it reads on the next tick.
+    """
+    text = repr(float(number or 0.0))
+    text = text if math.isfinite(float(text)) else f"float({text!r})"
+    if kind.form == "array":
+        return f"full({kind.shape!r}, {text})"
+    return text if kind.form == "scalar" else f"({f'{text}, ' * len(kind.components)})"
+
+
+def finite_test(signals: dict[str, SignalType]) -> str:
+    """An expression that is true while signals hold only valid numbers."""
+    finite: list[str] = []
+    others: list[str] = []
+    for variable, kind in signals.items():
+        if kind.form == "scalar":
+            finite.append(variable)
+        elif kind.form == "record":
+            finite += [f"{variable}[{i}]" for i in range(len(kind.components))]
+        else:
+            flat = f"{variable}.ravel()" if kind.components else variable
+            (finite if kind.finite else others).append(f"dot({flat}, {flat})")
+    tests = [f"isfinite({' + '.join(finite)})"] if finite else []
+    return " and ".join(tests + [f"not isnan({term})" for term in others])

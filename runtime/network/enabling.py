@@ -1,0 +1,62 @@
+"""Parts that run only at times: which blocks say so, and what they switch."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from blocks.core import PartEnable
+from runtime.errors import Problems
+from runtime.network.network import Entry, Network
+
+
+def enables_of(network: Network) -> dict[str, tuple[str, ...]]:
+    """The blocks that switch each block, those of outer parts first; only of blocks that have any.
+
+    A block that switches a part is itself switched by those of the parts around it only.
+    """
+    found: dict[str, tuple[str, ...]] = {}
+    enables = sorted(_enables(network), key=lambda entry: (len(entry.scope.prefix), entry.name))
+    for name, entry in network.entries.items():
+        above = tuple(
+            enable.name
+            for enable in enables
+            if name.startswith(enable.scope.prefix)
+            and not (issubclass(entry.cls, PartEnable) and entry.scope is enable.scope)
+        )
+        if above:
+            found[name] = above
+    return found
+
+
+def resets(network: Network, name: str) -> bool:
+    """Whether a block resets the part that it is in while it is off."""
+    made = network.entries[name].block
+    return isinstance(made, PartEnable) and made.resets
+
+
+def check_enabling(network: Network, problems: Problems) -> None:
+    """Report blocks that switch no part, or that what they switch would have to switch on."""
+    for enable in _enables(network):
+        kind, prefix = enable.cls.__name__, enable.scope.prefix
+        if enable.scope.parent is None and not enable.scope.inputs:
+            message = f"{kind} switches the part that it is in, but this is not in one; move it, "
+            message += "with the blocks that it switches, to a part ({graph: part.yaml})"
+            problems.add(enable.node.key, enable.address, message)
+            continue
+        for wire in network.wires:
+            if wire.block == enable.name and wire.source.block.startswith(prefix):
+                message = f"'{wire.source}' is in the part that '{enable.name}' switches, and would"
+                message += (
+                    " not change once the part is off; wire a signal from outside of the part"
+                )
+                problems.add(wire.where, wire.address, message)
+        is_momentary = issubclass(enable.cls, PartEnable) and enable.cls.momentary
+        for name, entry in network.entries.items():
+            if is_momentary and name.startswith(prefix) and entry.cls.spec.continuous:
+                message = f"its states are continuous, but '{enable.name}' runs the part on single "
+                message += "ticks; use Enable, or a block in discrete time"
+                problems.add(entry.node.key, entry.address, message)
+
+
+def _enables(network: Network) -> Iterator[Entry]:
+    return (each for each in network.entries.values() if issubclass(each.cls, PartEnable))
