@@ -117,16 +117,20 @@ def select(plan: Plan, chosen: frozenset[str]) -> Selection:
     if not selection.outputs:
         names = ", ".join(sorted(chosen))
         raise UsageError(f"nothing to export: {names} computes no output that changes in a run")
-    _check_continuous(selection)
+    _check_evaluation(selection)
     _check_order(selection, chosen)
     return selection
 
 
-def _check_continuous(selection: Selection) -> None:
-    """Check that no solver is needed."""
+def _check_evaluation(selection: Selection) -> None:
+    """Check that no solver is needed, and that all blocks run in every tick of theirs."""
     problems = []
     for name in selection.blocks:
         entry = selection.network.entries[name]
+        enables = selection.plan.enables.get(name)
+        if enables:
+            message = f"'{name}' cannot be exported: it runs only at times, as '{enables[-1]}' says"
+            problems.append(Problem(entry.node.where, entry.address, message))
         if entry.cls.spec.continuous:
             message = (
                 f"'{name}' cannot be exported: it has continuous states, which the graph's solver "

@@ -15,7 +15,7 @@ from blocks.core import Evaluation, SignalType
 from runtime.engine import drivers
 from runtime.export.selection import Port, Selection
 from runtime.export.units import BlockText, Units
-from runtime.network import Endpoint
+from runtime.network import Endpoint, first_column
 
 C_TYPES = {"f": "double", "i": "int64_t", "b": "bool"}
 LEARNT = ("weights",)  # states that a reset keeps
@@ -300,7 +300,7 @@ class StepText:
         kind = self.layout.kind(port)
         text = self.signal(port)
         if end.component:
-            column = kind.column(end.component)
+            column = first_column(kind, end.component)
             return f"{text}[{column}]" if target.form == "scalar" else f"&{text}[{column}]"
         if kind.form == "scalar":
             return text if target.form == "scalar" else f"&{text}"

@@ -10,7 +10,7 @@ from blocks.core import Evaluation, SignalType
 from runtime.engine.compiled.kernels import Kernel
 from runtime.engine.compiled.plan_text import count, literal, sizes
 from runtime.engine.schedule import Emitter, Plan, RecordSlot
-from runtime.network import Endpoint, columns, state_shape
+from runtime.network import Endpoint, first_column, state_shape
 from runtime.observation import StopTest
 from runtime.toolchain import Unit
 
@@ -149,9 +149,3 @@ class StructEmitter(Emitter):
             return f"&plan->{name}"
         first = first_column(kind, end.component)
         return f"plan->{name} + {first}" if first else f"plan->{name}"
-
-
-def first_column(kind: SignalType, component: str) -> int:
-    """The index of a component of a signal, or of the first number of a range."""
-    found = columns(kind, component) if component else 0
-    return found.start if isinstance(found, slice) else int(found or 0)
