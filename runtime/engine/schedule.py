@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import keyword
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
 from blocks.core import Evaluation, Input, SignalType
 from runtime.engine.continuous import Continuous, continuous_part, needed
+from runtime.engine.naming import CONTINUOUS_NAMES, identifiers
 from runtime.engine.order import ordered_steps
 from runtime.engine.solvers import METHODS
 from runtime.engine.steps import Step, drivers
@@ -18,7 +18,6 @@ from runtime.network import Endpoint, Network, columns, component_type, enables_
 from runtime.observation import StopTest
 
 INDENT = "    "
-GLOBALS = ("isfinite", "isnan", "dot", "array", "full", "checked", "sealed", "not_finite")
 # When a run stops: conditions on the distance ``beyond`` of a signal from the level. The compiled
 # plan has the same, in C.
 CONDITIONS = {
@@ -26,18 +25,6 @@ CONDITIONS = {
     "below": "beyond < 0.0",
     "crosses": "(stop[3] < 0.0 and beyond >= 0.0) or (stop[3] > 0.0 and beyond <= 0.0)",
 }
-# Names used by the compiled plan and the loop around it.
-COMPILED_NAMES = (
-    *("njit", "ascontiguousarray", "all_finite", "no_nan", "overlap", "seen", "own"),
-    *("low", "high", "dt", "at", "report", "drive", "due"),
-)
-# Names used by the text of a graph with continuous states, or that may stop early.
-CONTINUOUS_NAMES = (
-    *("states", "start", "slopes", "nodes", "weights", "table", "stage"),
-    *("blend", "joined", "rates", "bad_slope", "keep", "first_bad", "moved", "i0", "i1"),
-    *("sum", "done", "h", "substep", "control", "judged", "errors", "unreached"),
-    *("stop", "origin", "span", "beyond", "narrowed"),
-)
 
 
 @dataclass(frozen=True)
@@ -95,33 +82,7 @@ def make_plan(network: Network) -> Plan:
     order = ordered_steps(network, enables)
     continuous = continuous_part(network, order, drivers(network))
     reserved = CONTINUOUS_NAMES if continuous is not None or network.stop is not None else ()
-    return Plan(network, order, *_identifiers(network, reserved, enables), continuous, enables)
-
-
-def _identifiers(
-    network: Network, reserved: Iterable[str], enables: Iterable[str]
-) -> tuple[dict[str, str], dict[tuple[str, str], str]]:
-    """Python names for blocks, outputs and states: ``plant``, ``plant_pose``, ``plant_s``."""
-    taken = {*keyword.kwlist, *GLOBALS, *COMPILED_NAMES, "run", "first", "last", "held", "k", "t"}
-    taken |= {"range", "float", "__builtins__", "clock", "spent", "began"}
-    taken |= set(reserved)
-
-    def fresh(name: str) -> str:
-        plain = name.replace(".", "_")
-        while plain in taken or plain.startswith("probe_"):
-            plain = f"{plain}_" if not plain.startswith("probe_") else f"_{plain}"
-        taken.add(plain)
-        return plain
-
-    names = {name: fresh(name) for name in sorted(network.entries)}
-    variables = {}
-    for name in names:
-        for port in network.entries[name].cls.spec.outputs:
-            variables[name, port] = fresh(f"{names[name]}_{port}")
-        variables[name, ""] = fresh(f"{names[name]}_s")
-    for name in enables:
-        variables[name, "0"] = fresh(f"{names[name]}_s0")
-    return names, variables
+    return Plan(network, order, *identifiers(network, reserved, enables), continuous, enables)
 
 
 class Emitter:
