@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from typing import Any, ClassVar, Self
 
 
@@ -33,6 +34,11 @@ class Setting(ABC):
         SettingError : with what is wrong and where in it.
         ValueError : ``written`` is no such setting at all.
         """
+
+    @classmethod
+    def forms(cls) -> Mapping[str, str]:
+        """The forms that can be listed, ``uniform(low, high)``, each with a line about it."""
+        return {}
 
     @abstractmethod
     def written(self) -> Any:

@@ -72,6 +72,15 @@ class Variant(Setting):
         text = f"expected {cls.expected} ({known}), got {got}{hint(name, cls.members)}"
         raise SettingError([(where, text)])
 
+    @classmethod
+    def forms(cls) -> Mapping[str, str]:
+        return {name: member.summary() for name, member in cls.members.items()}
+
+    @classmethod
+    def summary(cls) -> str:
+        """The first line of the documentation."""
+        return (cls.__doc__ or "").strip().partition("\n")[0]
+
     def written(self) -> Any:
         values = {}
         for name, declared in self.declared.items():

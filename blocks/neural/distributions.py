@@ -27,6 +27,7 @@ class _Kind:
     """A kind of distribution: how it is written, its arguments, and how it is drawn from."""
 
     form: str
+    doc: str
     draw: Draw
     least: int
     most: int
@@ -72,13 +73,19 @@ def _cosine(rng: np.random.Generator, n: int, d: int, given: tuple[Any, ...]) ->
 
 
 KINDS: Mapping[str, _Kind] = {
-    "uniform": _Kind("uniform(low, high)", _uniform, 2, 2),
-    "normal": _Kind("normal(mean, deviation)", _normal, 2, 2),
-    "exponential": _Kind("exponential(scale, shift, high)", _exponential, 1, 3),
-    "choice": _Kind("choice([a, b, ...])", _choice, 1, 1),
-    "sphere": _Kind("sphere", _sphere, 0, 0),
-    "ball": _Kind("ball", _ball, 0, 0),
-    "cosine": _Kind("cosine(dimensions)", _cosine, 1, 1),
+    "uniform": _Kind("uniform(low, high)", "between two bounds", _uniform, 2, 2),
+    "normal": _Kind("normal(mean, deviation)", "Gaussian", _normal, 2, 2),
+    "exponential": _Kind(
+        "exponential(scale, shift, high)",
+        "decaying from shift to high",
+        _exponential,
+        1,
+        3,
+    ),
+    "choice": _Kind("choice([a, b, ...])", "one of some numbers", _choice, 1, 1),
+    "sphere": _Kind("sphere", "on the unit sphere", _sphere, 0, 0),
+    "ball": _Kind("ball", "in the unit ball", _ball, 0, 0),
+    "cosine": _Kind("cosine(dimensions)", "of an angle between random directions", _cosine, 1, 1),
 }
 
 
@@ -106,6 +113,10 @@ class Distribution(Setting):
         if not np.isfinite(fixed).all() or fixed.ndim > 2 or not fixed.size:
             raise SettingError([("", f"expected finite numbers, got {show(written)}")])
         return cls(fixed=fixed)
+
+    @classmethod
+    def forms(cls) -> Mapping[str, str]:
+        return {kind.form: kind.doc for kind in KINDS.values()}
 
     @classmethod
     def _parsed(cls, text: str) -> Distribution:

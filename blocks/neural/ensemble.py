@@ -87,7 +87,13 @@ class Ensemble(Block):
     learning: EncoderRule | None = param(None, doc="rule by which the encoders learn")
 
     current = State("total", name="drive", doc="input current J")
-    fired = State("total", name="fired", unit="1/s", event=True, doc="spikes of the coming step")
+    fired = State(
+        "total",
+        unit="1/s",
+        signal=Spikes("total"),
+        event=True,
+        doc="spikes of the coming step",
+    )
     membrane = State("total", name="voltage", doc="membrane voltage")
     refractory = State("total", unit="s", doc="refractory time left")
     recovery = State("total", doc="adaptation, or the model's recovery variable")

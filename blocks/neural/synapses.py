@@ -8,7 +8,7 @@ so that the output of tick k + 1 contains the spikes of step k, as in Nengo.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar
 
 import numpy as np
@@ -48,6 +48,10 @@ class Synapse(Variant, root=True):
                 raise SettingError([("", message)])
             return kind(**dict(zip(kind.declared, numbers, strict=False)))
         return super().read(written)
+
+    @classmethod
+    def forms(cls) -> Mapping[str, str]:
+        return {_form(member): member.summary() for member in cls.members.values()}
 
     def written(self) -> Any:
         values = [self.__dict__[name] for name in self.declared]

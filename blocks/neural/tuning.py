@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+
+import numpy as np
 
 from blocks.core import FloatArray, portable
 from blocks.neural.neurons import NeuronModel
+
+# Where responses are computed: places along each neuron's encoder, in radii.
+PLACES: FloatArray = np.linspace(-1.0, 1.0, 401)
+PLACES.setflags(write=False)
 
 
 @dataclass(frozen=True)
@@ -43,3 +50,14 @@ class Tuning:
     def rates(self, points: FloatArray, group: int = 0) -> FloatArray:
         """Steady firing rates (p, n) in Hz of a group's neurons at points (p, d)."""
         return self.neuron.rates(self.currents(points, group))
+
+    def table(self) -> FloatArray:
+        """Encoders and responses (groups * n, d + 401): the rates (Hz) at :data:`PLACES`."""
+        lengths = np.sqrt(np.square(self.encoders).sum(axis=1))
+        drive = (self.gain * lengths)[:, None] * PLACES + self.bias[:, None]
+        return np.hstack([self.encoders, self.neuron.rates(drive)])
+
+
+def table_shape(lengths: Mapping[str, int]) -> tuple[int, int]:
+    """The shape of :meth:`Tuning.table`, given the lengths of an ensemble's ports."""
+    return lengths["total"], lengths["d"] // lengths["groups"] + len(PLACES)

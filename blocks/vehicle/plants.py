@@ -134,7 +134,10 @@ class DifferentialDrive(Block):
         if state.surfaces is None:
             return NOTHING_NEAR, 0.0
         gap = float(state.gap[0])
-        return gap, 1.0 if gap <= TOUCH and self.body_radius else 0.0
+        if self.body_radius == 0.0:
+            return gap, 0.0
+        # A body that touches a surface is 0 m from it, rounding errors apart.
+        return max(gap, 0.0), 1.0 if gap <= TOUCH else 0.0
 
     def update(self, state: BlockState, t: float, command: TwistValue) -> None:
         pose = tuple(state.pose_state.tolist())

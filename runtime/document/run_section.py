@@ -17,7 +17,13 @@ ENGINES = ("auto", "python", "compiled")
 KEPT = ("small", "all", "none")
 SOLVERS = ("euler", "heun", "rk4", "dopri5")
 ADAPTIVE = ("dopri5",)
-STOPS = ("above", "below", "crosses")
+STOP_DOCS = {
+    "when": "a scalar signal",
+    "above": "the level that ends the run when the signal is above it",
+    "below": "the level that ends the run when the signal is below it",
+    "crosses": "the level that ends the run when the signal passes it, either way",
+}
+STOPS = tuple(key for key in STOP_DOCS if key != "when")
 TOLERANCES = ("rtol", "atol", "max_step")
 # Keys of the section that take one of a few words.
 RUN_CHOICES = {"engine": ENGINES, "solver": SOLVERS, "states": KEPT}
@@ -151,7 +157,7 @@ def _stop(run: dict[str, Node], problems: Problems) -> Stop | None:
     if not node.is_map:
         problems.add(node.where, "run.stop", f"expected {example[6:]}, got {node.describe()}")
         return None
-    check_keys(node, ("when", *STOPS), "run.stop", problems, "key")
+    check_keys(node, tuple(STOP_DOCS), "run.stop", problems, "key")
     when, kinds = node.get("when"), [kind for kind in STOPS if node.get(kind) is not None]
     if when is None or not isinstance(when.value, str):
         where = node.where if when is None else when.where

@@ -32,7 +32,7 @@ from runtime.engine.runners import (
     located,
     silent,
 )
-from runtime.engine.schedule import GLOBALS, Plan
+from runtime.engine.schedule import GLOBALS, Plan, RecordSlot
 from runtime.engine.solvers import (
     BEFORE,
     FOUND,
@@ -231,6 +231,9 @@ class Engine:
             self.namespace[self.plan.variables[name, ""]] = self.states[name]
         for name in self._starting_order():
             self._start_block(name)
+        for recording in self.program.recordings:
+            if recording.publisher:
+                self._record_tuning(recording)
         for name in self.plan.enables:
             spec, state = self.network.entries[name].cls.spec, self.states[name]
             copies = {key: getattr(state, key).copy() for key in spec.states}
@@ -361,8 +364,16 @@ class Engine:
                 arrays[slot.state] = whole.reshape(slot.shape)
         return BlockState(context, seed_of(self.seed, name), arrays)
 
+    def _record_tuning(self, recording: RecordSlot) -> None:
+        """Record what a block publishes about the neurons behind a signal."""
+        name = recording.end.block
+        describe = getattr(self.network.entries[name].made, recording.publisher)
+        self.namespace[recording.array][0] = describe(self.states[name]).table()
+
     def _record_constant(self, block: str, port: str, value: Any) -> None:
         for recording in self.program.recordings:
+            if recording.publisher:
+                continue
             if recording.constant and (recording.end.block, recording.end.port) == (block, port):
                 kind = self.network.types[block, port]
                 array = self.namespace[recording.array]

@@ -103,6 +103,7 @@ def recordings(observation: Observation, gathered: Mapping[str, int]) -> list[Re
                     is_event=signal.is_event,
                     constant=probe.constant,
                     rows=buffered(probe, gathered),
+                    publisher=signal.publisher,
                 )
             )
     return made

@@ -44,7 +44,8 @@ class RecordSlot:
     """One recorded column group: the rows of an array that a tick fills.
 
     ``array`` names the array in the function; ``columns`` is the slice it fills, None for all.
-    With ``rows``, the array is a buffer of that many, filled again and again.
+    With ``rows``, the array is a buffer of that many, filled again and again. ``publisher`` is the
+    method of the block that describes what is recorded, once.
     """
 
     array: str
@@ -55,6 +56,7 @@ class RecordSlot:
     is_event: bool = False
     constant: bool = False
     rows: int = 0
+    publisher: str = ""
 
     @property
     def row(self) -> str:

@@ -14,6 +14,7 @@ from runtime.language.items import Item, deepest
 from runtime.language.keys import BLOCK_DOCS, COMMON_DOCS, PORT_KEYS, param_doc
 from runtime.language.model import Model
 from runtime.language.scopes import class_of, inputs_of, known_types, params_in, scope_at
+from runtime.language.settings import declared_at
 from runtime.language.text import Span
 from runtime.network import Scope
 from runtime.observation import METRIC_KINDS, PLOT_KINDS, PROBE_KEYS
@@ -103,9 +104,9 @@ def _output_type(model: Model, part: Scope, port: str) -> str:
 def _parameter(model: Model, scope: Scope | None, names: list[str], item: Item) -> str:
     name, key = names[0], names[1]
     cls = class_of(model, scope, name)
-    declared = cls.spec.params.get(key) if cls is not None else None
-    if declared is not None and len(names) == 2:
-        return _declared(key, declared)
+    declared = declared_at(cls, names[1:], item.parent)
+    if declared is not None:
+        return _declared(names[-1], declared)
     if names[1:2] == ["params"] and len(names) == 3 and scope is not None:
         part = scope.parts.get(name)
         return _param(model, part, names[2]) if part is not None else ""

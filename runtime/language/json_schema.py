@@ -21,6 +21,7 @@ from runtime.language.keys import (
     PORT_KEYS,
     WORLD_KEYS,
 )
+from runtime.language.settings import members_of, root_of
 from runtime.observation import METRIC_KINDS, PLOT_KINDS, PROBE_KEYS
 
 Schema = dict[str, Any]
@@ -186,9 +187,20 @@ def _forms(declared: Param) -> Iterable[Schema]:
     if declared.kind in simple:
         return simple[declared.kind]
     if declared.kind != "array":
-        return [ANY]  # a setting with a form of its own
+        return _setting_forms(declared)
     alone = [number, *degrees] if not declared.shapes or () in declared.shapes else []
     return [*alone, {"type": "array"}]
+
+
+def _setting_forms(declared: Param) -> list[Schema]:
+    """A text, a number or a list, and a mapping whose first key names one of several classes."""
+    members = members_of(declared)
+    root = root_of(declared)
+    if root is None:
+        return [ANY]
+    keys = {name for member in members.values() for name in member.declared}
+    inside = dict.fromkeys(sorted(keys), ANY) | {root.key: {"enum": list(members)}}
+    return [{"type": ["string", "number"]}, _object(inside)]
 
 
 def _bounds(declared: Param) -> Schema:

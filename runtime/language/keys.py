@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from blocks.core import Block, Param
 from runtime.descriptions import describe_markdown, param_row, summary
@@ -12,6 +12,7 @@ from runtime.document import (
     RUN_DOCS,
     RUN_KEYS,
     SECTIONS,
+    STOP_DOCS,
 )
 from runtime.experiments.design import CHANGES, KEYS, PLAN_KEYS, VARIANT_KEYS
 from runtime.language.cursor import ITEM, Cursor
@@ -27,6 +28,7 @@ from runtime.language.scopes import (
     params_in,
     scope_at,
 )
+from runtime.language.settings import declared_at, root_of, variant_at
 from runtime.network import BLOCK_KEYS, Scope
 from runtime.observation import METRIC_KINDS, PLOT_KINDS, PROBE_KEYS, plot_keys
 
@@ -73,6 +75,8 @@ def keys_at(model: Model, cursor: Cursor) -> Iterator[Offer]:
         yield from _of_kind(section, _written(cursor, "kind"))
     elif section == "run" and not names:
         yield from _listed({key: RUN_DOCS.get(key, "") for key in RUN_KEYS})
+    elif section == "run" and names == ["stop"]:
+        yield from _listed(STOP_DOCS)
     elif section == "probes" and len(names) == 1:
         yield from _listed(PROBE_KEYS)
     elif section == "inputs" and len(names) == 1:
@@ -134,6 +138,20 @@ def _of_blocks(
     elif names[1] == "params" and len(names) == 2 and scope is not None:
         part = scope.parts.get(names[0])
         yield from offers_of(params_in(model, part) if part else (), "param")
+    else:
+        yield from _of_setting(class_of(model, scope, names[0]), names[1:], cursor)
+
+
+def _of_setting(cls: type[Block] | None, keys: Sequence[str], cursor: Cursor) -> Iterator[Offer]:
+    """The keys of a setting: the one that names its class, and the parameters of that."""
+    declared = declared_at(cls, keys, cursor.holder.parent)
+    root = root_of(declared)
+    if root is None:
+        return
+    yield Offer(root.key, "key", root.expected, rank=0)
+    inside = variant_at(declared, cursor.holder)
+    if inside is not None:
+        yield from param_offers(inside.declared)
 
 
 def _new_blocks(model: Model, scope: Scope | None, cursor: Cursor) -> Iterator[Offer]:

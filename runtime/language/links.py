@@ -39,6 +39,24 @@ def _bases(model: Model) -> Iterator[tuple[Path, Scope]]:
         yield from _parts_of(model, item, ())
 
 
+def overlays(model: Model) -> list[tuple[Path, Path]]:
+    """The files that an experiment lays over a graph, each with that graph."""
+    if not is_experiment_text(model):
+        return []
+    found = []
+    root = model.root
+    for item in (root, *(root.get("variants") or Item()).items):
+        graph = item.get("graph") or root.get("graph")
+        laid = item.get("with")
+        if graph is None or laid is None:
+            continue
+        below = [path for path, _ in _resolved(model, graph.scalars(), ())]
+        found += [
+            (path, base) for path, _ in _resolved(model, laid.scalars(), ()) for base in below
+        ]
+    return found
+
+
 def _parts_of(model: Model, item: Item, scope: Scope) -> Iterator[tuple[Path, Scope]]:
     graph, blocks = item.get("graph"), item.get("blocks")
     if graph is not None:

@@ -1,7 +1,8 @@
 """Definitions, references and renames of the names in a text, across the files that share them.
 
 A file that extends another, an experiment and its graph, and a part and the graphs that use it
-share names. What only lays a file over others (``--with``) is not known to do so.
+share names. So does an overlay with the graphs that an experiment lays it over; one that no
+experiment names shares those of the only graph that has all blocks that it needs, if there is one.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ from pathlib import Path
 from blocks.core import Block
 from runtime.document import misnamed
 from runtime.errors import UsageError
-from runtime.language.items import deepest
-from runtime.language.links import bases, modules
+from runtime.language.items import Item, deepest
+from runtime.language.links import bases, modules, overlays
 from runtime.language.mentions import Mention, Symbol, mentions
 from runtime.language.model import Model
 from runtime.language.scopes import known_types
@@ -48,7 +49,28 @@ class Project:
         """(file, the file that it builds on, the part that it uses it as or ())."""
         found = []
         for path, model in self.models.items():
-            found += [(path, base, scope) for base, scope in bases(model)]
+            found += [(path, base, scope) for base, scope in self.bases(model)]
+        return found
+
+    def bases(self, model: Model) -> list[tuple[Path, tuple[str, ...]]]:
+        """The files that a text builds on, each with the part that it is used as, or ()."""
+        below = self._overlaid.get(model.path.resolve(), ())
+        return [*bases(model), *((path, ()) for path in below)]
+
+    @cached_property
+    def _overlaid(self) -> dict[Path, list[Path]]:
+        """The graphs that each overlay is laid over."""
+        found: dict[Path, list[Path]] = {}
+        for model in self.models.values():
+            for path, base in overlays(model):
+                found.setdefault(path, []).append(base)
+        graphs = [m for m in self.models.values() if is_whole(m)]
+        for path, model in self.models.items():
+            needed = needed_by(model) if path not in found else set()
+            if needed:
+                fitting = [m.path.resolve() for m in graphs if needed <= blocks_of(m)]
+                if len(fitting) == 1:
+                    found[path] = fitting
         return found
 
     def model(self, path: Path, near: Model) -> Model | None:
@@ -63,7 +85,7 @@ class Project:
     def above(self, model: Model, symbol: Symbol) -> list[tuple[Model, Symbol]]:
         """Where the files that a file builds on may define a symbol."""
         found = []
-        for path, scope in bases(model):
+        for path, scope in self.bases(model):
             if symbol.scope[: len(scope)] != scope:
                 continue
             base = self.model(path, model)
@@ -115,6 +137,29 @@ class Project:
                 upper = self.above(at, known)
                 queue += [up for up in upper if any(m.symbol == up[1] for m in mentions(up[0]))]
         return list(found.values())
+
+
+def is_whole(model: Model) -> bool:
+    """Whether a text is a graph with blocks of its own, that no other completes."""
+    return model.kind == "graph" and model.root.get("blocks") is not None
+
+
+def blocks_of(model: Model) -> set[str]:
+    """Names of the blocks of a graph, those that it extends included."""
+    blocks = model.document.get("blocks")
+    return set() if blocks is None else {name for name, _ in blocks.items()}
+
+
+def needed_by(model: Model) -> set[str]:
+    """The blocks that an overlay names and does not define; none for other texts."""
+    if model.root.get("extends") is not None or model.kind != "overlay":
+        return set()
+    entries = (model.root.get("blocks") or Item()).items
+    own = {item.key for item in entries if item.get("type") or item.get("graph")}
+    named = {
+        m.symbol.name for m in mentions(model) if m.symbol.noun == "block" and not m.symbol.scope
+    }
+    return named - own
 
 
 def mention_at(model: Model, offset: int) -> Mention | None:

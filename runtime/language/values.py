@@ -22,6 +22,7 @@ from runtime.language.scopes import (
     params_in,
     scope_at,
 )
+from runtime.language.settings import declared_at, forms_of, root_of
 from runtime.network import Scope
 from runtime.observation import METRIC_KINDS, PLOT_KINDS, MetricKind, PlotKind
 
@@ -56,6 +57,8 @@ def values_at(model: Model, cursor: Cursor) -> Iterator[Offer]:
         yield from _files(model, SUFFIXES, shipped_graphs())
     elif section == "world" and not names:
         yield from _files(model, SUFFIXES, _shipped("worlds"), under="worlds")
+    elif section == "run" and names == ["stop", "when"]:
+        yield from _addresses(outputs_for(model, scope), TYPES["Scalar"])
     elif section == "run":
         yield from offers_of(RUN_CHOICES.get(names[0], ()) if names else (), "value")
         yield from _params(model, scope)
@@ -80,9 +83,14 @@ def _of_block(
     elif key == "params" or scope is None or name in scope.parts:
         yield from _params(model, scope)
     else:
-        cls = class_of(model, scope, name)
-        declared = cls.spec.params.get(key) if cls is not None else None
-        if declared is not None and len(cursor.path) <= 3:
+        cls, inner = class_of(model, scope, name), names[1:]
+        around = declared_at(cls, inner[:-1], cursor.holder.parent) if inner[1:] else None
+        root, declared = root_of(around), declared_at(cls, inner, cursor.holder)
+        if root is not None and inner[-1] == root.key:
+            for label, member in root.members.items():
+                yield Offer(label, "value", member.summary(), rank=0)
+        elif declared is not None and ITEM not in cursor.path:
+            yield from forms_of(declared, cursor.holder.flow)
             yield from option_values(model, declared)
         yield from _params(model, scope)
 

@@ -6,9 +6,10 @@
 
 from runtime.observation.metric_kinds import MetricKind, MetricOptions
 from runtime.observation.metrics import METRIC_KINDS, STOP_TIME, Metric, Series
+from runtime.observation.observation import Observation, StopTest
 from runtime.observation.plots import CHANGES, PLOT_KINDS, PlotKind, offered, plot_keys
 from runtime.observation.probes import PROBE_KEYS
-from runtime.observation.reader import Observation, PlotSpec, Probe, StopTest, observe
+from runtime.observation.reader import PlotSpec, Probe, observe
 from runtime.observation.run_data import Recording, RunData
 from runtime.observation.wall_metrics import since_reached
 

@@ -21,8 +21,9 @@ Checks = Iterable[tuple[str, str]]
 class PlotSpec:
     """A plot of a graph: its kind, its probes, its title, and the options of its kind.
 
-    ``options["engaged"]`` is the name of a probe, ``options["labels"]`` a list of texts,
-    ``options["compare"]`` a change; all other options are numbers.
+    ``options["engaged"]`` and ``options["over"]`` are names of probes, ``options["labels"]`` is a
+    list of texts, ``options["compare"]`` a change, ``options["sort"]`` a word; all others are
+    numbers.
     """
 
     name: str
@@ -30,6 +31,12 @@ class PlotSpec:
     of: tuple[str, ...]
     title: str
     options: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def uses(self) -> tuple[str, ...]:
+        """The names of all probes that it needs."""
+        named = (self.options.get(key) for key in PLOT_KINDS[self.kind].signals)
+        return (*self.of, *(name for name in named if name))
 
 
 class Figure(Options):
@@ -52,10 +59,12 @@ class PlotKind:
     doc : what it shows.
     painter : ``module:function`` that draws it, imported when the first one is drawn; its arguments
         are (figure, recordings, end of the run in s), or (figure, plot, result) for a plot
-        ``in_world``.
+        ``in_world`` or ``with_options``.
     options : its options; ``agrees`` checks conditions across options.
     signals : options that name one more probe or address.
     in_world : whether it needs the graph's world.
+    with_options : whether its painter needs the plot's options.
+    of_tuning : whether it shows the tuning behind its signals, which needs no run.
     each, together : why it cannot show a probe, or several together; '' if it can.
     has_lead : whether there is nothing to draw without its first signal.
     """
@@ -66,6 +75,8 @@ class PlotKind:
     agrees: Callable[[Mapping[str, Any]], Checks] = lambda options: ordered(options)
     signals: tuple[str, ...] = ()
     in_world: bool = False
+    with_options: bool = False
+    of_tuning: bool = False
     each: Callable[[Probe], str] = lambda probe: ""
     together: Callable[[Sequence[Probe]], str] = lambda probes: ""
     has_lead: bool = False
@@ -132,10 +143,11 @@ def unfit(
 
     None if there are none, but too many of the signals ``written`` belong to removed blocks.
     """
-    engaged = known.get(str(plot.options.get("engaged")))
     faults = []
-    if engaged is not None and (len(engaged.shape) > 1 or math.prod(engaged.shape) != 1):
-        faults.append(("engaged", "expected one column, as in explore.engaged"))
+    for key in PLOT_KINDS[plot.kind].signals:
+        signal = known.get(str(plot.options.get(key)))
+        if signal is not None and (len(signal.shape) > 1 or math.prod(signal.shape) != 1):
+            faults.append((key, f"expected one column, got {len(signal.labels)}; name one of them"))
     probes = [known[name] for name in plot.of]
     message = next(filter(None, (_misfit(plot.kind, probe) for probe in probes)), "")
     if message:
@@ -170,7 +182,26 @@ def _in_plane(probe: Probe) -> str:
 
 
 def _spikes(probe: Probe) -> str:
+    if probe.synapse is not None:
+        return "a raster needs spikes as they are, without a synapse"
     return "" if _kinds(probe) == {"Spikes"} else "a raster needs spikes, as in snn.spikes"
+
+
+def _tuned(probe: Probe) -> str:
+    return "" if _kinds(probe) == {"Tuning"} else "expected the spikes of an Ensemble"
+
+
+def _decoded_and_ideal(probes: Sequence[Probe]) -> str:
+    if len(probes) != 2:
+        return f"expected two signals, as in [decoded.value, ideal.out]; got {len(probes)}"
+    first, second = (math.prod(probe.shape) for probe in probes)
+    if first != second:
+        return f"expected as many columns in both, got {first} and {second}"
+    return _changing(probes[:1])
+
+
+def _weights(probe: Probe) -> str:
+    return _changing([probe]) or ("" if probe.shape else "expected weights, as in out.weights")
 
 
 def _columns(probe: Probe) -> str:
@@ -237,6 +268,26 @@ class Levels(Overlaid):
     band: float | None = param(
         None, at_least=0.0, doc="shade from -band to band; default: that of a settling_time of `of`"
     )
+
+
+class Raster(Figure):
+    """The order of the neurons."""
+
+    sort: str = param(
+        "activity",
+        choices=("activity", "direction"),
+        doc="order of the neurons: by the first principal component of their rates, or by the "
+        "preferred direction (in one dimension by intercept) of those of an Ensemble",
+    )
+
+
+class Averaged(Figure):
+    """The mean of a noisy signal, and its scatter."""
+
+    window: float = param(
+        0.05, unit="s", above=0.0, doc="the mean and the deviation are taken over so long a time"
+    )
+    after: float = param(0.0, unit="s", at_least=0.0, doc="rows before this time are not shown")
 
 
 class Distance(Levels):
@@ -320,7 +371,43 @@ PLOT_KINDS: Mapping[str, PlotKind] = {
         together=_changing,
     ),
     "raster": PlotKind(
-        "spikes and the population's rate", "runtime.plots.raster:draw_raster", each=_spikes
+        "spikes and the population's rate",
+        "runtime.plots.raster:draw_raster",
+        options=Raster,
+        with_options=True,
+        each=_spikes,
+    ),
+    "tuning_curves": PlotKind(
+        "steady rates of an Ensemble's neurons over the represented value, one axes per dimension "
+        "(the others 0), from the tuning at the start: `runtime explain --plots` draws it "
+        "without a run",
+        "runtime.plots.tuning:draw_tuning_curves",
+        of_tuning=True,
+        each=_tuned,
+    ),
+    "response_curves": PlotKind(
+        "steady rates of an Ensemble's neurons over the input along their own encoders, and "
+        "histograms of intercepts and largest rates; likewise without a run",
+        "runtime.plots.tuning:draw_response_curves",
+        of_tuning=True,
+        each=_tuned,
+    ),
+    "decoded": PlotKind(
+        "a decoded signal and the ideal one, the first and the second of `of`: mean and standard "
+        "deviation over time, or over the signal `over`, and the error",
+        "runtime.plots.decoded:draw_decoded",
+        options=Averaged,
+        signals=("over",),
+        with_options=True,
+        each=_columns,
+        together=_decoded_and_ideal,
+        has_lead=True,
+    ),
+    "weights": PlotKind(
+        "weights over time, those that end largest and smallest and some between, and the root "
+        "mean square of the change of all",
+        "runtime.plots.decoded:draw_weights",
+        each=_weights,
     ),
     "heatmap": PlotKind("any array over time", "runtime.plots.figures:draw_heatmap"),
     "map": PlotKind(

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from blocks.core import SignalType, Vector
-from blocks.neural import Synapse
+from blocks.neural import Synapse, table_shape
 from runtime.network import (
     Endpoint,
     Network,
@@ -32,7 +32,8 @@ class Signal:
     """A recorded output or state: its source, its shape, the names of its columns.
 
     ``address`` is written in the graph, ``end`` is its source once removed blocks are bypassed.
-    ``name`` is what figures call it, '' for its address.
+    ``name`` is what figures call it, '' for its address. ``publisher`` is the method of the block
+    that describes the neurons behind a signal, if it is their tuning that is recorded.
     """
 
     address: str
@@ -46,6 +47,7 @@ class Signal:
     is_event: bool = False
     constant: bool = False
     name: str = ""
+    publisher: str = ""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -182,6 +184,22 @@ def make_signal(network: Network, end: Endpoint, label: str) -> Signal | None:
     shown = "" if end.component or shape else spec.outputs[end.port].label
     every = entry.every
     return Signal(label, end, shape, labels, units, name, every, constant=constant, name=shown)
+
+
+def make_tuning(network: Network, end: Endpoint, label: str) -> Signal | None:
+    """The tuning of the neurons of a block, recorded once; None if it publishes none."""
+    outputs = network.entries[end.block].cls.spec.outputs
+    published = [(name, port.publishes) for name, port in outputs.items() if port.publishes]
+    if not published or end.component:
+        return None
+    (port, method), lengths = published[0], network.context(end.block).lengths
+    every, end = network.entries[end.block].every, Endpoint(end.block, port)
+    shape, address = table_shape(lengths), f"{label}.tuning"
+    return Signal(
+        *(address, end, shape, (address,), ("Hz",), "Tuning", every),
+        constant=True,
+        publisher=method,
+    )
 
 
 def _columns(

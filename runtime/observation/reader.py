@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Iterable
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 from blocks.core import SettingError, hint
@@ -32,8 +32,10 @@ from runtime.network import (
     whole_shape,
 )
 from runtime.observation.metrics import METRIC_KINDS, Metric, ProbeInfo
+from runtime.observation.observation import Observation, StopTest
 from runtime.observation.plots import (
     COMMON,
+    PLOT_KINDS,
     check_options,
     offered,
     plot_keys,
@@ -47,6 +49,7 @@ from runtime.observation.probes import (
     PROBE_KEYS,
     Signal,
     make_signal,
+    make_tuning,
     no_component,
     own_rate,
 )
@@ -55,44 +58,6 @@ from runtime.terminal import readable_bytes
 
 MAX_COLUMNS = 1_000_000
 _SOURCE = "a probe's name or an address"
-
-
-@dataclass(frozen=True)
-class StopTest:
-    """The signal that ends a run early: see :class:`runtime.document.Stop`."""
-
-    signal: Signal
-    kind: str
-    level: float
-
-
-@dataclass
-class Observation:
-    """What a run records, draws and measures, and what ends it early.
-
-    ``notes`` lists what was left out, and why.
-    """
-
-    probes: dict[str, Probe] = field(default_factory=dict)
-    plots: list[PlotSpec] = field(default_factory=list)
-    metrics: list[Metric] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-    stop: StopTest | None = None
-
-    @property
-    def metric_units(self) -> dict[str, str]:
-        """The units of the metrics that have one."""
-        columns = {name: probe.units for name, probe in self.probes.items()}
-        found = {metric.name: metric.unit(columns) for metric in self.metrics}
-        return {name: unit for name, unit in found.items() if unit}
-
-    def reduced(self, kinds: Container[str]) -> Observation:
-        """Only the probes that metrics and plots of these kinds need."""
-        plots = [plot for plot in self.plots if plot.kind in kinds]
-        used = {name for plot in plots for name in (*plot.of, plot.options.get("engaged"))}
-        used |= {name for metric in self.metrics for name in metric.inputs.values()}
-        probes = {name: probe for name, probe in self.probes.items() if name in used}
-        return Observation(probes, plots, self.metrics, self.notes, self.stop)
 
 
 def observe(network: Network, problems: Problems) -> Observation:
@@ -290,14 +255,55 @@ class _Reader:
         self.problems.add(*(found.location or (node.where, address)), text)
         return None
 
-    def recorded(self, owner: Node, key: str, keys: tuple[str, ...], address: str) -> list[str]:
-        """Names of the probes for the addresses or probe names under a key."""
+    def sources(
+        self, owner: Node, key: str, keys: tuple[str, ...], address: str
+    ) -> list[tuple[Node, str]]:
+        """The addresses or probe names under a key, each with its own address."""
         node = owner.get(key)
         if (node is None and key not in misspelt(owner, keys)) or (node and node.value == []):
             where = owner.key if node is None else node.where
             self.problems.add(where, address, f"missing; expected {_SOURCE}")
+        return texts(node, address, _SOURCE, self.problems)
+
+    def tunings(self, owner: Node, key: str, keys: tuple[str, ...], address: str) -> list[str]:
+        """Names of the probes of the tuning behind the signals under a key."""
         names = []
-        for item, place in texts(node, address, _SOURCE, self.problems):
+        for item, place in self.sources(owner, key, keys, address):
+            probe = self.seen.probes.get(item.value)
+            signals = (self.signal(item, place),) if probe is None else probe.signals
+            for signal in filter(None, signals):
+                name = self.tuning(signal, item.where, place)
+                if not name:
+                    message = "expected the spikes of an Ensemble, as in a.spikes, got "
+                    self.problems.add(item.where, place, f"{message}'{signal.address}'")
+                names.append(name)
+        return [name for name in names if name]
+
+    def tuning(self, signal: Signal, where: Where, address: str) -> str:
+        """The name of the probe of the tuning behind a signal; '' if none is published."""
+        made = make_tuning(self.network, signal.end, signal.address)
+        if made is None:
+            return ""
+        self.add(Probe(made.address, (made,), 0, auto=True), where, address)
+        return made.address
+
+    def sorted(self, plot: PlotSpec, node: Node, address: str) -> PlotSpec:
+        """A raster that needs them, with the preferred directions of its neurons."""
+        if plot.options.get("sort") != "direction":
+            return plot
+        signals = [signal for name in plot.of for signal in self.seen.probes[name].signals]
+        names = [self.tuning(signal, node.where, address) for signal in signals]
+        for signal, name in zip(signals, names, strict=True):
+            if not name:
+                message = f"the preferred directions behind '{signal.address}' are not known; "
+                message += "expected the spikes of an Ensemble"
+                self.problems.add(node.value["sort"].where, f"{address}.sort", message)
+        return replace(plot, of=(*plot.of, *filter(None, names)))
+
+    def recorded(self, owner: Node, key: str, keys: tuple[str, ...], address: str) -> list[str]:
+        """Names of the probes for the addresses or probe names under a key."""
+        names = []
+        for item, place in self.sources(owner, key, keys, address):
             name = item.value
             if "probes" in self.unread and "." not in name:
                 continue
@@ -336,7 +342,9 @@ class _Reader:
         keys = plot_keys(asked)
         check_keys(node, keys, address, self.problems, "key")
         kind = self.choice(node, offered(asked, self.has_world), keys, f"{address}.kind")
-        of = self.recorded(node, "of", keys, f"{address}.of")
+        declared = PLOT_KINDS.get(asked)
+        read = self.tunings if declared is not None and declared.of_tuning else self.recorded
+        of = read(node, "of", keys, f"{address}.of")
         title = node.get("title")
         if title is not None and not isinstance(title.value, (str, int, float)):
             message = f"expected a text, got {title.describe()}"
@@ -347,8 +355,9 @@ class _Reader:
             what = "a text for each line, as in [position, heading]"
             named = texts(node.get("labels"), f"{address}.labels", what, self.problems)
             options["labels"] = [str(item.value) for item, _ in named]
-        if "engaged" in options:
-            options["engaged"] = self.measured(node, "engaged", keys, address)
+        for key in () if declared is None else declared.signals:
+            if key in options:
+                options[key] = self.measured(node, key, keys, address)
         if kind and of:
             text = str(title.value) if title is not None else name.replace("_", " ")
             options |= used_options(kind, options)
@@ -357,7 +366,7 @@ class _Reader:
             faults = unfit(plot, self.seen.probes, node.value["of"].plain())
             if faults is not None:
                 self.report(node, keys, address, faults)
-                self.seen.plots.append(plot)
+                self.seen.plots.append(self.sorted(plot, node, address))
 
     def report(
         self, node: Node, keys: tuple[str, ...], address: str, checks: Iterable[tuple[str, str]]

@@ -62,7 +62,7 @@ def draw(plot: PlotSpec, result: RunData, look: str = "screen") -> Figure:
         figure = Figure(layout="constrained")
         module, _, function = PLOT_KINDS[plot.kind].painter.partition(":")
         painter = getattr(import_module(module), function)
-        if PLOT_KINDS[plot.kind].in_world:
+        if PLOT_KINDS[plot.kind].in_world or PLOT_KINDS[plot.kind].with_options:
             top = painter(figure, plot, result)
         else:
             shown = [result.probes[name] for name in plot.of]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,8 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from blocks.core import FloatArray
-from runtime.observation import Recording
+from runtime.observation import PlotSpec, Recording, RunData
 from runtime.plots import style
+from runtime.plots.tuning import Tuned, name_angles, split
 
 MANY_SPIKES = 20_000
 BINS, SORTING_BINS = 400, 50
@@ -23,11 +24,15 @@ WINDOW = 0.05  # s: several interspike intervals at 200-400 Hz, shorter than a r
 
 @dataclass(frozen=True)
 class _Train:
-    """The spikes of one ensemble, (rows, neurons): 1/dt where a neuron fired."""
+    """The spikes of one ensemble, (rows, neurons): 1/dt where a neuron fired.
+
+    With ``tuning``, neurons are sorted by preferred direction.
+    """
 
     name: str
     t: FloatArray
     spikes: FloatArray
+    tuning: Tuned | None = None
 
     def binned(self, most: int) -> tuple[FloatArray, int]:
         """Rates (Hz) in at most ``most`` bins of time, and the number of rows per bin."""
@@ -35,11 +40,13 @@ class _Train:
         return (style.block_means(self.spikes, size) if self.spikes.size else self.spikes), size
 
     def order(self) -> npt.NDArray[np.intp]:
-        """Neurons sorted by the first principal component of their rates.
+        """Neurons by preferred direction, or by the first principal component of their rates.
 
-        Neurons of opposite encoders are at opposite ends, silent ones between them; sorted by
-        mean rate, the two kinds would be mixed.
+        By the latter, neurons of opposite encoders are at opposite ends, silent ones between them;
+        sorted by mean rate, the two kinds would be mixed.
         """
+        if self.tuning is not None:
+            return self.tuning.order()
         rates = self.binned(SORTING_BINS)[0]
         if not rates.any():
             return np.arange(rates.shape[1])
@@ -54,7 +61,7 @@ class _Train:
         return np.argsort(weights * np.sign(weights[np.abs(weights).argmax()]), kind="stable")
 
 
-def draw_raster(figure: Figure, recordings: Sequence[Recording], end: float) -> Axes:
+def draw_raster(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
     """Draw spikes, one axes per ensemble, above the ensembles' mean rates.
 
     Up to 20,000 spikes per ensemble are drawn one by one; more would be a solid block, and are
@@ -63,14 +70,16 @@ def draw_raster(figure: Figure, recordings: Sequence[Recording], end: float) -> 
     Parameters
     ----------
     figure : what to draw on.
-    recordings : of spikes.
-    end : end of the run (s).
+    plot : of probes of spikes, and of the tuning behind them if it sorts neurons by that.
+    result : the run.
 
     Returns
     -------
     Axes : the topmost.
     """
-    trains = list(_trains(recordings))
+    recordings, tuning = split([result.probes[name] for name in plot.of])
+    end = style.run_end(result)
+    trains = list(_trains(recordings, tuning))
     count = max(1, len(trains))
     figure.set_size_inches(style.WIDTH, 2.2 + 2.1 * count)
     *upper, lower = style.stacked_axes(figure, count + 1, [*[2.1] * count, 1.2])
@@ -81,7 +90,7 @@ def draw_raster(figure: Figure, recordings: Sequence[Recording], end: float) -> 
             _marks(axes, train)
     names = style.short_labels([train.name for train in trains])
     for axes, train, name in zip(upper, trains, names, strict=False):
-        message = "neuron, sorted by 1st PC"
+        message = _sorted_by(axes, train)
         axes.set_ylabel(f"{name}\n{message}" if count > 1 else message)
         axes.set_ylim(-0.5, max(1, train.spikes.shape[1]) - 0.5)
         axes.grid(False)
@@ -90,11 +99,22 @@ def draw_raster(figure: Figure, recordings: Sequence[Recording], end: float) -> 
     return upper[0]
 
 
-def _trains(recordings: Sequence[Recording]) -> Iterator[_Train]:
+def _sorted_by(axes: Axes, train: _Train) -> str:
+    """How the neurons are sorted, for the label of their axis."""
+    if train.tuning is None:
+        return "neuron, sorted by 1st PC"
+    if train.tuning.dimensions == 1:
+        return "neuron, sorted by tuning"
+    name_angles(axes, train.tuning.angles)
+    return "preferred direction"
+
+
+def _trains(recordings: Sequence[Recording], tuning: Mapping[str, Tuned]) -> Iterator[_Train]:
     for recorded in recordings:
-        for start, stop in recorded.addresses.values() or [(0, len(recorded.labels))]:
-            spikes = recorded.columns[:, start:stop]
-            yield _Train(style.signal_of(recorded.shown[start]), recorded.t, spikes)
+        whole = {recorded.name: (0, len(recorded.labels))}
+        for address, (start, stop) in (recorded.addresses or whole).items():
+            spikes, name = recorded.columns[:, start:stop], style.signal_of(recorded.shown[start])
+            yield _Train(name, recorded.t, spikes, tuning.get(address))
 
 
 def _marks(axes: Axes, train: _Train) -> None:

@@ -30,7 +30,7 @@ from runtime.runs.folder import (
 from runtime.runs.linearization import Linearization, linearize
 from runtime.runs.notebook import Figures
 from runtime.runs.result import Result, open_run
-from runtime.runs.simulation import PreparedRun, chosen_runner, simulate, versions
+from runtime.runs.simulation import PreparedRun, at_start, chosen_runner, simulate, versions
 
 __all__ = [
     "DIAGRAM",
@@ -44,6 +44,7 @@ __all__ = [
     "Linearization",
     "PreparedRun",
     "Result",
+    "at_start",
     "chosen_runner",
     "contents",
     "git_commit",

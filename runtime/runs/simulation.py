@@ -22,7 +22,7 @@ from runtime.diagrams import stored_picture
 from runtime.document import DEFAULT_MEMORY, Override, dump_yaml
 from runtime.engine import Engine, MakeRunner, Outcome, Profile, Program, silent, take_compiled
 from runtime.network import Network
-from runtime.observation import STOP_TIME, Metric, Probe, Recording, Series
+from runtime.observation import PLOT_KINDS, STOP_TIME, Metric, Probe, Recording, Series
 from runtime.runs.folder import (
     DIAGRAM,
     RESOLVED,
@@ -99,6 +99,20 @@ def simulate(
     if outcome.error is not None:
         outcome.error.result = result
         raise outcome.error
+    return result
+
+
+def at_start(graph: PreparedRun) -> Result:
+    """A run before its first tick: what is recorded once, and the plots that need no more."""
+    engine = Engine(graph.program, graph.network.seed)
+    engine.prepare()
+    probes = {
+        name: _recorded(probe, engine.arrays[name], np.zeros(1))
+        for name, probe in graph.program.observation.probes.items()
+        if probe.constant
+    }
+    result = _result(graph, Outcome({}, 0), probes, {}, [], datetime.now().astimezone())
+    result.plots = [plot for plot in result.plots if PLOT_KINDS[plot.kind].of_tuning]
     return result
 
 

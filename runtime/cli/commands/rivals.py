@@ -62,6 +62,8 @@ def _rival(graph: Graph, quiet: bool, out: Path) -> Result:
 def names(change: str) -> tuple[str, str]:
     """Short names of two runs that differ in one change: 'with snn', 'without snn'."""
     kind, _, text = change.partition("=")
+    if kind == "with":
+        return "as written", f"with {Path(text).stem}"
     return (f"with {text}" if kind == "without" else "as written"), f"{kind} {text}"
 
 

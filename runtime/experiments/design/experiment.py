@@ -8,10 +8,20 @@ from functools import partial
 from pathlib import Path
 from typing import Literal
 
-from runtime.document import Node, check_keys, decoded, find_file, parse_yaml, read_file, texts
+from runtime.document import (
+    SHIPPED,
+    Node,
+    check_keys,
+    decoded,
+    find_file,
+    parse_yaml,
+    read_file,
+    texts,
+)
 from runtime.errors import (
     NOWHERE,
     GraphError,
+    Location,
     MissingExtraError,
     Problems,
     UsageError,
@@ -216,6 +226,8 @@ class _Reader:
                 value, origin = item.plain(), str(item.where)
                 if kind == "replace":
                     value = self.type_name(item, f"{address}.{key}")
+                elif key == "world" and isinstance(value, str):
+                    value = self.world(value, (item.where, f"{address}.world"))
                 graph = getattr(graph, kind)(key, value, origin=origin)
             return graph
         names = texts(node, address, "a name", self.problems)
@@ -227,6 +239,11 @@ class _Reader:
         for item, place in names:
             graph = graph.overlay(find_file(item.value, (item.where, place), self.folder))
         return graph
+
+    def world(self, name: str, at: Location) -> str:
+        """The world of that name: shipped, or a file relative to this one."""
+        found = find_file(name, at, self.folder, "world")
+        return name if found.is_relative_to(SHIPPED) else str(found.resolve())
 
     def type_name(self, node: Node, address: str) -> str:
         if not isinstance(node.value, str):

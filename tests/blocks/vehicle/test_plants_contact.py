@@ -40,7 +40,8 @@ def drive(
 def check_outside(world: World, rows: FloatArray, radius: float = R) -> None:
     distance = world.distance(rows[:, :2])
     assert distance.min() >= radius - 1e-9
-    np.testing.assert_allclose(rows[:, 3], distance - radius, rtol=0.0, atol=1e-12)
+    gap = np.maximum(distance - radius, 0.0) if radius else distance
+    np.testing.assert_allclose(rows[:, 3], gap, rtol=0.0, atol=1e-12)
     assert np.array_equal(rows[:, 4], rows[:, 3] <= 1e-6)
 
 

@@ -282,3 +282,18 @@ def test_bootstrap_says_so(here: Run, draw: Path) -> None:
     means = np.abs(np.array(outs) @ signs)
     expected = np.mean(means >= abs(sum(outs)) * (1 - 1e-12))
     assert apart["p"] == pytest.approx(expected)
+
+
+def test_a_world_is_looked_up_beside_the_experiment(here: Run, draw: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "mine"
+    (folder / "rooms").mkdir(parents=True)
+    (folder / "rooms" / "small.yaml").write_text("room: [[-1, -1], [1, -1], [1, 1], [-1, 1]]\n")
+    (folder / "e.yaml").write_text(
+        "experiment: rooms\ngraph: ../draw.yaml\nseeds: 1\nvariants:\n"
+        "  small: {set: {world: rooms/small.yaml}}\n  shipped: {set: {world: worlds/l_room.yaml}}\n"
+    )
+    assert here("ablate", "mine/e.yaml", "--no-plots", "-j", "1").returncode == 0
+    variants = next((tmp_path / "ablations" / "rooms").glob("*/variants"))
+    small = (variants / "small" / "graph.resolved.yaml").read_text()
+    assert all(corner in small for corner in ("[-1, -1]", "[1, -1]", "[1, 1]", "[-1, 1]"))
+    assert "room:" in (variants / "shipped" / "graph.resolved.yaml").read_text()

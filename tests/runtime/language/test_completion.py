@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 
+from blocks.neural.neurons import NeuronModel
+from blocks.neural.solvers import Solver
 from blocks.registry import BUILTIN
-from runtime.document import RUN_KEYS, SECTIONS
+from runtime.document import RUN_KEYS, SECTIONS, parse_yaml
 from runtime.language import complete
+from runtime.language.settings import forms_of
 from runtime.observation import METRIC_KINDS, PLOT_KINDS
 from tests.runtime.language.texts import CASE_C, GRAPHS, edited, labels, marked, offered
 
@@ -129,6 +133,55 @@ def test_inside_a_part_its_own_names_are_offered() -> None:
     assert {"join.out", "snn_v.output"} <= set(labels(model, offset))
     model, offset = edited("speed_input: Scalar", "speed_input: ¦", part)
     assert {"Scalar", "Pose", "Vector(n)"} <= set(labels(model, offset))
+
+
+NEURAL = """graph: g
+run: {dt: 0.001, until: 1, stop: {¦1}}
+blocks:
+  a: {type: Constant, value: 1.0}
+  e: {type: Ensemble, neurons: 10, radius: 1, ¦2, dt: 0.001}
+  d: {type: Decoder, ¦3}
+wires:
+  e: {input: a.value}
+  d: {spikes: e.spikes}
+"""
+
+
+@pytest.mark.parametrize(
+    ("place", "new", "first"),
+    [
+        ("¦2", "neuron: ¦", ["LIF", "LIFRate", "AdaptiveLIF"]),
+        ("¦2", "neuron: {¦}", ["type", *NeuronModel.members["LIF"].declared]),
+        ("¦2", "neuron: {type: ¦}", ["LIF", "LIFRate", "AdaptiveLIF"]),
+        ("¦2", "neuron: {type: Izhikevich, ¦", [*NeuronModel.members["Izhikevich"].declared]),
+        ("¦2", "max_rates: ¦", ["uniform(low, high)", "normal(mean, deviation)"]),
+        ("¦2", "learning: {rule: ¦}", ["voja"]),
+        ("¦3", "learning: {¦}", ["rule"]),
+        ("¦3", "learning: {rule: pes, ¦}", ["learning_rate", "tau"]),
+        ("¦3", "synapse: ¦", ["lowpass(tau)", "none", "alpha(tau)"]),
+        ("¦3", "solver: {type: l2, ¦}", [*Solver.members["l2"].declared]),
+        ("¦1", "¦", ["when", "above", "below", "crosses"]),
+        ("¦1", "when: ¦", ["a.value"]),
+    ],
+)
+def test_inside_structured_parameters(place: str, new: str, first: list[str]) -> None:
+    text = NEURAL.replace(place, new).replace(", ¦2", "").replace(", ¦3", "")
+    text = text.replace(", stop: {¦1}", "")
+    found = labels(*marked(text))
+    assert found[: len(first)] == first
+
+
+def test_what_a_setting_offers_can_be_read() -> None:
+    """Each snippet, its places filled with numbers, is a value of its parameter."""
+    for cls in BUILTIN.values():
+        for name, declared in cls.spec.params.items():
+            if declared.setting is None or name == "function":
+                continue
+            offers = list(forms_of(declared, in_flow=True))
+            assert offers, name
+            for offer in offers:
+                text = re.sub(r"\$\{(\d+):[^}]*\}", r"1\1", offer.text).replace(", $1", "")
+                declared.convert(parse_yaml(text, "").plain())
 
 
 def test_choices_and_truth_values() -> None:

@@ -54,6 +54,13 @@ def test_nothing_to_say() -> None:
     assert card("until: 130", "until: 1¦30") == ""
 
 
+def test_inside_a_structured_parameter() -> None:
+    old = "blocks:\n"
+    new = "blocks:\n  e: {type: Ensemble, neuron: {type: LIF, tau_¦rc: 0.02}}\n"
+    assert "membrane" in card(old, new)
+    assert "a number above 0 s, default 0.02" in card(old, new)
+
+
 def test_inside_a_part() -> None:
     model, offset = edited("leak: $leak", "leak: $le¦ak", GRAPHS / "parts" / "adaptive_snn.yaml")
     found = hover(model, offset)

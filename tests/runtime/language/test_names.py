@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from runtime.errors import UsageError
+from runtime.graph import load
 from runtime.language import (
     Model,
     Place,
@@ -176,6 +177,50 @@ def test_files_outside_the_folder_are_not_renamed(shipped: Project, tmp_path: Pa
     assert renamed(model, offset) is not None
     with pytest.raises(UsageError, match="not in this folder"):
         rename(model, offset, "steering", project, [model.path])
+
+
+OVERLAID = """graph: g
+run: {dt: 0.1, until: 1.0}
+blocks:
+  a: {type: Constant, value: 1.0}
+  fau¦lt: {type: Gain, gain: 2.0}
+wires: {fault: {input: a.value}}
+"""
+OVERLAY = "blocks: {fault: {gain: 3.0}, lag: {type: UnitDelay}}\nwires: {lag: {input: fault.out}}\n"
+BETTER = OVERLAY.replace("fault", "broken")
+
+
+@pytest.mark.parametrize(
+    ("others", "is_edited"),
+    [
+        ({}, True),
+        ({"other": OVERLAID.replace("graph: g", "graph: h")}, False),
+        ({"other": OVERLAID, "e": "graph: g\nvariants: {v: {with: lag}}\n"}, True),
+        ({"e": "graph: g\nvary: {fault.gain: 1..2}\nwith: [lag]\n"}, True),
+    ],
+    ids=["the only graph", "two graphs", "an experiment's variant", "an experiment"],
+)
+def test_an_overlay_is_renamed_with_the_graph_that_it_belongs_to(
+    others: dict[str, str], is_edited: bool, tmp_path: Path
+) -> None:
+    texts = {"g": OVERLAID, "lag": OVERLAY, **others}
+    offset = OVERLAID.index(MARK)
+    models = {}
+    for name, text in texts.items():
+        path = tmp_path / f"{name}.yaml"
+        path.write_text(text.replace(MARK, ""), encoding="utf-8")
+        models[name] = Model(text.replace(MARK, ""), path, SURROUNDINGS)
+    edits = rename(models["g"], offset, "broken", Project(models.values()))
+    changed = {
+        path.stem: applied(models[path.stem].text.source, made) for path, made in edits.items()
+    }
+    assert ("lag" in changed) == is_edited
+    if is_edited:
+        assert changed["lag"] == BETTER
+        for name, text in changed.items():
+            (tmp_path / f"{name}.yaml").write_text(text, encoding="utf-8")
+        load(tmp_path / "g.yaml").overlay(tmp_path / "lag.yaml").check()
+    assert "other" not in changed
 
 
 def test_files_that_name_each_other_in_a_circle(tmp_path: Path) -> None:

@@ -192,9 +192,7 @@ class TestAllKinds:
         assert "nothing recorded" in texts(figure.axes[0])
 
     def test_unknown_kind(self) -> None:
-        with pytest.raises(
-            UsageError, match="timeseries, trajectory, xy, spectrum, raster, heatmap, got 'pie'"
-        ):
+        with pytest.raises(UsageError, match="timeseries, trajectory, xy, .*, heatmap, got 'pie'"):
             picture("pie", walk())
 
     def test_probe_that_was_not_recorded(self) -> None:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from runtime.experiments.analysis import Estimate
-from tests.studies.contest.contestants import EFFORT as LIMIT
-from tests.studies.contest.contestants import HELD_OUT
+from tests.studies.contest.contestants import CONTESTANTS, HELD_OUT, LIMITS
 from tests.studies.contest.results import (
     CHANGE,
     COUNTS,
@@ -31,9 +30,10 @@ INTRODUCTION = """# Controllers at equal budget and effort
 
 Written by `python -m tests.studies.contest`; every number is from its runs. Case C: the contestants
 follow the walls of the paper's room. Each was tuned by the same optimiser on the same training
-runs, with the same number of trials, for the smallest mean error under one limit of effort; its
-winner was then run on held-out seeds and conditions. The experiment files are in
-`tests/studies/contest/experiments`: `runtime tune FILE` runs one of them again.
+runs, with the same number of trials, for the smallest mean error under a limit of effort, once
+under a low one ("gentle") and once under a high one ("stiff"); its winners were then run on
+held-out seeds and conditions. The experiment files are in `tests/studies/contest/experiments`:
+`runtime tune FILE` runs one of them again.
 """
 
 READING = """## How to read this
@@ -41,8 +41,8 @@ READING = """## How to read this
 * **Error**: mean distance from the contour 180 mm from the walls, in mm, from when it is first
   reached. The floor of a robot with a turning radius of 0.2 m is 4.4 mm in the paper's room.
 * **Effort**: root of the mean square of the change of the commanded turn rate from one record to
-  the next (50 ms), in rad/s. In training its mean must be below {limit:g}; held out it is only
-  reported.
+  the next (50 ms), in rad/s. In training its mean must be below {limits}; held out
+  it is only reported.
 * **Training**: {training}. **Held out**: {held_out}.
 * All faults set in at 60 s and end at 90 s; those that "heal" name it because it is what they test.
 * **Optimism**: training minus held-out, of the mean error. It contains that some held-out
@@ -65,65 +65,132 @@ number of trials that is given; nothing was chosen by hand but the ranges.
 """
 
 
-TRANSFER = """Our rule with the setting that case C's training chose, beside an LQR of Q = R = I
-(moderate) and beside the graph's own soft one; the printed and the robust rule as they are shipped.
-Mean error in m (from 10 s on in B), and the difference that the adaptive part makes.
+TRANSFER = """Our rule with the setting that case C's gentle training chose, beside an LQR of
+Q = R = I (moderate) and beside the graph's own soft one; the printed and the robust rule as they
+are shipped. Mean error in m (from 10 s on in B), and the difference that the adaptive part makes.
 """
 
 
-def page(
-    found: Sequence[Contestant], missing: Sequence[str], transfer: Sequence[Sequence[str]]
-) -> str:
+def page(found: Mapping[str, Sequence[Contestant]], transfer: Sequence[Sequence[str]]) -> str:
     """The whole page; ``transfer`` are the rows about the cases A and B."""
-    against = verdicts(found)
-    ordered = sorted(found, key=lambda one: one.held_out(ERROR).mean)
+    sections = [_Section(limit, who) for limit, who in found.items() if who]
+    texts = [text for section in sections for text in section.short()]
     parts = [
         INTRODUCTION,
         "## In short\n",
-        "\n".join(f"{i}. {text}" for i, text in enumerate(_short(ordered, against), start=1)),
+        "\n".join(f"{i}. {text}" for i, text in enumerate(_opening(sections) + texts, start=1)),
         "\n![Error against effort](images/comparison.png)\n",
-        "## The contestants\n",
-        _table(
-            (
-                "contestant",
-                "training",
-                "held out",
-                "optimism",
-                f"against {RIVAL}",
-                "",
-                "effort, training",
-                "effort, held out",
-                "lost runs",
-                "edge",
-            ),
-            (_row(one, against) for one in ordered),
-        ),
-        "## Held-out error by condition, mm\n",
-        _table(
-            ("contestant", *HELD_OUT),
-            (
-                (one.name, *(_mm(one.held_out(ERROR, name).mean) for name in HELD_OUT))
-                for one in ordered
-            ),
-        ),
-        "## After a fault has healed\n",
-        HEALING,
-        _table(("contestant", "within 10 s", "mean time"), (_healed(one) for one in ordered)),
+        *(part for section in sections for part in section.tables()),
         *_transferred(transfer),
         "## What was found\n",
         FOUND,
-        _table(("contestant", "trials", "training runs", "values"), map(_found, ordered)),
+        _table(
+            ("contestant", "limit", "trials", "training runs", "values"),
+            (_found(one, each.limit) for each in sections for one in each.ordered),
+        ),
         READING.format(
-            limit=LIMIT,
+            limits=" or ".join(f"{value:g} ({name})" for name, value in LIMITS.items()),
             counts=MM * COUNTS,
             rival=RIVAL,
-            training=_runs(found[0], "training"),
-            held_out=_runs(found[0], "held_out"),
+            training=_runs(sections[0].ordered[0], "training"),
+            held_out=_runs(sections[0].ordered[0], "held_out"),
         ),
     ]
+    missing = [
+        f"{name} ({limit})"
+        for limit, who in found.items()
+        for name in CONTESTANTS
+        if name not in {one.name for one in who}
+    ]
     if missing:
-        parts.append(f"Not run in this budget: {'; '.join(missing)}.\n")
+        parts.append(f"Without a result in this budget: {'; '.join(missing)}.\n")
     return "\n".join(parts)
+
+
+def _opening(sections: Sequence[_Section]) -> list[str]:
+    everyone = [one for section in sections for one in section.ordered]
+    trials = {one.stored["trials"] for one in everyone}
+    budget = " or ".join(map(str, sorted(trials)))
+    first = everyone[0]
+    return [
+        f"{len({one.name for one in everyone})} controllers were tuned with {budget} trials each "
+        f"under each of {len(sections)} limits of effort, on at most {_count(first, 'training')} "
+        f"training runs a trial, and judged on {len(first.runs)} "
+        f"held-out runs{SMALL if max(trials) < PLENTY else ''}."
+    ]
+
+
+class _Section:
+    """The contestants under one limit of effort, the smallest held-out error first."""
+
+    def __init__(self, limit: str, found: Sequence[Contestant]) -> None:
+        self.limit = limit
+        self.against = verdicts(found)
+        self.ordered = sorted(found, key=lambda one: one.held_out(ERROR).mean)
+        self.rival = next(one for one in found if one.name == RIVAL)
+
+    def short(self) -> list[str]:
+        """What the page begins with, chosen by rules from the numbers."""
+        first = self.ordered[0]
+        words = {
+            word: [name for name, verdict in self.against.items() if verdict.word == word]
+            for word in ("better", "equivalent", "worse", "undecided")
+        }
+        told = "; ".join(f"{word}: {' / '.join(names)}" for word, names in words.items() if names)
+        spikes = [one for one in self.ordered if one.name in SPIKES]
+        beside = "; ".join(
+            f"{one.name} {_mm(one.held_out(ERROR).mean)} mm ({self.against[one.name].word})"
+            for one in spikes
+        )
+        optimism = [one.line(ERROR)["optimism"] for one in self.ordered]
+        edges = [one.name for one in self.ordered if one.edges]
+        at_edge = f"; a value lies at the edge of its range for {', '.join(edges)}" if edges else ""
+        return [
+            f"**{self.limit.capitalize()}** (effort below {LIMITS[self.limit]:g} rad/s in "
+            f"training): the smallest held-out error has {first.name}, "
+            f"{_interval(first.held_out(ERROR))} mm; the tuned {RIVAL} without any adaptation has "
+            f"{_interval(self.rival.held_out(ERROR))} mm. Against it on the same runs, with "
+            f"{MM * COUNTS:g} mm as what counts: {told}.",
+            f"{self.limit.capitalize()}: spiking adaptation beside an LQR that is tuned with it: "
+            f"{beside}{_without_spikes(self.ordered)}. On the training runs errors are "
+            f"{-MM * max(optimism):.1f} to {-MM * min(optimism):.1f} mm smaller than on the "
+            f"held-out ones{at_edge}.",
+        ]
+
+    def tables(self) -> list[str]:
+        title = f"{self.limit.capitalize()}: effort below {LIMITS[self.limit]:g} rad/s"
+        return [
+            f"## {title}\n",
+            _table(HEADER, (_row(one, self.against) for one in self.ordered)),
+            f"### Held-out error by condition, mm ({self.limit})\n",
+            _table(
+                ("contestant", *HELD_OUT),
+                (
+                    (one.name, *(_mm(one.held_out(ERROR, name).mean) for name in HELD_OUT))
+                    for one in self.ordered
+                ),
+            ),
+            f"### After a fault has healed ({self.limit})\n",
+            HEALING,
+            _table(
+                ("contestant", "within 10 s", "mean time"),
+                (_healed(one) for one in self.ordered),
+            ),
+        ]
+
+
+HEADER = (
+    "contestant",
+    "training",
+    "held out",
+    "optimism",
+    f"against {RIVAL}",
+    "",
+    "effort, training",
+    "effort, held out",
+    "lost runs",
+    "edge",
+)
 
 
 def _transferred(rows: Sequence[Sequence[str]]) -> list[str]:
@@ -136,46 +203,6 @@ def _transferred(rows: Sequence[Sequence[str]]) -> list[str]:
 def _runs(one: Contestant, key: str) -> str:
     runs = one.stored[key]
     return f"seeds {runs['seeds']}, conditions {'; '.join(runs['conditions'])}"
-
-
-def _short(ordered: Sequence[Contestant], against: dict[str, Verdict]) -> Iterable[str]:
-    """Five sentences, chosen by rules from the numbers."""
-    first, trials = ordered[0], {one.stored["trials"] for one in ordered}
-    rival = next(one for one in ordered if one.name == RIVAL)
-    budget = " or ".join(map(str, sorted(trials)))
-    yield (
-        f"{len(ordered)} controllers were tuned with {budget} trials each, on at most "
-        f"{_count(first, 'training')} training runs a trial, and judged on {len(first.runs)} "
-        f"held-out runs{SMALL if max(trials) < PLENTY else ''}."
-    )
-    yield (
-        f"The smallest held-out error has **{first.name}**: {_interval(first.held_out(ERROR))} mm; "
-        f"the tuned {RIVAL} without any adaptation has {_interval(rival.held_out(ERROR))} mm."
-    )
-    words = {
-        word: [name for name, verdict in against.items() if verdict.word == word]
-        for word in ("better", "equivalent", "worse", "undecided")
-    }
-    told = "; ".join(f"{word}: {' / '.join(names)}" for word, names in words.items() if names)
-    counts = f"{MM * COUNTS:g} mm"
-    yield f"Against the tuned {RIVAL} on the same runs, with {counts} as what counts: {told}."
-    spikes = [one for one in ordered if one.name in SPIKES]
-    yield (
-        "Spiking adaptation beside an LQR that is tuned with it: "
-        + "; ".join(
-            f"{one.name} {_mm(one.held_out(ERROR).mean)} mm ({against[one.name].word})"
-            for one in spikes
-        )
-        + _without_spikes(ordered)
-        + "."
-    )
-    optimism = [one.line(ERROR)["optimism"] for one in ordered]
-    edges = [one.name for one in ordered if one.edges]
-    at_edge = f"; a value lies at the edge of its range for {', '.join(edges)}" if edges else ""
-    yield (
-        f"On the training runs the errors are {-MM * max(optimism):.1f} to "
-        f"{-MM * min(optimism):.1f} mm smaller than on the held-out ones{at_edge}."
-    )
 
 
 def _without_spikes(ordered: Sequence[Contestant]) -> str:
@@ -221,9 +248,9 @@ def _healed(one: Contestant) -> tuple[str, ...]:
     return one.name, f"{soon} of {len(times)}", mean
 
 
-def _found(one: Contestant) -> tuple[str, ...]:
+def _found(one: Contestant, limit: str) -> tuple[str, ...]:
     values = ", ".join(f"{path} = {value:g}" for path, value in one.values.items())
-    return one.name, str(one.stored["trials"]), str(one.stored["runs"]), values
+    return one.name, limit, str(one.stored["trials"]), str(one.stored["runs"]), values
 
 
 def _mm(value: float) -> str:
@@ -243,23 +270,33 @@ def _table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
 
 
-def draw(found: Sequence[Contestant], path: Path) -> None:
-    """Held-out error against effort: the winners with their intervals."""
+def draw(found: Mapping[str, Sequence[Contestant]], path: Path) -> None:
+    """Held-out error against effort: each contestant's winners, with their intervals."""
+    from matplotlib import colormaps
     from matplotlib.figure import Figure
 
     from runtime.plots import save_figure
 
-    figure = Figure(figsize=(8.0, 5.0), layout="constrained")
+    figure = Figure(figsize=(9.0, 5.5), layout="constrained")
     axes = figure.subplots()
-    for one in found:
-        error, change = one.held_out(ERROR), one.held_out(CHANGE)
-        mark = "D" if one.name in SPIKES else "o"
-        (line,) = axes.plot(change.mean, MM * error.mean, mark, label=one.name)
-        axes.plot([change.mean] * 2, [MM * error.low, MM * error.high], color=line.get_color())
+    for number, name in enumerate(CONTESTANTS):
+        winners = [one for who in found.values() for one in who if one.name == name]
+        if not winners:
+            continue
+        color = colormaps["tab20"](number % 20)
+        errors = [one.held_out(ERROR) for one in winners]
+        efforts = [one.held_out(CHANGE).mean for one in winners]
         axes.plot(
-            [change.low, change.high], [MM * error.mean] * 2, color=line.get_color(), alpha=0.5
+            efforts,
+            [MM * error.mean for error in errors],
+            "-D" if name in SPIKES else "-o",
+            color=color,
+            label=name,
         )
-    axes.set_xlabel("change of the commanded turn rate in 50 ms, rms (rad/s)")
+        for effort, error in zip(efforts, errors, strict=True):
+            axes.plot([effort] * 2, [MM * error.low, MM * error.high], color=color, alpha=0.5)
+    axes.set_yscale("log")
+    axes.set_xlabel("change of the commanded turn rate in 50 ms, rms (rad/s), held-out runs")
     axes.set_ylabel("error on the held-out runs (mm)")
-    axes.legend(fontsize=7.0)
+    figure.legend(loc="outside right upper", fontsize=7.0)
     save_figure(figure, path)

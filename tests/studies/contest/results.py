@@ -91,11 +91,11 @@ class Verdict:
         return "undecided"
 
 
-def read(folder: Path) -> list[Contestant]:
-    """The contestants whose tuning is complete, in the order of the list."""
+def read(folder: Path, limit: str) -> list[Contestant]:
+    """The contestants whose tuning under that limit is complete, in the order of the list."""
     found = []
     for name in CONTESTANTS:
-        own = folder / name_of(name)
+        own = folder / f"{limit}_{name_of(name)}"
         if not (own / "tuning.json").exists():
             continue
         stored = json.loads((own / "tuning.json").read_text(encoding="utf-8"))

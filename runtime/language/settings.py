@@ -1,0 +1,87 @@
+"""Parameters with a structure of their own: ``neuron: {type: LIF, ...}``, ``uniform(200, 400)``."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+
+from blocks.core import Block, Param, Variant
+from runtime.language.items import Item
+from runtime.language.offers import Offer, escaped
+
+_ARGUMENT = re.compile(r"[A-Za-z_][\w ]*")
+
+
+def declared_at(cls: type[Block] | None, keys: Sequence[str], holder: Item | None) -> Param | None:
+    """The declaration of a parameter, or of one inside a setting.
+
+    Parameters
+    ----------
+    keys : of the parameter in the block, and then of each setting around it and its own.
+    holder : the mapping that the last key is in.
+    """
+    declared = cls.spec.params.get(keys[0]) if cls is not None else None
+    for depth, key in enumerate(keys[1:], 1):
+        inside = variant_at(declared, _above(holder, len(keys) - 1 - depth))
+        declared = inside.declared.get(key) if inside is not None else None
+    return declared
+
+
+def variant_at(declared: Param | None, written: Item | None) -> type[Variant] | None:
+    """The class of the setting that is written in a mapping; the default's, if none is named."""
+    root = root_of(declared)
+    if root is None or declared is None:
+        return None
+    named = written.get(root.key) if written is not None else None
+    if named is not None:
+        return root.members.get(named.value)
+    default = declared.default
+    return root.members.get(default) if isinstance(default, str) else None
+
+
+def root_of(declared: Param | None) -> type[Variant] | None:
+    """The family of settings that a parameter takes one of, if it is such a parameter."""
+    setting = declared.setting if declared is not None else None
+    return setting if setting is not None and issubclass(setting, Variant) else None
+
+
+def forms_of(declared: Param, in_flow: bool) -> Iterator[Offer]:
+    """What may be written for a setting: names, calls with places for their arguments, mappings."""
+    if declared.setting is None:
+        return
+    for form, doc in declared.setting.forms().items():
+        name, parenthesis, _ = form.partition("(")
+        if not parenthesis:
+            yield Offer(form, "value", doc, rank=0)
+            continue
+        quote = "'" if in_flow and "," in form else ""
+        yield Offer(form, "snippet", doc, "", f"{quote}{_with_places(form, name)}{quote}", True, 0)
+    root = root_of(declared)
+    for label, member in root.members.items() if root is not None else ():
+        if root is not None and member.declared:
+            needed = [name for name, each in member.declared.items() if each.required]
+            places = [f"{name}: ${{{n}:number}}" for n, name in enumerate(needed, 1)]
+            text = f"{{{root.key}: {label}, {', '.join(places) or '$1'}}}"
+            label = f"{{{root.key}: {label}, ...}}"
+            yield Offer(label, "snippet", ", ".join(member.declared), "", text, True, 1)
+
+
+def _with_places(form: str, name: str) -> str:
+    """A call as a snippet whose arguments are filled in one after the other."""
+    numbers = iter(range(1, 20))
+    arguments = form.removeprefix(name).replace(", ...", "")
+    places = _ARGUMENT.sub(lambda found: f"${{{next(numbers)}:{found[0]}}}", arguments)
+    return escaped(name) + places
+
+
+def members_of(declared: Param | None) -> Mapping[str, type[Variant]]:
+    """The settings of a family by the names that graphs write."""
+    root = root_of(declared)
+    return root.members if root is not None else {}
+
+
+def _above(item: Item | None, levels: int) -> Item | None:
+    """The mapping so many levels around another."""
+    for _ in range(levels):
+        item = item.parent if item is not None else None
+    return item

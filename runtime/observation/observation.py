@@ -1,0 +1,48 @@
+"""What the sections probes, plots and metrics of a graph amount to."""
+
+from __future__ import annotations
+
+from collections.abc import Container
+from dataclasses import dataclass, field
+
+from runtime.observation.metrics import Metric
+from runtime.observation.plots import PlotSpec
+from runtime.observation.probes import Probe, Signal
+
+
+@dataclass(frozen=True)
+class StopTest:
+    """The signal that ends a run early: see :class:`runtime.document.Stop`."""
+
+    signal: Signal
+    kind: str
+    level: float
+
+
+@dataclass
+class Observation:
+    """What a run records, draws and measures, and what ends it early.
+
+    ``notes`` lists what was left out, and why.
+    """
+
+    probes: dict[str, Probe] = field(default_factory=dict)
+    plots: list[PlotSpec] = field(default_factory=list)
+    metrics: list[Metric] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    stop: StopTest | None = None
+
+    @property
+    def metric_units(self) -> dict[str, str]:
+        """The units of the metrics that have one."""
+        columns = {name: probe.units for name, probe in self.probes.items()}
+        found = {metric.name: metric.unit(columns) for metric in self.metrics}
+        return {name: unit for name, unit in found.items() if unit}
+
+    def reduced(self, kinds: Container[str]) -> Observation:
+        """Only the probes that metrics and plots of these kinds need."""
+        plots = [plot for plot in self.plots if plot.kind in kinds]
+        used = {name for plot in plots for name in plot.uses}
+        used |= {name for metric in self.metrics for name in metric.inputs.values() if name}
+        probes = {name: probe for name, probe in self.probes.items() if name in used}
+        return Observation(probes, plots, self.metrics, self.notes, self.stop)
