@@ -195,7 +195,9 @@ def ablation_plan(
 
 def engine_for(graph: Graph, runs: int, note: Note) -> str:
     """The engine of all trials, chosen once: results of different engines are not comparable."""
-    return "compiled" if take_compiled(graph.network, runs, note) else "python"
+    if not take_compiled(graph.network, runs, note):
+        return "python"
+    return "checked" if graph.network.engine == "checked" else "compiled"
 
 
 def bundle_for(graph: Graph, engine: str) -> GraphBundle:
