@@ -30,6 +30,8 @@ WRITTEN_ORDER = (
     *("from", "initial", "probes", "plots", "metrics"),
 )
 PART_SECTIONS = ("params", "inputs", "outputs", "blocks", "wires", "graph", "part")
+# Entries of a block that name a file, relative to the file that they are written in.
+FILE_KEYS = ("module", "file")
 EXAMPLES = {
     "run": "dt: 0.001",
     "params": "v_r: 1.0",

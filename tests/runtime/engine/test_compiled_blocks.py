@@ -40,6 +40,7 @@ from blocks.world.surfaces import cast_kernel, from_surface, nearest_kernel
 from blocks.world.world import World
 from runtime.engine.compiled.entries import NotCompilableError
 from runtime.engine.compiled.translate import Translated, translate
+from tests.blocks.direct import PUSH
 from tests.blocks.worlds import OVERLAPPING, SHIPPED, worlds
 from tests.compilers import needs_compiler
 from tests.runtime.engine.compiled_block import CompiledBlock
@@ -294,6 +295,11 @@ CASES: dict[str, list[Case]] = {
         for method in ("hold", "linear", "cubic")
     ]
     + [Case(blocks.Piecewise(times=[0.05, 0.1], values=[[1, 2], [3, 4]], signal="Twist"))],
+    "FromFile": [
+        Case(blocks.FromFile(file=str(PUSH), outside=outside, method=method))
+        for outside, method in (("error", "cubic"), ("zero", "linear"))
+    ]
+    + [Case(blocks.FromFile(file=str(PUSH), columns=["force"], outside="zero"))],
     "WhiteNoise": [
         Case(blocks.WhiteNoise(density=0.1)),
         Case(blocks.WhiteNoise(density=[0.1, 0.2], mean=1.0, signal="Twist")),
