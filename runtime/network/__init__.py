@@ -6,7 +6,13 @@
 from runtime.network.addresses import AddressError, Endpoint, ReportedError, find
 from runtime.network.block_types import is_variadic, source_file
 from runtime.network.build import BLOCK_KEYS, Made, build
-from runtime.network.components import columns, component_type, is_range, unknown_component
+from runtime.network.components import (
+    columns,
+    component_type,
+    first_column,
+    is_range,
+    unknown_component,
+)
 from runtime.network.enabling import enables_of, resets
 from runtime.network.initial import STATES
 from runtime.network.network import Entry, Network, Wire, check_output
@@ -36,6 +42,7 @@ __all__ = [
     "enables_of",
     "expand",
     "find",
+    "first_column",
     "fits",
     "follow",
     "is_range",

@@ -54,6 +54,12 @@ def columns(kind: SignalType, component: str) -> int | slice | None:
     return slice(start, stop) if start < stop <= kind.shape[0] else None
 
 
+def first_column(kind: SignalType, component: str) -> int:
+    """The index of a component of a signal, or of the first number of a range."""
+    found = columns(kind, component) if component else 0
+    return found.start if isinstance(found, slice) else int(found or 0)
+
+
 def within(outer: str, inner: str) -> str:
     """The component of a signal that ``inner`` is of its component ``outer``."""
     if not outer or not inner:

@@ -757,7 +757,7 @@ def test_a_title_is_one_line(title: str) -> None:
     [
         GraphError([Problem(Where("g.yaml", 3, 4), "blocks.x", "is wrong")]),
         SimulationError("plant", 7, 0.007, "output 'pose' is not finite"),
-        MissingExtraError("the compiled engine", "numba"),
+        MissingExtraError("rendering", "render"),
         UsageError("no such seed"),
     ],
 )
