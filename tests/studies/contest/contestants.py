@@ -16,7 +16,8 @@ LIMITS = {"gentle": 0.2, "stiff": 0.3}
 WEIGHTS = {"params.q_y": "log(1..100000)", "params.q_theta": "log(0.001..1000)"}
 LEARN = {"lqr.learn": "learning.out"}
 STEPS = {
-    "adaptive.params.learning_rate": "log(0.02..5)",
+    "adaptive.params.learning_rate": "log(0.02..100)",
+    "adaptive.params.leak": "log(0.001..5)",
     "course.lookahead_time": "log(0.3..5)",
     "adaptive.params.e_leak": "log(0.001..10)",
 }
