@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from runtime.cli import run
-from tests.studies.contest import transfer
+from tests.studies.contest import one_setting
 from tests.studies.contest.contestants import CONTESTANTS, LIMITS, file_of, write
 from tests.studies.contest.page import draw, page
 from tests.studies.contest.results import read
@@ -40,10 +40,9 @@ def main() -> int:
                     return code
     found = {limit: read(options.out, limit) for limit in LIMITS}
     draw(found, DOCS / "images" / "comparison.png")
-    ours = next((one for one in found["gentle"] if one.name == transfer.OURS), None)
-    if ours is not None and not options.page:
-        transfer.measure(ours.values, options.out)
-    text = page(found, transfer.rows(options.out))
+    if not options.page:
+        one_setting.tuned(options.out, options.jobs)
+    text = page(found, one_setting.section(options.out))
     (DOCS / "comparison.md").write_text(text, encoding="utf-8")
     return 0
 

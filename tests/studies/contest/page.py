@@ -65,14 +65,8 @@ number of trials that is given; nothing was chosen by hand but the ranges.
 """
 
 
-TRANSFER = """Our rule with the setting that case C's gentle training chose, beside an LQR of
-Q = R = I (moderate) and beside the graph's own soft one; the printed and the robust rule as they
-are shipped. Mean error in m (from 10 s on in B), and the difference that the adaptive part makes.
-"""
-
-
-def page(found: Mapping[str, Sequence[Contestant]], transfer: Sequence[Sequence[str]]) -> str:
-    """The whole page; ``transfer`` are the rows about the cases A and B."""
+def page(found: Mapping[str, Sequence[Contestant]], one_setting: str) -> str:
+    """The whole page; ``one_setting`` is the section about all cases."""
     sections = [_Section(limit, who) for limit, who in found.items() if who]
     texts = [text for section in sections for text in section.short()]
     parts = [
@@ -81,7 +75,7 @@ def page(found: Mapping[str, Sequence[Contestant]], transfer: Sequence[Sequence[
         "\n".join(f"{i}. {text}" for i, text in enumerate(_opening(sections) + texts, start=1)),
         "\n![Error against effort](images/comparison.png)\n",
         *(part for section in sections for part in section.tables()),
-        *_transferred(transfer),
+        one_setting,
         "## What was found\n",
         FOUND,
         _table(
@@ -191,13 +185,6 @@ HEADER = (
     "lost runs",
     "edge",
 )
-
-
-def _transferred(rows: Sequence[Sequence[str]]) -> list[str]:
-    if not rows:
-        return []
-    header = ("case", "LQR", "controller", "error", "against the LQR alone")
-    return ["## The same setting in cases A and B\n", TRANSFER, _table(header, rows)]
 
 
 def _runs(one: Contestant, key: str) -> str:
