@@ -14,7 +14,7 @@ from runtime.document.edits import (
     set_entry,
     set_wire,
 )
-from runtime.document.limits import Work
+from runtime.document.limits import MAX_BLOCKS, Work
 from runtime.document.loader import (
     SHIPPED,
     complete_document,
@@ -59,6 +59,7 @@ from runtime.document.writer import flow_yaml
 __all__ = [
     "DEFAULT_MEMORY",
     "EXAMPLES",
+    "MAX_BLOCKS",
     "MAX_TICKS",
     "PART_SECTIONS",
     "RUN_CHOICES",
