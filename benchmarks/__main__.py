@@ -1,5 +1,7 @@
 """All measurements in one run:  python -m benchmarks [rounds] [--quick] [--against TREE]
 
+``--only language`` measures the language server alone, and replaces its section of the page.
+
 Writes docs/performance.md. First every implementation of a diagram must agree with the others to
 1e-9; where one does not, nothing is timed and nothing is written. ``--quick`` tries everything on
 few ticks and only prints: its figures mean nothing.
@@ -8,6 +10,7 @@ few ticks and only prints: its figures mean nothing.
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import time
 from dataclasses import dataclass
@@ -150,14 +153,36 @@ def page(rounds: int, sizes: Sizes, against: Path | None = None) -> str:
     return text
 
 
+def replaced(text: str, section: str) -> str:
+    """The page with a section in the place of the one of the same heading."""
+    heading = section.lstrip("\n").split("\n")[0]
+    before, found, rest = text.partition(f"\n{heading}\n")
+    if not found:
+        raise ValueError(f"the page has no section '{heading}'")
+    after = rest.find("\n## ")
+    return before + section.rstrip("\n") + "\n" + (rest[after:] if after >= 0 else "")
+
+
+def measured_alone(rounds: int) -> str:
+    """The section of the language server, with when and under which load it was measured."""
+    load = f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "unknown"
+    note = f"Measured by itself with `--only language`; load of the machine before: {load}.\n"
+    return language.section(rounds).rstrip("\n") + f"\n\n{note}"
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks")
     parser.add_argument("rounds", nargs="?", type=int, default=3)
     parser.add_argument("--quick", action="store_true", help="few ticks; print, write nothing")
     parser.add_argument("--against", type=Path, help="an earlier tree, see benchmarks/compiling.py")
+    parser.add_argument("--only", choices=["language"], help="measure this section alone")
     options = parser.parse_args()
     if options.rounds < 1:
         parser.error(f"rounds must be 1 or more, got {options.rounds}")
+    if options.only:
+        text = replaced(PAGE.read_text(encoding="utf-8"), measured_alone(options.rounds))
+        PAGE.write_text(text, encoding="utf-8")
+        return 0
     try:
         text = page(options.rounds, QUICK if options.quick else FULL, options.against)
     except DisagreementError as error:

@@ -256,7 +256,7 @@ class AdaptiveBias(Learner):
         state.step = self.learning_rate * power * state.dt
         # PES of one neuron whose activity is 1.
         state.weights, state.activity = state.bias[:, None], np.ones(1)
-        state.scratch = np.empty_like(state.weights)
+        state.scratch = np.zeros_like(state.weights)
 
     def watch(self, state: BlockState) -> float:
         """The norm of the learnt output."""

@@ -97,7 +97,7 @@ class LearningEnsemble(Learner):
         state.gamma = self.learning_rate * state.dt / n
         state.floor = SILENT**2 * n
         state.fade = 1.0 - state.pass_on
-        state.scratch, state.products = np.empty(n), np.empty_like(state.weights)
+        state.scratch, state.products = np.zeros(n), np.zeros_like(state.weights)
         state.encoder_rows = np.ascontiguousarray(state.scaled_encoders.T)
         state.further = range(1, d)
 
@@ -232,7 +232,7 @@ class AdaptiveEnsemble(LearningEnsemble):
         state.zeros, state.ones, state.fades = np.zeros(n), np.ones(n), np.full(n, state.fade)
         scalars = (0.0, 1.0, self.tau_rc, state.silence, state.height, state.kick)
         state.scalars = tuple(map(np.array, scalars))
-        state.rise, state.few = np.empty(n), np.empty(n, dtype=np.int64)
+        state.rise, state.few = np.zeros(n), np.zeros(n, dtype=np.int64)
 
     def _respond(self, state: BlockState) -> None:
         """LIF neurons and their synapses.

@@ -94,7 +94,7 @@ def _population_lines(populations: dict[str, dict[str, float]]) -> list[str]:
 
 
 def _compiled(engine: Engine) -> dict[str, Any]:
-    """Which blocks are compiled, why the others are not, and the source that numba compiles."""
+    """Which blocks are compiled, why the others are not, and the plan in C."""
     from runtime.engine.compiled import CompiledRunner
 
     runner = engine.prepare()

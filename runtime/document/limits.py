@@ -32,7 +32,9 @@ class Measure:
         known = self._known.get(id(value))
         if known is None:
             items = value if isinstance(value, list) else value.values()
-            inside = [self.of(item) for item in items]
+            inside = [
+                self.of(item) if isinstance(item.value, (dict, list)) else (1, 0) for item in items
+            ]
             size = 1 + sum(size for size, _ in inside)
             depth = 1 + max((depth for _, depth in inside), default=0)
             known = self._known[id(value)] = (value, size, depth)

@@ -13,7 +13,7 @@ from runtime.errors import Problems
 
 DEFAULT_UNTIL = 10.0
 MAX_TICKS = 10**12
-ENGINES = ("auto", "python", "compiled")
+ENGINES = ("auto", "python", "compiled", "checked")
 KEPT = ("small", "all", "none")
 SOLVERS = ("euler", "heun", "rk4", "dopri5")
 ADAPTIVE = ("dopri5",)

@@ -32,6 +32,8 @@ WRITTEN_ORDER = (
 PART_SECTIONS = (
     *("params", "inputs", "outputs", "blocks", "wires", "graph", "part", "repeat", "share"),
 )
+# Entries of a block that name a file, relative to the file that they are written in.
+FILE_KEYS = ("module", "file")
 EXAMPLES = {
     "run": "dt: 0.001",
     "params": "v_r: 1.0",
@@ -62,7 +64,8 @@ RUN_DOCS = {
     "dt": "base step, s",
     "until": "length of the run, s",
     "seed": "of all noise and neurons",
-    "engine": "python, compiled (extra 'fast'), or auto: compiled where that pays off",
+    "engine": "python, compiled (needs a C compiler), or auto: compiled where that pays off; "
+    "checked: compiled, and every index is checked",
     "memory": "memory for recordings, as in 512M; larger ones are written to disk",
     "states": "final states that the run folder keeps: small (up to 1 MB each), all, none",
     "solver": "how continuous states are integrated between two ticks",

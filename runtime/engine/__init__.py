@@ -11,10 +11,12 @@ from runtime.engine.profile import Profile, profile_text
 from runtime.engine.program import Program
 from runtime.engine.recorder import recording_file
 from runtime.engine.runners import MakeRunner, silent
-from runtime.engine.schedule import Plan
+from runtime.engine.schedule import Emitter, Plan
 from runtime.engine.selection import python_seconds, take_compiled
+from runtime.engine.steps import Step, drivers
 
 __all__ = [
+    "Emitter",
     "Engine",
     "Interrupts",
     "MakeRunner",
@@ -22,7 +24,9 @@ __all__ = [
     "Plan",
     "Profile",
     "Program",
+    "Step",
     "Watched",
+    "drivers",
     "flow_at",
     "profile_text",
     "python_seconds",

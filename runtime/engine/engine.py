@@ -18,6 +18,7 @@ import numpy as np
 from blocks.core import BlockState, FloatArray
 from runtime.engine.diagnosis import Diagnosis
 from runtime.engine.interrupts import stoppable
+from runtime.engine.naming import GLOBALS
 from runtime.engine.profile import Profile
 from runtime.engine.program import Program
 from runtime.engine.recorder import Recorder
@@ -32,7 +33,7 @@ from runtime.engine.runners import (
     located,
     silent,
 )
-from runtime.engine.schedule import GLOBALS, Plan, RecordSlot
+from runtime.engine.schedule import Plan, RecordSlot
 from runtime.engine.solvers import (
     BEFORE,
     FOUND,

@@ -22,7 +22,10 @@ class Runner(Protocol):
     """Runs ticks; ``held`` are the variables that go into each call and come out of it."""
 
     held: list[str]
-    run: Run
+
+    @property
+    def run(self) -> Run:
+        """Run ticks from the first up to the last."""
 
     def adopt(self, held: Held) -> Held:
         """The variables after the first tick, in the form that ``run`` takes."""

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import keyword
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
 from blocks.core import Evaluation, Input, SignalType
 from runtime.engine.continuous import Continuous, continuous_part, needed
+from runtime.engine.naming import CONTINUOUS_NAMES, identifiers
 from runtime.engine.order import ordered_steps
 from runtime.engine.solvers import METHODS
 from runtime.engine.steps import Step, drivers
@@ -18,25 +18,13 @@ from runtime.network import Endpoint, Network, columns, component_type, enables_
 from runtime.observation import StopTest
 
 INDENT = "    "
-GLOBALS = ("isfinite", "isnan", "dot", "array", "full", "checked", "sealed", "not_finite")
-# When a run stops: conditions on the distance ``beyond`` of a signal from the level.
+# When a run stops: conditions on the distance ``beyond`` of a signal from the level. The compiled
+# plan has the same, in C.
 CONDITIONS = {
     "above": "beyond > 0.0",
     "below": "beyond < 0.0",
-    "crosses": "stop[3] < 0.0 <= beyond or beyond <= 0.0 < stop[3]",
+    "crosses": "(stop[3] < 0.0 and beyond >= 0.0) or (stop[3] > 0.0 and beyond <= 0.0)",
 }
-# Names used by the compiled plan and the loop around it.
-COMPILED_NAMES = (
-    *("njit", "ascontiguousarray", "all_finite", "no_nan", "overlap", "seen", "own"),
-    *("low", "high", "dt", "at", "report", "drive", "due"),
-)
-# Names used by the text of a graph with continuous states, or that may stop early.
-CONTINUOUS_NAMES = (
-    *("states", "start", "slopes", "nodes", "weights", "table", "stage"),
-    *("blend", "joined", "rates", "bad_slope", "keep", "first_bad", "moved", "i0", "i1"),
-    *("sum", "done", "h", "substep", "control", "judged", "errors", "unreached"),
-    *("stop", "origin", "span", "beyond", "narrowed"),
-)
 
 
 @dataclass(frozen=True)
@@ -94,33 +82,7 @@ def make_plan(network: Network) -> Plan:
     order = ordered_steps(network, enables)
     continuous = continuous_part(network, order, drivers(network))
     reserved = CONTINUOUS_NAMES if continuous is not None or network.stop is not None else ()
-    return Plan(network, order, *_identifiers(network, reserved, enables), continuous, enables)
-
-
-def _identifiers(
-    network: Network, reserved: Iterable[str], enables: Iterable[str]
-) -> tuple[dict[str, str], dict[tuple[str, str], str]]:
-    """Python names for blocks, outputs and states: ``plant``, ``plant_pose``, ``plant_s``."""
-    taken = {*keyword.kwlist, *GLOBALS, *COMPILED_NAMES, "run", "first", "last", "held", "k", "t"}
-    taken |= {"range", "float", "__builtins__", "clock", "spent", "began"}
-    taken |= set(reserved)
-
-    def fresh(name: str) -> str:
-        plain = name.replace(".", "_")
-        while plain in taken or plain.startswith("probe_"):
-            plain = f"{plain}_" if not plain.startswith("probe_") else f"_{plain}"
-        taken.add(plain)
-        return plain
-
-    names = {name: fresh(name) for name in sorted(network.entries)}
-    variables = {}
-    for name in names:
-        for port in network.entries[name].cls.spec.outputs:
-            variables[name, port] = fresh(f"{names[name]}_{port}")
-        variables[name, ""] = fresh(f"{names[name]}_s")
-    for name in enables:
-        variables[name, "0"] = fresh(f"{names[name]}_s0")
-    return names, variables
+    return Plan(network, order, *identifiers(network, reserved, enables), continuous, enables)
 
 
 class Emitter:
@@ -202,6 +164,13 @@ class Emitter:
         states = {(slot.block, slot.state) for slot in part.slots}
         return (end.block, end.port) in part.moving | states
 
+    def watched(self, part: Continuous) -> tuple[Step, ...]:
+        """The evaluations that compute the signal that may end the run, between ticks."""
+        if self.stop is None or self.stop.signal.is_state:
+            return ()
+        end = self.stop.signal.end
+        return needed([(end.block, end.port)], self.plan.steps, self.wires, part.moving)
+
     def search(self, part: Continuous, integrate: Callable[..., None], *given: Any) -> None:
         """Integrate to the next tick, or to the time in between at which the run stops."""
         dt = self.dt
@@ -215,9 +184,7 @@ class Emitter:
         self.copied("states", "origin")
         integrate(part, "span", *given)
         self.code(f"t = k * {dt} + span")
-        end = self.stop.signal.end
-        watched = [] if self.stop.signal.is_state else [(end.block, end.port)]
-        for step in needed(watched, self.plan.steps, self.wires, part.moving):
+        for step in self.watched(part):
             self.again(step)
         self.code(f"beyond = {self.tested(self.stop)} - {self.stop.level!r}")
         self.code(f"span = narrowed(stop, {CONDITIONS[self.stop.kind]}, span, {dt})")
@@ -316,13 +283,17 @@ class Emitter:
     def reset(self, enable: str) -> None:
         """Bring the states of a part that is off back to what they were after ``start``."""
         self.at(self.network.entries[enable].every)
-        switched = [name for name, above in self.plan.enables.items() if enable in above]
-        states = [(n, s) for n in switched for s in self.network.entries[n].cls.spec.states]
+        states = self.switched_states(enable)
         if states:
             self.code(f"if not {self.variable(enable, 'on')}:")
         for name, state in states:
             initial = self.initial_state(name, state)
             self.code(f"{INDENT}{self.state_value(Endpoint(name, state))}[...] = {initial}")
+
+    def switched_states(self, enable: str) -> list[tuple[str, str]]:
+        """The states, by block and name, of the part that a block switches."""
+        switched = [name for name, above in self.plan.enables.items() if enable in above]
+        return [(n, s) for n in switched for s in self.network.entries[n].cls.spec.states]
 
     def initial_state(self, block: str, state: str) -> str:
         return f"{self.plan.variables[block, '0']}.{state}"

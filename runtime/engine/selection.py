@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from importlib.util import find_spec
 
 from blocks.core import Same
 from runtime.engine.continuous import is_memoryless
 from runtime.engine.solvers import METHODS
-from runtime.errors import MissingExtraError
 from runtime.network import Network, state_shape
+from runtime.toolchain import available, find_compiler, install_command
 
 # Rough costs in Python (s), measured on case A: a call of a block, and each number that an update
 # may change; and on case C: each number of an array that a block computes from its inputs (the
@@ -23,31 +22,29 @@ STAGE = 5
 # cases A and C (docs/performance.md), so such runs end three times sooner.
 # Compilation time grows faster than the plan: at 2,000 evaluations it no longer pays off.
 PAYS_OFF, PAYS_OFF_PER_SQUARE = 5.0, 1e-3
-EXTRA = "fast"
 
 
 def take_compiled(network: Network, runs: int, note: Callable[[str], None]) -> bool:
     """Whether to compile a graph that is run this many times.
 
     ``auto`` depends only on the graph and the number of runs, so that the same command uses the
-    same engine every time. ``note`` is called if it would compile but numba is not installed.
+    same engine every time. ``note`` is called if it would compile but there is no C compiler.
 
     Raises
     ------
-    MissingExtraError : the compiled engine is requested but not installed.
+    MissingCompilerError : the compiled engine is requested, and there is no C compiler.
     """
     if network.engine == "python":
         return False
-    installed = find_spec("numba") is not None
-    if network.engine == "compiled":
-        if not installed:
-            raise MissingExtraError("the compiled engine", EXTRA)
+    if network.engine in ("compiled", "checked"):
+        find_compiler()
         return True
     calls = sum(len(entry.cls.spec.evaluations) for entry in network.entries.values())
     wanted = runs * python_seconds(network) > PAYS_OFF + PAYS_OFF_PER_SQUARE * calls**2
-    if wanted and not installed:
-        note(f"faster with the compiled engine: pip install 'spikeblocks[{EXTRA}]'")
-    return wanted and installed
+    if wanted and not available():
+        note(f"faster with the compiled engine, which needs a C compiler: {install_command()}")
+        return False
+    return wanted
 
 
 def python_seconds(network: Network) -> float:

@@ -99,6 +99,16 @@ def examined(content: Content, loops: bool = False) -> Examined:
     return Examined(problems.found, network, observation, missing)
 
 
+def _part_instead(document: Node) -> list[Problem]:
+    """What to say where a part was given as a graph, in place of what follows from that."""
+    for key in ("inputs", "outputs"):
+        node = document.get(key)
+        if node is not None:
+            message = "only a part has this; a part runs inside a graph: {name: {graph: FILE}}"
+            return [Problem(node.key, key, message)]
+    return []
+
+
 def checked(content: Content) -> Checked:
     """Check a graph.
 
@@ -109,7 +119,7 @@ def checked(content: Content) -> Checked:
     """
     found = examined(content)
     if found.problems or found.network is None or found.observation is None:
-        raise GraphError(found.problems)
+        raise GraphError(_part_instead(content.document) or found.problems)
     if found.missing is not None:
         raise found.missing
     return Checked(found.network, found.observation)

@@ -6,7 +6,12 @@
 from runtime.network.addresses import AddressError, Endpoint, ReportedError, find, is_range
 from runtime.network.block_types import is_variadic, source_file
 from runtime.network.build import BLOCK_KEYS, Made, build
-from runtime.network.components import columns, component_type, unknown_component
+from runtime.network.components import (
+    columns,
+    component_type,
+    first_column,
+    unknown_component,
+)
 from runtime.network.enabling import enables_of, resets
 from runtime.network.expansion import expand
 from runtime.network.initial import STATES
@@ -39,6 +44,7 @@ __all__ = [
     "enables_of",
     "expand",
     "find",
+    "first_column",
     "fits",
     "follow",
     "is_range",

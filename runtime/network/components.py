@@ -45,6 +45,12 @@ def columns(kind: SignalType, component: str) -> int | slice | None:
     return slice(start, stop) if start < stop <= kind.shape[0] else None
 
 
+def first_column(kind: SignalType, component: str) -> int:
+    """The index of a component of a signal, or of the first number of a range."""
+    found = columns(kind, component) if component else 0
+    return found.start if isinstance(found, slice) else int(found or 0)
+
+
 def component_names(kind: SignalType, end: Endpoint) -> list[str]:
     """The components at an address, one by one, as in an address; [''] for a number."""
     if kind.form == "scalar" or (end.component and not is_range(end.component)):

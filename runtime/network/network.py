@@ -170,6 +170,7 @@ class Network:
             world=self.world,
             lengths=self.lengths.get(name, {}),
             published=frozenset(port for port, _ in self.publications(name)),
+            until=self.until,
         )
 
     def _flags(self, name: str, port: str, spread: bool) -> tuple[bool, ...]:

@@ -7,11 +7,14 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from runtime.errors import MissingExtraError, MissingLibraryError, UsageError
+from runtime.terminal import tell
 
 VIEWS = ("top", "perspective")
 MODULES = ("mujoco", "OpenGL", "imageio_ffmpeg")
@@ -92,18 +95,35 @@ def _run_worker(request: RenderRequest, library: str) -> dict[str, Any]:
     """Run the child process; returns its answer, or the signal that ended it."""
     environment = {key: value for key, value in os.environ.items() if key != "PYOPENGL_PLATFORM"}
     environment[CHOICE] = library
-    done = subprocess.run(
-        [sys.executable, "-m", "runtime.rendering.worker"],
-        input=json.dumps(asdict(request)),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE if not sys.stderr.isatty() else None,
-        text=True,
-        env=environment,
-    )
-    if done.returncode < 0:
-        return {"missing": f"ended by {signal.Signals(-done.returncode).name}"}
-    if done.returncode:
-        last = (done.stderr or "").strip().splitlines()[-1:] or ["see above"]
+    # A file, since a pipe that nobody reads meanwhile would stop a library that prints much.
+    with tempfile.TemporaryFile("w+") as errors:
+        with subprocess.Popen(
+            [sys.executable, "-m", "runtime.rendering.worker"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=None if sys.stderr.isatty() else errors,
+            text=True,
+            env=environment,
+        ) as worker:
+            answer = _answer(worker, json.dumps(asdict(request)))
+        errors.seek(0)
+        last = errors.read().strip().splitlines()[-1:] or ["see above"]
+    if worker.returncode < 0:
+        return {"missing": f"ended by {signal.Signals(-worker.returncode).name}"}
+    if worker.returncode:
         raise UsageError(f"'{request.run}' cannot be rendered: {last[0]}")
-    answer: dict[str, Any] = json.loads(done.stdout)
+    return answer
+
+
+def _answer(worker: subprocess.Popen[str], request: str) -> dict[str, Any]:
+    """What the worker answers; what it notes before is told."""
+    answer: dict[str, Any] = {}
+    if worker.stdin is None or worker.stdout is None:
+        return answer
+    with suppress(BrokenPipeError), worker.stdin:
+        worker.stdin.write(request)
+    for line in worker.stdout:
+        answer = json.loads(line)
+        if "note" in answer:
+            tell(answer["note"])
     return answer

@@ -18,15 +18,19 @@ from blocks.world import bearings
 from runtime.rendering.motion import Motion
 from runtime.rendering.views import (
     ASPECTS,
+    FLOOR_SQUARE,
     TRAIL_SEGMENTS,
+    bar_length,
     draw_hits,
     draw_trail,
     extent_of,
+    light_scene,
     place_camera,
 )
 
 Picture = npt.NDArray[np.uint8]
 MODEL_GEOMS = 500
+INK, PAPER = (40, 40, 40), (255, 255, 255)
 FONT = Path(matplotlib.get_data_path()) / "fonts" / "ttf" / "DejaVuSans.ttf"
 
 
@@ -39,10 +43,16 @@ class SceneRenderer:
     views : names of views.
     height : of a picture (pixels); even.
     shadows : size of the shadow map (pixels), which takes most of the time.
+    speed : of a film, relative to real time, which its pictures then show.
     """
 
     def __init__(
-        self, motion: Motion, views: tuple[str, ...], height: int, shadows: int = 4096
+        self,
+        motion: Motion,
+        views: tuple[str, ...],
+        height: int,
+        shadows: int = 4096,
+        speed: float | None = None,
     ) -> None:
         self.motion = motion
         robot, model = motion.robot, model_of(motion.robot, motion.world)
@@ -54,6 +64,9 @@ class SceneRenderer:
         self.path = motion.states[:, POSITION][:, :2]
         room = MODEL_GEOMS + TRAIL_SEGMENTS + robot.beams + model.ngeom
         extent = extent_of(motion.world, self.path)
+        light_scene(model, extent)
+        self.views, self.speed = views, speed
+        self.pixels_per_metre = height / (2.0 * extent.reach)
         self.renderers, self.cameras, self.openings = [], [], []
         for view in views:
             width = 2 * round(0.5 * ASPECTS[view] * height)
@@ -81,7 +94,12 @@ class SceneRenderer:
             draw_trail(mujoco, renderer.scene, self.path[: row + 1])
             draw_hits(mujoco, renderer.scene, hits)
             shown.append(renderer.render())
-        shown[-1] = self._labelled(shown[-1], f"t = {self.motion.t[row]:.1f} s")
+        when = f"t = {self.motion.t[row]:.1f} s"
+        if self.speed is not None:
+            when += f", {self.speed:g} x real time"
+        shown[-1] = self._labelled(shown[-1], when)
+        for i, view in enumerate(self.views):
+            shown[i] = self._with_scale(shown[i], view)
         return np.hstack(shown)
 
     def _hits(self) -> FloatArray:
@@ -94,7 +112,34 @@ class SceneRenderer:
     def _labelled(self, pixels: Picture, text: str) -> Picture:
         image: Any = Image.fromarray(pixels)
         edge = self.font.size // 2
-        ImageDraw.Draw(image).text((edge, edge), text, fill=(40, 40, 40), font=self.font)
+        ImageDraw.Draw(image).text((edge, edge), text, fill=INK, font=self.font)
+        return np.asarray(image)
+
+    def _with_scale(self, pixels: Picture, view: str) -> Picture:
+        """A bar of a round length where all distances have one scale; the floor's squares else."""
+        image: Any = Image.fromarray(pixels)
+        draw, edge = ImageDraw.Draw(image), self.font.size // 2
+        bottom = pixels.shape[0] - edge
+        if view == "top":
+            length = bar_length(pixels.shape[1] / self.pixels_per_metre)
+            end = 2 * edge + length * self.pixels_per_metre
+            text, left = f"{length:g} m", end + edge
+            line = edge // 2
+            level = bottom - edge
+            draw.rectangle((2 * edge, level - line // 2, end, level + line // 2), fill=INK)
+        else:
+            text, left = f"squares: {FLOOR_SQUARE:g} m", 2 * edge
+        anchor = (left, bottom - edge)
+        stroke = max(1, self.font.size // 10)
+        draw.text(
+            anchor,
+            text,
+            fill=INK,
+            font=self.font,
+            anchor="lm",
+            stroke_width=stroke,
+            stroke_fill=PAPER,
+        )
         return np.asarray(image)
 
     def close(self) -> None:

@@ -24,6 +24,9 @@ TRAIL_PIXELS = 4.0
 TRAIL_HEIGHT = 0.004
 HIT_SIZE = 0.012
 GLOW = 0.4
+FLOOR_SQUARE = 1.0  # side of a square of the floor, m
+LIGHT_HEIGHT = 3.0
+SHADOW_MARGIN = 1.3  # the shadows of what is at the edge fall beyond it
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,21 @@ def extent_of(world: World, path: FloatArray) -> Extent:
     low, high = world.extent(path)
     x, y = 0.5 * (low + high)
     return Extent(float(x), float(y), float(0.5 * np.max(high - low)) + MARGIN)
+
+
+def bar_length(width: float) -> float:
+    """The largest of 1, 2, 5 and their multiples by ten, in m, within a quarter of a width."""
+    quarter = 0.25 * width
+    power = 10.0 ** math.floor(math.log10(quarter))
+    return max(factor * power for factor in (1.0, 2.0, 5.0) if factor * power <= quarter)
+
+
+def light_scene(model: Any, extent: Extent) -> None:
+    """Put the light over the scene, and its shadow map on the scene alone: sharper shadows."""
+    along, across, down = model.light_dir[0]
+    shift = LIGHT_HEIGHT / down  # the axis of the light meets the floor in the middle
+    model.light_pos[0] = extent.x + shift * along, extent.y + shift * across, LIGHT_HEIGHT
+    model.vis.map.shadowclip = SHADOW_MARGIN * math.sqrt(2.0) * extent.reach / model.stat.extent
 
 
 def place_camera(camera: Any, view: str, extent: Extent) -> float:

@@ -1,4 +1,5 @@
-"""The process that draws: reads a render request from stdin, writes the files' names to stdout.
+"""The process that draws: reads a render request from stdin, writes notes and the files' names
+to stdout, one JSON object a line.
 
 It is a process of its own since MUJOCO_GL must be set before mujoco is imported, and since OpenGL
 libraries may crash it. If none works, it writes what is missing instead.
@@ -8,6 +9,8 @@ from __future__ import annotations
 
 import json
 import sys
+import time
+from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -17,14 +20,14 @@ import numpy as np
 from runtime.files import own_file, write_whole
 from runtime.rendering.motion import recorded_motion
 from runtime.rendering.process import RenderRequest
-from runtime.terminal import Progress
+from runtime.terminal import Progress, duration
 
 PICTURE = "render.png"
 FILM = "render.mp4"
 
 
-def make(request: RenderRequest) -> list[Path]:
-    """Draw the picture and the film; returns the files."""
+def make(request: RenderRequest, say: Callable[[str], None]) -> list[Path]:
+    """Draw the picture and the film; returns the files. ``say`` takes what to tell meanwhile."""
     from runtime.rendering.scene import SceneRenderer
 
     motion = recorded_motion(request.run, request.block)
@@ -33,12 +36,16 @@ def make(request: RenderRequest) -> list[Path]:
     renderer = SceneRenderer(motion, request.views, request.height)
     files = [folder / PICTURE]
     last = float(motion.t[-1])
+    progress = Progress("picture")
+    progress(0, 1)
     _save(renderer.picture(renderer.row_at(last if request.at is None else request.at)), files[0])
+    progress.close()
     renderer.close()
     if request.film:
         files.append(folder / FILM)
-        renderer = SceneRenderer(motion, request.views, request.film_height, shadows=1024)
-        _film(renderer, request, min(last, last if request.end is None else request.end), files[1])
+        renderer = SceneRenderer(motion, request.views, request.film_height, 2048, request.speed)
+        end = min(last, last if request.end is None else request.end)
+        _film(renderer, request, end, files[1], say)
         renderer.close()
     return files
 
@@ -51,12 +58,19 @@ def _save(pixels: Any, path: Path) -> None:
     write_whole(path, content.getvalue())
 
 
-def _film(renderer: Any, request: RenderRequest, end: float, path: Path) -> None:
+def _film(
+    renderer: Any, request: RenderRequest, end: float, path: Path, say: Callable[[str], None]
+) -> None:
     """Write an H.264 film in a mp4 file."""
     import imageio_ffmpeg
 
     rows = [renderer.row_at(t) for t in np.arange(request.begin, end, request.speed / request.fps)]
+    renderer.picture(rows[0])  # the first one takes longer
+    began = time.monotonic()
     first = renderer.picture(rows[0])
+    takes = duration((time.monotonic() - began) * len(rows))
+    shown = f"{end - request.begin:g} s of the run at {request.speed:g} x real time"
+    say(f"film: {len(rows)} pictures, {shown}; drawing takes about {takes}")
     height, width, _ = first.shape
     partial = own_file(path.with_name(f".{path.name}"))
     # All players support yuv420p; it needs even sizes.
@@ -96,7 +110,11 @@ def main() -> None:
     except Exception as error:  # noqa: BLE001 -- a missing library raises various exceptions
         json.dump({"missing": f"{type(error).__name__}: {error}".splitlines()[0]}, answer)
         return
-    json.dump({"files": [str(path) for path in make(request)]}, answer)
+
+    def say(text: str) -> None:
+        print(json.dumps({"note": text}), file=answer, flush=True)
+
+    json.dump({"files": [str(path) for path in make(request, say)]}, answer)
 
 
 if __name__ == "__main__":

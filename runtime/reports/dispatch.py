@@ -1,4 +1,4 @@
-"""Reports on a folder according to its content: a run, a sweep or an ablation."""
+"""Reports on a folder according to its content: a run, a sweep, an ablation or a tuning."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ _PLAN = {"kind": str, "experiment": str, "points": int, "metrics": [str]}
 
 @dataclass(frozen=True)
 class Report:
-    """A page, the kind of its subject ("run", "sweep", "ablation"), and the subject's folder."""
+    """A page, the kind of its subject ("run", "sweep", "ablation",
+    "tuning"), and the subject's folder."""
 
     kind: str
     folder: Path
@@ -23,7 +24,7 @@ class Report:
 
 
 def report(path: str | Path) -> Report:
-    """Report on a run, a sweep or an ablation.
+    """Report on a run, a sweep, an ablation or a tuning.
 
     Parameters
     ----------
@@ -52,7 +53,12 @@ def report(path: str | Path) -> Report:
         from runtime.reports.sweep_report import sweep_report
 
         return Report("sweep", folder, sweep_report(folder))
-    raise UsageError(f"'{folder / PLAN}': expected the kind sweep or ablation, got {kind!r}")
+    if kind == "tuning":
+        from runtime.reports.tuning_report import tuning_report
+
+        return Report("tuning", folder, tuning_report(folder))
+    message = f"expected the kind sweep, ablation or tuning, got {kind!r}"
+    raise UsageError(f"'{folder / PLAN}': {message}")
 
 
 def _run(folder: Path) -> Report:
@@ -61,7 +67,7 @@ def _run(folder: Path) -> Report:
     inside = sorted(plan.parent for plan in folder.glob(f"*/{PLAN}"))
     if inside and not (folder / MANIFEST).is_file():
         found = folder / "latest" if folder / "latest" in inside else inside[-1]
-        message = "is not the folder of a run, sweep or ablation"
+        message = "is not the folder of a run, sweep, ablation or tuning"
         raise UsageError(f"'{folder}' {message}; did you mean '{found}'?")
     found = run_folder(folder)
     return Report("run", found, run_report(found))

@@ -30,14 +30,14 @@ from runtime.runs.folder import (
     WRITTEN,
     begin,
     contents,
-    portable_modules,
+    portable,
 )
 from runtime.runs.result import Result
 from runtime.terminal import readable_bytes
 
 PACKAGES = (
     *("spikeblocks", "numpy", "scipy", "networkx", "pyyaml", "matplotlib"),
-    *("numba", "mujoco-core"),
+    "mujoco-core",
 )
 
 
@@ -121,13 +121,13 @@ def chosen_runner(network: Network, note: Callable[[str], None] = silent) -> Mak
 
     Raises
     ------
-    MissingExtraError : the compiled engine is requested but not installed.
+    MissingCompilerError : the compiled engine is requested, and there is no C compiler.
     """
     if not take_compiled(network, 1, note):
         return None
-    from runtime.engine.compiled import CompiledRunner
+    from runtime.engine.compiled import CheckedRunner, CompiledRunner
 
-    return CompiledRunner
+    return CheckedRunner if network.engine == "checked" else CompiledRunner
 
 
 def _recorded(probe: Probe, values: FloatArray, times: FloatArray) -> Recording:
@@ -185,8 +185,8 @@ def _result(
 
 def _origin(graph: PreparedRun, engine: str) -> tuple[dict[str, str], dict[str, bytes]]:
     """The graph as written and as run, and the files of its own blocks."""
-    resolved, files = portable_modules(_resolved(graph, engine))
     read = graph.read
+    resolved, files = portable(_resolved(graph, engine), read)
     source = None if graph.source is None else read.get(str(graph.source.resolve()))
     text = dump_yaml(resolved) if source is None else source.decode("utf-8-sig")
     texts = {WRITTEN: text, RESOLVED: dump_yaml(resolved)}
@@ -239,8 +239,17 @@ def _manifest(
         "removed": dict(network.removed),
         "order": _order(graph.program),
         "notes": notes,
-        "versions": dict(versions()),
+        "versions": {**versions(), **_compiler(outcome.engine)},
     }
+
+
+def _compiler(engine: str) -> dict[str, str]:
+    """The C compiler of a run that was compiled."""
+    if engine == "python":
+        return {}
+    from runtime.toolchain import find_compiler
+
+    return {"C compiler": find_compiler().identity}
 
 
 def _order(program: Program) -> list[str]:

@@ -11,7 +11,7 @@ from runtime.toolchain.compilers import (
     install_command,
 )
 from runtime.toolchain.library import BuildError, Library, Unit, build
-from runtime.toolchain.store import VARIABLE, folder
+from runtime.toolchain.store import VARIABLE, digest, folder, read_record, write_record
 
 __all__ = [
     "VARIABLE",
@@ -22,7 +22,10 @@ __all__ = [
     "Unit",
     "available",
     "build",
+    "digest",
     "find_compiler",
     "folder",
     "install_command",
+    "read_record",
+    "write_record",
 ]

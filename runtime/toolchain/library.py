@@ -15,11 +15,20 @@ from runtime.files import slug, system_errors
 from runtime.toolchain import store
 from runtime.toolchain.compilers import Compiler, environment, find_compiler
 
-# No flag changes the result of an operation: neither fused multiply-add nor fast-math. The last two
-# say that nobody reads errno or floating-point exceptions, which lets sqrt be one instruction.
+# Functions of math.h whose results are rounded in one way by the C library and in another by a
+# compiler that computes them itself, as it does for arguments that it knows.
+INEXACT = (
+    *("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh"),
+    *("acosh", "atanh", "exp", "exp2", "expm1", "log", "log2", "log10", "log1p", "cbrt", "hypot"),
+    *("pow", "erf", "erfc", "tgamma", "lgamma"),
+)
+# No flag changes the result of an operation: neither fused multiply-add nor fast-math.
+# -fno-math-errno and -fno-trapping-math say that nobody reads errno or floating-point exceptions,
+# which lets sqrt be one instruction.
 FLAGS = (
     *("-std=c99", "-O2", "-fPIC", "-ffp-contract=off"),
     *("-fno-math-errno", "-fno-trapping-math"),
+    *(f"-fno-builtin-{name}" for name in INEXACT),
 )
 CHECKED = "SPIKEBLOCKS_CHECKED"  # defined in a build that checks indices
 LINK = ("-shared", "-fPIC")

@@ -19,6 +19,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
+from typing import Any
 from weakref import finalize
 
 from runtime.files import remove_tree, write_whole
@@ -133,6 +134,18 @@ def write(name: str, content: bytes) -> Path:
             remove_tree(file)
         write_whole(file, data)
     return path
+
+
+def read_record(name: str) -> Any:
+    """Plain data of an entry; None if it is missing or is not what was stored."""
+    content = read(name)
+    return None if content is None else json.loads(content)
+
+
+def write_record(name: str, record: Any) -> None:
+    """Store plain data; a folder that cannot be written is no error, the data is made again."""
+    with suppress(OSError):
+        write(name, json.dumps(record).encode())
 
 
 @contextmanager

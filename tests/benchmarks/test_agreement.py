@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+pytest.importorskip("numba", reason="loops written by hand need numba (extra 'bench')")
+
 import benchmarks.__main__ as command
 from benchmarks import by_hand, case_a, contests, peers, tracking
 from benchmarks.agreement import TOLERANCE, DisagreementError, Run, largest_difference

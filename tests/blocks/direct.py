@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from blocks import Block, BlockContext, BlockState, SignalType
 
+PUSH = Path(__file__).parents[2] / "graphs" / "gallery" / "recorded_push.csv"
 # What the types of the library cannot be made without, or cannot run without at 1 ms; a new type
 # with such a parameter belongs here, and is then tested and checked with the others.
 REQUIRED: dict[str, dict[str, Any]] = {
@@ -29,6 +31,7 @@ REQUIRED: dict[str, dict[str, Any]] = {
     "Delay": {"delay": 0.03},
     "DiscreteStateSpace": {"A": [[0.9, 0.1], [0, 0.8]], "B": [0, 1], "C": [1, 0]},
     "DiscreteTransferFunction": {"numerator": [1], "denominator": [2, -1]},
+    "FromFile": {"file": str(PUSH), "outside": "hold"},
     "Function": {"expression": "sin(u[0]) + t"},
     "LookupTable": {"x": [-1, 0, 1], "y": [1, 0, 1]},
     "LookupTable2D": {"x": [-1, 1], "y": [-1, 1], "values": [[1, 2], [3, 4]]},

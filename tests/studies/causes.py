@@ -11,10 +11,12 @@ from functools import cache
 import numpy as np
 
 import runtime
+from tests.studies import variations
 from tests.studies.claims import spread
 from tests.studies.following import ENGINE, SHIPPED
 
 MM = 1e3
+VARIED = range(100, 120)
 CASES = {
     "A": "line_actuator_failure",
     "B": "sine_estimation_error",
@@ -160,6 +162,7 @@ def section(seeds: tuple[int, ...]) -> str:
         (
             head,
             measured,
+            variations.section(VARIED) if seeds else "",
             f"{START}\n",
             "How many values were tried for those that were chosen by hand was not recorded, "
             "except where the table gives it.\n",

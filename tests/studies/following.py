@@ -7,7 +7,6 @@ from collections.abc import Callable, Hashable, Iterable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import cache
-from importlib.util import find_spec
 from multiprocessing import get_context
 from typing import TypeVar
 
@@ -16,9 +15,10 @@ import numpy as np
 import runtime
 from runtime.document.loader import SHIPPED
 from runtime.observation.wall_metrics import first_loop
+from runtime.toolchain import available
 
 WORKERS = 2
-ENGINE = "compiled" if find_spec("numba") else "python"
+ENGINE = "compiled" if available() else "python"
 J = TypeVar("J", bound=Hashable)
 R = TypeVar("R")
 CONDITIONS = {

@@ -18,7 +18,7 @@ from runtime.terminal import show
 NAMES = (
     *("new", "run", "validate", "draw", "explain", "linearize", "blocks", "graphs"),
     *("ablate", "sweep", "tune", "compare", "report", "render"),
-    *("clean", "completion", "lsp", "schema"),
+    *("export", "clean", "completion", "lsp", "schema"),
 )
 
 

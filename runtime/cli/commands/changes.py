@@ -57,7 +57,10 @@ def add_changes(parser: ArgumentParser, seed: bool = True, variants: bool = Fals
         action="store_true",
         help="do not import Python files named by the graph; a block that needs one is an error",
     )
-    change.add_argument("--engine", help="python, compiled, or auto: compiled when it pays off")
+    change.add_argument(
+        "--engine",
+        help="python, compiled, checked (compiled, indices checked), or auto: compiled if faster",
+    )
 
 
 def is_changed(options: Namespace) -> bool:

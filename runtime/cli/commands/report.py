@@ -1,4 +1,4 @@
-"""``runtime report``: write one HTML file about a run, a sweep or an ablation."""
+"""``runtime report``: write one HTML file about a run, a sweep, an ablation or a tuning."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from runtime.cli.commands import add_json
 from runtime.terminal import show, show_json
 
-HELP = "write one self-contained HTML file about a run, a sweep or an ablation"
+HELP = "write one self-contained HTML file about a run, a sweep, an ablation or a tuning"
 
 
 def add(parser: ArgumentParser) -> None:
@@ -17,7 +17,7 @@ def add(parser: ArgumentParser) -> None:
     parser.add_argument(
         "path",
         metavar="FOLDER",
-        help="folder of a run, a sweep or an ablation, as in runs/<graph>/latest",
+        help="folder of a run, a sweep, an ablation or a tuning, as in runs/<graph>/latest",
     )
     parser.add_argument(
         "-o", "--out", metavar="FILE", help="file to write (report.html in FOLDER); - is stdout"

@@ -166,7 +166,7 @@ def _check_options(graph: Graph, options: Namespace) -> None:
         from runtime.plots import animated
 
         animated(graph.observation.plots, graph.network.world)
-    if options.profile and graph.network.engine == "compiled":
+    if options.profile and graph.network.engine in ("compiled", "checked"):
         raise UsageError("--profile measures each block, which needs --engine python")
 
 

@@ -1,9 +1,11 @@
-"""The compiled engine: the plan's function and the blocks that it calls, compiled with numba.
+"""The compiled engine: the plan and the blocks that it calls as C, compiled and loaded.
 
-``translate`` writes a block's methods as plain functions, ``emit`` the plan that calls them,
-``cache`` keeps both on disk, and ``runner`` runs them for the engine.
+``translate`` writes the methods of blocks as functions, ``kernels`` these as C units, ``emit`` the
+plan that calls them, ``memory`` what both languages share, and ``runner`` runs it for the engine.
 """
 
-from runtime.engine.compiled.runner import CompiledRunner
+from runtime.engine.compiled.entries import fixed_sizes
+from runtime.engine.compiled.kernels import Kernel, make_kernels
+from runtime.engine.compiled.runner import CheckedRunner, CompiledRunner
 
-__all__ = ["CompiledRunner"]
+__all__ = ["CheckedRunner", "CompiledRunner", "Kernel", "fixed_sizes", "make_kernels"]

@@ -1,147 +1,93 @@
-"""The compiled plan: a straight-line function over compiled blocks, cut where others are called.
+"""The plan in C: one call per block, cut where blocks are called from Python.
 
 The items of a tick (outputs, probes, updates, events) keep the plan's order. Blocks that do not
-compile cut it into parts: ``run(first, last, low, high, ...)`` runs the parts from ``low`` up to
-``high``, and a Python loop calls the blocks between them. If all blocks compile, or on ticks on
-which none of the others is called, one call runs several ticks.
+compile cut it into parts: ``run(plan, ctx, first, last, low, high)`` runs the parts from ``low`` up
+to ``high``, and a Python loop calls the blocks between them. If all blocks compile, or on ticks on
+which none of the others is called, one call runs several ticks. All outputs are in one struct,
+whose layout :class:`.structs.PlanText` states.
 """
 
 from __future__ import annotations
 
-import re
-from dataclasses import dataclass, field
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 
 from blocks.core import Evaluation, SignalType
-from runtime.engine.compiled.kernels import Kernel
-from runtime.engine.compiled.stages import assigned, source_of
+from runtime.engine.compiled.driver import Driver, Item
+from runtime.engine.compiled.kernels import PROJECT
+from runtime.engine.compiled.plan_text import RUN, count, literal, sizes
+from runtime.engine.compiled.stages import (
+    after_stage,
+    around_search,
+    before_stage,
+    condition,
+    rates,
+    solver_unit,
+)
+from runtime.engine.compiled.structs import PlanText, StructEmitter
 from runtime.engine.continuous import Continuous
-from runtime.engine.schedule import INDENT, Emitter, Plan, RecordSlot
-from runtime.engine.solvers import METHODS, first_bad, judged, keep, moved, narrowed, substep
+from runtime.engine.schedule import RecordSlot
+from runtime.engine.solvers import METHODS
 from runtime.engine.steps import Step
-from runtime.network import Endpoint
+from runtime.network import Endpoint, resets
 from runtime.observation import StopTest
 
-Call = tuple[str, Evaluation]
-# What ``at[2]`` says: an output or a rate of change is not finite, or the tolerance is not met.
-BAD_OUTPUT, BAD_SLOPE, UNREACHED = 1, 2, 3
-_ITEM = re.compile(r"\.item\(([0-9]+)\)")
-HEADER = """from math import isfinite
-
-from numba import njit
-from numpy import array, ascontiguousarray, full
-
-from runtime.engine.compiled.primitives import all_finite, no_nan, overlap, seen
-"""
+# What ``run`` returns: an output is not finite, a block failed, a rate of change is not finite, or
+# the tolerance of the solver is not met, or the run's condition to stop holds.
+FINISHED, NOT_FINITE, FAILED, BAD_SLOPE, UNREACHED, STOPPED = range(6)
+SOLVER = ("states", "start", "slopes", "table", "errors", "control")
 
 
-@dataclass
-class Item:
-    """One item of a tick: an evaluation, a row of a recording, or the continuous part."""
+class CompiledEmitter(StructEmitter):
+    """Writes the plan of a graph in C."""
 
-    every: int
-    block: str = ""
-    step: Step | None = None
-    update: Evaluation | None = None
-    recording: RecordSlot | None = None
-    continuous: Continuous | None = None
-    stop: StopTest | None = None
-    reset: str = ""
-
-
-@dataclass
-class CompiledText:
-    """The text of a plan, and how to call it.
-
-    ``arguments`` are the names of the arguments of ``run`` after ``held``: a block's fields (see
-    :func:`fields_name`), a constant's variable, ``block_s.state`` for a recorded state, a probe's
-    array. ``calls`` lists the evaluations by their number in ``at``. ``driver`` is the Python loop
-    around it, empty if nothing is called between its ``parts``.
-    """
-
-    text: str
-    arguments: list[str]
-    calls: list[Call]
-    held: list[str]
-    driver: str = ""
-    parts: int = 1
-    lines: dict[int, str] = field(default_factory=dict)
-
-
-class CompiledEmitter(Emitter):
-    """Writes the plan of a graph for numba.
-
-    Parameters
-    ----------
-    kernels : the blocks that are compiled, by name; the others are called from Python.
-    """
-
-    def __init__(
-        self,
-        plan: Plan,
-        recordings: list[RecordSlot],
-        kernels: dict[str, Kernel],
-        stop: StopTest | None = None,
-    ) -> None:
-        super().__init__(plan, recordings, stop)
-        self.kernels = kernels
-        self.taken: dict[str, None] = {}
-        self.calls: list[Call] = []
-        self.constants = {
-            self.variable(step.block, port)
-            for step in plan.steps
-            if step.constant
-            for port in step.evaluation.outputs
-        }
-
-    def compiled(self) -> CompiledText:
+    def compiled(self) -> PlanText:
         """The whole text."""
+        self.made, self.declared = PlanText(), []
         self.text, self.lines, self.rate = [], {}, 0
-        self.taken, self.calls = {}, []
         parts = self.parts()
         cut = len(parts) > 1
-        self.depth = 3 if cut else 2
-        held = self.crossing() if cut else self.held()
-        self.dt, self.leave = "dt", f"return ({', '.join(held)},)" if held else "return ()"
+        self.made.parts = len(parts)
         for number, part in enumerate(parts):
+            self.depth = 2
             if cut:
-                self.line(2, f"if low <= {number} < high:")
-                self.line(3, "pass")
+                self.line(2, f"if (low <= {number} && {number} < high) {{")
+                self.depth = 3
             self.rate = 0
             for item in part:
                 self.item(item)
+            self.at(0)
+            if cut:
+                self.line(2, "}")
         body, self.text = self.text, []
-        arguments = list(self.taken)
-        names = [name.replace(".", "__") for name in arguments]
-        packed = f"({', '.join(held)},)" if held else "()"
-        head = ", ".join(["first", "last", "low", "high", "dt", "at", "report", "held", *names])
-        whole = "\n".join(body)
-        imports = [
-            f"from {kernel.module} import {function} as {self.kernel(name, method)}"
-            for name, kernel in sorted(self.kernels.items())
-            for method, function in kernel.methods.items()
-            if f"{self.kernel(name, method)}(" in whole
-        ]
-        lines = [
-            *(HEADER, *imports, "", ""),
-            *([self.helpers()] if self.plan.continuous is not None else []),
-            '@njit(cache=True, error_model="python")',
-            f"def run({head}):",
-            *([f"{INDENT}{packed} = held"] if held else []),
-            f"{INDENT}for k in range(first, last):",
-            f"{INDENT * 2}at[1] = k",
-            f"{INDENT * 2}t = k * dt",
-            *body,
-            f"{INDENT}{self.leave}",
-        ]
-        text = "\n".join(lines) + "\n"
-        made = CompiledText(text, arguments, self.calls, held, parts=len(parts))
         if cut:
-            self.drive(made, held)
-        return made
+            items = [item for item in self.items() if self.is_python(item)]
+            driver = Driver(self, items)
+            self.made.driver, self.made.lines = driver.written(), driver.lines
+        used = {e for kernel in self.kernels.values() for e in kernel.prototypes} | self.own
+        self.made.text = "\n".join(
+            [
+                "struct plan {",
+                *self.declared,
+                *([] if self.declared else ["    int64_t none;"]),
+                "};",
+                "",
+                *sorted(f"{prototype};" for prototype in used),
+                RUN.replace("@dt@", repr(self.network.dt)),
+                "        const double t = (double)k * dt;",
+                "        (void)t;",
+                "        ctx->tick = k;",
+                *body,
+                "    }",
+                f"    return {FINISHED};",
+                "}",
+                "",
+            ]
+        )
+        return self.made
 
-    def kernel(self, block: str, method: str) -> str:
-        """The name of a block's function in the text."""
-        return f"kernel__{self.plan.names[block]}__{method}"
+    # The tick
 
     def items(self) -> list[Item]:
         """All items of a tick, in order."""
@@ -159,7 +105,9 @@ class CompiledEmitter(Emitter):
     def is_python(self, item: Item) -> bool:
         """Whether the item calls a block that is not compiled."""
         if item.continuous is not None:
-            return not self.kernels.keys() >= item.continuous.blocks
+            part = item.continuous
+            searched = {step.block for step in self.watched(part)}
+            return not self.kernels.keys() >= part.blocks | searched
         return bool(item.block) and item.block not in self.kernels
 
     def parts(self) -> list[list[Item]]:
@@ -172,258 +120,200 @@ class CompiledEmitter(Emitter):
                 parts[-1].append(item)
         return parts
 
-    def crossing(self) -> list[str]:
-        """The variables of a plan that is cut: all outputs go in and out."""
-        steps = [s for s in self.plan.steps if not s.constant]
-        return [self.variable(s.block, port) for s in steps for port in s.evaluation.outputs]
-
-    def helpers(self) -> str:
-        """The functions that the continuous part calls."""
-        adaptive = METHODS[self.network.solver.name].errors
-        functions = (keep, first_bad, moved, *((substep, judged) if adaptive else ()))
-        part = self.plan.continuous
-        functions += (narrowed,) if part is not None and self.is_searched(part) else ()
-        return "\n".join(source_of(each) for each in functions)
+    def at(self, every: int) -> None:
+        """Set the rate: the code that follows runs on every ``every``-th tick."""
+        if every == self.rate:
+            return
+        if self.rate > 1:
+            self.line(self.depth, "}")
+        if every > 1:
+            self.line(self.depth, f"if (k % {every} == 0) {{")
+        self.rate = every
 
     def item(self, item: Item) -> None:
         self.at(item.every)
         if item.recording is not None:
-            self.recorded(item.recording)
+            self.row(item.recording)
             return
         if item.stop is not None:
-            self.take("stop")
             self.stop_at_tick(item.stop)
             return
         if item.continuous is not None:
-            if self.is_searched(item.continuous):
-                self.take("stop"), self.take("origin")
-            self.search(item.continuous, self.stages)
+            self.continue_states(item.continuous)
             return
         if item.reset:
             self.reset(item.reset)
         elif item.update is not None:
             self.update(item.block, item.update)
         elif item.step is not None:
-            with self.enabled(item.step.enables):
-                self.compiled_step(item, item.step.evaluation)
-            self.zeroed(item.step)
+            self.step(item.step)
 
-    def compiled_step(self, item: Item, evaluation: Evaluation) -> None:
-        """Call an evaluation, and check its outputs."""
-        call = self.called(item.block, evaluation)
-        targets = [self.variable(item.block, port) for port in evaluation.outputs]
-        self.code(f"{', '.join(targets)} = {call}")
-        kinds = [self.network.types[item.block, port] for port in evaluation.outputs]
-        kernel = self.kernels[item.block]
-        for text in kernel.casts.get(evaluation.method, ()):
-            self.code(text.format(*targets))
-        for target, kind in zip(targets, kinds, strict=True):
-            fields = self.take(fields_name(self.plan, item.block))
-            shared = [f"overlap({target}, {fields}{at})" for at in kernel.made.arrays]
-            if kind.form == "array" and shared:
-                self.code(f"if {' or '.join(shared)}:")
-                self.code(f"{INDENT}{target} = {target}.copy()")
-        self.test(dict(zip(targets, kinds, strict=True)))
+    def step(self, step: Step, checked: bool = False) -> None:
+        """Call an evaluation, and check its outputs; those of a part that is reset are zero."""
+        outputs = [self.signal(step.block, port) for port in step.evaluation.outputs]
+        places = [text for name, kind in outputs for text in self.place(name, kind)]
+        with self.enabled(step.enables):
+            self.called(step.block, step.evaluation, places)
+            self.code(f"if (!({' && '.join(self.tests(outputs))})) return {NOT_FINITE};")
+        resetting = [name for name in step.enables if resets(self.network, name)]
+        if resetting:
+            self.code(f"if (!({self.all_on(resetting)})) {{")
+            for name, kind in outputs:
+                self.code(f"    set_zero({self.place(name, kind)[0]}, {count(kind)});")
+            self.code("}")
 
-    def called(self, block: str, evaluation: Evaluation) -> str:
-        """A call of a block's function; writes its number into ``at``."""
-        self.code(f"at[0] = {len(self.calls)}")
-        self.calls.append((block, evaluation))
-        fields = self.take(fields_name(self.plan, block))
-        arguments = [fields, "t", *self.arguments(block, evaluation)]
-        return f"{self.kernel(block, evaluation.method)}({', '.join(arguments)})"
+    def updated(self, name: str, update: Evaluation) -> None:
+        self.called(name, update, [])
 
-    def copied(self, target: str, source: str) -> None:
-        if self.dt == "dt":
-            self.code(f"keep({target}, {source})")
-        else:
-            super().copied(target, source)
+    @contextmanager
+    def enabled(self, enables: Sequence[str]) -> Iterator[None]:
+        if enables:
+            self.code(f"if ({self.all_on(enables)}) {{")
+        self.depth += bool(enables)
+        yield
+        self.depth -= bool(enables)
+        if enables:
+            self.code("}")
+
+    def all_on(self, enables: Sequence[str]) -> str:
+        return " && ".join(f"plan->{self.signal(name, 'on')[0]} != 0.0" for name in enables)
+
+    def update(self, name: str, update: Evaluation) -> None:
+        enables = self.plan.enables.get(name, ())
+        with self.enabled(enables):
+            self.updated(name, update)
+        states = self.network.entries[name].cls.spec.states
+        events = [state for state, declared in states.items() if declared.event]
+        if enables and events:
+            self.code(f"if (!({self.all_on(enables)})) {{")
+            for event in events:
+                place = self.address(Endpoint(name, event), is_state=True)
+                self.code(f"    set_zero({place}, {self.state_size(name, event)});")
+            self.code("}")
+
+    def reset(self, enable: str) -> None:
+        states = self.switched_states(enable)
+        if states:
+            self.code(f"if (!({self.all_on([enable])})) {{")
+            for name, state in states:
+                place = self.address(Endpoint(name, state), is_state=True)
+                member = f"initial_{self.plan.names[name]}_{state}"
+                initial = self.pointer(member, ("initial", name, state))
+                size = self.state_size(name, state)
+                self.code(f"    copy_numbers({place}, {initial}, {size});")
+            self.code("}")
+
+    def place(self, name: str, kind: SignalType) -> list[str]:
+        """The address of an output, and the sizes that no text tells."""
+        pointer = f"&plan->{name}" if kind.form == "scalar" else f"plan->{name}"
+        return [pointer, *sizes(kind)]
+
+    def called(self, block: str, evaluation: Evaluation, outputs: list[str]) -> None:
+        """Call a block's method; ``outputs`` are the places that it writes to."""
+        self.code(f"ctx->at = {len(self.made.calls)};")
+        self.made.calls.append((block, evaluation))
+        fields = self.pointer(f"fields_{self.plan.names[block]}", ("fields", block, ""))
+        time = [] if evaluation is PROJECT else ["t"]
+        arguments = ["ctx", fields, *time, *self.inputs(block, evaluation), *outputs]
+        self.code(f"{self.kernels[block].symbols[evaluation.method]}({', '.join(arguments)});")
+
+    def stop_at_tick(self, stop: StopTest) -> None:
+        place = self.pointer("stop", ("array", "stop", ""))
+        self.code("{")
+        self.code(f"    double *const stop = {place};")
+        self.code(f"    const double beyond = {self.distance(stop)};")
+        self.code(f"    if ({condition(stop.kind)}) {{")
+        self.code("        stop[2] = 1.0, stop[4] = (double)k, stop[5] = t;")
+        self.code(f"        return {STOPPED};")
+        self.code("    }")
+        self.code("    stop[3] = beyond;")
+        self.code("}")
+
+    def distance(self, stop: StopTest) -> str:
+        """The distance of the signal that may end the run from the level."""
+        place = self.address(stop.signal.end, stop.signal.is_state)
+        return f"({place})[0] - {literal(stop.level)}"
+
+    def continue_states(self, part: Continuous) -> None:
+        """Integrate to the next tick, or to the time in between at which the run stops."""
+        searched = self.is_searched(part)
+        method = METHODS[self.network.solver.name]
+        self.made.solver, prototypes = solver_unit(part, method, searched)
+        self.own |= set(prototypes)
+        self.member("report", 2)
+        if self.stop is None or not searched:
+            self.stages(part, "dt")
+            return
+        arrays = (self.solver("states"), self.solver("origin"))
+        place = self.pointer("stop", ("array", "stop", ""))
+        before, after = around_search(*arrays, place, STOPPED)
+        self.codes(before)
+        self.depth += 2
+        self.stages(part, "span")
+        self.code("const double t = (double)k * dt + span;")
+        for step in self.watched(part):
+            self.step(step)
+        self.code(f"beyond = {self.distance(self.stop)};")
+        met = condition(self.stop.kind)
+        self.code(f"solver_narrowed(ctx, NULL, stop, {met}, span, dt, &span);")
+        self.depth -= 2
+        self.codes(after)
+
+    def codes(self, lines: Iterable[str]) -> None:
+        for text in lines:
+            self.code(text)
+
+    def solver(self, array: str) -> str:
+        """One of the solver's arrays."""
+        return self.pointer(f"solver_{array}", ("array", array, ""))
 
     def stages(self, part: Continuous, span: str) -> None:
-        """Integrate the continuous states over a span from the tick, in compiled text."""
-        method = METHODS[self.network.solver.name]
-        states, start, slopes, table = map(self.take, ("states", "start", "slopes", "table"))
-        h, since = span, f"{table}[stage, {method.stages}] * {span}"
-        if method.errors:
-            h, since = "h", f"(done + {table}[stage, {method.stages}] * h)"
-            control, errors = map(self.take, ("control", "errors"))
-            self.code("done = 0.0")
-            self.code(f"while done < {span}:")
-            self.depth += 1
-            self.code(f"h = substep({control}, done, {span})")
-        self.copied(start, states)
-        self.code(f"for stage in range({method.stages}):  # {self.network.solver.name}")
-        self.depth += 1
-        self.code(f"t = k * dt + {since}")
+        """Integrate the continuous states over a span from the tick."""
+        name = self.network.solver.name
+        method = METHODS[name]
+        arrays = [self.solver(each) for each in SOLVER]
+        self.codes(before_stage(method, arrays, name, span))
+        inner = 2 + bool(method.errors)
+        self.depth += inner
         for step in part.steps:
-            self.again(step)
+            self.step(step)
         for block, derivative in part.derivatives:
             enables, slots = self.plan.enables.get(block, ()), part.slots_of(block)
             if enables:
-                self.code(f"{slopes}[stage, {slots[0].start}:{slots[-1].stop}] = 0.0")
+                first = f"{arrays[2]} + (stage * {part.size} + {slots[0].start})"
+                self.code(f"set_zero({first}, {slots[-1].stop - slots[0].start});")
             with self.enabled(enables):
-                self.code(f"rates = {self.called(block, derivative)}")
-                for text in assigned(slots):
-                    self.code(text)
-        self.code(f"if first_bad({slopes}, stage) >= 0:")
-        self.end(BAD_SLOPE, "stage", "t")
-        self.code(f"moved({states}, {start}, {slopes}, {table}, stage, {h})")
-        self.depth -= 1
-        if method.errors:
-            given = f"{states}, {start}, {slopes}, {errors}, {control}, done, h, {span}"
-            self.code(f"done = judged({given})")
-            self.code("if done < 0.0:")
-            self.end(UNREACHED, "done", "t")
+                self.called(block, derivative, rates(slots, arrays[2], part.size))
+        self.depth -= inner
+        self.codes(after_stage(method, arrays, (BAD_SLOPE, UNREACHED), span))
         for block in part.projected:
-            fields = self.take(fields_name(self.plan, block))
-            self.code(f"{self.kernel(block, 'project')}({fields})")
-        self.depth -= bool(method.errors)
+            self.called(block, PROJECT, [])
+        if method.errors:
+            self.code("}")
 
-    def end(self, why: int, *report: str) -> None:
-        """End the call, in a branch; ``report`` are values for the message."""
-        for i, value in enumerate(report):
-            self.code(f"{INDENT}report[{i}] = {value}")
-        self.code(f"{INDENT}at[2] = {why}")
-        self.code(INDENT + self.leave)
-
-    def test(self, signals: dict[str, SignalType]) -> None:
-        """Stop where a value is not finite; ``report`` then holds the outputs."""
-        entries: list[str] = []
-        tests: list[str] = []
+    def tests(self, outputs: list[tuple[str, SignalType]]) -> list[str]:
+        """Expressions that are true while outputs hold only valid numbers."""
         numbers: list[str] = []
-        for variable, kind in signals.items():
+        tests: list[str] = []
+        for name, kind in outputs:
             if kind.form == "array":
-                tests.append(f"{'all_finite' if kind.finite else 'no_nan'}({variable})")
-                entries.append(f'0.0 if {tests[-1]} else float("nan")')
-                continue
-            parts = (
-                [variable]
-                if kind.form == "scalar"
-                else [f"{variable}[{i}]" for i in range(len(kind.components))]
-            )
-            entries += parts
-            numbers += parts
-        if numbers:
-            tests.insert(0, f"isfinite({' + '.join(numbers)})")
-        self.code(f"if not ({' and '.join(tests)}):")
-        self.end(BAD_OUTPUT, *entries)
+                test = "all_finite" if kind.finite else "no_nan"
+                tests.append(f"{test}(plan->{name}, {math.prod(kind.shape)})")
+            elif kind.form == "scalar":
+                numbers.append(f"plan->{name}")
+            else:
+                numbers += [f"plan->{name}[{i}]" for i in range(len(kind.components))]
+        return [f"isfinite({' + '.join(numbers)})", *tests] if numbers else tests
 
-    def take(self, name: str) -> str:
-        """Add an argument of ``run``; returns its name in the text."""
-        self.taken[name] = None
-        return name.replace(".", "__")
+    # Recordings
 
-    def variable(self, block: str, port: str) -> str:
-        name = super().variable(block, port)
-        if name in getattr(self, "constants", ()):
-            self.taken[name] = None
-        return name
-
-    def value(self, end: Endpoint, target: SignalType | None = None) -> str:
-        text = _subscripts(super().value(end, target))
-        return f"seen({text})" if target is not None and target.form == "array" else text
-
-    def arguments(self, block: str, evaluation: Evaluation) -> list[str]:
-        inputs = self.network.entries[block].cls.spec.inputs
-        return [
-            text
-            if port in inputs or self.network.types[block, port].form != "array"
-            else f"seen({text})"
-            for port, text in zip(
-                evaluation.needs, super().arguments(block, evaluation), strict=True
-            )
-        ]
-
-    def state_value(self, end: Endpoint) -> str:
-        item = f"[{end.component}]" if end.component else ""
-        return self.take(f"{self.state(end.block)}.{end.port}") + item
-
-    def initial_state(self, block: str, state: str) -> str:
-        return self.take(super().initial_state(block, state))
-
-    def recorded(self, recording: RecordSlot) -> None:
-        end = recording.end
-        kind = self.network.types.get((end.block, end.port))
-        array = self.take(recording.array)
-        if recording.is_state or kind is None or kind.form != "record" or end.component:
-            super().recorded(recording)
-            return
-        row = recording.row
-        first = recording.columns.start if recording.columns is not None else 0
-        value = self.value(end)
-        for i in range(len(kind.components)):
-            self.code(f"{array}[{row}, {first + i}] = {value}[{i}]")
-
-    def drive(self, made: CompiledText, held: list[str]) -> None:
-        """Write the Python loop that calls blocks that are not compiled between the parts."""
-        self.text, self.lines, self.rate, self.depth = [], {}, 0, 2
-        self.dt, self.leave = repr(self.network.dt), f"return ({', '.join(held)},)"
-        items = [item for item in self.items() if self.is_python(item)]
-        rates = sorted({item.every for item in items})
-        packed = f"({', '.join(held)},)"
-        self.line(0, "def drive(first, last, held):")
-        self.line(1, "k = first")
-        self.line(1, f"{packed} = held")
-        halted = "" if self.stop is None else " and not stop[2]"
-        self.line(1, f"while k < last{halted}:")
-        following = ", ".join(f"-(-k // {every}) * {every}" for every in rates)
-        self.line(2, f"due = min(last, {following})")
-        self.line(2, "if k < due:")
-        self.line(3, f"{packed} = run(k, due, 0, {len(items) + 1}, {packed})")
-        self.line(3, "k = due")
-        self.line(3, "continue")
-        self.line(2, f"t = k * {self.network.dt!r}")
-        for number, item in enumerate(items):
-            self.rate = 0
-            self.line(2, f"{packed} = run(k, k + 1, {number}, {number + 1}, {packed})")
-            if self.stop is not None:
-                self.line(2, "if stop[2]:")
-                self.line(3, self.leave)
-            self.at(item.every)
-            if item.step is not None:
-                self.python_step(item.step)
-            elif item.update is not None:
-                self.update(item.block, item.update)
-            elif item.continuous is not None:
-                self.search(item.continuous, self.integrate)
-        self.line(2, f"{packed} = run(k, k + 1, {len(items)}, {len(items) + 1}, {packed})")
-        self.line(2, "k += 1")
-        self.line(1, f"return {packed}")
-        made.driver, made.lines = "\n".join(self.text) + "\n", self.lines
-
-    def updated(self, name: str, update: Evaluation) -> None:
-        if self.dt == "dt":
-            self.code(self.called(name, update))
-        else:
-            Emitter.call(self, name, update, "")
-
-    def again(self, step: Step) -> None:
-        if self.dt == "dt":
-            self.item(Item(1, step.block, step=step))
-        else:
-            self.python_step(step)
-
-    def python_step(self, step: Step) -> None:
-        self.step(step)
-        for port in step.evaluation.outputs:
-            target = self.variable(step.block, port)
-            self.code(f"{target} = {as_held(target, self.network.types[step.block, port])}")
-
-
-def fields_name(plan: Plan, block: str) -> str:
-    """The name in the text of a block's fields, the first argument of its functions."""
-    return f"fields__{plan.names[block]}"
-
-
-def as_held(variable: str, kind: SignalType) -> str:
-    """An expression that gives a value exactly the form that compiled text expects."""
-    if kind.form == "scalar":
-        return f"float({variable})"
-    if kind.form == "record":
-        return f"({', '.join(f'float({variable}[{i}])' for i in range(len(kind.components)))},)"
-    return f"own({variable})"
-
-
-def _subscripts(text: str) -> str:
-    """``x.item(3)`` as ``x[3]``, also inside ``array((x.item(3),))``."""
-    return _ITEM.sub(r"[\1]", text)
+    def row(self, recording: RecordSlot) -> None:
+        """Record one row."""
+        array = self.pointer(recording.array, ("array", recording.array, ""))
+        width = self.widths[recording.array]
+        columns = recording.columns or slice(0, width)
+        row = recording.row.replace("//", "/")
+        start = f"({row}) * {width}" if width != 1 else row
+        target = f"{array} + {start}" + (f" + {columns.start}" if columns.start else "")
+        source = self.address(recording.end, recording.is_state)
+        self.code(f"copy_numbers({target}, {source}, {columns.stop - columns.start});")

@@ -1,45 +1,56 @@
-"""Compiling blocks one by one, so that every failure names its block."""
+"""Blocks as C units, one by one, so that every failure names its block."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
-from types import ModuleType
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 from blocks.core import Block, BlockState, Evaluation, SignalType, has_kernels
 from blocks.registry import BUILTIN
-from runtime.engine.compiled import cache
-from runtime.engine.compiled.translate import NotCompilableError, Translated, translate
-from runtime.engine.continuous import UNROLLED, slots
+from runtime import codegen
+from runtime.codegen import FLOAT, Array, Entry, RefusedError, Tuple, Type, Writer
+from runtime.engine.compiled.entries import NotCompilableError, written
+from runtime.engine.compiled.translate import Translated, translate
+from runtime.engine.continuous import slots
 from runtime.network import Network
+from runtime.toolchain import Unit, digest, read_record, write_record
 
 PROJECT = Evaluation("project", (), timed=False)
-Signature = tuple[Any, ...]
+Failure = tuple[str, str, str, int]
+Shapes = Sequence[tuple[int, ...]]
 
 
 @dataclass(frozen=True)
 class Kernel:
-    """A compiled block: the module of its functions, their text, and the casts of their results.
+    """A compiled block: its C unit, and how to call it.
 
-    ``casts`` are statements with ``{0}``, ``{1}`` for the outputs, by method.
+    symbols, prototypes : the C name and declaration of each method.
+    failures : what can go wrong while it runs, by number: exception, message, file, line.
+    words : how many words its struct has.
     """
 
-    module: str
     made: Translated
-    casts: dict[str, list[str]] = field(default_factory=dict)
+    name: str
+    text: str
+    symbols: dict[str, str]
+    prototypes: list[str]
+    failures: list[Failure]
+    words: int
 
     @property
-    def methods(self) -> dict[str, str]:
-        """The name of each method's function in the module."""
-        return self.made.methods
+    def unit(self) -> Unit:
+        """The unit for the C compiler."""
+        return Unit(self.name, self.text)
 
     def fields(self, block: Block, state: BlockState) -> tuple[Any, ...]:
-        """The first argument of the functions in one run."""
+        """The values of the struct in one run."""
         return self.made.fields(block, state)
 
     def fits(self, block: Block, state: BlockState) -> bool:
-        """Whether the constants in the text have the same values in this run."""
+        """Whether the constants and shapes in the text are those of this run."""
         return self.made.fits(block, state)
 
 
@@ -54,36 +65,28 @@ class Kernels:
     refused: dict[str, str] = field(default_factory=dict)
     broken: set[str] = field(default_factory=set)
 
-    def refuse(self, name: str, cls: type[Block], error: Exception) -> None:
+    def refuse(self, name: str, cls: type[Block], reason: str) -> None:
         """Store why a block is not compiled."""
-        self.refused[name] = str(error)
+        self.compiled.pop(name, None)
+        self.refused[name] = reason
         if has_kernels(cls):
             self.broken.add(name)
 
 
-@dataclass(frozen=True)
-class _Candidate:
-    """A block to compile: its text, the types of its functions, the cache entry of the verdict."""
-
-    name: str
-    calls: list[Evaluation]
-    made: Translated
-    signatures: dict[str, Signature]
-    verdict: str
-
-
 def make_kernels(
-    network: Network, states: Mapping[str, BlockState], note: Callable[[str], None]
+    network: Network, states: Mapping[str, BlockState], checked: bool = False
 ) -> Kernels:
-    """Compile every block that is evaluated or updated in a tick.
+    """Write every block that is evaluated or updated in a tick.
 
     Parameters
     ----------
     states : after ``start``.
-    note : called with a message for the user when something is compiled.
+    checked : with a check of every index that may be outside of its array.
     """
     kernels = Kernels()
-    candidates = []
+    shapes: dict[str, list[tuple[int, ...]]] = {}
+    for slot in slots(network):
+        shapes.setdefault(slot.block, []).append(slot.shape)
     for name, entry in sorted(network.entries.items()):
         spec = entry.cls.spec
         calls = [e for e in entry.evaluations if not spec.is_constant(e)]
@@ -91,56 +94,106 @@ def make_kernels(
         calls += [PROJECT] if spec.projects else []
         if not calls:
             continue
+        terms = {
+            port: sum(w.block == name and w.port == port for w in network.driving)
+            for port, declared in spec.inputs.items()
+            if declared.variadic
+        }
+        kinds = {port: kind for (block, port), kind in network.types.items() if block == name}
         try:
-            candidates.append(_candidate(network, name, calls, states[name]))
+            kernels.compiled[name] = make_kernel(
+                entry.made, states[name], terms, kinds, calls, checked, shapes.get(name, [])
+            )
         except NotCompilableError as error:
-            kernels.refuse(name, entry.cls, error)
-    fresh = {
-        network.entries[c.name].cls.__name__
-        for c in candidates
-        if cache.read_record(c.verdict) is None
-    }
-    if fresh:
-        note(f"compiling {', '.join(sorted(fresh))} (once: kept in {cache.folder()})")
-    for candidate in candidates:
-        try:
-            kernels.compiled[candidate.name] = _kernel(network, candidate)
-        except NotCompilableError as error:
-            kernels.refuse(candidate.name, network.entries[candidate.name].cls, error)
+            kernels.refuse(name, entry.cls, str(error))
     return kernels
 
 
-def _candidate(
-    network: Network, name: str, calls: list[Evaluation], state: BlockState
-) -> _Candidate:
-    """A block's text and types, and the cache entry of the verdict on them."""
-    from numba import typeof
+def make_kernel(
+    made: Block,
+    state: BlockState,
+    terms: dict[str, int],
+    kinds: Mapping[str, SignalType],
+    calls: Sequence[Evaluation],
+    checked: bool = False,
+    rates: Shapes = (),
+) -> Kernel:
+    """Write one block as C; the same source with the same types is kept on disk.
 
-    entry = network.entries[name]
-    terms = {
-        port: sum(w.block == name and w.port == port for w in network.driving)
-        for port, declared in entry.cls.spec.inputs.items()
-        if declared.variadic
-    }
-    made = translate(entry.made, state, terms, safe=not is_built_in(entry.cls))
-    fields = typeof(made.fields(entry.made, state))
-    signatures = {call.method: (fields, *_arguments(network, name, call, terms)) for call in calls}
-    key = cache.digest(made.text, repr(signatures))
-    return _Candidate(name, calls, made, signatures, f"verdict_{key}")
+    Parameters
+    ----------
+    made, state : the block, and its state after ``start``.
+    terms : the number of wires of each variadic input.
+    kinds : the signal types of its ports.
+    calls : the methods that are called.
+    rates : the shapes of its continuous states, whose rates of change ``derivative`` returns.
+
+    Raises
+    ------
+    NotCompilableError : naming the reason.
+    """
+    cls = type(made)
+    source = translate(made, state, terms)
+    checked = checked or not is_built_in(cls)
+    title = f"{cls.__name__}: {(cls.__doc__ or '').strip()}"
+    entries = [_entry(source, call, kinds, terms, rates) for call in calls]
+    places = [(f.file, f.line) for f in source.source.functions.values()]
+    parts = (source.text, source.source.entries, entries, places, title, checked)
+    key = digest(salt(), *map(repr, parts))
+    record = read_record(f"block_{key}.json")
+    if record is None:
+        record = _written(source, entries, key, title, checked)
+        write_record(f"block_{key}.json", record)
+    if "refused" in record:
+        raise NotCompilableError(record["refused"])
+    failures = [(str(a), str(b), str(c), int(d)) for a, b, c, d in record["failures"]]
+    symbols = {c.method: _symbol(key, e) for c, e in zip(calls, entries, strict=True)}
+    prototypes, words = record["prototypes"], len(record["words"])
+    name = cls.__name__
+    return Kernel(source, name, record["text"], symbols, prototypes, failures, words)
 
 
-def _kernel(network: Network, candidate: _Candidate) -> Kernel:
-    """One block's kernel; numba's verdict on the same text and types is cached."""
-    module = cache.module("block", candidate.made.text)
-    verdict = cache.read_record(candidate.verdict)
-    if verdict is None:
-        verdict = _verdict(network, candidate, module)
-        cache.write_record(candidate.verdict, verdict)
-    if "refused" in verdict:
-        code = getattr(network.entries[candidate.name].cls, verdict["method"]).__code__
-        place = f"{code.co_filename}:{code.co_firstlineno}"
-        raise NotCompilableError(f"{verdict['method']} ({place}): {verdict['refused']}")
-    return Kernel(module.__name__, candidate.made, verdict["casts"])
+def _written(
+    source: Translated, entries: Sequence[Entry], key: str, title: str, checked: bool
+) -> dict[str, Any]:
+    named = [Entry(_symbol(key, e), e.function, e.arguments, e.results) for e in entries]
+    try:
+        return asdict(Writer(source.source, checked).unit(named, title))
+    except RefusedError as error:
+        return {"refused": str(error)}
+
+
+def _symbol(key: str, entry: Entry) -> str:
+    return f"block_{key[:16]}_{entry.symbol}"
+
+
+def _entry(
+    source: Translated,
+    call: Evaluation,
+    kinds: Mapping[str, SignalType],
+    terms: dict[str, int],
+    rates: Shapes,
+) -> Entry:
+    arguments: list[tuple[str, Type]] = [] if call == PROJECT else [("t", FLOAT)]
+    for port in call.needs:
+        kind = signal_type(kinds[port])
+        if port in terms:
+            arguments.append((f"{port}...", Tuple((kind,) * terms[port])))
+        else:
+            arguments.append((port, kind))
+    results: list[Type] = [signal_type(kinds[port]) for port in call.outputs]
+    if call.method == "derivative":
+        results = [Array("float", written(shape)) if shape else FLOAT for shape in rates]
+    return Entry(call.method, source.methods[call.method], arguments, results)
+
+
+def signal_type(kind: SignalType) -> Type:
+    """A signal's type in compiled text; arrays of others are read-only."""
+    if kind.form == "scalar":
+        return FLOAT
+    if kind.form == "record":
+        return Tuple((FLOAT,) * len(kind.components))
+    return Array("float", written(kind.shape), frozen=True)
 
 
 def is_built_in(cls: type[Block]) -> bool:
@@ -148,122 +201,13 @@ def is_built_in(cls: type[Block]) -> bool:
     return BUILTIN.get(cls.__name__) is cls
 
 
-def _verdict(network: Network, candidate: _Candidate, module: ModuleType) -> dict[str, Any]:
-    """Compile a block's functions; returns the casts of their results, or why it failed."""
-    from numba import types
-    from numba.core.errors import NumbaError
-
-    casts = {}
-    for call in candidate.calls:
-        function = getattr(module, candidate.made.methods[call.method])
-        fields, *inputs = candidate.signatures[call.method]
-        signature = (fields, *(() if call is PROJECT else (types.float64,)), *inputs)
-        try:
-            function.compile(signature)
-        except (NumbaError, NotImplementedError) as error:
-            return {"method": call.method, "refused": _reason(error)}
-        if call.outputs:
-            returned = function.overloads[signature].signature.return_type
-            kinds = [network.types[candidate.name, port] for port in call.outputs]
-            try:
-                casts[call.method] = list(_casts(kinds, returned))
-            except NotCompilableError as error:
-                return {"method": call.method, "refused": str(error)}
-        if call.method == "derivative":
-            returned = function.overloads[signature].signature.return_type
-            message = _misfit(network, candidate.name, returned)
-            if message:
-                return {"method": call.method, "refused": message}
-    return {"casts": casts}
+@cache
+def salt() -> str:
+    """What the C text depends on, apart from its source."""
+    return digest(*_texts())
 
 
-def _misfit(network: Network, name: str, returned: Any) -> str:
-    """Why the text of the plan cannot take apart what a derivative returns; '' if it can."""
-    from numba import types
-
-    shapes = [slot.shape for slot in slots(network) if slot.block == name]
-    parts = [returned] if len(shapes) == 1 else list(getattr(returned, "types", ()))
-    number = (types.Integer, types.Boolean, types.Float)
-    for shape, part in zip(shapes, parts, strict=False):
-        if len(shape) == 1 and isinstance(part, types.BaseTuple):
-            good = all(isinstance(each, number) for each in part)
-            good = good and (len(shape) <= UNROLLED or isinstance(part, types.UniTuple))
-        elif shape:
-            good = isinstance(part, types.Array) and part.ndim == len(shape)
-        else:
-            good = isinstance(part, number)
-        if not good:
-            return f"returns {part} as the rate of change of a state of shape {shape}"
-    return "" if len(parts) == len(shapes) else f"returns {returned} for {len(shapes)} states"
-
-
-def _reason(error: Exception) -> str:
-    """numba's message in at most ten lines, without the frames of its passes."""
-    lines = [line.rstrip() for line in str(error).split("\n")]
-    skipped = ("During:", "Failed in", "There are", " - Of which", "Overload", "Typing", "raised")
-    kept = [line for line in lines if line.strip() and not line.strip().startswith(skipped)]
-    return "\n    ".join(kept[:10])
-
-
-def numba_type(kind: SignalType) -> Any:
-    """A signal's type in compiled text."""
-    from numba import types
-
-    if kind.form == "scalar":
-        return types.float64
-    if kind.form == "record":
-        return types.UniTuple(types.float64, len(kind.components))
-    return types.Array(types.float64, len(kind.shape), "C")
-
-
-def _arguments(
-    network: Network, name: str, call: Evaluation, terms: dict[str, int]
-) -> Iterator[Any]:
-    from numba import types
-
-    for port in call.needs:
-        kind = network.types[name, port]
-        if port in terms:
-            yield types.UniTuple(_input(kind), terms[port]) if terms[port] else types.Tuple(())
-        else:
-            yield _input(kind)
-
-
-def _input(kind: SignalType) -> Any:
-    """A signal's type as an input: arrays are read-only."""
-    found = numba_type(kind)
-    return found.copy(readonly=True) if kind.form == "array" else found
-
-
-def _casts(kinds: list[SignalType], returned: Any) -> Iterator[str]:
-    """Statements that cast results to the types of their signals.
-
-    Raises
-    ------
-    NotCompilableError : a result has a type that cannot be cast.
-    """
-    from numba import types
-
-    parts = [returned] if len(kinds) == 1 else list(getattr(returned, "types", ()))
-    if len(parts) != len(kinds):
-        raise NotCompilableError(f"returns {returned}, expected {len(kinds)} outputs")
-    number = (types.Integer, types.Boolean, types.Float)
-    for i, (kind, part) in enumerate(zip(kinds, parts, strict=True)):
-        wanted = numba_type(kind)
-        if part == wanted:
-            continue
-        if kind.form == "scalar" and isinstance(part, number):
-            yield f"{{{i}}} = float({{{i}}})"
-        elif (
-            kind.form == "record"
-            and isinstance(part, types.BaseTuple)
-            and len(part) == len(kind.components)
-            and all(isinstance(inner, number) for inner in part)
-        ):
-            inner = ", ".join(f"float({{{i}}}[{n}])" for n in range(len(part)))
-            yield f"{{{i}}} = ({inner},)"
-        elif kind.form == "array" and isinstance(part, types.Array) and part.ndim == wanted.ndim:
-            copied = "ascontiguousarray({{{0}}})" if part.mutable else "{{{0}}}.copy()"
-            yield f"{{{i}}} = " + copied.format(i)
-        else:
-            raise NotCompilableError(f"returns {part}, expected {kind.held_as}")
+def _texts() -> Iterator[str]:
+    for path in sorted(Path(codegen.__file__).parent.iterdir()):
+        if path.suffix in (".py", ".h"):
+            yield path.read_text(encoding="utf-8")

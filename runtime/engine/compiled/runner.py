@@ -2,50 +2,57 @@
 
 from __future__ import annotations
 
+import builtins
+import ctypes
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from blocks.core import BlockState, FloatArray
-from runtime.engine.compiled import cache
+from blocks.core import BlockState
+from runtime.codegen import support
 from runtime.engine.compiled.emit import (
     BAD_SLOPE,
+    FAILED,
+    FINISHED,
+    STOPPED,
     UNREACHED,
     CompiledEmitter,
-    CompiledText,
-    fields_name,
 )
+from runtime.engine.compiled.entries import plain
 from runtime.engine.compiled.kernels import Kernels, make_kernels
-from runtime.engine.compiled.translate import plain
+from runtime.engine.compiled.memory import Context, Words
+from runtime.engine.compiled.structs import PlanText
 from runtime.engine.program import Program
-from runtime.engine.runners import RunContext
+from runtime.engine.runners import Held, RunContext
+from runtime.toolchain import BuildError, Unit, build, folder
 
 DRIVER = "<the loop around the compiled plan>"
-LARGEST_REPORT = 256
+PLAN = "the plan"
 
 
 @dataclass(frozen=True)
 class Template:
-    """What the compiled runs of a program share: its kernels, the plan's text and its function.
-
-    ``owners`` maps each argument of the text that holds a block's fields to the block.
-    """
+    """What the compiled runs of a program share: its kernels, the plan's text and its function."""
 
     kernels: Kernels
-    text: CompiledText
-    function: Callable[..., tuple[Any, ...]]
-    owners: dict[str, str]
+    text: PlanText
+    function: Callable[..., int]
+    compiled: tuple[str, ...]
 
 
 # The last template of each program; it may not fit the next seed.
-_latest: WeakKeyDictionary[Program, Template] = WeakKeyDictionary()
+_latest: WeakKeyDictionary[Program, dict[bool, Template]] = WeakKeyDictionary()
 
 
 def template(
-    program: Program, states: Mapping[str, BlockState], note: Callable[[str], None]
+    program: Program,
+    states: Mapping[str, BlockState],
+    note: Callable[[str], None],
+    checked: bool = False,
 ) -> Template:
     """The template of a program: the last one if it fits these states, or a new one.
 
@@ -53,140 +60,191 @@ def template(
     ----------
     states : after ``start``.
     note : called with a message for the user when something is compiled.
+    checked : with a check of every index that may be outside of its array.
     """
-    known = _latest.get(program)
+    known = _latest.setdefault(program, {}).get(checked)
     entries = program.network.entries
     if known is not None and all(
         kernel.fits(entries[name].made, states[name])
         for name, kernel in known.kernels.compiled.items()
     ):
         return known
-    kernels = make_kernels(program.network, states, note)
+    kernels = make_kernels(program.network, states, checked)
     for name in sorted(kernels.broken):
         note(f"block '{name}' is called from Python: {kernels.refused[name]}")
-    emitter = CompiledEmitter(
-        program.plan, list(program.recordings), kernels.compiled, program.observation.stop
-    )
-    text = emitter.compiled()
-    owners = {fields_name(program.plan, name): name for name in kernels.compiled}
-    made = Template(kernels, text, cache.module("plan", text.text).run, owners)
-    _latest[program] = made
+    made = _built(program, kernels, note)
+    _latest[program][checked] = made
     return made
 
 
+def _built(program: Program, kernels: Kernels, note: Callable[[str], None]) -> Template:
+    """Compile and load; a unit that the C compiler does not accept is called from Python."""
+
+    def tell(names: tuple[str, ...]) -> None:
+        note(f"compiling {', '.join(names)} (once: kept in {folder()})")
+
+    probes = program.observation.probes.values()
+    widths = {f"probe_{i}": int(np.prod(probe.shape)) for i, probe in enumerate(probes)}
+    while True:
+        recordings = list(program.recordings)
+        stop = program.observation.stop
+        emitter = CompiledEmitter(program.plan, recordings, kernels.compiled, widths, stop)
+        text = emitter.compiled()
+        plan = Unit(PLAN, f"{support()}\n{text.text}")
+        units = {kernel.text: kernel.unit for kernel in kernels.compiled.values()}
+        try:
+            solver = [text.solver] if text.solver is not None else []
+            library = build([plan, *solver, *units.values()], note=tell)
+        except BuildError as error:
+            bad = [n for n, kernel in kernels.compiled.items() if kernel.name == error.unit]
+            if not bad:
+                raise
+            for name in bad:
+                kernels.refuse(name, program.network.entries[name].cls, str(error))
+            continue
+        function = library.functions.run
+        function.argtypes = [ctypes.c_void_p, ctypes.c_void_p, *[ctypes.c_int64] * 4]
+        function.restype = ctypes.c_int64
+        return Template(kernels, text, function, library.compiled)
+
+
 class CompiledRunner:
-    """Runs the compiled plan of one run."""
+    """Runs the compiled plan of one run.
+
+    Parameters
+    ----------
+    checked : with a check of every index that may be outside of its array.
+    """
+
+    checked = False
 
     def __init__(self, context: RunContext) -> None:
         self.context = context
         self.network = context.program.network
-        made = template(context.program, context.states, context.note)
+        made = template(context.program, context.states, context.note, self.checked)
         self.kernels, self.text = made.kernels, made.text
-        self.function: Any = made.function
-        self.held = self.text.held
-        self.call = self.function
-        self.at = np.zeros(3, dtype=np.int64)
-        self.report = np.zeros(LARGEST_REPORT)
-        self.arguments = tuple(
-            self._fields(made.owners[name]) if name in made.owners else self._argument(name)
-            for name in self.text.arguments
-        )
-        self.run = self._driver() if self.text.driver else self._whole
+        self.function = made.function
+        self.held = context.program.emitter().held()
+        self.words = Words(self.text.words)
+        self.memory = Context()
+        self.fields = [self._pointer(name, *to) for name, to in self.text.pointers.items()]
+        for name, value in self.text.fills.items():
+            start, size = self.text.members[name]
+            self.words.floats[start : start + size] = value
+        self._constants()
+        self.addresses = (self.words.address, self.memory.address)
+        plan = context.program.plan
+        ends = {variable: end for end, variable in plan.variables.items()}
+        self.slow = [ends[variable] for variable in self.held]
+        self.drive = self._driver() if self.text.driver else partial(self._part, low=0, high=1)
 
-    def _fields(self, block: str) -> tuple[Any, ...]:
-        made = self.network.entries[block].made
-        return self.kernels.compiled[block].fields(made, self.context.states[block])
+    def _pointer(self, name: str, kind: str, owner: str, state: str) -> Words | None:
+        """Fill a member of the plan's struct that is an address."""
+        at, _ = self.text.members[name]
+        if kind == "fields":
+            kernel, made = self.kernels.compiled[owner], self.network.entries[owner].made
+            words = Words(kernel.words)
+            words.fill(kernel.fields(made, self.context.states[owner]))
+            self.words.point(at, words.ints)
+            return words
+        value = self.context.namespace[owner] if kind == "array" else None
+        if kind == "initial":
+            variable = self.context.program.plan.variables[owner, "0"]
+            value = getattr(self.context.namespace[variable], state)
+        if kind == "state":
+            value = plain(getattr(self.context.states[owner], state), f"state.{state}")
+        self.words.point(at, np.asarray(value))
+        return None
 
-    def _argument(self, name: str) -> Any:
-        """A constant, a state or a probe's array, by its name in the text."""
-        owner, dot, state = name.partition(".")
-        value = self.context.namespace[owner]
-        return plain(getattr(value, state) if dot else value, name)
+    def _constants(self) -> None:
+        """Fill in outputs that never change."""
+        for step in self.context.program.plan.steps:
+            for port in step.evaluation.outputs if step.constant else ():
+                member = self.text.signals.get((step.block, port))
+                if member is not None:
+                    variable = self.context.program.plan.variables[step.block, port]
+                    self.store(member, self.context.namespace[variable])
 
-    def adopt(self, held: tuple[Any, ...]) -> tuple[Any, ...]:
-        """The first tick's variables, in exactly the form that compiled text expects."""
-        from numba import typeof
+    def store(self, member: str, value: Any) -> None:
+        """Write an output into the plan's struct."""
+        start, size = self.text.members[member]
+        flat = np.ravel(value)
+        self.words.floats[start : start + min(size, flat.size)] = flat
 
-        adopted = tuple(normalised(value) for value in held)
-        is_new = not self.function.overloads
-        # Runs no tick, but compiles the plan or loads it.
-        self._part(0, 0, 0, 0, adopted)
-        types = tuple(map(typeof, self._given(0, 0, 0, 0, adopted)))
-        # numba checks the type of every argument of every call, that of a generator in Python: 0.2
-        # ms. The types never change here, so its entry point is called directly.
-        self.call = self.function.overloads[types].entry_point
-        if is_new:
-            blocks = [kernel.module for kernel in self.kernels.compiled.values()]
-            cache.seal([self.function.__module__, *blocks])
-        return adopted
+    def read(self, block: str, port: str) -> Any:
+        """An output in the form that Python blocks take; an array is a read-only copy."""
+        kind = self.network.types[block, port]
+        start, size = self.text.members[self.text.signals[block, port]]
+        if kind.form == "scalar":
+            return self.words.floats.item(start)
+        row = self.words.floats[start : start + size]
+        if kind.form == "record":
+            return tuple(row.tolist())
+        copy = row[: int(np.prod(kind.shape))].reshape(kind.shape).copy()
+        copy.setflags(write=False)
+        return copy
 
-    def _whole(self, first: int, last: int, held: tuple[Any, ...]) -> tuple[Any, ...]:
-        """Run whole ticks."""
-        return self._part(first, last, 0, 1, held)
+    def adopt(self, held: Held) -> Held:
+        """Take over the first tick's variables."""
+        plan = self.context.program.plan
+        values = dict(zip(self.held, held, strict=True))
+        for (block, port), member in self.text.signals.items():
+            variable = plan.variables[block, port]
+            if variable in values:
+                self.store(member, values[variable])
+        return held
 
-    def _part(
-        self, first: int, last: int, low: int, high: int, held: tuple[Any, ...]
-    ) -> tuple[Any, ...]:
-        result: tuple[Any, ...] = self.call(*self._given(first, last, low, high, held))
-        if self.at[2]:
-            self._not_finite()
-        return result
+    def run(self, first: int, last: int, held: Held) -> Held:
+        """Run ticks; the variables that it returns are for the engine, not for the next call."""
+        self.drive(first, last)
+        return tuple(self.read(*end) for end in self.slow)
 
-    def _given(
-        self, first: int, last: int, low: int, high: int, held: tuple[Any, ...]
-    ) -> tuple[Any, ...]:
-        ticks = (first, last, low, high, self.network.dt)
-        return (*ticks, self.at, self.report, held, *self.arguments)
+    def _part(self, first: int, last: int, low: int, high: int) -> None:
+        ended = self.function(*self.addresses, first, last, low, high)
+        if ended == FAILED:
+            raise self._failure()
+        if ended in (BAD_SLOPE, UNREACHED):
+            start, _ = self.text.members["report"]
+            first_value, t = self.words.floats[start : start + 2].tolist()
+            if ended == BAD_SLOPE:
+                self.context.namespace["bad_slope"](int(first_value), t)
+            self.context.namespace["unreached"](first_value, t)
+        if ended not in (FINISHED, STOPPED):
+            block, evaluation = self.text.calls[self.memory.at]
+            values = [self.read(block, port) for port in evaluation.outputs]
+            self.context.not_finite(block, evaluation.method, *values)
 
-    def _driver(self) -> Callable[[int, int, tuple[Any, ...]], tuple[Any, ...]]:
-        scope = {**self.context.namespace, "run": self._part, "own": own, "seen": seen}
+    def _failure(self) -> Exception:
+        """The exception that the block's Python would have raised."""
+        block, _ = self.text.calls[self.memory.at]
+        name, message, file, line = self.kernels.compiled[block].failures[self.memory.failure]
+        kind = getattr(builtins, name, RuntimeError)
+        numbers = {"index": self.memory.index, "size": self.memory.size, "axis": self.memory.axis}
+        for key, value in numbers.items():
+            message = message.replace(f"{{{key}}}", str(value))
+        made: Exception = kind(f"{message} ({file}:{line})")
+        return made
+
+    def _driver(self) -> Callable[[int, int], None]:
+        ends = {member: end for end, member in self.text.signals.items()}
+        own = {"run": self._part, "store": self.store, "read": lambda name: self.read(*ends[name])}
+        scope = {**self.context.namespace, **own}
         exec(compile(self.text.driver, DRIVER, "exec"), scope)
-        drive: Callable[[int, int, tuple[Any, ...]], tuple[Any, ...]] = scope["drive"]
+        drive: Callable[[int, int], None] = scope["drive"]
         return drive
-
-    def _not_finite(self) -> None:
-        if self.at[2] == BAD_SLOPE:
-            stage, t = self.report[:2].tolist()
-            self.context.namespace["bad_slope"](int(stage), t)
-        if self.at[2] == UNREACHED:
-            self.context.namespace["unreached"](*self.report[:2].tolist())
-        block, evaluation = self.text.calls[self.at[0]]
-        values: list[Any] = []
-        entries = iter(self.report.tolist())
-        for port in evaluation.outputs:
-            kind = self.network.types[block, port]
-            if kind.form == "record":
-                values.append(tuple(next(entries) for _ in kind.components))
-            else:
-                value = next(entries)
-                values.append(np.full(kind.shape, value) if kind.form == "array" else value)
-        self.context.not_finite(block, evaluation.method, *values)
 
     def locate(self, error: BaseException) -> tuple[int, str]:
         """The tick and the block that raised an exception."""
         trace = error.__traceback__
         while trace is not None:
             if trace.tb_frame.f_code.co_filename == DRIVER and trace.tb_lineno in self.text.lines:
-                tick = int(trace.tb_frame.f_locals.get("k", self.at[1]))
+                tick = int(trace.tb_frame.f_locals.get("k", self.memory.tick))
                 return tick, self.text.lines[trace.tb_lineno]
             trace = trace.tb_next
-        return int(self.at[1]), self.text.calls[self.at[0]][0] if self.text.calls else ""
+        return self.memory.tick, self.text.calls[self.memory.at][0] if self.text.calls else ""
 
 
-def seen(array: FloatArray) -> FloatArray:
-    """A read-only view of an array, for a block that is called from Python."""
-    view = array.view()
-    view.setflags(write=False)
-    return view
+class CheckedRunner(CompiledRunner):
+    """Runs a plan that checks every index that may be outside of its array."""
 
-
-def own(array: FloatArray) -> FloatArray:
-    """An array in the form that compiled text expects: contiguous and writeable."""
-    return array if array.flags.c_contiguous and array.flags.writeable else array.copy()
-
-
-def normalised(value: Any) -> Any:
-    """A signal's value from Python in the form that compiled text expects."""
-    if isinstance(value, tuple):
-        return tuple(float(part) for part in value)
-    return own(value) if isinstance(value, np.ndarray) else float(value)
+    checked = True

@@ -1,49 +1,149 @@
-"""Text for the continuous part of a compiled plan."""
+"""The continuous part of the compiled plan: the solver's own functions, and its loops in C."""
 
 from __future__ import annotations
 
-import ast
-import inspect
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
-from blocks.core import parsed
-from runtime.engine.continuous import UNROLLED, Slot
-from runtime.engine.schedule import INDENT
+from runtime.codegen import BOOL, FLOAT, INT, Array, Entry, Type, Writer
+from runtime.engine.compiled.entries import written
+from runtime.engine.compiled.translate import translate_functions
+from runtime.engine.continuous import Continuous, Slot
+from runtime.engine.schedule import CONDITIONS
+from runtime.engine.solvers import Method, first_bad, judged, keep, moved, narrowed, substep
+from runtime.toolchain import Unit
+
+ROWS = ("states", "start")
+TITLE = "The solver of the continuous states."
 
 
-def assigned(slots: list[Slot]) -> Iterator[str]:
-    """Statements that write what a derivative returned into the row of the stage."""
-    for number, slot in enumerate(slots):
-        value = "rates" if len(slots) == 1 else f"rates[{number}]"
-        if not slot.shape:
-            yield f"slopes[stage, {slot.start}] = {value}"
-        elif len(slot.shape) == 1 and slot.shape[0] <= UNROLLED:
-            for i in range(slot.shape[0]):
-                yield f"slopes[stage, {slot.start + i}] = {value}[{i}]"
-        else:
-            indices = [f"i{axis}" for axis in range(len(slot.shape))]
-            flat = "0"
-            for index, length in zip(indices, slot.shape, strict=True):
-                flat = f"({flat}) * {length} + {index}" if flat != "0" else index
-            for axis, (index, length) in enumerate(zip(indices, slot.shape, strict=True)):
-                yield f"{INDENT * axis}for {index} in range({length}):"
-            inner = f"slopes[stage, {slot.start} + {flat}] = {value}[{', '.join(indices)}]"
-            yield INDENT * len(indices) + inner
+def solver_unit(part: Continuous, method: Method, searched: bool) -> tuple[Unit, list[str]]:
+    """The functions that a solver calls, as a C unit with their declarations.
+
+    Parameters
+    ----------
+    searched : whether the run may stop between two ticks.
+    """
+    row = Array("float", (part.size,))
+    slopes = Array("float", (method.stages, part.size))
+    table = Array("float", method.table.shape)
+    rows: list[tuple[str, Type]] = [(name, row) for name in ROWS]
+    errors, control = Array("float", (len(method.errors),)), Array("float", (7,))
+    numbers: list[tuple[str, Type]] = [("done", FLOAT), ("h", FLOAT), ("dt", FLOAT)]
+    entries = [
+        Entry("solver_keep", "keep", [("start", row), ("states", row)]),
+        Entry("solver_first_bad", "first_bad", [("slopes", slopes), ("stage", INT)], [FLOAT]),
+        Entry(
+            "solver_moved",
+            "moved",
+            [*rows, ("slopes", slopes), ("table", table), ("stage", INT), ("h", FLOAT)],
+        ),
+    ]
+    functions: list[Any] = [keep, first_bad, moved]
+    if method.errors:
+        taken: list[tuple[str, Type]] = [("control", control), ("done", FLOAT), ("dt", FLOAT)]
+        entries.append(Entry("solver_substep", "substep", taken, [FLOAT]))
+        given = [*rows, ("slopes", slopes), ("errors", errors), ("control", control), *numbers]
+        entries.append(Entry("solver_judged", "judged", given, [FLOAT]))
+        functions += [substep, judged]
+    if searched:
+        search: list[tuple[str, Type]] = [("stop", Array("float", (6,))), ("met", BOOL)]
+        search += [("span", FLOAT), ("dt", FLOAT)]
+        entries.append(Entry("solver_narrowed", "narrowed", search, [FLOAT]))
+        functions.append(narrowed)
+    made = Writer(translate_functions(functions)).unit(entries, TITLE)
+    return Unit("the solver", made.text), made.prototypes
 
 
-def source_of(function: Callable[..., Any]) -> str:
-    """A helper's text for the plan, without types and documentation."""
-    node = parsed(inspect.getsource(function)).body[0]
-    if not isinstance(node, ast.FunctionDef):
-        raise TypeError(f"{function.__name__} is no plain function")
-    node.body, node.returns = node.body[1:], None
-    for argument in node.args.args:
-        argument.annotation = None
-    for name in ast.walk(node):
-        if isinstance(name, ast.Name) and isinstance(
-            function.__globals__.get(name.id), (int, float)
-        ):
-            name.id = repr(function.__globals__[name.id])
-    text = ast.unparse(node).replace("math.isfinite", "isfinite")
-    return f'@njit(cache=True, error_model="python")\n{text}\n\n'
+def before_stage(method: Method, arrays: Sequence[str], name: str, span: str) -> Iterator[str]:
+    """The lines before the calls of a stage.
+
+    Parameters
+    ----------
+    arrays : the C texts of the solver's arrays.
+    span : the C text of the time (s) from the tick to the end of the integration.
+    """
+    states, start, _, table = arrays[:4]
+    since = f"{table}[stage * {method.table.shape[1]} + {method.stages}]"
+    if method.errors:
+        yield "double done = 0.0, h = 0.0;"
+        yield f"while (done < {span}) {{"
+        yield f"    solver_substep(ctx, NULL, {arrays[5]}, done, {span}, &h);"
+    yield f"    solver_keep(ctx, NULL, {start}, {states});"
+    yield f"    for (int64_t stage = 0; stage < {method.stages}; stage++) {{  /* {name} */"
+    moment = f"(done + {since} * h)" if method.errors else f"{since} * {span}"
+    yield f"        const double t = (double)k * dt + {moment};"
+    yield "        (void)t;"
+
+
+def after_stage(
+    method: Method, arrays: Sequence[str], codes: Sequence[int], span: str
+) -> list[str]:
+    """The lines after the calls of a stage; ``codes`` are what ``run`` returns on failure."""
+    states, start, slopes, table = arrays[:4]
+    h = "h" if method.errors else span
+    lines = [
+        "        double bad = -1.0;",
+        f"        solver_first_bad(ctx, NULL, {slopes}, stage, &bad);",
+        "        if (bad >= 0.0) {",
+        "            plan->report[0] = (double)stage;",
+        "            plan->report[1] = t;",
+        f"            return {codes[0]};",
+        "        }",
+        f"        solver_moved(ctx, NULL, {states}, {start}, {slopes}, {table}, stage, {h});",
+        "    }",
+    ]
+    if method.errors:
+        given = ", ".join([*arrays[:3], arrays[4], arrays[5], f"done, h, {span}, &done"])
+        lines += [
+            f"    solver_judged(ctx, NULL, {given});",
+            "    if (done < 0.0) {",
+            "        plan->report[0] = done;",
+            "        plan->report[1] = t;",
+            f"        return {codes[1]};",
+            "    }",
+        ]
+    return lines
+
+
+def around_search(states: str, origin: str, stop: str, code: int) -> tuple[list[str], list[str]]:
+    """The lines before and after the integration in the search for the time of a stop.
+
+    Parameters
+    ----------
+    states, origin, stop : the C texts of arrays.
+    code : what ``run`` returns at a stop.
+    """
+    before = [
+        "{",
+        f"    double *const stop = {stop};",
+        "    double span = dt, beyond = 0.0;",
+        f"    solver_keep(ctx, NULL, {origin}, {states});",
+        "    stop[0] = 0.0, stop[1] = dt;",
+        "    while (span > 0.0) {",
+        f"        solver_keep(ctx, NULL, {states}, {origin});",
+    ]
+    after = [
+        "    }",
+        "    if (stop[2] > 0.0) {",
+        "        stop[4] = (double)k, stop[5] = (double)k * dt + stop[1];",
+        f"        return {code};",
+        "    }",
+        "}",
+    ]
+    return before, after
+
+
+def condition(kind: str) -> str:
+    """The condition of ``run.stop`` in C."""
+    return CONDITIONS[kind].replace(" and ", " && ").replace(" or ", " || ")
+
+
+def rates(slots: Sequence[Slot], slopes: str, size: int) -> list[str]:
+    """Where a derivative writes the rates of change of each of its states."""
+    found = []
+    for slot in slots:
+        found.append(f"{slopes} + (stage * {size} + {slot.start})")
+        known = zip(slot.shape, written(slot.shape), strict=True)
+        found += [str(length) for length, each in known if each is None]
+    return found

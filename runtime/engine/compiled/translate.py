@@ -1,59 +1,26 @@
-"""A block's methods as plain functions for numba: ``self`` and ``state`` become one tuple."""
+"""A block's methods as plain functions: ``self`` and ``state`` become entries of one tuple."""
 
 from __future__ import annotations
 
 import ast
-import inspect
 import math
 import textwrap
 import types
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from blocks.core import Block, BlockState, SignalType, function_kernel, kernel_for, parsed
-from blocks.generic import added, scaled
+from runtime.codegen import Function, Source, Type
+from runtime.engine.compiled.entries import NotCompilableError, plain, type_of
 from runtime.engine.compiled.folding import Folding, holds_one
+from runtime.engine.compiled.reading import source_of
 
 MODULES = {math: "math", np: "np"}
 LITERALS = (str, bool, type(None))
-# Functions that numba lacks, or that do not compile as they are written.
-REPLACED: dict[Any, str] = {math.remainder: "remainder", scaled: "scaled", added: "added"}
-
-
-class NotCompilableError(Exception):
-    """A block cannot be compiled: the reason, then file and line."""
-
-
-def plain(value: Any, name: str) -> Any:
-    """A value in a form that compiled text accepts; arrays are shared if possible, else copied."""
-    if isinstance(value, np.ndarray) and value.dtype.kind in "fib":
-        if value.flags.c_contiguous and value.flags.writeable:
-            return value
-        if name.startswith("state.") and value.base is not None and _may_change(value):
-            raise NotCompilableError(f"{name} is a part of an array, and not contiguous")
-        return value.copy()
-    if isinstance(value, np.random.Generator):
-        return value
-    if isinstance(value, (float, np.floating)):
-        return float(value)
-    if isinstance(value, (int, np.integer)):
-        return int(value)
-    if isinstance(value, tuple):
-        return tuple(plain(part, name) for part in value)
-    raise NotCompilableError(f"{name} is a {type(value).__name__}")
-
-
-def _may_change(array: np.ndarray[Any, Any]) -> bool:
-    """Whether an array's data can be written to by anyone."""
-    base: Any = array
-    while base is not None:
-        if not isinstance(base, np.ndarray) or base.flags.writeable:
-            return True
-        base = base.base
-    return False
 
 
 class Writer(Folding):
@@ -63,11 +30,12 @@ class Writer(Folding):
         self.owner, self.function, self.bound = owner, function, bound
         self.used: dict[str, None] = {}
 
-    def written(self, name: str) -> str:
-        try:
-            source = textwrap.dedent(inspect.getsource(self.function))
-        except OSError:
-            raise NotCompilableError(f"the source of '{name}' cannot be read") from None
+    def written(self, name: str) -> Function:
+        """The function in the form that is compiled."""
+        code = self.function.__code__
+        source = source_of(code)
+        if source is None:
+            raise NotCompilableError(f"the source of '{name}' cannot be read")
         node = parsed(source).body[0]
         if not isinstance(node, ast.FunctionDef):
             raise NotCompilableError(f"'{name}' is no plain function")
@@ -77,21 +45,38 @@ class Writer(Folding):
             names = [n for n in names if n not in ("self", "state")]
         self.locals = {*names, *_assigned(node)}
         defaults = dict(zip(reversed(names), reversed(node.args.defaults), strict=False))
+        note = (ast.get_docstring(node) or "").split("\n\n")[0]
         # The plan calls output methods without the inputs that the block declares indirect.
         left = self.owner.made.indirect if self.bound else ()
         absent = [n for n in names if n in left and n in defaults]
         names = [n for n in names if n not in absent]
-        heads = [f"{n}={ast.unparse(defaults[n])}" if n in defaults else n for n in names]
-        body = self.block(node.body)
-        lines = [f"{n} = {ast.unparse(defaults[n])}" for n in absent if _reads(node, n)]
-        lines += [f"{key} = b[{list(self.owner.fields).index(key)}]" for key in self.used]
-        lines += ast.unparse(ast.fix_missing_locations(ast.Module(body or [ast.Pass()], []))).split(
-            "\n"
+        reads = [n for n in absent if _reads(node, n)]
+        set_first = [ast.Assign([ast.Name(n, ast.Store())], defaults[n]) for n in reads]
+        located = [ast.copy_location(each, node) for each in set_first]
+        body = [*located, *self.block(node.body)] or [ast.Pass()]
+        return Function(
+            name=name,
+            parameters=tuple(names),
+            statements=body,
+            defaults={n: self.visit(d) for n, d in defaults.items() if n not in absent},
+            file=code.co_filename,
+            line=code.co_firstlineno - 1,
+            bound=self.bound,
+            note=note,
         )
-        first = ["b"] if self.bound else []
-        return f"def {name}({', '.join(first + heads)}):\n" + textwrap.indent(
-            "\n".join(lines), "    "
-        )
+
+    def text(self, function: Function) -> str:
+        """The function as Python, which reads the entries of ``b``."""
+        keys = list(self.owner.fields)
+        reads = [f"{key} = b[{keys.index(key)}]" for key in self.used]
+        body = ast.unparse(ast.Module(list(function.statements), [])).split("\n")
+        defaults = function.defaults
+        heads = [
+            f"{n}={ast.unparse(defaults[n])}" if n in defaults else n for n in function.parameters
+        ]
+        first = ["b"] if function.bound else []
+        lines = textwrap.indent("\n".join(reads + body), "    ")
+        return f"def {function.name}({', '.join(first + heads)}):\n{lines}"
 
     def refuse(self, node: ast.AST, why: str) -> NotCompilableError:
         code = self.function.__code__
@@ -115,7 +100,7 @@ class Writer(Folding):
         return self.generic_visit(node)
 
     def unpacked(self, target: ast.Tuple, array: ast.expr) -> list[ast.stmt]:
-        """``x, y = a.tolist()``, entry by entry: numba does not know the length of an array."""
+        """``x, y = a.tolist()``, entry by entry."""
         whole = f"entries_{target.lineno}_{target.col_offset}"
         self.locals.add(whole)
         done: list[ast.stmt] = [ast.Assign([ast.Name(whole, ast.Store())], self.visit(array))]
@@ -130,7 +115,7 @@ class Writer(Folding):
             done.append(ast.Assign([part], value))
 
         take(target, ())
-        return done
+        return [ast.copy_location(statement, target) for statement in done]
 
     def visit_AugAssign(self, node: ast.AugAssign) -> Any:
         node.value = self.visit(node.value)
@@ -163,8 +148,6 @@ class Writer(Folding):
                 value = getattr(module, node.attr, None)
                 if value is None:
                     raise self.refuse(node, f"'{owner}' has no '{node.attr}'")
-                if callable(value) and value in REPLACED:
-                    return ast.Name(REPLACED[value], ast.Load())
                 if module not in MODULES:
                     raise self.refuse(node, f"uses the module '{owner}'")
                 return ast.Attribute(ast.Name(MODULES[module], ast.Load()), node.attr, node.ctx)
@@ -261,10 +244,12 @@ class Writer(Folding):
         if name not in scope:
             return node  # a builtin
         value = scope[name]
-        if callable(value) and value in REPLACED:
-            return ast.Name(REPLACED[value], ast.Load())
         if isinstance(value, types.FunctionType):
             return ast.Name(self.owner.function(value), ast.Load())
+        of = getattr(value, "__name__", "")
+        for module, short in MODULES.items():
+            if callable(value) and getattr(module, of, None) is value:
+                return ast.Attribute(ast.Name(short, ast.Load()), of, node.ctx)
         if isinstance(value, (bool, int, float, str)):
             return (
                 ast.Constant(value)
@@ -318,33 +303,24 @@ def _assigned(node: ast.AST) -> set[str]:
 
 
 Attribute = tuple[str, str]
-HEADER = """from __future__ import annotations
-
-import math
-
-import numpy as np
-from numba import njit
-
-from blocks.generic.arithmetic import added, scaled
-from runtime.engine.compiled.primitives import remainder
-"""
+HEADER = "import math\n\nimport numpy as np\n"
 
 
 @dataclass(frozen=True)
 class Translated:
     """A block as compiled text.
 
-    text : a Python module with one function for each of ``methods``.
+    source : one function for each of ``methods``, those that they call, and the entries' types.
+    text : the same as a Python module.
     entries : the attributes in the first argument of these functions, as ("self" or "state", name).
     constants : attributes whose values were written into the text.
-    arrays : the state's float arrays among the entries, each as the subscripts of its place.
     """
 
+    source: Source
     text: str
     methods: dict[str, str]
     entries: tuple[Attribute, ...]
     constants: dict[Attribute, Any]
-    arrays: tuple[str, ...] = ()
 
     def fields(self, made: Block, state: BlockState) -> tuple[Any, ...]:
         """The first argument of the functions, for a block and its state."""
@@ -352,19 +328,24 @@ class Translated:
         return tuple(plain(getattr(of[o], name), f"{o}.{name}") for o, name in self.entries)
 
     def fits(self, made: Block, state: BlockState) -> bool:
-        """Whether the text's constants are those of this block and state."""
+        """Whether the text's constants and shapes are those of this block and state."""
         of = {"self": made, "state": state}
-        return all(getattr(of[o], name) == value for (o, name), value in self.constants.items())
+        same = all(getattr(of[o], name) == value for (o, name), value in self.constants.items())
+        return same and tuple(map(type_of, self.fields(made, state))) == self.types
+
+    @cached_property
+    def types(self) -> tuple[Type, ...]:
+        """The types of the entries."""
+        return tuple(self.source.entries.values())
 
 
-def translate(made: Block, state: BlockState, terms: dict[str, int], safe: bool) -> Translated:
+def translate(made: Block, state: BlockState, terms: dict[str, int]) -> Translated:
     """Write all methods of a block that the plan calls.
 
     Parameters
     ----------
     made, state : the block, and its state after ``start``.
     terms : the number of wires of each variadic input.
-    safe : check every index while running, as is needed for blocks that are not built in.
 
     Raises
     ------
@@ -376,42 +357,31 @@ def translate(made: Block, state: BlockState, terms: dict[str, int], safe: bool)
     wanted += [each.method for each in (spec.update, spec.derivative) if each is not None]
     wanted += ["project"] if spec.projects else []
     methods = {name: translator.method(name) for name in wanted}
-    options = "error_model='python', cache=True" + (", boundscheck=True" if safe else "")
-    # Functions that only compiled text calls need no Python wrapper.
-    inner = options + ", no_cpython_wrapper=True, no_cfunc_wrapper=True"
-    functions = [
-        f"@njit({options if name in methods.values() else inner})\n{text}"
-        for name, text in translator.functions.items()
-    ]
-    text = "\n\n".join([HEADER, *functions]) + "\n"
+    text = "\n\n".join([HEADER, *translator.texts.values()]) + "\n"
     entries = tuple(translator.attributes.values())
-    arrays = tuple(
-        at
-        for i, (key, (owner, _)) in enumerate(translator.attributes.items())
-        if owner == "state"
-        for at in float_arrays(translator.fields[key], f"[{i}]")
-    )
-    return Translated(text, methods, entries, translator.constants, arrays)
+    types = {key: type_of(value) for key, value in translator.fields.items()}
+    source = Source(translator.functions, types)
+    return Translated(source, text, methods, entries, translator.constants)
 
 
-def float_arrays(value: Any, at: str) -> Iterator[str]:
-    """The subscripts of the float arrays in a field, itself at ``at``."""
-    if isinstance(value, tuple):
-        for i, part in enumerate(value):
-            yield from float_arrays(part, f"{at}[{i}]")
-    elif isinstance(value, np.ndarray) and value.dtype == np.float64:
-        yield at
+def translate_functions(functions: Sequence[Any]) -> Source:
+    """Functions of no block, and those that they call."""
+    translator = Translator(None, None, {})
+    for function in functions:
+        translator.function(function)
+    return Source(translator.functions)
 
 
 class Translator:
     """Collects the functions and fields of one block."""
 
-    def __init__(self, made: Block, state: BlockState, terms: dict[str, int]) -> None:
+    def __init__(self, made: Any, state: Any, terms: dict[str, int]) -> None:
         self.made, self.state, self.terms = made, state, terms
         self.fields: dict[str, Any] = {}
         self.attributes: dict[str, Attribute] = {}
         self.constants: dict[Attribute, Any] = {}
-        self.functions: dict[str, str] = {}
+        self.functions: dict[str, Function] = {}
+        self.texts: dict[str, str] = {}
         self.names: dict[Any, str] = {}
 
     def method(self, name: str) -> str:
@@ -435,10 +405,9 @@ class Translator:
             name += "_"
         self.names[function] = name
         writer = Writer(self, function, bound)
-        self.functions[name] = ""  # reserves the name, so that recursion ends
-        text = writer.written(name)
-        del self.functions[name]
-        self.functions[name] = text
+        made = writer.written(name)
+        self.functions[name] = made
+        self.texts[name] = writer.text(made)
         return name
 
     def field(self, owner: str, name: str, value: Any) -> str:

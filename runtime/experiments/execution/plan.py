@@ -195,7 +195,9 @@ def ablation_plan(
 
 def engine_for(graph: Graph, runs: int, note: Note) -> str:
     """The engine of all trials, chosen once: results of different engines are not comparable."""
-    return "compiled" if take_compiled(graph.network, runs, note) else "python"
+    if not take_compiled(graph.network, runs, note):
+        return "python"
+    return "checked" if graph.network.engine == "checked" else "compiled"
 
 
 def bundle_for(graph: Graph, engine: str) -> GraphBundle:
@@ -254,8 +256,8 @@ def create(plan: ExperimentPlan, folder: Path) -> None:
 def _write_bundle(bundle: GraphBundle, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / GRAPH).write_text(bundle.text, encoding="utf-8")
-    for name, text in bundle.modules:
-        (folder / name).write_text(text, encoding="utf-8")
+    for name, content in bundle.beside:
+        (folder / name).write_bytes(content)
 
 
 def read_plan(folder: Path) -> dict[str, Any]:

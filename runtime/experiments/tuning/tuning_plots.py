@@ -155,7 +155,10 @@ def _legend(figure: Figure, panels: list[Any]) -> None:
     for axes in panels:
         handles, labels = axes.get_legend_handles_labels()
         found |= dict(zip(labels, handles, strict=True))
-    figure.legend(list(found.values()), list(found), loc="outside lower center", ncols=4)
+    columns = max(1, round(4 * figure.get_figwidth() / WIDTH))
+    figure.legend(
+        list(found.values()), list(found), loc="outside lower center", ncols=columns, fontsize=8.0
+    )
 
 
 def importance(positions: FloatArray, values: FloatArray) -> float:
@@ -221,6 +224,7 @@ def _slices(data: _Data) -> Figure:
         _scatter(axes, data, positions, data.values(metric))
         if str(data.stored["vary"][factor]).startswith("log("):
             axes.set_xscale("log")
+            axes.xaxis.set_minor_formatter("")
         if names:
             axes.set_xticks(range(len(names)), names, rotation=30, ha="right")
         axes.set_xlabel(factor)

@@ -18,11 +18,12 @@ from blocks.wall_fitting.kernels import contour as contour_kernels
 from blocks.wall_fitting.kernels import curves as curve_kernels
 from blocks.wall_fitting.kernels import fitter as fitter_kernels
 from blocks.wall_fitting.kernels import offset as offset_kernels
-from runtime.engine.compiled import cache
-from runtime.engine.compiled.translate import translate
+from runtime.engine.compiled.entries import written
 from tests.blocks.fitter import Fit, Fitter, Pose
 from tests.blocks.raycast import PAPER, Room, square
 from tests.blocks.wall_fitting.test_wall_fitter_scans import NOTHING, scans
+from tests.compilers import skip_without_compiler
+from tests.runtime.engine.compiled_block import CompiledBlock
 
 FORMS = ("control_points", "least_squares")
 CORNERS = np.array([[-2.0, -1.0], [1.5, -1.5], [2.0, 1.0], [0.4, 0.2], [-0.5, 2.0]])
@@ -63,15 +64,25 @@ def as_python(fitter: Fitter, scan: np.ndarray, pose: Pose) -> Fit:
 def compiled() -> Loops:
     """What the compiled engine runs, for least squares and a wall on the left.
 
-    One text does for all of these fitters: their numbers are no part of it.
+    One text does for all fitters of a degree and a form of scan: their numbers are no part of it.
     """
-    fitter = Fitter(fit="least_squares", side="left")
-    made = translate(fitter.block, fitter.state, {}, safe=False)
-    function = getattr(cache.module("block", made.text), made.methods["output"])
+    skip_without_compiler()
+    known: list[CompiledBlock] = []
 
     def run(fitter: Fitter, scan: np.ndarray, pose: Pose) -> Fit:
-        assert made.fits(fitter.block, fitter.state)
-        return function(made.fields(fitter.block, fitter.state), 0.0, scan, pose)
+        few = written(fitter.state.context.types["scan"].shape)
+        fits = (
+            each
+            for each in known
+            if written(each.kinds["scan"].shape) == few
+            and each.kernel.fits(fitter.block, fitter.state)
+        )
+        compiled = next(fits, None)
+        if compiled is None:
+            compiled = CompiledBlock(fitter.block, fitter.state, {})
+            known.append(compiled)
+        compiled.fields(fitter.block, fitter.state)
+        return compiled.call("output", 0.0, scan, pose)
 
     return run
 

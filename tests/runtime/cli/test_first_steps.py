@@ -225,3 +225,10 @@ def test_a_folder_of_the_users_own_that_hides_ours_is_named(hidden: str, tmp_pat
     last = done.stderr.splitlines()[-1]
     assert last.startswith("ImportError: your own '")
     assert f"hides the package '{hidden}' of spikeblocks; rename it, or start Python in" in last
+
+
+def test_a_part_in_place_of_a_graph_is_one_problem(cli: Run) -> None:
+    done = cli("run", "parts/adaptive_snn")
+    assert done.returncode == 2
+    (line,) = [line for line in done.stderr.splitlines() if ".yaml:" in line]
+    assert line.endswith("a part runs inside a graph: {name: {graph: FILE}}")

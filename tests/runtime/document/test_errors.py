@@ -380,7 +380,7 @@ CASES = {
     "plot's kind": [
         "plots: {p: {kind: timeserie, of: pose}}\n",
         "g.yaml:18:19: plots.p.kind: expected one of timeseries, trajectory, xy, spectrum, raster, "
-        "heatmap, got the text 'timeserie', did you mean 'timeseries'?",
+        "tuning_curves, response_curves, decoded, weights, heatmap, got the text 'timeserie', did you mean 'timeseries'?",
     ],
     "plot's key": [
         "plots: {p: {kid: timeseries, of: pose}}\n",
@@ -757,7 +757,7 @@ def test_a_title_is_one_line(title: str) -> None:
     [
         GraphError([Problem(Where("g.yaml", 3, 4), "blocks.x", "is wrong")]),
         SimulationError("plant", 7, 0.007, "output 'pose' is not finite"),
-        MissingExtraError("the compiled engine", "numba"),
+        MissingExtraError("rendering", "render"),
         UsageError("no such seed"),
     ],
 )

@@ -14,10 +14,11 @@ import runtime
 from runtime import cli
 from runtime.cli.explain import explain_json
 from runtime.engine import selection as choice
-from runtime.engine.compiled import cache
-from runtime.engine.compiled.runner import CompiledRunner
-from runtime.engine.engine import Engine
 from runtime.runs.simulation import simulate
+from runtime.toolchain import VARIABLE, MissingCompilerError
+from tests.compilers import needs_compiler
+
+pytestmark = needs_compiler
 
 GRAPHS = sorted(path.stem for path in Path("graphs").glob("*.yaml"))
 MUJOCO = "mujoco"
@@ -160,7 +161,7 @@ def test_the_output_that_is_not_finite_is_named(engine: str) -> None:
         graph.run(engine=engine)
 
 
-def test_a_kernel_that_does_not_compile_is_named_with_numbas_reason() -> None:
+def test_a_kernel_that_does_not_compile_is_named_with_the_reason() -> None:
     graph = runtime.Graph("promise", dt=0.1, until=1.0).add("bad", Broken()).probe("bad.out")
     notes: list[str] = []
     result = simulate(graph.set("run.engine", "compiled").prepared(), note=notes.append)
@@ -171,37 +172,42 @@ def test_a_kernel_that_does_not_compile_is_named_with_numbas_reason() -> None:
     assert "norm" in note
 
 
-def files(kind: str) -> set[str]:
-    return {path.name for path in cache.folder().glob(f"{kind}_*.py")}
+def files(folder: Path, kind: str) -> set[str]:
+    return {path.name for path in folder.glob(kind)}
 
 
 def test_rewiring_compiles_only_the_plan_and_numbers_compile_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv(cache.VARIABLE, str(tmp_path))
+    monkeypatch.setenv(VARIABLE, str(tmp_path))
     graph = chain(Doubled(), Doubled())
     graph.run(engine="compiled")
-    made, plans = files("block"), files("plan")
-    assert made
-    assert len(plans) == 1
+    texts, units = files(tmp_path, "block_*.json"), files(tmp_path, "unit_*.o")
+    assert len(texts) == 3
+    assert len(units) == 4
     for changed in (graph.set("run.seed", 5), graph.set("blocks.back.gain", 0.02)):
         changed.run(engine="compiled")
-        assert (files("block"), files("plan")) == (made, plans)
+        assert files(tmp_path, "block_*.json") == texts
+        assert files(tmp_path, "unit_*.o") == units
     graph.wire("b1.x", "source.out").run(engine="compiled")
-    assert files("block") == made
-    assert len(files("plan")) == 2
+    assert files(tmp_path, "block_*.json") == texts
+    assert len(files(tmp_path, "unit_*.o") - units) == 1
 
 
-def test_without_numba_the_message_is_the_pip_line(
+def no_compiler() -> None:
+    raise MissingCompilerError("no C compiler found")
+
+
+def test_without_a_compiler_the_message_is_the_command_that_installs_one(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(choice, "find_spec", lambda name: None)
+    monkeypatch.setattr(choice, "find_compiler", no_compiler)
     code = cli.run(["run", "line_actuator_failure", "--engine", "compiled", "--until", "0.1"])
     assert code == 4
-    assert "pip install 'spikeblocks[fast]'" in capsys.readouterr().err
+    assert "pip install 'spikeblocks[compiler]'" in capsys.readouterr().err
 
 
-def test_auto_compiles_long_runs_and_has_a_note_without_numba(
+def test_auto_compiles_long_runs_and_has_a_note_without_a_compiler(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     graph = runtime.load("line_actuator_failure")
@@ -215,9 +221,9 @@ def test_auto_compiles_long_runs_and_has_a_note_without_numba(
     assert choice.take_compiled(short, 1000, notes.append)
     assert choice.take_compiled(long, 1, notes.append)
     assert notes == []
-    monkeypatch.setattr(choice, "find_spec", lambda name: None)
+    monkeypatch.setattr(choice, "available", lambda: False)
     assert not choice.take_compiled(long, 1, notes.append)
-    assert "spikeblocks[fast]" in notes[0]
+    assert "spikeblocks[compiler]" in notes[0]
 
 
 def test_a_run_records_its_engine_and_runs_again_with_the_same_bits(cli, tmp_path: Path) -> None:
@@ -261,10 +267,16 @@ def test_draws_at_the_start_depend_on_the_seed() -> None:
     assert set(found) == {1.0, -1.0}
 
 
-def test_the_plan_is_compiled_for_one_signature() -> None:
-    engine = Engine(chain(Doubled(), Named(), dt=0.05).program(), 0, CompiledRunner)
-    engine.run()
-    assert len(engine.runner.function.signatures) == 1  # type: ignore[attr-defined]
+def test_a_graph_is_compiled_once_for_all_seeds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(VARIABLE, str(tmp_path))
+    graph = chain(Doubled(), Named(), dt=0.05).set("run.engine", "compiled").check()
+    notes: list[str] = []
+    simulate(graph.prepared(), note=notes.append)
+    assert "compiling Doubled, Gain, UnitDelay, the plan" in notes[0]
+    simulate(graph.with_seed(5).prepared(), note=notes.append)
+    assert len(notes) == 1
 
 
 def test_profile_times_every_block(cli) -> None:

@@ -30,7 +30,6 @@ from blocks import (
     sources,
 )
 from blocks import generic as generic_room
-from blocks.generic import arithmetic
 from blocks.generic.mathematics import COMPARISONS, LOGIC
 from blocks.registry import BUILTIN
 from blocks.testing.bench import Bench
@@ -39,10 +38,12 @@ from blocks.vehicle.contact import slide
 from blocks.world.lidar import bearings
 from blocks.world.surfaces import cast_kernel, from_surface, nearest_kernel
 from blocks.world.world import World
-from runtime.engine.compiled import cache
-from runtime.engine.compiled.primitives import remainder
-from runtime.engine.compiled.translate import NotCompilableError, Translated, translate
+from runtime.engine.compiled.entries import NotCompilableError
+from runtime.engine.compiled.translate import Translated, translate
+from tests.blocks.direct import PUSH
 from tests.blocks.worlds import OVERLAPPING, SHIPPED, worlds
+from tests.compilers import needs_compiler
+from tests.runtime.engine.compiled_block import CompiledBlock
 
 Draw = Callable[[np.random.Generator], Any]
 ROOM = World(SHIPPED["paper_room"])
@@ -299,6 +300,11 @@ CASES: dict[str, list[Case]] = {
         for method in ("hold", "linear", "cubic")
     ]
     + [Case(blocks.Piecewise(times=[0.05, 0.1], values=[[1, 2], [3, 4]], signal="Twist"))],
+    "FromFile": [
+        Case(blocks.FromFile(file=str(PUSH), outside=outside, method=method))
+        for outside, method in (("error", "cubic"), ("zero", "linear"))
+    ]
+    + [Case(blocks.FromFile(file=str(PUSH), columns=["force"], outside="zero"))],
     "WhiteNoise": [
         Case(blocks.WhiteNoise(density=0.1)),
         Case(blocks.WhiteNoise(density=[0.1, 0.2], mean=1.0, signal="Twist")),
@@ -513,18 +519,13 @@ class TextRun(Run):
 
     def __init__(self, case: Case, seed: int) -> None:
         super().__init__(case, seed)
-        self.made = translate(case.block, self.state, self.terms(), safe=False)
+        self.made = translate(case.block, self.state, self.terms())
         self.functions = self.loaded(self.made)
         self.fields = self.made.fields(case.block, self.state)
 
     def loaded(self, made: Translated) -> dict[str, Any]:
-        begin = made.text.index("@njit")
-        scope = {
-            "njit": lambda **options: lambda function: function,
-            **{"math": math, "np": np, "remainder": math.remainder},
-            **{name: getattr(arithmetic, name) for name in ("added", "scaled")},
-        }
-        exec(compile(made.text[begin:], f"<{type(self.case.block).__name__}>", "exec"), scope)
+        scope: dict[str, Any] = {}
+        exec(compile(made.text, f"<{type(self.case.block).__name__}>", "exec"), scope)
         return {method: scope[function] for method, function in made.methods.items()}
 
     def call(self, method: str, t: float, *arguments: Any) -> Any:
@@ -537,12 +538,26 @@ class TextRun(Run):
         self.functions["project"](self.fields)
 
 
-class CompiledRun(TextRun):
-    """A run of the compiled text."""
+class CompiledRun(Run):
+    """A run of the compiled block."""
 
-    def loaded(self, made: Translated) -> dict[str, Any]:
-        module = cache.module("block", made.text)
-        return {method: getattr(module, name) for method, name in made.methods.items()}
+    checked = False
+
+    def __init__(self, case: Case, seed: int) -> None:
+        super().__init__(case, seed)
+        self.compiled = CompiledBlock(case.block, self.state, self.terms(), self.checked)
+
+    def call(self, method: str, t: float, *arguments: Any) -> Any:
+        return self.compiled.call(method, t, *arguments)
+
+    def project(self) -> None:
+        self.compiled.call("project", 0.0)
+
+
+class CheckedRun(CompiledRun):
+    """A run of the compiled block that checks its indices."""
+
+    checked = True
 
 
 def check_equal(case: Case, form: type[Run], stream: int, ticks: int = TICKS) -> None:
@@ -585,20 +600,16 @@ def compiled() -> Iterator[Any]:
             )
 
 
+@needs_compiler
+@pytest.mark.parametrize("form", [CompiledRun, CheckedRun])
 @pytest.mark.parametrize("case", list(compiled()))
-def test_the_compiled_block_computes_what_the_block_computes(case: Case) -> None:
-    check_equal(case, CompiledRun, STREAMS)
+def test_the_compiled_block_computes_what_the_block_computes(case: Case, form: type[Run]) -> None:
+    check_equal(case, form, STREAMS)
 
 
 def test_a_solver_of_another_library_is_not_compiled() -> None:
     with pytest.raises(NotCompilableError, match=r"imports 'scipy.linalg' \(.*lqr.py:\d+\)"):
-        CompiledRun(Case(blocks.LQR(q=[1, 2, 3], solver="dare")), 0)
-
-
-@settings(deadline=None, max_examples=40)
-@given(st.floats(-1e6, 1e6), st.floats(0.1, 1e3))
-def test_the_remainder_is_pythons(x: float, y: float) -> None:
-    assert remainder(x, y) == math.remainder(x, y)
+        TextRun(Case(blocks.LQR(q=[1, 2, 3], solver="dare")), 0)
 
 
 places = st.tuples(st.floats(-2.5, 2.5), st.floats(-2.5, 2.5))

@@ -9,12 +9,13 @@ import pytest
 
 import blocks
 import runtime
+from tests.compilers import skip_without_compiler
 
 
 @pytest.fixture(params=["python", "compiled"])
 def engine(request: pytest.FixtureRequest) -> str:
     if request.param == "compiled":
-        pytest.importorskip("numba")
+        skip_without_compiler()
     return str(request.param)
 
 

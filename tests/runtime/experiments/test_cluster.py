@@ -75,6 +75,27 @@ def test_a_cluster_that_loses_a_worker_gives_the_same_index(
 
 
 @needs_dask
+def test_a_tuning_on_a_cluster_tries_the_same_configurations(
+    here: Run, cluster: Cluster, draw: Path, tmp_path: Path
+) -> None:
+    pytest.importorskip("optuna")
+    tune = ("tune", "draw.yaml", "--vary", "draw.level=0..10", "--seeds", "0..1", "--trials", "8")
+    quiet = ("--held-out", "10..11", "--no-plots", "-q")
+    for place in (("-j", "1", "--name", "local"), ("--scheduler", cluster[0], "--name", "dask")):
+        done = here(*tune, *quiet, *place)
+        assert done.returncode == 0, done.stderr
+    for name in ("index.csv", "held_out.csv"):
+        local, dask = (
+            sorted(
+                line.rpartition(",")[0]
+                for line in (tmp_path / "tunings" / folder / name).read_text().splitlines()
+            )
+            for folder in ("local", "dask")
+        )
+        assert local == dask
+
+
+@needs_dask
 def test_a_lost_scheduler_ends_the_sweep_with_its_rows_kept(
     script: Path, here: Run, cluster: Cluster, draw: Path, tmp_path: Path
 ) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import random
+import signal
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -179,6 +180,30 @@ class TestSurvival:
         assert whole.returncode == 0, whole.stderr
         for name in ("index.csv", "held_out.csv"):
             assert rows(folder, name) == rows(tmp_path / "tunings" / "whole", name)
+
+    def test_ctrl_c_keeps_what_is_done_and_resume_completes_it(
+        self, script: Path, here: Run, draw: Path, tmp_path: Path
+    ) -> None:
+        command = [*TUNE, "--trials", "12", *QUIET, "--set", "draw.how=brief"]
+        folder = tmp_path / "tunings" / "draw"
+        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
+        with subprocess.Popen(
+            [script, *command], cwd=tmp_path, start_new_session=True, **quiet
+        ) as process:
+            while not (folder / "index.csv").exists() or len(rows(folder)) < 4:
+                assert process.poll() is None
+            os.killpg(process.pid, signal.SIGINT)
+            message = process.communicate()[1].decode()
+        assert process.returncode == 130
+        assert "Traceback" not in message
+        assert stored(folder)["status"] == "interrupted"
+        assert 4 <= len(rows(folder)) < 36
+        done = here(*command, "--resume")
+        assert done.returncode == 0, done.stderr
+        assert here(*command, "--name", "whole").returncode == 0
+        assert stored(folder)["status"] == "complete"
+        assert stored(folder)["front"] == stored(tmp_path / "tunings" / "whole")["front"]
+        assert rows(folder) == rows(tmp_path / "tunings" / "whole")
 
     def test_a_folder_is_continued_only_by_its_own_plan(self, here: Run, draw: Path) -> None:
         assert here(*TUNE, "--trials", "4", *QUIET).returncode == 0

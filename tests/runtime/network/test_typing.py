@@ -13,6 +13,7 @@ import blocks
 import runtime
 from blocks.registry import BUILTIN
 from runtime.errors import GraphError
+from tests.compilers import skip_without_compiler
 
 
 class Offset(blocks.Block):
@@ -51,7 +52,7 @@ def messages(graph: runtime.Graph) -> list[str]:
 @pytest.mark.parametrize("engine", ["python", "compiled"])
 def test_an_open_input_has_the_form_of_its_type(engine: str) -> None:
     if engine == "compiled":
-        pytest.importorskip("numba")
+        skip_without_compiler()
     graph = runtime.Graph(dt=0.01, until=0.05)
     graph = graph.add("c", blocks.Constant(value=[1, 2, 3], signal="Vector"))
     graph = graph.add("offset", Offset()).connect("c.value", "offset.x").probe("offset.out")

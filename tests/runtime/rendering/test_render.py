@@ -18,7 +18,7 @@ import runtime
 from blocks import World
 from runtime.errors import UsageError
 from runtime.rendering.motion import Motion, recorded_motion
-from runtime.rendering.views import MARGIN, extent_of
+from runtime.rendering.views import MARGIN, bar_length, extent_of
 from tests.conftest import Run
 
 SECONDS = 4.0
@@ -122,6 +122,23 @@ def test_the_motion_is_what_was_recorded(run_folder: Path) -> None:
         np.testing.assert_array_equal(motion.states, stored["physics"])
         np.testing.assert_array_equal(motion.t, stored["physics.time"])
     assert motion.robot.body_radius == 0.17
+
+
+@pytest.mark.parametrize(("width", "length"), [(4.3, 1.0), (39.0, 5.0), (0.9, 0.2), (8.0, 2.0)])
+def test_the_scale_is_a_round_length_within_a_quarter_of_the_width(
+    width: float, length: float
+) -> None:
+    assert bar_length(width) == pytest.approx(length)
+
+
+def test_the_scale_bar_is_as_long_as_it_says(drawn: Path, run_folder: Path) -> None:
+    pixels = np.asarray(Image.open(drawn / "render.png").convert("RGB")).astype(int)
+    motion = recorded_motion(run_folder)
+    reach = extent_of(motion.world, motion.states[:, 1:3]).reach
+    is_ink = (np.abs(pixels - 40) <= 2).all(axis=2)
+    ends = [np.flatnonzero(np.diff(np.pad(row.astype(int), 1))) for row in is_ink]
+    longest = max(int(np.diff(found)[::2].max(initial=0)) for found in ends)
+    assert longest == pytest.approx(bar_length(2.0 * reach) * HEIGHT / (2.0 * reach), abs=2)
 
 
 def test_an_extent_covers_everything() -> None:

@@ -7,6 +7,7 @@ import json
 import re
 import shutil
 import subprocess
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +59,10 @@ def folders(script: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str,
     others = ("--vary", "half.gain=[0.5, 1]", "--vary", "draw.how=[fine, raise]")
     run("sweep", "draw.yaml", *seeds, "--vary", level, *others, "--name", "three")
     found = {name: root / "sweeps" / name for name in ("one", "three")}
+    if find_spec("optuna"):
+        goals = ("--minimize", "drawn", "--maximize", "total", "--held-out", "10..12")
+        run("tune", "draw.yaml", *seeds, "--vary", "draw.level=0..5", *goals, "--trials", "6")
+        found["tuning"] = root / "tunings" / "draw"
     return {**found, "ablation": (root / "ablations" / "draw" / "latest").resolve()}
 
 
@@ -246,3 +251,37 @@ def test_forms_of_plain_data() -> None:
     ):
         with pytest.raises(ValueError, match=message):
             check(value, form)
+
+
+@pytest.mark.skipif(not find_spec("optuna"), reason="needs pip install -e '.[tune]'")
+def test_the_tables_of_a_tuning_agree_with_its_results(
+    folders: dict[str, Path], pages: dict[str, Path]
+) -> None:
+    stored = json.loads((folders["tuning"] / "tuning.json").read_text())
+    html = pages["tuning"].read_text()
+    winners = rows(html, "winners")
+    assert [int(row[0]) for row in winners] == stored["front"]
+    for line, shown in zip(stored["table"], rows(html, "training and held-out runs"), strict=True):
+        assert shown[1] == (str(line["configuration"]) if line["configuration"] else "own")
+        for column, runs in ((2, "training"), (6, "held_out")):
+            assert _number(shown[column]) == pytest.approx(line[runs]["mean"], rel=1e-3)
+            ends = [line[runs]["low"], line[runs]["high"]]
+            assert _interval(shown[column + 1]) == pytest.approx(ends, rel=1e-3)
+        assert _number(shown[-1]) == pytest.approx(line["optimism"], rel=1e-3)
+    assert len(rows(html, "configurations")) == 6
+    captions = [e.text for e in find(html, "figcaption")]
+    assert len(captions) == 4
+
+
+@pytest.mark.skipif(not find_spec("optuna"), reason="needs pip install -e '.[tune]'")
+def test_a_tuning_without_results_and_a_damaged_one(
+    folders: dict[str, Path], tmp_path: Path
+) -> None:
+    folder = tmp_path / "draw"
+    shutil.copytree(folders["tuning"], folder)
+    (folder / "tuning.json").write_text('{"experiment": 3}')
+    with pytest.raises(UsageError, match=r"tuning.json' is damaged: experiment: expected a string"):
+        report(folder)
+    (folder / "tuning.json").unlink()
+    with pytest.raises(UsageError, match="has no results yet; 'runtime tune' with --resume"):
+        report(folder)

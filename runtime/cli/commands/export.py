@@ -1,0 +1,64 @@
+"""``runtime export``: write a part of a graph as C."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser, Namespace
+
+from runtime.cli.commands import add_json, integer
+from runtime.cli.commands.changes import add_graph, changed_graph
+from runtime.terminal import show, show_json
+
+HELP = "write a controller, or any blocks of a graph, as C"
+MOST_TICKS = 10_000_000
+
+
+def add(parser: ArgumentParser) -> None:
+    """Declare the options."""
+    add_graph(parser)
+    parser.add_argument("folder", metavar="DIR", help="folder for the files")
+    parser.add_argument("--to", choices=("c",), default="c", help="language (c: C99)")
+    for flag, place, text in (
+        ("--block", "blocks", "a block or part to export"),
+        ("--except", "others", "export all blocks but these"),
+    ):
+        parser.add_argument(
+            flag, dest=place, action="append", default=[], metavar="NAME[,NAME]", help=text
+        )
+    parser.add_argument("--name", default="controller", help="of files and functions (controller)")
+    parser.add_argument("--float32", action="store_true", help="compute in float, not in double")
+    message = "length of the recorded run that the test replays"
+    parser.add_argument("--ticks", type=integer(1, MOST_TICKS), metavar="N", help=message)
+    add_json(parser)
+
+
+def run(options: Namespace) -> int:
+    """Write the files, and print the report."""
+    from runtime.export import export
+
+    made = export(
+        changed_graph(options.graph, options),
+        options.folder,
+        blocks=_names(options.blocks),
+        others=_names(options.others),
+        name=options.name,
+        float32=options.float32,
+        ticks=options.ticks,
+    )
+    if options.json:
+        show_json(
+            {
+                "schema_version": 1,
+                "folder": str(made.folder),
+                "files": list(made.files),
+                "inputs": list(made.inputs),
+                "outputs": list(made.outputs),
+            }
+        )
+        return 0
+    show(made.report)
+    show(f"written to {made.folder}: {', '.join(made.files)}")
+    return 0
+
+
+def _names(given: list[str]) -> list[str]:
+    return [name.strip() for text in given for name in text.split(",") if name.strip()]

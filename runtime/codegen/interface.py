@@ -1,0 +1,116 @@
+"""How other units call a method: numbers by value, everything else by pointers to numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from runtime.codegen.body import Body
+from runtime.codegen.names import local_name
+from runtime.codegen.types import C_NAMES, FLOAT, Array, NotTypedError, Number, Tuple, Type
+from runtime.codegen.values import (
+    Value,
+    array_type,
+    converted,
+    group,
+    parts_of,
+    product_text,
+    size_text,
+)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A method that other units call.
+
+    Parameters
+    ----------
+    symbol : the C name.
+    function : the source's function.
+    arguments : names and types: numbers are passed as they are, tuples of floats and arrays of
+        floats as pointers, other tuples part by part.
+    results : types of the outputs, which are written through pointers: floats, tuples of floats
+        and arrays of floats.
+
+    Sizes of arrays that the types do not tell follow the pointer.
+    """
+
+    symbol: str
+    function: str
+    arguments: Sequence[tuple[str, Type]]
+    results: Sequence[Type] = ()
+
+
+def given(name: str, kind: Type, parameters: list[str]) -> Value:
+    """An argument from another unit; adds its C parameters."""
+    plain = local_name(name)
+    if isinstance(kind, Number):
+        parameters.append(f"{C_NAMES[kind.kind]} {plain}")
+        return Value(kind, (plain,))
+    if isinstance(kind, Array):
+        parameters.append(f"{'const ' if kind.frozen else ''}double *{plain}")
+        return Value(kind, (plain, *_sizes(plain, kind, parameters)))
+    if isinstance(kind, Tuple):
+        if kind.parts and all(part == FLOAT for part in kind.parts) and not name.endswith("..."):
+            parameters.append(f"const double *{plain}")
+            return Value(kind, tuple(f"{plain}[{i}]" for i in range(len(kind.parts))))
+        stem = name.removesuffix("...")
+        made = [given(f"{stem}_{i}", part, parameters) for i, part in enumerate(kind.parts)]
+        return group(made)
+    raise NotTypedError(f"takes a {kind} as an argument")
+
+
+def _sizes(name: str, kind: Array, parameters: list[str]) -> list[str]:
+    """The parameters with the sizes of an array that are known only while running."""
+    names = [f"{name}_n{axis}" for axis, size in enumerate(kind.dims) if size is None]
+    parameters += [f"int64_t {each}" for each in names]
+    return names
+
+
+def results(body: Body, entry: Entry, found: Value, parameters: list[str]) -> None:
+    """Copy what a method returns to its outputs."""
+    if not entry.results:
+        return
+    parts = [found]
+    if len(entry.results) > 1:
+        if not isinstance(found.type, Tuple) or len(found.type.parts) != len(entry.results):
+            message = f"returns a {found.type}, expected {len(entry.results)} outputs"
+            raise NotTypedError(message)
+        parts = parts_of(found)
+    for i, (part, kind) in enumerate(zip(parts, entry.results, strict=True)):
+        parameters.append(f"double *out{i}")
+        if isinstance(kind, Array):
+            sizes = _sizes(f"out{i}", kind, parameters)
+            _array_result(body, part, Value(kind, (f"out{i}", *sizes)))
+            continue
+        try:
+            numbers = converted(part, kind)
+        except NotTypedError:
+            raise NotTypedError(f"returns a {part.type}, expected a {kind}") from None
+        for at, text in enumerate(numbers.texts):
+            body.put(f"out{i}[{at}] = {text};")
+
+
+def _array_result(body: Body, part: Value, target: Value) -> None:
+    """Copy an array, or a tuple of numbers, of the right shape to an output."""
+    kind = array_type(target)
+    if isinstance(part.type, Tuple) and kind.dims == (len(part.type.parts),):
+        for at, entry in enumerate(parts_of(part)):
+            body.put(f"{target.text}[{at}] = {converted(entry, FLOAT).text};")
+        return
+    if not isinstance(part.type, Array) or len(part.type.dims) != len(kind.dims):
+        raise NotTypedError(f"returns a {part.type}, expected an array of shape {kind.dims}")
+    for axis, size in enumerate(kind.dims):
+        have = part.type.dims[axis]
+        if have is not None and size is not None and have != size:
+            raise NotTypedError(f"returns an array of shape {part.type.dims}, expected {kind.dims}")
+        if have is None or size is None:
+            message = "an output has {index} elements along an axis, expected {size}"
+            failure = body.fail("ValueError", message)
+            sizes = f"{size_text(part, axis)}, {size_text(target, axis)}"
+            body.put(f"same_size(ctx, {sizes}, {failure});")
+    if part.type.packed and part.type.kind == "float":
+        count = product_text([size_text(target, k) for k in range(len(kind.dims))])
+        body.put(f"copy_numbers({target.text}, {part.text}, {count});")
+        return
+    body.fill(target, part)

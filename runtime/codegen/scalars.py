@@ -1,0 +1,366 @@
+"""Arithmetic of numbers as C text, with Python's results."""
+
+from __future__ import annotations
+
+import ast
+import math
+import operator
+from collections.abc import Callable
+from typing import Any
+
+from runtime.codegen.body import Body
+from runtime.codegen.types import BOOL, FLOAT, INT, NotTypedError, Number
+from runtime.codegen.values import (
+    ATOM,
+    LOOSE,
+    PRODUCT,
+    SIGN,
+    SUM,
+    UNKNOWN,
+    Value,
+    converted,
+    number,
+)
+
+PLAIN: dict[type, tuple[str, int]] = {
+    ast.Add: ("+", SUM),
+    ast.Sub: ("-", SUM),
+    ast.Mult: ("*", PRODUCT),
+}
+BITS: dict[type, str] = {
+    ast.BitAnd: "&",
+    ast.BitOr: "|",
+    ast.BitXor: "^",
+    ast.LShift: "<<",
+    ast.RShift: ">>",
+}
+PYTHON: dict[type, Callable[[Any, Any], Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.FloorDiv: operator.floordiv,
+    ast.Mod: operator.mod,
+    ast.Pow: operator.pow,
+    ast.BitAnd: operator.and_,
+    ast.BitOr: operator.or_,
+    ast.BitXor: operator.xor,
+}
+COMPARED: dict[type, str] = {
+    ast.Eq: "==",
+    ast.NotEq: "!=",
+    ast.Lt: "<",
+    ast.LtE: "<=",
+    ast.Gt: ">",
+    ast.GtE: ">=",
+}
+# Functions of one and two floats that C has with Python's results.
+MATH = {
+    name: name
+    for name in [
+        "sin",
+        "cos",
+        "tan",
+        "asin",
+        "acos",
+        "atan",
+        "sinh",
+        "cosh",
+        "tanh",
+        "asinh",
+        "acosh",
+        "atanh",
+        "exp",
+        "expm1",
+        "exp2",
+        "log1p",
+        "log2",
+        "log10",
+        "sqrt",
+        "cbrt",
+        "erf",
+        "erfc",
+        "lgamma",
+        "fabs",
+    ]
+} | {"gamma": "tgamma"}
+MATH_TWO = {
+    **{name: name for name in ("atan2", "copysign", "fmod", "remainder")},
+    **{"hypot": "length_of", "pow": "power"},
+}
+TESTS = ("isnan", "isinf", "isfinite")
+WHOLE = {"floor": "floor", "ceil": "ceil", "trunc": "trunc"}
+
+
+def as_number(value: Value) -> Value:
+    """A number, or the only element that an array has.
+
+    Raises
+    ------
+    NotTypedError : it is no number.
+    """
+    if not isinstance(value.type, Number):
+        raise NotTypedError(f"computes with a {value.type}")
+    return value
+
+
+def as_float(value: Value) -> Value:
+    return converted(as_number(value), FLOAT)
+
+
+def call(name: str, *arguments: str, kind: Number = FLOAT) -> Value:
+    """A call in C."""
+    return Value(kind, (f"{name}({', '.join(arguments)})",), ATOM)
+
+
+def truth(value: Value) -> Value:
+    """Whether a number is not zero."""
+    if value.const is not UNKNOWN:
+        return number(bool(value.const))
+    if as_number(value).type == BOOL:
+        return value
+    zero = "0.0" if value.type == FLOAT else "0"
+    return Value(BOOL, (f"{value.within(SUM)} != {zero}",), LOOSE)
+
+
+def negated(value: Value) -> Value:
+    if value.const is not UNKNOWN:
+        return number(-value.const)
+    kind = INT if as_number(value).type == BOOL else value.type
+    text = value.within(ATOM)
+    return Value(kind, (f"-{text}",), SIGN)
+
+
+def inverted(value: Value) -> Value:
+    """``not`` of a value."""
+    value = truth(value)
+    if value.const is not UNKNOWN:
+        return number(not value.const)
+    return Value(BOOL, (f"!{value.within(ATOM)}",), SIGN)
+
+
+def binary(body: Body, op: ast.operator, a: Value, b: Value, each: bool = False) -> Value:
+    """An operator of two numbers.
+
+    Parameters
+    ----------
+    each : of elements of arrays, which NumPy divides by zero without an error.
+    """
+    a, b = as_number(a), as_number(b)
+    found = _folded(op, a, b)
+    if found is not None:
+        return found
+    kind = FLOAT if FLOAT in (a.type, b.type) else INT
+    if type(op) in BITS:
+        return _bits(op, a, b)
+    if type(op) in PLAIN:
+        return _plain(op, *(converted(v, kind) for v in (a, b)))
+    if isinstance(op, ast.Div):
+        a, b = converted(a, FLOAT), converted(b, FLOAT)
+        if each or (b.const is not UNKNOWN and b.const != 0):
+            right = b.within(SIGN)
+            return Value(FLOAT, (f"{a.within(PRODUCT)} / {right}",), PRODUCT)
+        return call("divide", "ctx", a.text, b.text, str(_no_zero(body, "float division by zero")))
+    a, b = converted(a, kind), converted(b, kind)
+    if isinstance(op, ast.Pow):
+        return _power(a, b, each)
+    if isinstance(op, (ast.FloorDiv, ast.Mod)):
+        return _whole(body, op, a, b, each)
+    raise NotTypedError(f"uses the operator {type(op).__name__} on numbers")
+
+
+def _folded(op: ast.operator, a: Value, b: Value) -> Value | None:
+    if a.const is UNKNOWN or b.const is UNKNOWN or type(op) not in PYTHON:
+        return None
+    try:
+        found = PYTHON[type(op)](a.const, b.const)
+    except (ArithmeticError, TypeError):
+        return None  # fails while running, if it is reached
+    return number(found) if isinstance(found, (bool, int, float)) else None
+
+
+def _plain(op: ast.operator, a: Value, b: Value) -> Value:
+    sign, rank = PLAIN[type(op)]
+    # a - (b + c) and a * (b * c) keep their parentheses: the order of rounding is the source's.
+    left, right = a.within(rank), b.within(rank + 1)
+    low, high = None, None
+    if a.type == INT:
+        low, high = _bounds(op, a, b)
+    return Value(a.type, (f"{left} {sign} {right}",), rank, low=low, high=high)
+
+
+def _bounds(op: ast.operator, a: Value, b: Value) -> tuple[int | None, int | None]:
+    highs = [v.high for v in (a, b)]
+    if isinstance(op, ast.Sub):
+        known = a.low is not None and isinstance(b.high, int)
+        low = a.low - b.high + 1 if known else None  # type: ignore[operator]
+        top = isinstance(a.high, int) and b.low is not None
+        return low, a.high - b.low if top else None  # type: ignore[operator]
+    if a.low is None or b.low is None:
+        return None, None
+    both = all(isinstance(h, int) for h in highs)
+    if isinstance(op, ast.Add):
+        return a.low + b.low, a.high + b.high - 1 if both else None  # type: ignore[operator]
+    if a.low >= 0 and b.low >= 0:
+        high = (a.high - 1) * (b.high - 1) + 1 if both else None  # type: ignore[operator]
+        return a.low * b.low, high
+    return None, None
+
+
+def _bits(op: ast.operator, a: Value, b: Value) -> Value:
+    if FLOAT in (a.type, b.type):
+        raise NotTypedError("uses bitwise operators on floats")
+    shift = isinstance(op, (ast.LShift, ast.RShift))
+    both = a.type == BOOL and b.type == BOOL and not shift
+    kind = BOOL if both else INT
+    if not both:
+        a, b = converted(a, INT), converted(b, INT)
+    return Value(kind, (f"({a.within(ATOM)} {BITS[type(op)]} {b.within(ATOM)})",), ATOM)
+
+
+def _no_zero(body: Body, message: str) -> int:
+    return body.fail("ZeroDivisionError", message)
+
+
+def _power(a: Value, b: Value, each: bool) -> Value:
+    if a.type == INT:
+        if b.const is UNKNOWN or b.const < 0:
+            raise NotTypedError("raises an integer to a power that may be negative; use floats")
+        return call("int_power", a.text, b.text, kind=INT)
+    if each and b.const == 2:
+        # NumPy squares.
+        return _plain(ast.Mult(), a, a)
+    if each and b.const == 0.5:
+        return call("sqrt", a.text)
+    return call("power", a.text, b.text)
+
+
+def _whole(body: Body, op: ast.operator, a: Value, b: Value, each: bool) -> Value:
+    """``//`` and ``%``."""
+    divides = isinstance(op, ast.FloorDiv)
+    if a.type == FLOAT:
+        if not divides and b.const is not UNKNOWN and b.const != 0:
+            return call("modulo", a.text, b.text)
+        message = "float floor division by zero" if divides else "float modulo"
+        name = "floor_divide" if divides else "modulo_checked"
+        return call(name, "ctx", a.text, b.text, str(_no_zero(body, message)))
+    positive = b.const is not UNKNOWN and b.const > 0
+    if positive and a.low is not None and a.low >= 0:
+        sign = "/" if divides else "%"
+        high = None if divides else b.const
+        text = f"{a.within(PRODUCT)} {sign} {b.within(SIGN)}"
+        return Value(INT, (text,), PRODUCT, low=0, high=high)
+    name = "int_floor_divide" if divides else "int_modulo"
+    message = "integer division or modulo by zero"
+    found = call(name, "ctx", a.text, b.text, str(_no_zero(body, message)), kind=INT)
+    if divides or b.low is None or b.low < 0:
+        return found
+    high = b.const if positive else b.text if b.text in body.stable else None
+    return Value(INT, found.texts, ATOM, low=0, high=high)
+
+
+def compared(op: ast.cmpop, a: Value, b: Value) -> Value:
+    """A comparison of two numbers."""
+    a, b = as_number(a), as_number(b)
+    sign = COMPARED.get(type(op))
+    if sign is None:
+        raise NotTypedError(f"compares numbers by {type(op).__name__}")
+    if a.const is not UNKNOWN and b.const is not UNKNOWN:
+        return number(_result(sign, a.const, b.const))
+    kind = FLOAT if FLOAT in (a.type, b.type) else INT
+    left, right = converted(a, kind), converted(b, kind)
+    return Value(BOOL, (f"{left.within(SUM)} {sign} {right.within(SUM)}",), LOOSE)
+
+
+def _result(sign: str, a: Any, b: Any) -> bool:
+    return bool(
+        {
+            "==": operator.eq,
+            "!=": operator.ne,
+            "<": operator.lt,
+            "<=": operator.le,
+            ">": operator.gt,
+            ">=": operator.ge,
+        }[sign](a, b)
+    )
+
+
+def extreme(body: Body, name: str, values: list[Value]) -> Value:
+    """``min`` or ``max`` of numbers, from the left as in Python."""
+    found = values[0]
+    for other in values[1:]:
+        a, b = as_number(found), as_number(other)
+        if a.const is not UNKNOWN and b.const is not UNKNOWN:
+            found = number(min(a.const, b.const) if name == "min" else max(a.const, b.const))
+            continue
+        kind = FLOAT if FLOAT in (a.type, b.type) else INT
+        a, b = converted(a, kind), converted(b, kind)
+        function = {"min": "least", "max": "greatest"}[name]
+        function = function if kind == FLOAT else f"int_{function}"
+        low, high = None, None
+        if kind == INT:
+            low, high = _extreme_bounds(name, a, b)
+        texts = (f"{function}({a.text}, {b.text})",)
+        found = Value(kind, texts, ATOM, low=low, high=high)
+    return found
+
+
+def _extreme_bounds(name: str, a: Value, b: Value) -> tuple[int | None, int | str | None]:
+    lows = [v.low for v in (a, b) if v.low is not None]
+    if name == "max":
+        highs = [v.high for v in (a, b)]
+        both = all(isinstance(h, int) for h in highs)
+        return max(lows, default=None), max(highs) if both else None  # type: ignore[type-var]
+    low = min(lows) if len(lows) == 2 else None
+    highs = [v.high for v in (a, b) if isinstance(v.high, int)]
+    return low, min(highs, default=None)  # type: ignore[type-var]
+
+
+def absolute(value: Value) -> Value:
+    value = as_number(value)
+    if value.const is not UNKNOWN:
+        return number(abs(value.const))
+    if value.type == FLOAT:
+        return call("fabs", value.text)
+    return Value(INT, (f"int_abs({value.text})",), ATOM, low=0)
+
+
+def whole(body: Body, value: Value, function: str = "") -> Value:
+    """A float as an int64, after rounding by a C function."""
+    value = as_number(value)
+    if value.type != FLOAT:
+        return converted(value, INT)
+    if value.const is not UNKNOWN and math.isfinite(value.const):
+        python: dict[str, Callable[[float], int]] = {"floor": math.floor, "ceil": math.ceil}
+        return number((python | {"rint": round}).get(function, int)(value.const))
+    text = f"{function}({value.text})" if function else value.text
+    message = "cannot convert float NaN, infinity or more than 64 bits to integer"
+    failure = body.fail("ValueError", message)
+    return call("to_int", "ctx", text, str(failure), kind=INT)
+
+
+def function(body: Body, name: str, values: list[Value]) -> Value:
+    """A function of the math module."""
+    if name in WHOLE and len(values) == 1:
+        return whole(body, values[0], WHOLE[name] if name != "trunc" else "")
+    numbers = [as_float(value) for value in values]
+    known = [value.const for value in numbers]
+    if all(value is not UNKNOWN for value in known) and hasattr(math, name):
+        try:
+            return number(getattr(math, name)(*known))
+        except (ValueError, OverflowError):
+            pass  # fails while running, if it is reached
+    texts = [value.text for value in numbers]
+    if len(texts) == 1 and name in MATH:
+        return call(MATH[name], *texts)
+    if len(texts) == 1 and name in TESTS:
+        return call(name, *texts, kind=BOOL)
+    if len(texts) == 2 and name in MATH_TWO:
+        return call(MATH_TWO[name], *texts)
+    if name == "log" and texts:
+        logs = [call("log", text) for text in texts]
+        return logs[0] if len(logs) == 1 else binary(body, ast.Div(), logs[0], logs[1])
+    factors = {"radians": math.pi / 180.0, "degrees": 180.0 / math.pi}
+    if name in factors and len(texts) == 1:
+        return _plain(ast.Mult(), numbers[0], number(factors[name]))
+    raise NotTypedError(f"calls math.{name} with {len(texts)} numbers, which is not compiled")

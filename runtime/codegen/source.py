@@ -1,0 +1,107 @@
+"""The source of a unit: plain functions of the compiled subset, as syntax trees."""
+
+from __future__ import annotations
+
+import ast
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from runtime.codegen.types import Type
+
+
+@dataclass(frozen=True)
+class Function:
+    """One function.
+
+    Parameters
+    ----------
+    name : as in calls.
+    parameters : their names.
+    defaults : of the last ones.
+    statements : the body.
+    file : of the source.
+    line : the line before that of a node with line 1.
+    bound : whether it reads the unit's entries; calls then give ``b`` first.
+    """
+
+    name: str
+    parameters: tuple[str, ...]
+    statements: Sequence[ast.stmt]
+    defaults: Mapping[str, ast.expr] = field(default_factory=dict)
+    file: str = ""
+    line: int = 0
+    bound: bool = False
+    note: str = ""
+
+    @cached_property
+    def counts(self) -> Counter[str]:
+        """How often each name is assigned to in the text; parameters count once more."""
+        found = Counter(self.parameters)
+        for statement in self.statements:
+            for node in ast.walk(statement):
+                if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+                    found[node.id] += 1
+                if isinstance(node, (ast.For, ast.While, ast.AugAssign, ast.comprehension)):
+                    for inner in _stored(node):
+                        found[inner] += 1
+        return found
+
+    @cached_property
+    def loaded(self) -> frozenset[str]:
+        """Names that are read anywhere."""
+        return frozenset(name for s in self.statements for name in _loaded(s))
+
+    @cached_property
+    def loops_read_later(self) -> frozenset[str]:
+        """Indices of loops that are also read outside of these loops."""
+        inside: Counter[str] = Counter()
+        total: Counter[str] = Counter()
+        for statement in self.statements:
+            total.update(_loaded(statement))
+            waiting: list[ast.AST] = [statement]
+            while waiting:
+                node = waiting.pop()
+                if isinstance(node, ast.For) and isinstance(node.target, ast.Name):
+                    name = node.target.id
+                    inside[name] += sum(_loaded(s)[name] for s in node.body)
+                    waiting += [s for s in node.body if not _rebinds(s, name)]
+                    continue
+                waiting += ast.iter_child_nodes(node)
+        return frozenset(name for name, times in total.items() if times > inside[name])
+
+    @cached_property
+    def once(self) -> frozenset[str]:
+        """Names that keep the value that they are given first."""
+        return frozenset(name for name, times in self.counts.items() if times == 1)
+
+
+def _loaded(node: ast.AST) -> Counter[str]:
+    return Counter(
+        n.id for n in ast.walk(node) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Load)
+    )
+
+
+def _rebinds(node: ast.AST, name: str) -> bool:
+    return any(
+        isinstance(n, ast.For) and isinstance(n.target, ast.Name) and n.target.id == name
+        for n in ast.walk(node)
+    )
+
+
+def _stored(node: ast.AST) -> list[str]:
+    """Names that are assigned in a loop, which may be more than once."""
+    return [
+        inner.id
+        for inner in ast.walk(node)
+        if isinstance(inner, ast.Name) and isinstance(inner.ctx, ast.Store)
+    ]
+
+
+@dataclass(frozen=True)
+class Source:
+    """All functions of a unit by name, and the types of the entries that bound ones read."""
+
+    functions: Mapping[str, Function]
+    entries: Mapping[str, Type] = field(default_factory=dict)

@@ -1,0 +1,340 @@
+/* What compiled blocks need besides math.h. Scalar functions give the bits of Python's. */
+
+#include <math.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#ifndef WITHOUT_JUMPS
+#include <setjmp.h>
+#endif
+
+/* One run's working memory. Every member has eight bytes on 64-bit machines.
+ *
+ * resume    : where a failure continues (a jmp_buf).
+ * failure   : the number of the failure, -1 for none; index, size and axis are those of an index.
+ * arena     : memory of local arrays; used bytes of its size, and the most that were ever used.
+ * tick, at  : the tick, and the number of the call in it.
+ */
+struct context {
+    void *resume;
+    int64_t failure, index, size, axis;
+    unsigned char *arena;
+    int64_t arena_size, arena_used, arena_most;
+    int64_t tick, at;
+};
+
+/* A generator of random numbers: NumPy's state and functions. */
+struct draws {
+    void *bits;
+    double (*uniform)(void *);
+    double (*normal)(void *);
+    double (*exponential)(void *);
+};
+
+#if defined(__GNUC__) || defined(__clang__)
+#define COLD __attribute__((cold, noinline, unused))
+#define MAYBE_UNUSED __attribute__((unused))
+#define LIKELY(x) __builtin_expect(!!(x), 1)
+#else
+#define COLD
+#define MAYBE_UNUSED
+#define LIKELY(x) (x)
+#endif
+#define INLINE static inline MAYBE_UNUSED
+
+/* Stop with a failure. Without jumps the first one is kept, and the caller goes on. */
+static COLD void fail(struct context *ctx, int64_t failure)
+{
+    if (ctx->failure < 0) ctx->failure = failure;
+#ifndef WITHOUT_JUMPS
+    longjmp(*(jmp_buf *)ctx->resume, 1);
+#endif
+}
+
+static COLD int64_t fail_index(struct context *ctx, int64_t index, int64_t size, int64_t axis,
+                               int64_t failure)
+{
+    ctx->index = index;
+    ctx->size = size;
+    ctx->axis = axis;
+    fail(ctx, failure);
+    return 0;
+}
+
+/* Memory for a local array, valid until the block's call ends. */
+INLINE void *take(struct context *ctx, int64_t bytes, int64_t failure)
+{
+    bytes = (bytes + 31) & ~(int64_t)31;
+    if (!LIKELY(bytes >= 0 && bytes <= ctx->arena_size - ctx->arena_used)) {
+        fail_index(ctx, ctx->arena_used, bytes, 0, failure);
+        return ctx->arena;
+    }
+    void *found = ctx->arena + ctx->arena_used;
+    ctx->arena_used += bytes;
+    if (ctx->arena_used > ctx->arena_most) ctx->arena_most = ctx->arena_used;
+    return found;
+}
+
+/* An index as Python reads it: negative ones count from the end. */
+INLINE int64_t wrapped(int64_t index, int64_t size)
+{
+    return index < 0 ? index + size : index;
+}
+
+INLINE int64_t checked(struct context *ctx, int64_t index, int64_t size, int64_t axis,
+                       int64_t failure)
+{
+    if (LIKELY((uint64_t)index < (uint64_t)size)) return index;
+    if (index < 0 && index + size >= 0) return index + size;
+    return fail_index(ctx, index, size, axis, failure);
+}
+
+/* A bound of a slice. */
+INLINE int64_t clamped(int64_t bound, int64_t size)
+{
+    if (bound < 0) bound += size;
+    return bound < 0 ? 0 : bound > size ? size : bound;
+}
+
+INLINE int64_t not_negative(int64_t count)
+{
+    return count < 0 ? 0 : count;
+}
+
+/* The size that two axes share; an axis of size one is repeated, so it must be known to be one. */
+INLINE int64_t same_size(struct context *ctx, int64_t a, int64_t b, int64_t failure)
+{
+    if (!LIKELY(a == b)) fail_index(ctx, a, b, 0, failure);
+    return a;
+}
+
+INLINE double divide(struct context *ctx, double a, double b, int64_t failure)
+{
+    if (!LIKELY(b != 0.0)) fail(ctx, failure);
+    return a / b;
+}
+
+/* Python's float %: the sign of the divisor. */
+INLINE double modulo(double a, double b)
+{
+    double rest = fmod(a, b);
+    if (rest != 0.0) return (b < 0.0) != (rest < 0.0) ? rest + b : rest;
+    return copysign(0.0, b);
+}
+
+INLINE double modulo_checked(struct context *ctx, double a, double b, int64_t failure)
+{
+    if (!LIKELY(b != 0.0)) fail(ctx, failure);
+    return modulo(a, b);
+}
+
+/* Python's float //. */
+INLINE double floor_divide(struct context *ctx, double a, double b, int64_t failure)
+{
+    if (!LIKELY(b != 0.0)) fail(ctx, failure);
+    double rest = fmod(a, b), quotient = (a - rest) / b;
+    if (rest != 0.0 && (b < 0.0) != (rest < 0.0)) quotient -= 1.0;
+    if (quotient == 0.0) return copysign(0.0, a / b);
+    double whole = floor(quotient);
+    return quotient - whole > 0.5 ? whole + 1.0 : whole;
+}
+
+INLINE int64_t int_floor_divide(struct context *ctx, int64_t a, int64_t b, int64_t failure)
+{
+    if (!LIKELY(b != 0)) {
+        fail(ctx, failure);
+        return 0;
+    }
+    int64_t quotient = a / b;
+    return quotient - (a % b != 0 && (a < 0) != (b < 0));
+}
+
+INLINE int64_t int_modulo(struct context *ctx, int64_t a, int64_t b, int64_t failure)
+{
+    if (!LIKELY(b != 0)) {
+        fail(ctx, failure);
+        return 0;
+    }
+    int64_t rest = a % b;
+    return rest != 0 && (rest < 0) != (b < 0) ? rest + b : rest;
+}
+
+INLINE int64_t int_power(int64_t base, int64_t exponent)
+{
+    int64_t result = 1;
+    for (; exponent > 0; exponent >>= 1, base *= base)
+        if (exponent & 1) result *= base;
+    return result;
+}
+
+/* The C library's pow; a compiler would write x * x for a known exponent. */
+INLINE double power(double base, double exponent)
+{
+    volatile double hidden = exponent;
+    return pow(base, hidden);
+}
+
+INLINE int64_t to_int(struct context *ctx, double x, int64_t failure)
+{
+    if (!LIKELY(x > -9.3e18 && x < 9.2e18)) {
+        fail(ctx, failure);
+        return 0;
+    }
+    return (int64_t)x;
+}
+
+/* Python's min and max of two: the first, unless the second is smaller (greater). */
+INLINE double least(double a, double b)
+{
+    return b < a ? b : a;
+}
+
+INLINE double greatest(double a, double b)
+{
+    return b > a ? b : a;
+}
+
+INLINE int64_t int_least(int64_t a, int64_t b)
+{
+    return b < a ? b : a;
+}
+
+INLINE int64_t int_greatest(int64_t a, int64_t b)
+{
+    return b > a ? b : a;
+}
+
+/* NumPy's: NaN if either is. */
+INLINE double np_least(double a, double b)
+{
+    return a < b || a != a ? a : b;
+}
+
+INLINE double np_greatest(double a, double b)
+{
+    return a > b || a != a ? a : b;
+}
+
+INLINE int64_t int_abs(int64_t a)
+{
+    return a < 0 ? -a : a;
+}
+
+INLINE double sign_of(double a)
+{
+    return a > 0.0 ? 1.0 : a < 0.0 ? -1.0 : a == 0.0 ? 0.0 : a;
+}
+
+/* math.hypot of two: rounded correctly in all but very few cases, as Python's is. */
+INLINE double length_of(double a, double b)
+{
+    double x[2] = {fabs(a), fabs(b)};
+    double most = x[0] > x[1] ? x[0] : x[1];
+    if (isinf(x[0]) || isinf(x[1])) return INFINITY;
+    if (isnan(x[0]) || isnan(x[1])) return NAN;
+    if (most == 0.0) return 0.0;
+    int exponent;
+    frexp(most, &exponent);
+    if (exponent < -1022) {
+        x[0] /= most;
+        x[1] /= most;
+        exponent = 0;
+    } else {
+        most = 1.0;
+    }
+    double scale = ldexp(1.0, -exponent), sum = 1.0, before, high, low, t, y;
+    double first = 0.0, second = 0.0, third = 0.0;
+    for (int i = 0; i < 2; i++) {
+        y = x[i] * scale;
+        t = y * 134217729.0;
+        high = t - (t - y);
+        low = y - high;
+        y = high * high;
+        before = sum;
+        sum += y;
+        first += (before - sum) + y;
+        y = 2.0 * high * low;
+        before = sum;
+        sum += y;
+        second += (before - sum) + y;
+        third += low * low;
+    }
+    double root = sqrt(sum - 1.0 + (first + second + third));
+    t = root * 134217729.0;
+    high = t - (t - root);
+    low = root - high;
+    y = -high * high;
+    before = sum;
+    sum += y;
+    first += (before - sum) + y;
+    y = -2.0 * high * low;
+    before = sum;
+    sum += y;
+    second += (before - sum) + y;
+    y = -low * low;
+    before = sum;
+    sum += y;
+    third += (before - sum) + y;
+    y = sum - 1.0 + (first + second + third);
+    return most * ((root + y / (2.0 * root)) / scale);
+}
+
+/* NumPy's sum of a contiguous array, in its order: eight sums at once, blocks of 128 in pairs. */
+INLINE double sum_few(const double *a, int64_t n)
+{
+    double sum[8];
+    int64_t i;
+    if (n < 8) {
+        double total = n > 0 ? a[0] : 0.0;
+        for (i = 1; i < n; i++) total += a[i];
+        return total;
+    }
+    for (i = 0; i < 8; i++) sum[i] = a[i];
+    for (i = 8; i < n - n % 8; i += 8)
+        for (int k = 0; k < 8; k++) sum[k] += a[i + k];
+    double total = ((sum[0] + sum[1]) + (sum[2] + sum[3])) + ((sum[4] + sum[5]) + (sum[6] + sum[7]));
+    for (; i < n; i++) total += a[i];
+    return total;
+}
+
+static MAYBE_UNUSED double sum_of(const double *a, int64_t n)
+{
+    /* Halves are split depth first; the left half's sum waits on a stack for the right one's. */
+    struct {
+        const double *a;
+        int64_t n;
+        double left;
+        int stage;
+    } stack[64];
+    int depth = 0;
+    double value = 0.0;
+    stack[0].a = a;
+    stack[0].n = n;
+    stack[0].stage = 0;
+    while (depth >= 0) {
+        int64_t size = stack[depth].n, half = size / 2;
+        half -= half % 8;
+        if (stack[depth].stage == 0 && size <= 128) {
+            value = sum_few(stack[depth].a, size);
+            depth--;
+            continue;
+        }
+        if (stack[depth].stage < 2) {
+            int right = stack[depth].stage++;
+            if (right) stack[depth].left = value;
+            stack[depth + 1].a = stack[depth].a + (right ? half : 0);
+            stack[depth + 1].n = right ? size - half : half;
+            stack[depth + 1].stage = 0;
+            depth++;
+            continue;
+        }
+        value = stack[depth].left + value;
+        depth--;
+    }
+    return value;
+}
+
+INLINE void copy_numbers(double *to, const double *from, int64_t n)
+{
+    for (int64_t i = 0; i < n; i++) to[i] = from[i];
+}

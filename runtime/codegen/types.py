@@ -1,0 +1,155 @@
+"""Types of the compiled subset, and how each is laid out in C.
+
+A value of any type is a list of *leaves*, each of one C type: a number is one leaf, an array its
+pointer and the sizes and strides that are not known, a tuple the leaves of its parts. Variables,
+parameters and members of structs are the leaves of their type, one by one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+C_NAMES = {"bool": "bool", "int": "int64_t", "float": "double"}
+ORDER = ("bool", "int", "float")
+
+
+class NotTypedError(Exception):
+    """Text that is outside the compiled subset: the reason, with a suggestion."""
+
+
+@dataclass(frozen=True)
+class Number:
+    """A bool, an int64 or a float64."""
+
+    kind: str
+
+    def __str__(self) -> str:
+        return self.kind
+
+
+@dataclass(frozen=True)
+class Array:
+    """An array; ``dims`` are its sizes, None where they are known only while running.
+
+    ``packed`` arrays are contiguous in C order, the others have strides. ``frozen`` ones are not
+    written to.
+    """
+
+    kind: str
+    dims: tuple[int | None, ...]
+    packed: bool = True
+    frozen: bool = False
+
+    def __str__(self) -> str:
+        return f"array of {self.kind} with {len(self.dims)} axes"
+
+
+@dataclass(frozen=True)
+class Tuple:
+    """A tuple of values of known types."""
+
+    parts: tuple[Type, ...]
+
+    def __str__(self) -> str:
+        return f"tuple ({', '.join(map(str, self.parts))})"
+
+
+@dataclass(frozen=True)
+class Maybe:
+    """A value or None."""
+
+    part: Type
+
+    def __str__(self) -> str:
+        return f"{self.part} or None"
+
+
+@dataclass(frozen=True)
+class Known:
+    """None or a string, which only decides branches."""
+
+    value: Any
+
+    def __str__(self) -> str:
+        return repr(self.value)
+
+
+@dataclass(frozen=True)
+class Draws:
+    """A generator of random numbers."""
+
+    def __str__(self) -> str:
+        return "random generator"
+
+
+Type = Number | Array | Tuple | Maybe | Known | Draws
+BOOL, INT, FLOAT = Number("bool"), Number("int"), Number("float")
+NONE = Known(None)
+
+
+def leaves(kind: Type) -> Iterator[tuple[str, str]]:
+    """The leaves of a type: the suffix of each one's name, and its C type."""
+    if isinstance(kind, Number):
+        yield "", C_NAMES[kind.kind]
+    elif isinstance(kind, Array):
+        yield "", f"{'const ' if kind.frozen else ''}{C_NAMES[kind.kind]} *"
+        for axis, size in enumerate(kind.dims):
+            if size is None:
+                yield f"_n{axis}", "int64_t"
+        if not kind.packed:
+            for axis in range(len(kind.dims)):
+                yield f"_s{axis}", "int64_t"
+    elif isinstance(kind, Tuple):
+        for i, part in enumerate(kind.parts):
+            for suffix, name in leaves(part):
+                yield f"_{i}{suffix}", name
+    elif isinstance(kind, Maybe):
+        yield "_given", "bool"
+        yield from leaves(kind.part)
+    elif isinstance(kind, Draws):
+        yield "", "const struct draws *"
+
+
+def count(kind: Type) -> int:
+    """How many leaves a type has."""
+    return sum(1 for _ in leaves(kind))
+
+
+def join(a: Type, b: Type) -> Type:
+    """The type that holds values of both.
+
+    Raises
+    ------
+    NotTypedError : there is none.
+    """
+    if a == b:
+        return a
+    if isinstance(a, Number) and isinstance(b, Number):
+        return Number(max(a.kind, b.kind, key=ORDER.index))
+    if isinstance(a, Array) and isinstance(b, Array) and _alike(a, b):
+        dims = tuple(m if m == n else None for m, n in zip(a.dims, b.dims, strict=True))
+        return Array(a.kind, dims, a.packed and b.packed, a.frozen or b.frozen)
+    if isinstance(a, Tuple) and isinstance(b, Tuple) and len(a.parts) == len(b.parts):
+        return Tuple(tuple(join(m, n) for m, n in zip(a.parts, b.parts, strict=True)))
+    if a == NONE or b == NONE:
+        other = b if a == NONE else a
+        return other if isinstance(other, Maybe) else Maybe(other)
+    if isinstance(a, Maybe) or isinstance(b, Maybe):
+        inner = [kind.part if isinstance(kind, Maybe) else kind for kind in (a, b)]
+        return Maybe(join(*inner))
+    raise NotTypedError(f"is sometimes a {a} and sometimes a {b}; use one type")
+
+
+def _alike(a: Array, b: Array) -> bool:
+    return a.kind == b.kind and len(a.dims) == len(b.dims)
+
+
+def general(kind: Type) -> Type:
+    """A type without the sizes of its arrays."""
+    if isinstance(kind, Array):
+        return replace(kind, dims=(None,) * len(kind.dims))
+    if isinstance(kind, Tuple):
+        return Tuple(tuple(map(general, kind.parts)))
+    return Maybe(general(kind.part)) if isinstance(kind, Maybe) else kind

@@ -1,0 +1,67 @@
+"""What the C text of every plan has in common, and how its signals are passed."""
+
+from __future__ import annotations
+
+import math
+
+from blocks.core import SignalType
+from runtime.engine.compiled.entries import written
+
+RUN = """
+static bool all_finite(const double *a, int64_t n)
+{
+    for (int64_t i = 0; i < n; i++)
+        if (!isfinite(a[i])) return false;
+    return true;
+}
+
+static bool no_nan(const double *a, int64_t n)
+{
+    for (int64_t i = 0; i < n; i++)
+        if (isnan(a[i])) return false;
+    return true;
+}
+
+static void set_zero(double *a, int64_t n)
+{
+    for (int64_t i = 0; i < n; i++) a[i] = 0.0;
+}
+
+int64_t run(struct plan *plan, struct context *ctx, int64_t first, int64_t last, int64_t low,
+            int64_t high);
+
+int64_t run(struct plan *plan, struct context *ctx, int64_t first, int64_t last, int64_t low,
+            int64_t high)
+{
+    jmp_buf resume;
+    const double dt = @dt@;
+    ctx->resume = &resume;
+    ctx->failure = -1;
+    (void)all_finite;
+    (void)no_nan;
+    (void)set_zero;
+    (void)low;
+    (void)high;
+    if (setjmp(resume)) return 2;
+    for (int64_t k = first; k < last; k++) {"""
+
+
+def count(kind: SignalType) -> int:
+    """How many numbers a signal has."""
+    if kind.form == "array":
+        return math.prod(kind.shape)
+    return 1 if kind.form == "scalar" else len(kind.components)
+
+
+def sizes(kind: SignalType) -> list[str]:
+    """The sizes of a signal that follow its address."""
+    if kind.form != "array":
+        return []
+    found = zip(kind.shape, written(kind.shape), strict=True)
+    return [str(size) for size, known in found if known is None]
+
+
+def literal(value: float) -> str:
+    if math.isnan(value):
+        return "NAN"
+    return repr(value) if math.isfinite(value) else f"{'-' * (value < 0)}INFINITY"

@@ -1,0 +1,9 @@
+"""A part of a graph as C for a microcontroller, with a test that replays a recorded run.
+
+``selection`` is what is exported, ``units`` the blocks' C text, ``step`` and ``files`` what is
+written around it, ``recording`` the run to compare with, ``report`` what it all needs.
+"""
+
+from runtime.export.controller import Exported, export
+
+__all__ = ["Exported", "export"]

@@ -1,0 +1,179 @@
+"""Exports blocks of a graph as a controller in C."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from runtime.engine import Engine
+from runtime.errors import UsageError
+from runtime.export.files import Replay, header, source, test
+from runtime.export.recording import Native, record, run_natively, usual_ticks
+from runtime.export.report import cortex_sizes, report
+from runtime.export.selection import Selection, named_blocks, select
+from runtime.export.step import KEYWORDS, Layout
+from runtime.export.units import Units, write_units
+from runtime.files import own_file, own_folder, system_errors, write_whole
+from runtime.graph import Graph
+from runtime.toolchain import available
+
+TOLERANCE = 1e-9
+MARGIN = 4.0  # of a tolerance over the deviation that was measured on this computer
+SPARE = 1.25  # of the arena over what was used, where sizes depend on data
+UNMEASURED = 2**24  # bytes of the arena where sizes depend on data, before they are measured
+UNKNOWN = 1e-2  # the tolerance of float32 where nothing was measured
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What was written.
+
+    Parameters
+    ----------
+    folder : of the files. files : their names. report : as in report.txt.
+    inputs, outputs : of the controller.
+    """
+
+    folder: Path
+    files: tuple[str, ...]
+    report: str
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+
+
+def export(
+    graph: Graph,
+    folder: str | Path,
+    *,
+    blocks: Sequence[str] = (),
+    others: Sequence[str] = (),
+    name: str = "controller",
+    float32: bool = False,
+    ticks: int | None = None,
+) -> Exported:
+    """Write blocks of a graph as C: source, header, test and report.
+
+    Parameters
+    ----------
+    blocks : names of blocks or parts to export. others : instead, or of these, the ones left out.
+    name : of the files, the struct and the functions.
+    float32 : compute in float instead of double.
+    ticks : length of the recorded run that the test replays.
+
+    Raises
+    ------
+    UsageError : a name is unknown, or there is nothing to export.
+    GraphError : blocks cannot be exported; each is named with the reason.
+    """
+    if not re.fullmatch("[A-Za-z][A-Za-z0-9_]*", name) or name in KEYWORDS:
+        raise UsageError(f"--name: expected a name for C functions, got '{name}'")
+    network = graph.network
+    selection = select(graph.program().plan, named_blocks(network, blocks, others))
+    layout = _layout(graph, selection, name)
+    length = usual_ticks(selection) if ticks is None else min(ticks, network.ticks)
+    replay = record(graph, selection, length)
+    about = _about(graph, selection, float32)
+    layout, native = _measured(layout, about, replay, float32)
+    tolerance, said = _tolerance(native, float32)
+    files = {
+        f"{name}.h": header(layout, about, float32),
+        f"{name}.c": source(layout, about, float32),
+    }
+    sizes = cortex_sizes(files)
+    files[f"{name}_test.c"] = test(layout, replay, tolerance, said, float32)
+    files["report.txt"] = report(layout, about, native, sizes, tolerance, replay.ticks)
+    with system_errors(f"write to '{folder}'"):
+        place = own_folder(Path(folder))
+        for file, content in files.items():
+            write_whole(own_file(place / file), content)
+    ends = (tuple(map(".".join, ports)) for ports in (selection.inputs, selection.outputs))
+    return Exported(place, tuple(files), files["report.txt"], *ends)
+
+
+def _layout(graph: Graph, selection: Selection, name: str) -> Layout:
+    """The blocks' C text, with the values that they start with."""
+    program = graph.program()
+    engine = Engine(program, graph.network.seed)
+    engine.prepare()
+    units = write_units(selection, engine.states)
+    constants = {
+        port: np.asarray(engine.namespace[program.plan.variables[port]])
+        for port in selection.constants
+    }
+    return Layout(name, selection, units, constants, _arena(units))
+
+
+def _measured(
+    layout: Layout, about: Sequence[str], replay: Replay, float32: bool
+) -> tuple[Layout, Native | None]:
+    """The layout with the arena that it needs, and what a native run shows; None without one."""
+    if not available():
+        return layout, None
+
+    def native(layout: Layout) -> Native:
+        texts = header(layout, about, float32), source(layout, about, float32)
+        return run_natively(layout, *texts, replay, float32)
+
+    found = native(layout)
+    if layout.units.jumps:
+        arena = max(math.ceil(SPARE * found.arena), layout.units.largest)
+        layout = replace(layout, arena=arena)
+        found = native(layout)
+    _check(found, float32)
+    return layout, found
+
+
+def _arena(units: Units) -> int:
+    """Bytes for local arrays, before anything was measured."""
+    return max(units.arena, UNMEASURED if units.jumps else 0)
+
+
+def _check(native: Native, float32: bool) -> None:
+    """Check that double gives what the graph gives.
+
+    Raises
+    ------
+    UsageError : it does not, which is a fault of the export.
+    """
+    for port, apart in native.largest.items():
+        if not float32 and not apart <= TOLERANCE:
+            message = f"the C text gives another '{'.'.join(port)}' than the graph, by {apart:.3g}"
+            raise UsageError(f"{message}: nothing was written; please report this")
+
+
+def _tolerance(native: Native | None, float32: bool) -> tuple[float, str]:
+    """The tolerance of the test, and where it comes from."""
+    if native is None:
+        value = UNKNOWN if float32 else TOLERANCE
+        return value, "Not run when it was written, since there was no C compiler."
+    seen = f"When it was written, the largest difference was {native.worst:.3g}"
+    if not float32:
+        return TOLERANCE, f"{seen}."
+    value = max(1e-6, MARGIN * native.worst)
+    digits = 10.0 ** math.floor(math.log10(value))
+    return math.ceil(value / digits) * digits, f"{seen}, which is what float makes of double."
+
+
+def _about(graph: Graph, selection: Selection, float32: bool) -> list[str]:
+    """What the files say that they are."""
+    from runtime.runs import versions
+
+    made = versions().get("spikeblocks", "")
+    lines = [
+        f"{graph.network.title}: {', '.join(selection.blocks)}",
+        f"Written by spikeblocks {made} from a graph with seed {graph.network.seed}, in "
+        f"{'float' if float32 else 'double'}. Export it again instead of changing it.",
+    ]
+    begun = [
+        f"{block}.{state}"
+        for block in selection.blocks
+        for state in graph.network.initial.get(block, ())
+    ]
+    if begun:
+        lines.append(f"States that begin as an earlier run ended: {', '.join(begun)}.")
+    return lines

@@ -1,0 +1,213 @@
+"""The files of an exported controller: header, source, and the test that replays a recording."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from blocks.core import FloatArray
+from runtime.codegen import support
+from runtime.export.selection import Port
+from runtime.export.step import Layout, StepText, comment, literal, table
+from runtime.export.templates import HEADER, SOURCE, TEST
+
+HELPERS = {
+    f"{verb}_{kind}": text.format(kind=kind, type=c_type)
+    for kind, c_type in (("numbers", "double"), ("integers", "int64_t"), ("flags", "bool"))
+    for verb, text in (
+        (
+            "set",
+            "static void set_{kind}({type} *to, const {type} *from, int64_t n)\n{{\n"
+            "    for (int64_t i = 0; i < n; i++) to[i] = from[i];\n}}\n",
+        ),
+        (
+            "clear",
+            "static void clear_{kind}({type} *to, int64_t n)\n{{\n"
+            "    for (int64_t i = 0; i < n; i++) to[i] = 0;\n}}\n",
+        ),
+    )
+}
+MATH = (
+    *("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh"),
+    *("cosh", "tanh", "asinh", "acosh", "atanh", "exp", "expm1", "exp2"),
+    *("log", "log1p", "log2", "log10", "sqrt", "cbrt", "floor", "ceil"),
+    *("trunc", "rint", "round", "fabs", "hypot", "copysign", "fmod", "pow"),
+    *("remainder", "frexp", "ldexp", "fmin", "fmax", "nearbyint"),
+)
+NUMBER = re.compile(r"(?<![\w.])(\d+\.\d*(?:[eE][+-]?\d+)?|\d+[eE][+-]?\d+)(?![\w.])")
+LENGTH = re.compile(r"INLINE double length_of\(.*?\n\}\n", re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Replay:
+    """A recorded run: the values of inputs and outputs on the ticks on which each is new.
+
+    ticks : length of the recording. values : (rows, numbers) for each signal.
+    """
+
+    ticks: int
+    values: Mapping[Port, FloatArray]
+
+
+def header(layout: Layout, about: Sequence[str], float32: bool) -> str:
+    """The header."""
+    name, selection = layout.name, layout.selection
+    guard = f"{name.upper()}_H"
+    signals = [(s.block, port) for s in selection.steps for port in s.evaluation.outputs]
+    members = [
+        f"    {_c_type(v)} {member}[{v.size}];" for _, member, v in layout.states() if v.size
+    ]
+    text = HEADER.substitute(
+        about="\n * ".join(map(comment, about)),
+        jumps=_jumps(layout),
+        guard=guard,
+        upper=name.upper(),
+        dt=repr(selection.network.dt),
+        name=name,
+        inputs=_members(layout, selection.inputs),
+        outputs=_members(layout, selection.outputs),
+        signals="\n".join(map(layout.declared, signals)),
+        states="\n".join(members),
+        arena=layout.arena_words,
+        learnt=comment(_learnt(layout)),
+    )
+    return single(text) if float32 else text
+
+
+def _jumps(layout: Layout) -> str:
+    return ", and setjmp.h, to leave a block that fails" if layout.units.jumps else ""
+
+
+def _learnt(layout: Layout) -> str:
+    names = [f"{b}.{m.rpartition('__')[2]}" for b, m, _ in layout.states() if layout.is_learnt(m)]
+    return ", ".join(names) or "nothing here learns"
+
+
+def _members(layout: Layout, ports: Sequence[Port]) -> str:
+    return "\n".join(map(layout.declared, ports)) or "    int none;"
+
+
+def _c_type(values: np.ndarray[Any, Any]) -> str:
+    return {"f": "double", "i": "int64_t", "b": "bool"}[values.dtype.kind]
+
+
+def source(layout: Layout, about: Sequence[str], float32: bool) -> str:
+    """The source."""
+    name, writer = layout.name, StepText(layout)
+    reset, learnt = list(writer.initial(kept=False)), list(writer.initial(kept=True))
+    body = writer.step()
+    statements = "\n".join([*reset, *learnt])
+    helpers = [text for call, text in HELPERS.items() if f"{call}(" in statements]
+    jumps = layout.units.jumps
+    text = SOURCE.substitute(
+        about="\n * ".join(map(comment, about)),
+        name=name,
+        jumps="" if jumps else "#define WITHOUT_JUMPS",
+        support=support(),
+        helpers="".join(f"{text}\n" for text in helpers),
+        tables="".join(f"{text}\n" for text in writer.tables.values()),
+        blocks=layout.units.text,
+        reset="\n".join(reset),
+        learnt="\n".join(learnt),
+        dt=selection_dt(layout),
+        guarded=_guarded(jumps),
+        body=body,
+        outputs=_outputs(layout, writer),
+        messages="\n".join(f"        {_quoted(text)}," for text in layout.messages()),
+    )
+    text = re.sub(r"\n{3,}", "\n\n", text)
+    return single(text) if float32 else text
+
+
+def selection_dt(layout: Layout) -> str:
+    return literal(layout.selection.network.dt)
+
+
+def _guarded(jumps: bool) -> str:
+    if not jumps:
+        return ""
+    return (
+        "    jmp_buf resume;\n    ctx.resume = &resume;\n"
+        "    if (setjmp(resume)) return c->failure = (int)(ctx.at + ctx.failure);\n"
+    )
+
+
+def _outputs(layout: Layout, writer: StepText) -> str:
+    """Check the outputs, and hand them out."""
+    tests, copies = [], []
+    for i, port in enumerate(layout.selection.outputs):
+        name, count = layout.names[port], layout.count(port)
+        number = len(layout.units.failures) + 1 + i
+        scalar = layout.kind(port).form == "scalar"
+        place = f"c->{name}" if scalar else f"c->{name}[i]"
+        bad = f"isnan({place})" if not layout.kind(port).finite else f"!isfinite({place})"
+        loop = "" if scalar else f"for (int i = 0; i < {count}; i++) "
+        tests.append(f"    {loop}if ({bad}) return c->failure = {number};")
+        copies.append(f"    {loop}out->{name}{'' if scalar else '[i]'} = {place};")
+    unused = [] if layout.selection.inputs else ["    (void)in;"]
+    return "\n".join([*unused, *tests, *copies])
+
+
+def _quoted(text: str) -> str:
+    plain = comment(text).encode("ascii", "replace").decode()
+    return '"' + plain.replace("\\", "\\\\").replace('"', '\\"').replace("?", "\\?") + '"'
+
+
+def test(layout: Layout, replay: Replay, tolerance: float, said: str, float32: bool) -> str:
+    """A program that replays a recording and compares every output."""
+    name, selection = layout.name, layout.selection
+    ports = [*selection.inputs, *selection.outputs]
+    tables = [table(layout.names[port], replay.values[port]) for port in ports]
+    gives = [_row(layout, port, "in.{0} = ({2}){1};", float32) for port in selection.inputs]
+    compares = [
+        _row(layout, port, f"compare({i}, (double)out.{{0}}, {{1}});", float32)
+        for i, port in enumerate(selection.outputs)
+    ]
+    labels = ", ".join(_quoted(".".join(port)) for port in selection.outputs)
+    count = len(selection.outputs)
+    unused = [] if selection.inputs else ["        in.none = 0;"]
+    return TEST.substitute(
+        ticks=replay.ticks,
+        name=name,
+        said=comment(said),
+        tolerance=literal(tolerance),
+        tables="\n".join(tables),
+        count=count,
+        labels=labels,
+        gives="\n".join([*unused, *gives]),
+        compares="\n".join(compares),
+    )
+
+
+def _row(layout: Layout, port: Port, form: str, float32: bool) -> str:
+    """A statement about a signal of the present tick and its row in the table."""
+    name, count = layout.names[port], layout.count(port)
+    every = layout.selection.every(port)
+    row = "tick" if every == 1 else f"tick / {every}"
+    c_type = "float" if float32 else "double"
+    if layout.kind(port).form == "scalar":
+        return " " * 8 + form.format(name, f"{name}[{row}]", c_type)
+    place = f"{name}[{row} * {count} + i]" if every == 1 else f"{name}[({row}) * {count} + i]"
+    statement = form.format(f"{name}[i]", place, c_type)
+    return " " * 8 + f"for (int i = 0; i < {count}; i++) {statement}"
+
+
+def single(text: str) -> str:
+    """A text in float32."""
+    text = LENGTH.sub(
+        "INLINE double length_of(double a, double b)\n{\n    return hypot(a, b);\n}\n", text
+    )
+    text = re.sub(r"\bdouble\b", "float", text)
+    text = re.sub(rf"\b({'|'.join(MATH)})\(", r"\1f(", text)
+    return NUMBER.sub(lambda match: _single(match.group(1)), text)
+
+
+def _single(number: str) -> str:
+    with np.errstate(over="ignore"):
+        value = np.float32(number)
+    return "INFINITY" if math.isinf(value) else f"{value!s}f"

@@ -1,0 +1,136 @@
+"""A recorded run to compare a controller with, and the C text run natively against it."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from runtime.engine import Engine
+from runtime.errors import UsageError
+from runtime.export.files import Replay
+from runtime.export.selection import Port, Selection
+from runtime.export.step import Layout
+from runtime.graph import Graph
+from runtime.toolchain import Unit, build
+
+AnyArray = np.ndarray[Any, Any]
+MOST_NUMBERS = 200_000  # in the tables of a test
+USUAL_TICKS, USUAL_ROWS = 1000, 50
+FILL = 0xA5
+
+
+def usual_ticks(selection: Selection) -> int:
+    """Ticks that show every rate, in tables of a moderate size."""
+    ports = (*selection.inputs, *selection.outputs)
+    slowest = max(selection.every(port) for port in ports)
+    ticks = min(selection.network.ticks, max(USUAL_TICKS, USUAL_ROWS * slowest))
+    layout_free = sum(_numbers(selection, port) / selection.every(port) for port in ports)
+    return max(1, min(ticks, int(MOST_NUMBERS / max(layout_free, 1e-9))))
+
+
+def _numbers(selection: Selection, port: Port) -> int:
+    kind = selection.network.types[port]
+    return int(np.prod(kind.shape)) if kind.form == "array" else len(kind.components) or 1
+
+
+def record(graph: Graph, selection: Selection, ticks: int) -> Replay:
+    """Run the graph under the Python engine, and record what goes in and out.
+
+    Raises
+    ------
+    SimulationError : the run fails.
+    """
+    for section in ("plots", "metrics", "probes"):
+        graph = graph.set(section, {})
+    graph = graph.set("run.until", ticks * selection.network.dt).set("run.engine", "python")
+    names: dict[Port, str] = {}
+    for i, port in enumerate((*selection.inputs, *selection.outputs)):
+        names[port] = f"port_{i}"
+        graph = graph.probe(names[port], ".".join(port), every=selection.every(port))
+    outcome = Engine(graph.program(), graph.network.seed).run()
+    if outcome.error is not None:
+        raise outcome.error
+    values = {
+        port: np.asarray(outcome.arrays[name], dtype=np.float64).reshape(
+            -1, _numbers(selection, port)
+        )
+        for port, name in names.items()
+    }
+    return Replay(outcome.ticks, values)
+
+
+@dataclass(frozen=True)
+class Native:
+    """What a native run of the C text showed.
+
+    largest : for each output, the largest difference, divided by 1 + |recorded value|.
+    arena : bytes of the arena that were used. size : bytes of the struct.
+    """
+
+    largest: dict[Port, float]
+    arena: int
+    size: int
+
+    @property
+    def worst(self) -> float:
+        return max(self.largest.values())
+
+
+def run_natively(layout: Layout, header: str, source: str, replay: Replay, float32: bool) -> Native:
+    """Compile the C text for this machine, replay the recording, and compare.
+
+    Raises
+    ------
+    MissingCompilerError, BuildError : it cannot be compiled.
+    UsageError : a step fails.
+    """
+    name = layout.name
+    text = source.replace(f'#include "{name}.h"', header)
+    text += f"\nint64_t {name}_size(void);\nint64_t {name}_size(void)\n"
+    text += f"{{\n    return (int64_t)sizeof(struct {name});\n}}\n"
+    library = build([Unit(name, text)]).functions
+    number = np.float32 if float32 else np.float64
+    size = int(getattr(library, f"{name}_size")())
+    memory = np.full(size, FILL, dtype=np.uint8)
+    inputs, outputs = layout.selection.inputs, layout.selection.outputs
+    given = np.zeros(max(1, sum(map(layout.count, inputs))), dtype=number)
+    made = np.zeros(sum(map(layout.count, outputs)), dtype=number)
+    step, message = getattr(library, f"{name}_step"), getattr(library, f"{name}_message")
+    message.restype = ctypes.c_char_p
+    places = [ctypes.c_void_p(array.ctypes.data) for array in (memory, given, made)]
+    getattr(library, f"{name}_init")(places[0])
+    largest = dict.fromkeys(outputs, 0.0)
+    for tick in range(replay.ticks):
+        _rows(layout, inputs, replay, tick, given)
+        failure = step(*places)
+        if failure:
+            text = message(failure).decode()
+            raise UsageError(f"the exported text fails at tick {tick} of the recording: {text}")
+        at = 0
+        for port in outputs:
+            row = replay.values[port][tick // layout.selection.every(port)]
+            found = made[at : at + len(row)].astype(np.float64)
+            at += len(row)
+            with np.errstate(invalid="ignore"):
+                apart = np.where(found == row, 0.0, np.abs(found - row) / (1.0 + np.abs(row)))
+            largest[port] = max(largest[port], float(np.max(apart, initial=0.0)))
+    return Native(largest, _used(memory, 8 * layout.arena_words), size)
+
+
+def _rows(
+    layout: Layout, ports: tuple[Port, ...], replay: Replay, tick: int, into: AnyArray
+) -> None:
+    at = 0
+    for port in ports:
+        row = replay.values[port][tick // layout.selection.every(port)]
+        into[at : at + len(row)] = row
+        at += len(row)
+
+
+def _used(memory: AnyArray, arena: int) -> int:
+    """How many bytes of the arena, the last member, were written to."""
+    changed = np.flatnonzero(memory[memory.size - arena :] != FILL)
+    return int(changed[-1]) + 1 if changed.size else 0

@@ -1,0 +1,114 @@
+"""What an exported controller needs: memory, code, operations."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from runtime.export.operations import Operations, counter
+from runtime.export.recording import Native
+from runtime.export.step import Layout
+
+CORTEX = ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard")
+COMPILER, SIZE = "arm-none-eabi-gcc", "arm-none-eabi-size"
+FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-c")
+
+
+def operations(layout: Layout) -> dict[str, Operations]:
+    """The operations of a step that computes everything, by block."""
+    count = counter(layout.units.text)
+    found: dict[str, Operations] = {}
+    calls = [(step.block, step.evaluation) for step in layout.selection.steps]
+    calls += [(block, update) for block, _, update in layout.selection.updates]
+    for block, evaluation in calls:
+        name = f"{layout.units.blocks[block].prefix}__{evaluation.method}"
+        found.setdefault(block, Operations()).add(count.of(name))
+    return found
+
+
+def cortex_sizes(texts: Mapping[str, str]) -> dict[str, int] | None:
+    """Bytes of code with constants, and of static data, on a Cortex-M4; None without a compiler.
+
+    Parameters
+    ----------
+    texts : the header and the source, by file name.
+    """
+    compiler, size = shutil.which(COMPILER), shutil.which(SIZE)
+    if compiler is None or size is None:
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        for name, text in texts.items():
+            (Path(folder) / name).write_text(text, encoding="utf-8")
+        source = next(name for name in texts if name.endswith(".c"))
+        made = [compiler, *CORTEX, *FLAGS, source, "-o", "made.o"]
+        try:
+            subprocess.run(made, cwd=folder, check=True, capture_output=True)
+            answer = subprocess.run(
+                [size, "made.o"], cwd=folder, check=True, capture_output=True, text=True
+            )
+        except (OSError, subprocess.CalledProcessError):
+            return None
+    numbers = [int(word) for word in answer.stdout.split("\n")[1].split()[:3]]
+    return {"text": numbers[0], "static": numbers[1] + numbers[2]}
+
+
+def report(
+    layout: Layout,
+    about: Sequence[str],
+    native: Native | None,
+    sizes: dict[str, int] | None,
+    tolerance: float,
+    ticks: int,
+) -> str:
+    """The report as text."""
+    selection = layout.selection
+    rates = sorted({step.every for step in selection.steps} | {n for _, n, _ in selection.updates})
+    lines = [*about, ""]
+    lines.append(f"Steps of {selection.network.dt:g} s; blocks run every {_listed(rates)} steps.")
+    lines.append("")
+    lines += ["Memory"]
+    if native is not None:
+        lines.append(f"  struct {layout.name}: {native.size} bytes, of which the arena has")
+        used = f"{native.arena} of them were used"
+        lines.append(f"    {8 * layout.arena_words} ({used} in the recorded run)")
+    if sizes is not None:
+        what = "Cortex-M4 (arm-none-eabi-gcc -O2)"
+        lines.append(f"  {what}: {sizes['text']} bytes of code and constants,")
+        lines.append(f"    {sizes['static']} bytes of static data")
+    lines += ["", "Largest number of operations of a step"]
+    lines += _operations(layout)
+    lines += ["", f"Replay of {ticks} recorded ticks, tolerance {tolerance:g}"]
+    if native is None:
+        lines.append("  not run: there is no C compiler on this computer")
+    else:
+        for port, apart in native.largest.items():
+            lines.append(f"  {'.'.join(port)}: largest difference {apart:.3g}")
+    return "\n".join(lines) + "\n"
+
+
+def _listed(numbers: Sequence[int]) -> str:
+    texts = list(map(str, numbers))
+    return texts[0] if len(texts) == 1 else f"{', '.join(texts[:-1])} or {texts[-1]}"
+
+
+def _operations(layout: Layout) -> list[str]:
+    counted = operations(layout)
+    total = Operations()
+    width = max(map(len, (*counted, "together")))
+    lines = [f"  {'':{width}}  arithmetic  divisions  functions of math.h"]
+    for block, found in counted.items():
+        total.add(found)
+        lines.append(f"  {block:{width}}  {_row(found)}")
+    lines.append(f"  {'together':{width}}  {_row(total)}")
+    lines.append("  Every branch counts as taken, and every rate as due.")
+    if total.open_loops:
+        lines.append(f"  {total.open_loops} loops depend on data; one pass of each is counted.")
+    return lines
+
+
+def _row(found: Operations) -> str:
+    numbers = f"{found.arithmetic:10d}  {found.divisions:9d}  {found.functions:9d}"
+    return f"{numbers}{'  and loops' if found.open_loops else ''}"

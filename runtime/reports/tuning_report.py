@@ -1,0 +1,199 @@
+"""The report of a tuning: its winners on the training and the held-out runs, and its figures."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from runtime.compare import text_of
+from runtime.errors import UsageError
+from runtime.experiments.execution import GRAPH, read_plan
+from runtime.experiments.tuning import TUNING
+from runtime.experiments.tuning.tuning_plots import tuning_figures
+from runtime.files import read_text
+from runtime.reports import pieces
+from runtime.reports.html import Html, element, facts, join, page, table
+from runtime.runs import DIAGRAM
+from runtime.schema import MAYBE_NUMBER, check
+from runtime.terminal import with_unit
+
+FEW = 60  # configurations that are all listed
+_MEAN = {"mean": MAYBE_NUMBER, "low": MAYBE_NUMBER, "high": MAYBE_NUMBER}
+_STORED = {
+    "experiment": str,
+    "graph": str,
+    "status": str,
+    "trials": int,
+    "sampler": str,
+    "runs": int,
+    "held_out_runs": int,
+    "vary": dict,
+    "units": dict,
+    "training": {"seeds": str, "conditions": dict},
+    "held_out": {"seeds": str, "conditions": dict},
+    "configurations": [{"number": int, "status": str, "metrics": dict}],
+    "front": [int],
+    "table": [{"configuration": int, "metric": str, "training": _MEAN, "held_out": _MEAN}],
+}
+CAPTIONS = {
+    "history": "The trials in their order, and the best value so far.",
+    "importance": "The share of a metric's variance that each factor explains alone.",
+    "front": "All trials; the front on the training runs and on the held-out ones.",
+    "slices": "Each trial along each factor.",
+}
+
+
+def tuning_report(folder: Path) -> str:
+    """The report of a tuning as an HTML document.
+
+    Parameters
+    ----------
+    folder : of a tuning, complete or interrupted.
+
+    Raises
+    ------
+    UsageError : its files cannot be read.
+    """
+    stored = _read(folder)
+    sections = {
+        "Winners": _winners(stored),
+        "Training beside held-out runs": _judged(stored),
+        "Figures": join(*_figures(folder)),
+        "Configurations": _configurations(stored),
+        "Diagram": pieces.diagram_file(
+            folder / DIAGRAM, "diagram", f"block diagram of {stored['graph']}"
+        ),
+        "Graph": pieces.graph_file(folder / GRAPH, "The graph before factors are set."),
+        "Provenance": pieces.plan_provenance(folder, read_plan(folder)),
+    }
+    return page("Tuning", stored["experiment"], _lead(stored), _facts(stored), sections, folder)
+
+
+def _read(folder: Path) -> dict[str, Any]:
+    try:
+        stored = json.loads(read_text(folder / TUNING))
+        check(stored, _STORED)
+    except FileNotFoundError:
+        message = "has no results yet; 'runtime tune' with --resume continues it"
+        raise UsageError(f"'{folder}' {message}") from None
+    except (OSError, ValueError) as error:
+        raise UsageError(f"'{folder / TUNING}' is damaged: {error}") from None
+    found: dict[str, Any] = stored
+    return found
+
+
+def _lead(stored: Mapping[str, Any]) -> str:
+    ranges = [f"{path} = {v if isinstance(v, str) else text_of(v)}" for path, v in _vary(stored)]
+    goals = [
+        f"{goal} {', '.join(stored[goal])}" for goal in ("minimize", "maximize") if goal in stored
+    ]
+    return f"Tuning of {', '.join(ranges)}, to {' and '.join(goals)}."
+
+
+def _vary(stored: Mapping[str, Any]) -> Iterable[tuple[str, Any]]:
+    vary: dict[str, Any] = stored["vary"]
+    return vary.items()
+
+
+def _facts(stored: Mapping[str, Any]) -> Html:
+    done = len(stored["configurations"]) - 1
+    whole = stored["status"] == "complete"
+    status = str(done) if whole else element("span", f"{done} of {stored['trials']}", class_="warn")
+    constraints = stored.get("constraints") or {}
+    limits = "; ".join(f"{name} {_words(bound)}" for name, bound in constraints.items())
+    return facts(
+        [
+            ("trials", status),
+            ("sampler", stored["sampler"]),
+            ("training runs", str(stored["runs"])),
+            ("held-out runs", str(stored["held_out_runs"])),
+            ("constraints", limits or "none"),
+            ("training seeds", stored["training"]["seeds"]),
+            ("held-out seeds", stored["held_out"]["seeds"]),
+        ]
+    )
+
+
+def _words(bound: Any) -> str:
+    """A constraint in words: ``below 0.3``."""
+    entries = bound.items() if isinstance(bound, Mapping) else ()
+    return ", ".join(f"{key} {text_of(value)}" for key, value in entries) or text_of(bound)
+
+
+def _winners(stored: Mapping[str, Any]) -> Html:
+    if not stored["front"]:
+        return element("p", "No configuration satisfies the constraints.", class_="warn")
+    by_number = {one["number"]: one for one in stored["configurations"]}
+    factors = list(stored["vary"])
+    rows = [
+        [str(number), *(text_of(by_number[number]["values"][path]) for path in factors)]
+        for number in stored["front"]
+    ]
+    return table(["configuration", *factors], rows, range(1, len(factors) + 1), label="winners")
+
+
+def _judged(stored: Mapping[str, Any]) -> Html:
+    if not stored["table"]:
+        return element("p", "The held-out runs have not been made.", class_="soft")
+    head = ["metric", "values"]
+    for runs in ("training", "held out"):
+        head += [runs, "95 % interval", "difference", "p"]
+    head.append("optimism")
+    rows = []
+    for line in stored["table"]:
+        name = str(line["configuration"]) if line["configuration"] else "own"
+        row: list[str | Html] = [with_unit(line["metric"], stored["units"]), name]
+        for runs in ("training", "held_out"):
+            row += _cells(line[runs])
+        rows.append([*row, pieces.number(line.get("optimism"), signed=True)])
+    note = element(
+        "p",
+        "Own: the graph's own values. Differences are from them on the same runs (paired t, p by "
+        "Benjamini-Hochberg). Optimism: training minus held-out.",
+        class_="soft small",
+    )
+    return join(table(head, rows, range(2, len(head)), label="training and held-out runs"), note)
+
+
+def _cells(judged: Mapping[str, Any]) -> list[str | Html]:
+    apart = judged.get("difference") or {}
+    return [
+        pieces.number(judged["mean"]),
+        pieces.interval(judged["low"], judged["high"]),
+        pieces.number(apart.get("mean"), signed=True),
+        pieces.probability(apart.get("p_adjusted")),
+    ]
+
+
+def _figures(folder: Path) -> Iterator[Html]:
+    for i, (name, figure) in enumerate(tuning_figures(folder)):
+        yield pieces.plot(figure, f"figure-{i + 1}", CAPTIONS[name], wide=True)
+
+
+def _configurations(stored: Mapping[str, Any]) -> Html:
+    factors = list(stored["vary"])
+    metrics = list(stored["configurations"][0]["metrics"])
+    tried = stored["configurations"][1:]
+    shown = tried[-FEW:]
+    rows = [
+        [
+            str(one["number"]),
+            *(text_of(one["values"][path]) for path in factors),
+            *(pieces.number(one["metrics"].get(name)) for name in metrics),
+            one["status"],
+        ]
+        for one in shown
+    ]
+    head = [
+        "configuration",
+        *factors,
+        *(with_unit(name, stored["units"]) for name in metrics),
+        "status",
+    ]
+    numbers = range(1, len(head) - 1)
+    found = table(head, rows, numbers, label="configurations")
+    if len(shown) == len(tried):
+        return found
+    return join(element("p", f"The last {FEW} of {len(tried)}.", class_="soft small"), found)
