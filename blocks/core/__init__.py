@@ -12,7 +12,7 @@ from blocks.core.block import (
     State,
 )
 from blocks.core.declarations import BlockSpec
-from blocks.core.elementwise import Elementwise, spread_to
+from blocks.core.elementwise import Elementwise, check_flat, check_sized, spread_to
 from blocks.core.enabling import PartEnable
 from blocks.core.expression_reader import ExpressionError, parsed
 from blocks.core.expressions import (
@@ -107,6 +107,8 @@ __all__ = [
     "WheelSpeeds",
     "arctan2",
     "beyond_a_turn",
+    "check_flat",
+    "check_sized",
     "cos",
     "differ",
     "directions",
