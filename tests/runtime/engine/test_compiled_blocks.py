@@ -40,7 +40,7 @@ from blocks.world.surfaces import cast_kernel, from_surface, nearest_kernel
 from blocks.world.world import World
 from runtime.engine.compiled.entries import NotCompilableError
 from runtime.engine.compiled.translate import Translated, translate
-from tests.blocks.direct import PUSH
+from tests.blocks.direct import PUSH, REQUIRED
 from tests.blocks.worlds import OVERLAPPING, SHIPPED, worlds
 from tests.compilers import needs_compiler
 from tests.runtime.engine.compiled_block import CompiledBlock
@@ -360,6 +360,22 @@ CASES: dict[str, list[Case]] = {
             free=("integral", "filtered"),
         )
         for kind in (Scalar, Pose, Vector(4))
+    ],
+    "ExtendedKalmanFilter": [
+        Case(blocks.ExtendedKalmanFilter(**REQUIRED["ExtendedKalmanFilter"])),
+        Case(
+            blocks.ExtendedKalmanFilter(
+                transition=["p + 0.1*v*cos(t)", "v - k*sin(p)"],
+                observation=["atan2(v, p)", "sqrt(1 + p**2)"],
+                states=["p", "v"],
+                constants={"k": 0.2},
+                Q=[[0.1, 0], [0, 0.1]],
+                R=[[1, 0.1], [0.1, 2]],
+                x0=[1, 0.5],
+                angles=[0],
+            ),
+            absent=True,
+        ),
     ],
     "DynamicSystem": [
         Case(blocks.DynamicSystem(derivative=["x[1]", "-sin(x[0])"], initial=[1, 0]), free=("x",)),
