@@ -14,16 +14,17 @@ from blocks.core import (
     MissingPackageError,
     ParameterError,
     SignalType,
+    Variant,
     beyond_a_turn,
     hint,
     signal_type,
 )
-from blocks.registry import Modules
+from blocks.registry import ModuleReader, Modules
 from blocks.world import World
 from runtime.document import MAX_TICKS, Node, closest, read_run, seconds, section
 from runtime.errors import MissingExtraError, Problems, Where
 from runtime.network.addresses import Endpoint
-from runtime.network.block_types import block_class, own_types, relative_with
+from runtime.network.block_types import block_class, own_types, own_variant, relative_with
 from runtime.network.enabling import check_enabling
 from runtime.network.expansion import expand
 from runtime.network.inference import infer_types, report_open
@@ -167,7 +168,7 @@ def _with_blocks(
     own = _signal_types(found, kinds, problems, modules)
     entries, notes = {}, []
     for definition in found:
-        block, seen = _constructed(definition, own, problems, made)
+        block, seen = _constructed(definition, own, problems, made, modules)
         scope, node = definition.scope, definition.node
         full = scope.prefix + definition.name
         every = _ticks(node.get("dt"), network.dt, definition.address, problems)
@@ -204,6 +205,7 @@ def _constructed(
     own: Mapping[str, SignalType],
     problems: Problems,
     made: Made | None = None,
+    modules: Modules = True,
 ) -> tuple[Block | None, list[str]]:
     """A block, None where it cannot be constructed, and notes about its parameters."""
     node, cls, address = definition.node, definition.cls, definition.address
@@ -226,6 +228,8 @@ def _constructed(
         problems.add(values[key].key, f"{address}.{key}", f"unknown parameter{suggestion}", True)
     try:
         given = _given({k: item for k, item in values.items() if k in known}, cls, own)
+        if not _take_variants(given, definition, problems, modules):
+            return None, []
         block = _made(cls, given, made)
         dict(block.variables), dict(block.sizes())
         return block, _large_angles(cls, address, values)
@@ -280,6 +284,28 @@ def _given(
                 near = hint(value, [*own, *TYPES])
                 raise ParameterError([(key, f"{error}{near}")]) from None
     return plain
+
+
+def _take_variants(
+    given: dict[str, Any], definition: _Definition, problems: Problems, modules: Modules
+) -> bool:
+    """Replace the names of settings that a Python file defines by their classes."""
+    for key, declared in definition.cls.spec.params.items():
+        node, family = definition.node.get(key), declared.setting
+        if node is None or not node.is_map or node.get("module") is None:
+            continue
+        if family is None or not issubclass(family, Variant):
+            continue
+        address = f"{definition.address}.{key}"
+        cls = own_variant(node, family, address, problems, modules)
+        if cls is None and isinstance(modules, ModuleReader):
+            del given[key]  # an editor reads no such classes: the default stands for it
+        elif cls is None:
+            return False
+        else:
+            rest = {name: value for name, value in given[key].items() if name != "module"}
+            given[key] = {**rest, family.key: cls}
+    return True
 
 
 def _large_angles(cls: type[Block], address: str, values: Mapping[str, Node]) -> list[str]:
