@@ -148,8 +148,8 @@ TEXT = f"""
 
 {BLOCKS} integrators in a ring, closed with a gain of -1, in steps of {DT} s
 (`benchmarks/continuous.py`). The error is the largest of any state at any of {STEPS} steps against
-the matrix exponential. Packages that integrate with scipy's RK45 are compared with `dopri5`, which is
-the same method; all take the same steps.
+the matrix exponential. Packages that integrate with scipy's RK45 are compared with `dopri5`, which
+is the same method; all take the same steps.
 
 """
 
