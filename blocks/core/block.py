@@ -88,6 +88,7 @@ class BlockContext:
     world : the :class:`blocks.World` of the graph's ``world:`` section; None without one.
     lengths : the lengths that are known, by symbol: of ports, and those that arrived with wires.
     published : inputs whose wire comes from an output that publishes a description.
+    until : the length of the run (s); None if it is not known.
     """
 
     dt: float
@@ -96,6 +97,7 @@ class BlockContext:
     world: object = None
     lengths: Mapping[str, int] = field(default_factory=dict)
     published: frozenset[str] = frozenset()
+    until: float | None = None
 
 
 class BlockState:
@@ -223,6 +225,15 @@ class Block:
 
         ``published`` are the inputs that receive a published description.
         """
+        return ""
+
+    @property
+    def files(self) -> Mapping[str, bytes]:
+        """The content of the files that the block has read, by resolved path; a run keeps them."""
+        return {}
+
+    def why_not_finite(self) -> str:
+        """Why an output may be NaN or infinite, and what to do, for messages; '' if unknown."""
         return ""
 
     def start(self, state: BlockState) -> None:

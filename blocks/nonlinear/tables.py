@@ -68,6 +68,9 @@ class LookupTable(Elementwise):
         state.x, state.y = self.x.copy(), self.y.copy()
         state.table = self.coefficients.copy()
 
+    def why_not_finite(self) -> str:
+        return _outside(self.outside, f"input is outside of x, {self.x[0]:g} to {self.x[-1]:g}")
+
     def of(self, state: BlockState, x: float, i: int) -> float:
         last = len(state.x) - 1
         if x < state.x[0] or x > state.x[last]:
@@ -114,6 +117,10 @@ class LookupTable2D(Block):
         state.xs, state.ys = self.xs.copy(), self.ys.copy()
         state.values = self.values.copy()
 
+    def why_not_finite(self) -> str:
+        grid = f"x, {self.xs[0]:g} to {self.xs[-1]:g}, or of y, {self.ys[0]:g} to {self.ys[-1]:g}"
+        return _outside(self.outside, f"point is outside of {grid}")
+
     def output(self, state: BlockState, t: float, x: float, y: float) -> float:
         if self.outside != "extrapolate":
             inside_x = min(max(x, state.xs[0]), state.xs[len(state.xs) - 1])
@@ -131,6 +138,13 @@ class LookupTable2D(Block):
         low = (1.0 - b) * state.values[i, j] + b * state.values[i, j + 1]
         high = (1.0 - b) * state.values[i + 1, j] + b * state.values[i + 1, j + 1]
         return float((1.0 - a) * low + a * high)
+
+
+def _outside(outside: str, message: str) -> str:
+    """Why a table has no value."""
+    if outside != "error":
+        return ""
+    return f"the {message}; give more points, or choose 'outside: hold' or 'extrapolate'"
 
 
 def piece(points: FloatArray, x: float) -> int:

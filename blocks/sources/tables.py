@@ -97,6 +97,10 @@ class Table(Block, ABC):
         state.early = 1e-9 * state.dt
 
     def output(self, state: BlockState, t: float) -> Any:
+        return self.at(state, t)
+
+    def at(self, state: BlockState, t: float) -> Any:
+        """The value at a time."""
         i = self.segment(state, t + state.early)
         x = max(0.0, t - state.times[i])
         if state.form == "scalar":

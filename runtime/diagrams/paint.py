@@ -55,8 +55,11 @@ TYPE_COLOURS = {
     "PointCloud": "#4d7c0f",
 }
 OTHER_COLOURS = ("#9f1239", "#3730a3", "#166534", "#854d0e", "#6b21a8")
-# Of 1 kHz, 300, 100, 30, 10 and 3 Hz, and again of 1 Hz.
-TINTS = ("#fff7e8", "#f3edfb", "#e9f1fc", "#e8f6f6", "#eaf6ec", "#fdecee")
+# Of 1 kHz, 500, 200, 100, ... 1 Hz: neighbours differ in hue and lightness.
+TINTS = (
+    *("#ffeecf", "#a0ebe4", "#f2ebff", "#ffccb3", "#dbf9e2"),
+    *("#bedcff", "#ffe4ea", "#d8e2a9", "#d1f7ff", "#f9c9f1"),
+)
 
 
 def draw(picture: Picture) -> Drawing:
@@ -237,7 +240,7 @@ class Palette:
         periods = {box.period for box in picture.boxes.values() if not box.fate}
         self.tints: dict[float, str] = {}
         for period in sorted(periods - {0.0}):
-            self.tints[period] = _tint(period, self.tints.values())
+            self.tints[period] = tint_of(period, self.tints.values())
         if 0.0 in periods:
             self.tints[0.0] = CONSTANT_TINT
         kinds = {_family(net) for net in picture.nets}
@@ -248,9 +251,9 @@ class Palette:
         return GHOST if net.is_ghost else self._colours.get(_family(net), INK)
 
 
-def _tint(period: float, used: Collection[str]) -> str:
+def tint_of(period: float, used: Collection[str]) -> str:
     """The colour of a rate: the same in every diagram, unless another rate there has it already."""
-    first = round(2.0 * math.log10(1000.0 * period)) % len(TINTS)
+    first = round(3.0 * math.log10(1000.0 * period)) % len(TINTS)
     order = [*TINTS[first:], *TINTS[:first]]
     return next((tint for tint in order if tint not in used), TINTS[first])
 

@@ -14,7 +14,7 @@ from runtime.document.edits import (
     set_entry,
     set_wire,
 )
-from runtime.document.limits import Work
+from runtime.document.limits import MAX_BLOCKS, Work
 from runtime.document.loader import (
     SHIPPED,
     complete_document,
@@ -39,6 +39,7 @@ from runtime.document.run_section import (
 from runtime.document.scalars import parse_scalar
 from runtime.document.sections import (
     EXAMPLES,
+    FILE_KEYS,
     PART_SECTIONS,
     RUN_DOCS,
     RUN_KEYS,
@@ -59,6 +60,8 @@ from runtime.document.writer import flow_yaml
 __all__ = [
     "DEFAULT_MEMORY",
     "EXAMPLES",
+    "FILE_KEYS",
+    "MAX_BLOCKS",
     "MAX_TICKS",
     "PART_SECTIONS",
     "RUN_CHOICES",

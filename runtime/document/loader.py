@@ -11,7 +11,7 @@ from blocks.core import hint
 from runtime.document.limits import MAX_LEVELS, Work
 from runtime.document.node import Node, from_python, parse_yaml
 from runtime.document.parse_errors import position
-from runtime.document.sections import closest
+from runtime.document.sections import FILE_KEYS, closest
 from runtime.errors import NOWHERE, GraphError, Location, Problem, Problems
 
 SHIPPED = Path(__file__).resolve().parents[2] / "graphs"
@@ -338,15 +338,25 @@ class _Loader:
         entries = dict(blocks.items())
         for name, entry in blocks.items():
             inner = f"{address}.{name}"
-            part, module = entry.get("graph"), entry.get("module")
+            part = entry.get("graph")
             if part is not None:
                 entries[name] = self.part(entry, part, inner, above)
             elif entry.get("blocks") is not None:
                 entries[name] = self.parts(entry, f"{inner}.blocks", above)
-            elif module is not None and is_path(module):
-                # Relative to the file that names it, which the merged tree no longer knows.
-                entries[name] = entry.with_item("module", _absolute(module))
+            else:
+                entries[name] = self.with_files(entry, inner)
         return document.with_item("blocks", Node(entries, blocks.where, blocks.key))
+
+    def with_files(self, entry: Node, address: str) -> Node:
+        """A block whose files are named by absolute paths."""
+        for key in FILE_KEYS if entry.is_map else ():
+            node = entry.get(key)
+            if node is not None and is_path(node):
+                entry = entry.with_item(key, _absolute(node))
+            elif node is not None and isinstance(node.value, str) and node.value[:1] == "$":
+                message = "write the path itself, which is relative to this file, not a $param"
+                self.problems.add(node.where, f"{address}.{key}", message)
+        return entry
 
     def part(self, entry: Node, part: Node, address: str, above: tuple[Path, ...]) -> Node:
         below = self.named(part, f"{address}.graph", "the file of a part", above)

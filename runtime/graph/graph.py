@@ -387,13 +387,14 @@ class Graph:
 
     @property
     def texts(self) -> dict[str, bytes]:
-        """The content, as it was read, of the graph's files and of those of its own blocks.
+        """The content, as it was read, of the graph's files and of those that its blocks name.
 
         The keys are the files' resolved paths.
         """
         own: dict[str, bytes] = {}
         for entry in (*self.network.entries.values(), *self.network.removed_entries.values()):
             own |= module_text(entry.cls)
+            own |= {} if entry.block is None else entry.block.files
         return {**self._content.files, **own}
 
     def to_yaml(self) -> str:

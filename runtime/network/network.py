@@ -144,7 +144,9 @@ class Network:
         return tuple(found)
 
     def _spread(self, wire: Wire) -> list[Wire]:
-        kind = self.types[wire.source.block, wire.source.port]
+        kind = self.types.get((wire.source.block, wire.source.port))
+        if kind is None:
+            return [wire]  # the block's own problem is reported
         names = component_names(kind, wire.source)
         return [replace(wire, source=replace(wire.source, component=name)) for name in names]
 
@@ -168,6 +170,7 @@ class Network:
             world=self.world,
             lengths=self.lengths.get(name, {}),
             published=frozenset(port for port, _ in self.publications(name)),
+            until=self.until,
         )
 
     def _flags(self, name: str, port: str, spread: bool) -> tuple[bool, ...]:

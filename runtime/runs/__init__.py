@@ -23,7 +23,7 @@ from runtime.runs.folder import (
     RESOLVED,
     WRITTEN,
     contents,
-    portable_modules,
+    portable,
     read_run,
     run_folder,
 )
@@ -53,7 +53,7 @@ __all__ = [
     "link_latest",
     "new_folder",
     "open_run",
-    "portable_modules",
+    "portable",
     "read_run",
     "recover",
     "remove",

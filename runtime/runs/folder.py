@@ -11,7 +11,7 @@ import struct
 import warnings
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ import numpy as np
 
 from blocks.core import FloatArray, show
 from blocks.world import World
+from runtime.document import FILE_KEYS
 from runtime.errors import UsageError
 from runtime.files import json_text, read_text, sha256, system_errors, write_json, write_whole
 from runtime.network import STATES
@@ -33,6 +34,8 @@ TIME = "time"
 MANIFEST, METRICS, PROBES = "manifest.json", "metrics.json", "probes.npz"
 WRITTEN, RESOLVED = "graph.yaml", "graph.resolved.yaml"
 DIAGRAM = "diagram.json"
+# Names of a run folder that a file which a block names must not take.
+WRITES = (MANIFEST, METRICS, PROBES, STATES, WRITTEN, RESOLVED, DIAGRAM, "plots")
 # What everything that reads a manifest relies on.
 _NUMBERS = dict.fromkeys(("seed", "dt", "until", "ticks", "wall_s", "us_per_tick"), NUMBER)
 _FACTS = {
@@ -46,21 +49,25 @@ _BROKEN_ARRAYS = (
 )
 
 
-def portable_modules(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Path]]:
-    """A document whose ``module`` entries name files beside it, and where those files are now."""
+def portable(plain: dict[str, Any], read: Container[str]) -> tuple[dict[str, Any], dict[str, Path]]:
+    """A document whose blocks name files beside it, and where those files are now.
+
+    ``read`` has the resolved paths of the files that were read.
+    """
     files: dict[str, Path] = {}
 
     def rename(entries: dict[str, Any]) -> dict[str, Any]:
         renamed = {}
         for name, entry in entries.items():
             changed = dict(entry) if isinstance(entry, dict) else entry
-            if isinstance(entry, dict) and isinstance(entry.get("module"), str):
-                source = Path(entry["module"])
-                local = source.name
-                while files.get(local, source) != source:
-                    local = f"_{local}"
-                files[local] = source
-                changed["module"] = local
+            for key in FILE_KEYS if isinstance(entry, dict) else ():
+                source = Path(entry[key]) if isinstance(entry.get(key), str) else None
+                if source is not None and (key == "module" or str(source.resolve()) in read):
+                    local = source.name
+                    while files.get(local, source) != source or local in WRITES:
+                        local = f"_{local}"
+                    files[local] = source
+                    changed[key] = local
             if isinstance(entry, dict) and isinstance(entry.get("blocks"), dict):
                 changed["blocks"] = rename(entry["blocks"])
             renamed[name] = changed
@@ -70,7 +77,7 @@ def portable_modules(plain: dict[str, Any]) -> tuple[dict[str, Any], dict[str, P
 
 
 def contents(files: Mapping[str, Path], texts: Mapping[str, bytes]) -> dict[str, bytes]:
-    """The content of module files: as it was read for the run, or else as it is now.
+    """The content of files that blocks name: as it was read for the run, or else as it is now.
 
     A file that was not read for the run, as that of a block given as a class, is read here.
 

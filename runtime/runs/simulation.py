@@ -30,7 +30,7 @@ from runtime.runs.folder import (
     WRITTEN,
     begin,
     contents,
-    portable_modules,
+    portable,
 )
 from runtime.runs.result import Result
 from runtime.terminal import readable_bytes
@@ -185,8 +185,8 @@ def _result(
 
 def _origin(graph: PreparedRun, engine: str) -> tuple[dict[str, str], dict[str, bytes]]:
     """The graph as written and as run, and the files of its own blocks."""
-    resolved, files = portable_modules(_resolved(graph, engine))
     read = graph.read
+    resolved, files = portable(_resolved(graph, engine), read)
     source = None if graph.source is None else read.get(str(graph.source.resolve()))
     text = dump_yaml(resolved) if source is None else source.decode("utf-8-sig")
     texts = {WRITTEN: text, RESOLVED: dump_yaml(resolved)}

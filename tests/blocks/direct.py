@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from blocks import Block, BlockContext, BlockState, SignalType
 
+PUSH = Path(__file__).parents[2] / "graphs" / "gallery" / "recorded_push.csv"
 # What the types of the library cannot be made without, or cannot run without at 1 ms; a new type
 # with such a parameter belongs here, and is then tested and checked with the others.
 REQUIRED: dict[str, dict[str, Any]] = {
@@ -20,6 +22,13 @@ REQUIRED: dict[str, dict[str, Any]] = {
     "Decoder": {"weights": [[1.0, -2.0, 0.5, 0.0]]},
     "StateSpace": {"A": [[0, 1], [-1, -1]], "B": [0, 1], "C": [1, 0]},
     "KalmanFilter": {"A": [[1, 0.1], [0, 1]], "C": [1, 0], "Q": [[1, 0], [0, 1]], "R": 1.0},
+    "ExtendedKalmanFilter": {
+        "transition": ["x[0] + 0.1*sin(x[1])", "0.9*x[1] + u[0]"],
+        "observation": "x[0]**2 + x[1]",
+        "Q": [[0.1, 0], [0, 0.1]],
+        "R": 1.0,
+        "x0": [1, 0.5],
+    },
     "DynamicSystem": {"derivative": ["x[1]", "-x[0]"], "initial": [1, 0]},
     "SecondOrder": {"natural_frequency": 3.0},
     "TransferFunction": {"numerator": [1], "denominator": [1, 1]},
@@ -29,6 +38,7 @@ REQUIRED: dict[str, dict[str, Any]] = {
     "Delay": {"delay": 0.03},
     "DiscreteStateSpace": {"A": [[0.9, 0.1], [0, 0.8]], "B": [0, 1], "C": [1, 0]},
     "DiscreteTransferFunction": {"numerator": [1], "denominator": [2, -1]},
+    "FromFile": {"file": str(PUSH), "outside": "hold"},
     "Function": {"expression": "sin(u[0]) + t"},
     "LookupTable": {"x": [-1, 0, 1], "y": [1, 0, 1]},
     "LookupTable2D": {"x": [-1, 1], "y": [-1, 1], "values": [[1, 2], [3, 4]]},

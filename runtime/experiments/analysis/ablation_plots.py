@@ -44,6 +44,9 @@ from runtime.terminal import with_unit
 FILE = "plots/ablation.png"
 COLUMNS = 2
 WIDTH = 9.0  # inches
+SEEDS_BELOW = 0.25  # of the distance between two variants
+MAX_PLANE = 5.5  # inches
+LEGEND_COLUMNS = 4
 PATH: dict[str, Any] = {"color": "0.35", "linestyle": (0, (5, 2)), "linewidth": 1.0}
 
 
@@ -76,7 +79,7 @@ def ablation_figure(folder: Path) -> Figure:
     trajectories = list(_trajectories(folder, facts["variants"]))
     rows = math.ceil(len(facts["metrics"]) / COLUMNS)
     above = rows * (0.75 + 0.23 * len(facts["variants"]))
-    below = 4.2 if trajectories else 0.0
+    below = _plane_height(trajectories)
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(WIDTH, above + below + 0.4), layout="constrained")
         seeds = f"{len(facts['seeds'])} seeds: means, 95 % intervals, a dot for each seed"
@@ -123,7 +126,7 @@ def _metrics(figure: Figure | SubFigure, folder: Path, facts: dict[str, Any], ro
         lines = [line for line in facts["table"] if line["metric"] == metrics[i]]
         _metric(axes, lines, [[row.metrics[i] for row in values[name]] for name in names])
     grid[0][0].set_yticks(range(len(names)), names)
-    grid[0][0].invert_yaxis()
+    grid[0][0].set_ylim(len(names) - 0.5, -0.5)
 
 
 def _metric(
@@ -137,7 +140,8 @@ def _metric(
         axes.axvline(lines[0]["mean"], **look, zorder=1.0)
     for y, (line, own) in enumerate(zip(lines, values, strict=True)):
         found = [value for value in own if value is not None]
-        axes.plot(found, [y] * len(found), ".", color="0.65", markersize=3.0, zorder=2.0)
+        # Below the interval, which would hide them.
+        axes.plot(found, [y + SEEDS_BELOW] * len(found), ".", color="0.55", markersize=3.0)
         if not found:
             where: Any = ("axes fraction", "data")
             message = "no value" if line["recorded"] else "removed"
@@ -203,6 +207,29 @@ def _shown(result: RunData, kind: str) -> Iterator[Recording]:
                 yield recorded
 
 
+def _plane_extent(
+    trajectories: Sequence[tuple[int, str, RunData, FloatArray]],
+) -> tuple[FloatArray, FloatArray]:
+    """The lower left and the upper right corner of what is shown of the plane (m)."""
+    world = trajectories[0][2].world
+    everything = np.concatenate([xy for *_, xy in trajectories])
+    if world is not None:
+        return view_limits(world, everything)
+    low, high = everything.min(axis=0), everything.max(axis=0)
+    margin = 0.06 * max(float((high - low).max()), 0.5)
+    return low - margin, high + margin
+
+
+def _plane_height(trajectories: Sequence[tuple[int, str, RunData, FloatArray]]) -> float:
+    """The height (inches) in which the plane fills the width of the figure; at most the width."""
+    if not trajectories:
+        return 0.0
+    low, high = _plane_extent(trajectories)
+    wide, tall = map(float, high - low)
+    rows = math.ceil((len(trajectories) + 1) / LEGEND_COLUMNS)
+    return min(MAX_PLANE, (WIDTH - 0.8) * tall / wide) + 0.9 + 0.22 * rows
+
+
 def _plane(
     figure: Figure | SubFigure,
     trajectories: Sequence[tuple[int, str, RunData, FloatArray]],
@@ -212,12 +239,8 @@ def _plane(
     axes = figure.subplots()
     handles: list[Line2D] = []
     result = trajectories[0][2]
-    everything = np.concatenate([xy for *_, xy in trajectories])
-    low, high = everything.min(axis=0), everything.max(axis=0)
-    margin = 0.06 * max(float((high - low).max()), 0.5)
+    low, high = _plane_extent(trajectories)
     if result.world is not None:
-        low, high = view_limits(result.world, everything)
-        margin = 0.0
         draw_world(axes, result.world)
     for i, name, _, xy in trajectories:
         # The baseline is below and wider, so that variants that coincide with it are visible.
@@ -227,7 +250,8 @@ def _plane(
     for path in _shown(result, "Path"):
         handles += axes.plot(*path.values[-1][:, :2].T, label=path.name, **PATH)
     axes.set(xlabel="x [m]", ylabel="y [m]", title=title)
-    axes.set_xlim(low[0] - margin, high[0] + margin)
-    axes.set_ylim(low[1] - margin, high[1] + margin)
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
     axes.set_aspect("equal")
-    figure.legend(handles=handles, loc="outside right upper")
+    columns = min(len(handles), LEGEND_COLUMNS)
+    figure.legend(handles=handles, loc="outside lower center", ncols=columns)

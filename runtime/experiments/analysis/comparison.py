@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -122,9 +122,14 @@ def compare(
 
 
 def comparison_rows(
-    lines: Sequence[ComparisonLine], units: Mapping[str, str] | None = None
+    lines: Sequence[ComparisonLine],
+    units: Mapping[str, str] | None = None,
+    shown: Callable[[Estimate, str], str] = interval,
 ) -> list[tuple[str, ...]]:
-    """The table as texts: its header, and for each metric its name and a row per variant."""
+    """The table as texts: its header, and for each metric its name and a row per variant.
+
+    ``shown`` writes an interval, the second argument being the sign of its format.
+    """
     rows: list[tuple[str, ...]] = [
         (
             "",
@@ -141,7 +146,7 @@ def comparison_rows(
         if line.metric != metric:
             metric = line.metric
             rows.append((with_unit(metric, units or {}),))
-        rows.append(_cells(line))
+        rows.append(_cells(line, shown))
     return rows
 
 
@@ -149,19 +154,21 @@ def comparison_table(
     lines: Sequence[ComparisonLine], units: Mapping[str, str] | None = None
 ) -> str:
     """The table for a terminal; ``units`` are those of the metrics."""
-    rows = comparison_rows(lines, units)
+    shorter = {"interval of mean": "±", "interval of difference": "±", "distinguishable": "differs"}
+    rows = comparison_rows(lines, units, half_width)
+    rows[0] = tuple(shorter.get(title, title) for title in rows[0])
     return table(rows, range(1, len(rows[0])), indent="")
 
 
 def legend(lines: Sequence[ComparisonLine], test: Test) -> str:
     """Explanations of the table's columns, as far as they are needed."""
     notes = [
-        f"Intervals: 95 %, {TESTS[test]}. Differences are to the baseline on the same seed.",
-        f"distinguishable: p < {LEVEL:.2g}, corrected by {CORRECTION} for all comparisons here.",
+        f"±: 95 % interval, {TESTS[test]}. Differences are to the baseline on the same seed.",
+        f"differs: p < {LEVEL:.2g}, corrected by {CORRECTION} for all comparisons.",
     ]
     if any(line.own.n < line.runs for line in lines):
         notes.append(
-            "n/N: n of N seeds have a value, or for a difference one in both; means are over those."
+            "n/N: n of N seeds have a value (of a difference: both); means are over those."
         )
     if any(line.has_significant_presence for line in lines):
         notes.append("in seeds: the share of seeds that have a value differs (McNemar's test).")
@@ -170,9 +177,19 @@ def legend(lines: Sequence[ComparisonLine], test: Test) -> str:
     return "\n".join(notes)
 
 
-def _cells(line: ComparisonLine) -> tuple[str, ...]:
+def half_width(found: Estimate, sign: str = "") -> str:
+    """Half of a confidence interval; both ends where its middle is not the mean."""
+    half = 0.5 * (found.high - found.low)
+    if math.isnan(half) or found.mean is None:
+        return "-"
+    if abs(0.5 * (found.low + found.high) - found.mean) > 1e-6 * half:
+        return interval(found, sign)
+    return f"{half:.2g}"
+
+
+def _cells(line: ComparisonLine, shown: Callable[[Estimate, str], str]) -> tuple[str, ...]:
     seeds = f"{line.own.n}/{line.runs}" if line.own.n < line.runs else str(line.runs)
-    cells = [f"  {line.variant}", seeds, number(line.own.mean), interval(line.own)]
+    cells = [f"  {line.variant}", seeds, number(line.own.mean), shown(line.own, "")]
     if line.is_removed:
         cells += ["", "", "removed"]
     elif line.difference is not None:
@@ -181,7 +198,7 @@ def _cells(line: ComparisonLine) -> tuple[str, ...]:
             mean += f" ({line.difference.n}/{line.runs})"
         found, differs = line.difference, line.has_significant_difference
         word = verdict(found.n, found.mean, found.p, line.p_presence, differs)
-        cells += [mean, interval(found, "+"), word]
+        cells += [mean, shown(found, "+"), word]
     else:
         cells += ["", "", ""]
     return tuple(cells)

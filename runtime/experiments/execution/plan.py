@@ -256,8 +256,8 @@ def create(plan: ExperimentPlan, folder: Path) -> None:
 def _write_bundle(bundle: GraphBundle, folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / GRAPH).write_text(bundle.text, encoding="utf-8")
-    for name, text in bundle.modules:
-        (folder / name).write_text(text, encoding="utf-8")
+    for name, content in bundle.beside:
+        (folder / name).write_bytes(content)
 
 
 def read_plan(folder: Path) -> dict[str, Any]:

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from runtime.document import dump_yaml, flow_yaml, parse_yaml
-from runtime.errors import UsageError
 from runtime.experiments.design import Seeds
 
 if TYPE_CHECKING:
@@ -18,13 +17,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class GraphBundle:
-    """A graph that can be sent to another process: its resolved text and its user modules.
+    """A graph that can be sent to another process: its resolved text, and the files that it names.
 
     Any process that can import this package can run it.
     """
 
     text: str
-    modules: tuple[tuple[str, str], ...] = ()
+    beside: tuple[tuple[str, bytes], ...] = ()
 
     @classmethod
     def of(cls, graph: Graph) -> GraphBundle:
@@ -34,26 +33,23 @@ class GraphBundle:
         ------
         UsageError : a block type is defined in no file, or in one that cannot be read.
         """
-        from runtime.runs import contents, portable_modules
+        from runtime.runs import contents, portable
 
-        plain, files = portable_modules(parse_yaml(graph.to_yaml(), "graph").plain())
-        modules = {}
-        for name, content in contents(files, graph.texts).items():
-            try:
-                modules[name] = content.decode("utf-8")
-            except UnicodeDecodeError:
-                raise UsageError(f"'{files[name]}' is not UTF-8; save the file as UTF-8") from None
-        return cls(dump_yaml(plain), tuple(sorted(modules.items())))
+        texts = graph.texts
+        plain, files = portable(parse_yaml(graph.to_yaml(), "graph").plain(), texts)
+        return cls(dump_yaml(plain), tuple(sorted(contents(files, texts).items())))
 
     @property
     def files(self) -> dict[str, bytes]:
-        """The contents of the modules' files, by name."""
-        return {name: text.encode("utf-8") for name, text in self.modules}
+        """The contents of the files that the graph names, by name."""
+        return dict(self.beside)
 
     @property
     def digest(self) -> str:
-        content = json.dumps([self.text, self.modules])
-        return hashlib.sha256(content.encode()).hexdigest()
+        found = hashlib.sha256(self.text.encode("utf-8", "backslashreplace"))
+        for name, content in self.beside:
+            found.update(json.dumps([name, len(content)]).encode() + content)
+        return found.hexdigest()
 
 
 @dataclass(frozen=True)

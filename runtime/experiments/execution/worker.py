@@ -12,7 +12,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
-from runtime.document import parse_yaml
+from runtime.document import FILE_KEYS, parse_yaml
 from runtime.errors import GraphError, SimulationError, one_line
 from runtime.experiments.design import Objective
 from runtime.experiments.execution.trials import GraphBundle, Trial
@@ -96,8 +96,8 @@ def run_task(task: Task) -> TrialResult:
         reached = "" if result is None else f", {result.ticks} ticks done"
         status, reason = "timeout", f"stopped after {task.timeout:g} s{reached}"
     metrics = result.metrics if result is not None and status == "ok" else {}
-    # The worker's temporary folder of modules means nothing to users.
-    reason = reason.replace(f"{_module_folder(task.trial.configuration.bundle)}/", "")
+    # The worker's temporary folder of files means nothing to users.
+    reason = reason.replace(f"{_file_folder(task.trial.configuration.bundle)}/", "")
     return TrialResult(
         status=status,
         reason=one_line(reason.strip().replace("\n", "; ")),
@@ -125,9 +125,9 @@ def _simulated(task: Task, deadline: Deadline) -> Result:
 @lru_cache(GRAPHS_KEPT)
 def _loaded(bundle: GraphBundle) -> Graph:
     plain: Any = parse_yaml(bundle.text, "graph.resolved.yaml").plain()
-    if bundle.modules:
-        folder = _written_modules(bundle)
-        _place_modules(plain["blocks"], folder)
+    if bundle.beside:
+        folder = _written_files(bundle)
+        _place_files(plain["blocks"], folder)
     return load(plain)
 
 
@@ -142,30 +142,32 @@ def _built(bundle: GraphBundle, edits: tuple[tuple[str, str], ...]) -> Graph:
 
 @lru_cache(1)
 def _scratch() -> Path:
-    """The folder for modules of this process, removed when the process ends."""
+    """The folder for files of this process, removed when the process ends."""
     folder = Path(tempfile.mkdtemp(prefix="spikeblocks-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return folder
 
 
-def _module_folder(bundle: GraphBundle) -> Path:
+def _file_folder(bundle: GraphBundle) -> Path:
     return _scratch() / bundle.digest[:16]
 
 
-def _written_modules(bundle: GraphBundle) -> Path:
-    folder = _module_folder(bundle)
+def _written_files(bundle: GraphBundle) -> Path:
+    folder = _file_folder(bundle)
     folder.mkdir(exist_ok=True)
-    for name, text in bundle.modules:
+    for name, content in bundle.beside:
         target = folder / name
         if not target.exists():
-            write_whole(target, text)
+            write_whole(target, content)
     return folder
 
 
-def _place_modules(blocks: dict[str, Any], folder: Path) -> None:
-    """Make the entries of a document name the new paths of their modules."""
+def _place_files(blocks: dict[str, Any], folder: Path) -> None:
+    """Make the entries of a document name the new paths of their files."""
     for entry in blocks.values():
-        if isinstance(entry.get("module"), str):
-            entry["module"] = str(folder / entry["module"])
+        for key in FILE_KEYS:
+            # Others are absolute, and stay what they are.
+            if isinstance(entry.get(key), str):
+                entry[key] = str(folder / entry[key])
         if isinstance(entry.get("blocks"), dict):
-            _place_modules(entry["blocks"], folder)
+            _place_files(entry["blocks"], folder)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 import os
 import re
 import shutil
@@ -23,7 +24,7 @@ import runtime
 from runtime.diagrams.formats import FORMATS, diagram
 from runtime.diagrams.layout import Cell, Layout, Link, arrange, find_feedback
 from runtime.diagrams.layout.tracks import Track, assign_slots
-from runtime.diagrams.paint import TITLE_HEIGHT
+from runtime.diagrams.paint import TINTS, TITLE_HEIGHT, tint_of
 from runtime.diagrams.picture import picture_of, rate_text
 from runtime.diagrams.sheet import BoxPlacement, Sheet, lay_out
 from runtime.errors import UsageError
@@ -270,6 +271,39 @@ def test_boxes_show_their_rate_and_differ_in_tint() -> None:
     legend = root.find(f".//{SVG}g[@data-kind='legend']")
     assert legend is not None
     assert {t.text for t in legend.iter(f"{SVG}text")} == seen.keys()
+
+
+USUAL = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0]
+
+
+@given(others=st.sets(st.sampled_from(USUAL)), period=st.sampled_from(USUAL))
+def test_a_usual_rate_has_the_same_tint_in_every_diagram(others: set[float], period: float) -> None:
+    used: list[str] = []
+    for other in sorted(others - {period}):
+        used.append(tint_of(other, used))
+    assert tint_of(period, used) == tint_of(period, [])
+
+
+def test_tints_can_be_told_apart() -> None:
+    """CIE 1976 distances: 2.3 is just noticeable, and boxes are not side by side."""
+    tints = [(*rgb_to_lab(tint),) for tint in (*TINTS, "#ffffff")]
+    assert min(math.dist(a, b) for a, b in combinations(tints, 2)) > 8.0
+    neighbours = [math.dist(a, b) for a, b in pairwise(tints[: len(TINTS)])]
+    assert min(neighbours) > 20.0
+
+
+def rgb_to_lab(colour: str) -> tuple[float, float, float]:
+    """L*, a*, b* of an sRGB colour, D65 (IEC 61966-2-1, CIE 15)."""
+    parts = [int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5)]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
+    rows = ((0.4124, 0.3576, 0.1805), (0.2126, 0.7152, 0.0722), (0.0193, 0.1192, 0.9505))
+    white = (0.95047, 1.0, 1.08883)
+    ratios = [
+        sum(k * c for k, c in zip(row, linear, strict=True)) / w
+        for row, w in zip(rows, white, strict=True)
+    ]
+    x, y, z = (r ** (1 / 3) if r > 0.008856 else 7.787 * r + 16 / 116 for r in ratios)
+    return 116 * y - 16, 500 * (x - y), 200 * (y - z)
 
 
 def corners(place: BoxPlacement) -> tuple[float, float, float, float]:

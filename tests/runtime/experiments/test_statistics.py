@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from runtime.experiments.analysis.comparison import compare, comparison_table, legend
+from runtime.experiments.analysis.comparison import (
+    compare,
+    comparison_table,
+    half_width,
+    legend,
+)
 from runtime.experiments.analysis.statistics import adjusted, difference, estimate, presence
 
 # Hours of sleep gained by ten patients under two drugs (Student 1908, Biometrika 6, 1-25).
@@ -123,5 +129,15 @@ def test_a_difference_over_some_of_the_seeds_says_so() -> None:
     # Both have three of four seeds, and only two of these together.
     assert [line.difference.n for line in lines if line.difference is not None] == [2]
     assert shown.count("3/4") == 2
+    assert max(map(len, f"{shown}\n{legend(lines, 't')}".splitlines())) <= 80
     assert "+1 (2/4)" in shown
-    assert "n/N: n of N seeds have a value, or for a difference one in both" in legend(lines, "t")
+    assert "n/N: n of N seeds have a value (of a difference: both)" in legend(lines, "t")
+
+
+def test_half_of_an_interval_is_shown_where_it_is_symmetric() -> None:
+    symmetric = estimate(FIRST, "t")
+    half = float(half_width(symmetric))
+    assert half == pytest.approx(0.5 * (symmetric.high - symmetric.low), rel=0.05)
+    skewed = replace(symmetric, high=symmetric.high + 1.0)
+    assert half_width(skewed).startswith("[")
+    assert half_width(estimate([1.0], "t")) == "-"
