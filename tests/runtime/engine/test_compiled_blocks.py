@@ -537,7 +537,7 @@ class TextRun(Run):
         super().__init__(case, seed)
         self.made = translate(case.block, self.state, self.terms())
         self.functions = self.loaded(self.made)
-        self.fields = self.made.fields(case.block, self.state)
+        self.fields = self.made.fields.values(case.block, self.state)
 
     def loaded(self, made: Translated) -> dict[str, Any]:
         scope: dict[str, Any] = {}
