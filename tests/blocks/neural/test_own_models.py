@@ -103,8 +103,6 @@ def test_workers_get_the_file(cli: Run, tmp_path: Path) -> None:
     made(tmp_path)
     options = ["--vary", "a.neurons=[20, 50]", "--seeds", "0..1", "-j", "2", "-q"]
     done = cli("sweep", "own.yaml", *options)
-        "sweep", "own.yaml", "--vary", "a.neurons=[20, 50]", "--seeds", "0..1", "-j", "2", "-q"
-    )
     assert done.returncode == 0, done.stderr
 
 
