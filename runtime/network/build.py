@@ -22,14 +22,14 @@ from blocks.core import (
 from blocks.registry import ModuleReader, Modules
 from blocks.world import World
 from runtime.document import MAX_TICKS, Node, closest, read_run, seconds, section
-from runtime.errors import MissingExtraError, Problems, Where
+from runtime.errors import MissingExtraError, Problems
 from runtime.network.addresses import Endpoint
 from runtime.network.block_types import block_class, own_types, own_variant, relative_with
 from runtime.network.enabling import check_enabling
 from runtime.network.expansion import expand
 from runtime.network.inference import infer_types, report_open
 from runtime.network.initial import read_initial
-from runtime.network.network import Entry, Network
+from runtime.network.network import Entry, Network, place_of
 from runtime.network.open_inputs import report_open_inputs
 from runtime.network.removal import remove
 from runtime.network.scope import Scope
@@ -237,7 +237,7 @@ def _constructed(
         misspelt = {closest(key, known) for key in unknown}
         for parameter, text in error.problems:
             if parameter in values or parameter not in misspelt:
-                where = _place(node, parameter)
+                where = place_of(node, parameter)
                 problems.add(where, f"{address}.{parameter}", text)
     except (Exception, SystemExit) as error:  # noqa: BLE001 -- a user's block may raise anything
         problems.add(node.key, address, _failed(cls, error))
@@ -253,17 +253,6 @@ def _made(cls: type[Block], given: dict[str, Any], made: Made | None) -> Block:
     if block is None:
         block = made[known] = cls(**given)
     return block
-
-
-def _place(node: Node, parameter: str) -> Where:
-    """Where a parameter is written, or the part of it that ``a.b`` names; else the block."""
-    where, found = node.key, node
-    for name in parameter.split("."):
-        inner = found.get(name) if found.is_map else None
-        if inner is None:
-            break
-        where, found = inner.where, inner
-    return where
 
 
 def _given(
@@ -387,7 +376,7 @@ def _check_contexts(network: Network, problems: Problems) -> MissingPackageError
             entry.block.validate_in(context)
         except ParameterError as error:
             for parameter, text in error.problems:
-                where = _place(entry.node, parameter)
+                where = place_of(entry.node, parameter)
                 problems.add(where, f"{entry.address}.{parameter}", text)
         except MissingPackageError as error:
             missing = error
