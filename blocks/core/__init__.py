@@ -12,7 +12,7 @@ from blocks.core.block import (
     State,
 )
 from blocks.core.declarations import BlockSpec
-from blocks.core.elementwise import Elementwise, spread_to
+from blocks.core.elementwise import Elementwise, check_flat, check_sized, spread_to
 from blocks.core.enabling import PartEnable
 from blocks.core.expression_reader import ExpressionError, parsed
 from blocks.core.expressions import (
@@ -24,6 +24,7 @@ from blocks.core.expressions import (
 )
 from blocks.core.extras import MissingPackageError, require
 from blocks.core.kernels import function_kernel, has_kernels, kernel_for, kernel_of
+from blocks.core.matrices import times
 from blocks.core.options import Options
 from blocks.core.params import (
     REQUIRED,
@@ -107,6 +108,8 @@ __all__ = [
     "WheelSpeeds",
     "arctan2",
     "beyond_a_turn",
+    "check_flat",
+    "check_sized",
     "cos",
     "differ",
     "directions",
@@ -132,4 +135,5 @@ __all__ = [
     "sin",
     "solve",
     "spread_to",
+    "times",
 ]

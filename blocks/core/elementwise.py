@@ -10,7 +10,7 @@ import numpy as np
 from blocks.core.block import Block, BlockContext, BlockState
 from blocks.core.declarations import Input, Output
 from blocks.core.params import ParameterError
-from blocks.core.signals import FloatArray, Same
+from blocks.core.signals import FloatArray, Same, SignalType
 
 
 class Elementwise(Block, ABC):
@@ -23,23 +23,7 @@ class Elementwise(Block, ABC):
     out = Output(Same("T"), through="input", doc="of each component")
 
     def validate_in(self, context: BlockContext) -> None:
-        kind = context.types["out"]
-        if len(kind.shape) > 1:
-            message = f"expected a number, a record or a vector, got {kind}"
-            raise ParameterError([("input", message)])
-
-    def check_sized(self, context: BlockContext, name: str) -> None:
-        """Check that an array parameter is one number or has one per component.
-
-        Raises
-        ------
-        ParameterError : it is neither.
-        """
-        value, kind = self.value(name), context.types["out"]
-        if value is not None and value.shape not in ((), kind.shape):
-            expected = f"a number or {kind.numbers}" if kind.shape else "a number"
-            message = f"expected {expected} for {kind}, got {value.tolist()}"
-            raise ParameterError([(name, message)])
+        check_flat(context.types["out"], "input")
 
     def start(self, state: BlockState) -> None:
         kind = state.context.types["out"]
@@ -59,6 +43,32 @@ class Elementwise(Block, ABC):
     @abstractmethod
     def of(self, state: BlockState, x: float, i: int) -> float:
         """The output's component ``i``, where that of the input is x."""
+
+
+def check_flat(kind: SignalType, name: str) -> None:
+    """Check that signals of a type are numbers, records or vectors, for the parameter or input
+    ``name``.
+
+    Raises
+    ------
+    ParameterError : they are tables of numbers, or paths.
+    """
+    if len(kind.shape) > 1:
+        message = f"expected a number, a record or a vector, got {kind}"
+        raise ParameterError([(name, message)])
+
+
+def check_sized(kind: SignalType, name: str, value: FloatArray | None) -> None:
+    """Check that the array parameter ``name`` is one number, or has one per component of a type.
+
+    Raises
+    ------
+    ParameterError : it is neither.
+    """
+    if value is not None and value.shape not in ((), kind.shape):
+        expected = f"a number or {kind.numbers}" if kind.shape else "a number"
+        message = f"expected {expected} for {kind}, got {value.tolist()}"
+        raise ParameterError([(name, message)])
 
 
 def spread_to(value: FloatArray | float | None, size: int, absent: float = 0.0) -> FloatArray:

@@ -2,6 +2,7 @@
 
 from blocks.dynamics.delays import Delay, Hold, MovingAverage
 from blocks.dynamics.discrete import DiscreteIntegrator, DiscreteTransferFunction
+from blocks.dynamics.extended_kalman import ExtendedKalmanFilter
 from blocks.dynamics.integrator import Integrator
 from blocks.dynamics.kalman import KalmanFilter
 from blocks.dynamics.linear import DiscreteStateSpace, StateSpace
@@ -10,5 +11,6 @@ from blocks.dynamics.system import DynamicSystem
 from blocks.dynamics.transfer import Derivative, SecondOrder, TransferFunction, ZeroPoleGain
 
 __all__ = ["PID", "Delay", "Derivative", "DiscreteIntegrator", "DiscreteStateSpace"]
-__all__ += ["DiscreteTransferFunction", "DynamicSystem", "Hold", "Integrator", "KalmanFilter"]
-__all__ += ["MovingAverage", "SecondOrder", "StateSpace", "TransferFunction", "ZeroPoleGain"]
+__all__ += ["DiscreteTransferFunction", "DynamicSystem", "ExtendedKalmanFilter", "Hold"]
+__all__ += ["Integrator", "KalmanFilter", "MovingAverage", "SecondOrder", "StateSpace"]
+__all__ += ["TransferFunction", "ZeroPoleGain"]

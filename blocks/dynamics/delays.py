@@ -17,6 +17,8 @@ from blocks.core import (
     ParameterError,
     Same,
     State,
+    check_flat,
+    check_sized,
     param,
 )
 
@@ -35,13 +37,8 @@ class Recalling(Block, ABC):
 
     def validate_in(self, context: BlockContext) -> None:
         kind = context.types["out"]
-        if len(kind.shape) > 1:
-            message = f"expected a number, a record or a vector, got {kind}"
-            raise ParameterError([("input", message)])
-        if self.initial.shape not in ((), kind.shape):
-            expected = f"a number or {kind.numbers}" if kind.shape else "a number"
-            message = f"expected {expected} for {kind}, got {self.initial.tolist()}"
-            raise ParameterError([("initial", message)])
+        check_flat(kind, "input")
+        check_sized(kind, "initial", self.initial)
 
     def start(self, state: BlockState) -> None:
         kind = state.context.types["out"]

@@ -18,6 +18,7 @@ from blocks.core import (
     Same,
     Scalar,
     State,
+    check_sized,
     kernel_of,
     param,
 )
@@ -65,11 +66,7 @@ class Integrator(Block):
         return low, math.inf if self.upper is None else self.upper
 
     def validate_in(self, context: BlockContext) -> None:
-        kind = context.types["out"]
-        if self.initial is not None and self.initial.shape not in ((), kind.shape):
-            expected = f"a number or {kind.numbers}" if kind.shape else "a number"
-            message = f"expected {expected} for {kind}, got {self.initial.tolist()}"
-            raise ParameterError([("initial", message)])
+        check_sized(context.types["out"], "initial", self.initial)
 
     def start(self, state: BlockState) -> None:
         kind = state.context.types["out"]

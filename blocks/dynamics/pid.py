@@ -17,6 +17,7 @@ from blocks.core import (
     Same,
     Scalar,
     State,
+    check_flat,
     param,
 )
 
@@ -57,10 +58,7 @@ class PID(Block):
             raise ParameterError([("upper", message)])
 
     def validate_in(self, context: BlockContext) -> None:
-        kind = context.types["out"]
-        if len(kind.shape) > 1:
-            message = f"expected a number, a record or a vector, got {kind}"
-            raise ParameterError([("error", message)])
+        check_flat(context.types["out"], "error")
 
     def start(self, state: BlockState) -> None:
         kind = state.context.types["out"]

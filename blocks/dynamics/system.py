@@ -8,12 +8,10 @@ from functools import cached_property
 from typing import Any
 
 from blocks.core import (
-    RESERVED,
     Block,
     BlockContext,
     BlockState,
     Expression,
-    ExpressionError,
     FloatArray,
     Input,
     Output,
@@ -26,11 +24,8 @@ from blocks.core import (
     function_from,
     function_text,
     param,
-    read_expression,
 )
-
-PARAMETERS = ("t", "x", "u", "c")
-_INDEX = re.compile(r"\bu\s*\[[^\]]*?(\d{1,3})\s*\]")
+from blocks.dynamics.equations import PARAMETERS, Equations, input_count
 
 
 class DynamicSystem(Block):
@@ -85,15 +80,7 @@ class DynamicSystem(Block):
         if self.initial.size != count:
             message = f"expected {count} number(s), one per state, got {self.initial.size}"
             problems.append(("initial", message))
-        if self.states is not None and len(self.states) != count:
-            message = f"expected {count} name(s), one per state, got {len(self.states)}"
-            problems.append(("states", message))
-        names = [*(self.states or ()), *(self.constants or ())]
-        for name in names:
-            bad = not (name.isidentifier() and name.isascii()) or name in RESERVED | {"t", "u"}
-            if bad or names.count(name) > 1:
-                place = "states" if name in (self.states or ()) else "constants"
-                problems.append((place, f"the name '{name}' is not valid, taken, or given twice"))
+        problems += self.equations.problems()
         if (self.when is None) != (self.then is None):
             missing = "then" if self.then is None else "when"
             problems.append((missing, "missing; an event has 'when' and 'then'"))
@@ -106,9 +93,11 @@ class DynamicSystem(Block):
             problems.append(("signal", f"expected a type of {self.width} components"))
         if problems:
             raise ParameterError(problems)
-        used = [int(n) for _, text in self.written for n in _INDEX.findall(text)]
-        for parameter, text in self.written:
-            self.read(parameter, text, 1 + max(used, default=0))
+        self.equations.check(self.written)
+
+    @property
+    def equations(self) -> Equations:
+        return Equations(len(self.rates), self.states or (), self.constants or {})
 
     @property
     def written(self) -> list[tuple[str, str]]:
@@ -137,42 +126,18 @@ class DynamicSystem(Block):
         named = any(re.search(r"\bu\b", text) for text in self.results or ())
         return () if named else ("u",)
 
-    def read(self, parameter: str, text: str, count: int) -> Any:
-        """One expression, with ``count`` components in u.
-
-        Raises
-        ------
-        ParameterError : it is not valid.
-        """
-        states = [f"x[{i}]" for i in range(len(self.rates))]
-        names: dict[str, Any] = {"x": states, "u": [f"u[{i}]" for i in range(count)], "t": "t"}
-        names |= {name: f"c[{i}]" for i, name in enumerate(self.constants or ())}
-        names |= dict(zip(self.states or (), states, strict=False))
-        try:
-            return read_expression(text, names)
-        except ExpressionError as error:
-            short = text if len(text) <= 60 else text[:57] + "..."
-            message = f"column {error.column} of '{short}': {error.message}"
-            raise ParameterError([(parameter, message)]) from None
-
     def validate_in(self, context: BlockContext) -> None:
-        flags = context.terms["u"]
-        if not all(flags):
-            message = "a block that is wired to u is removed, which would shift its components"
-            raise ParameterError([("u", f"{message}; bypass that block, or remove this one")])
-        for parameter, text in self.written:
-            self.read(parameter, text, len(flags))
+        self.equations.check(self.written, input_count(context))
 
     def start(self, state: BlockState) -> None:
-        count = len(state.context.terms["u"])
+        count, equations = len(state.context.terms["u"]), self.equations
         state.x[:] = self.initial
         state.n = len(self.rates)
-        state.constants = tuple((self.constants or {}).values()) or (0.0,)
+        state.constants = equations.values
         form = self.resolved.form
 
         def function(parameter: str, texts: tuple[str, ...], form: Any) -> Any:
-            read = [self.read(parameter, text, count) for text in texts]
-            return function_from(function_text(read, PARAMETERS, form))
+            return equations.function(parameter, texts, count, form)
 
         state.rates = function("derivative", self.rates, "array")
         if self.results is None:

@@ -13,9 +13,9 @@ from blocks.core import (
     FloatArray,
     Input,
     Output,
-    ParameterError,
     Same,
     State,
+    check_sized,
     kernel_of,
     param,
 )
@@ -32,11 +32,7 @@ class _Memory(Block, ABC):
     memory = State(name="memory", like="out", doc="the output of the next tick")
 
     def validate_in(self, context: BlockContext) -> None:
-        kind = context.types["out"]
-        if self.initial is not None and self.initial.shape not in ((), kind.shape):
-            expected = f"a number or {kind.numbers}" if kind.shape else "a number"
-            message = f"expected {expected} for {kind}, got {self.initial.tolist()}"
-            raise ParameterError([("initial", message)])
+        check_sized(context.types["out"], "initial", self.initial)
 
     def start(self, state: BlockState) -> None:
         if self.initial is not None:

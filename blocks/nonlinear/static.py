@@ -12,6 +12,7 @@ from blocks.core import (
     Elementwise,
     FloatArray,
     ParameterError,
+    check_sized,
     nearest,
     param,
     spread_to,
@@ -40,8 +41,8 @@ class Clip(Elementwise):
 
     def validate_in(self, context: BlockContext) -> None:
         super().validate_in(context)
-        self.check_sized(context, "low")
-        self.check_sized(context, "high")
+        for name in ("low", "high"):
+            check_sized(context.types["out"], name, self.value(name))
 
     def start(self, state: BlockState) -> None:
         super().start(state)

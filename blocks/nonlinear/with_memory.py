@@ -11,6 +11,7 @@ from blocks.core import (
     FloatArray,
     ParameterError,
     State,
+    check_sized,
     param,
 )
 
@@ -26,7 +27,7 @@ class _Stepped(Elementwise):
 
     def validate_in(self, context: BlockContext) -> None:
         super().validate_in(context)
-        self.check_sized(context, "initial")
+        check_sized(context.types["out"], "initial", self.initial)
 
     def start(self, state: BlockState) -> None:
         super().start(state)

@@ -13,10 +13,11 @@ from blocks.core import (
     FloatArray,
     Input,
     Output,
-    ParameterError,
     Same,
     Scalar,
     State,
+    check_flat,
+    check_sized,
     param,
 )
 
@@ -75,15 +76,9 @@ class DoubleIntegrator(Block):
 
     def validate_in(self, context: BlockContext) -> None:
         kind = context.types["position"]
-        if len(kind.shape) > 1:
-            message = f"expected a number, a record or a vector, got {kind}"
-            raise ParameterError([("acceleration", message)])
+        check_flat(kind, "acceleration")
         for name in ("position0", "velocity0"):
-            value = self.value(name)
-            if value.shape not in ((), kind.shape):
-                expected = f"a number or {kind.numbers}" if kind.shape else "a number"
-                message = f"expected {expected} for {kind}, got {value.tolist()}"
-                raise ParameterError([(name, message)])
+            check_sized(kind, name, self.value(name))
 
     def start(self, state: BlockState) -> None:
         kind = state.context.types["position"]

@@ -19,6 +19,8 @@ from blocks.core import (
     SignalType,
     State,
     Vector,
+    check_flat,
+    check_sized,
     param,
 )
 
@@ -52,15 +54,11 @@ class _Random(Block, ABC):
 
     def validate_in(self, context: BlockContext) -> None:
         kind = context.types["out"]
-        if len(kind.shape) > 1:
-            message = f"expected a number, a record or a vector, got {kind}"
-            raise ParameterError([("signal", message)])
+        check_flat(kind, "signal")
         for name in self.spec.params:
             value = self.value(name)
-            if isinstance(value, np.ndarray) and value.shape not in ((), kind.shape):
-                expected = f"a number or {kind.numbers}" if kind.shape else "a number"
-                message = f"expected {expected} for {kind}, got {value.tolist()}"
-                raise ParameterError([(name, message)])
+            if isinstance(value, np.ndarray):
+                check_sized(kind, name, value)
 
     def start(self, state: BlockState) -> None:
         kind = state.context.types["out"]

@@ -14,7 +14,7 @@ from runtime.document.edits import (
     set_entry,
     set_wire,
 )
-from runtime.document.limits import Work
+from runtime.document.limits import MAX_BLOCKS, Work
 from runtime.document.loader import (
     SHIPPED,
     complete_document,
@@ -61,6 +61,7 @@ __all__ = [
     "DEFAULT_MEMORY",
     "EXAMPLES",
     "FILE_KEYS",
+    "MAX_BLOCKS",
     "MAX_TICKS",
     "PART_SECTIONS",
     "RUN_CHOICES",

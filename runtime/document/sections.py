@@ -29,7 +29,9 @@ WRITTEN_ORDER = (
     *("graph", "run", "params", "blocks", "wires", "without", "bypass"),
     *("from", "initial", "probes", "plots", "metrics"),
 )
-PART_SECTIONS = ("params", "inputs", "outputs", "blocks", "wires", "graph", "part")
+PART_SECTIONS = (
+    *("params", "inputs", "outputs", "blocks", "wires", "graph", "part", "repeat", "share"),
+)
 # Entries of a block that name a file, relative to the file that they are written in.
 FILE_KEYS = ("module", "file")
 EXAMPLES = {

@@ -25,12 +25,13 @@ from runtime.errors import MissingExtraError, Problems, Where
 from runtime.network.addresses import Endpoint
 from runtime.network.block_types import block_class, own_types, relative_with
 from runtime.network.enabling import check_enabling
+from runtime.network.expansion import expand
 from runtime.network.inference import infer_types, report_open
 from runtime.network.initial import read_initial
 from runtime.network.network import Entry, Network
 from runtime.network.open_inputs import report_open_inputs
 from runtime.network.removal import remove
-from runtime.network.scope import Scope, expand
+from runtime.network.scope import Scope
 from runtime.network.shapes import MAX_BYTES, whole_shape
 from runtime.network.units import check_units
 from runtime.network.wiring import Wiring
@@ -217,6 +218,9 @@ def _constructed(
             suggestion = f"; a decimal point is a dot, as in {before}: {whole}.{key}"
         elif relative := relative_with(cls, key):
             suggestion = f"; the block with this parameter is a {relative}"
+        elif key == "repeat":
+            suggestion = "; only parts are repeated: put the block into one"
+            suggestion += ", or use groups" if "groups" in known else ""
         elif key == "graph":
             suggestion = "; parts are read with the file that names them"
         problems.add(values[key].key, f"{address}.{key}", f"unknown parameter{suggestion}", True)

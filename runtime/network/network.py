@@ -144,7 +144,9 @@ class Network:
         return tuple(found)
 
     def _spread(self, wire: Wire) -> list[Wire]:
-        kind = self.types[wire.source.block, wire.source.port]
+        kind = self.types.get((wire.source.block, wire.source.port))
+        if kind is None:
+            return [wire]  # the block's own problem is reported
         names = component_names(kind, wire.source)
         return [replace(wire, source=replace(wire.source, component=name)) for name in names]
 

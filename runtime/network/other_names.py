@@ -31,6 +31,8 @@ _NAMES: dict[str, str] = {
     "Product": "prod multiply multiplier divide divider dotproduct",
     "Gain": "amplifier amp scale slidergain",
     "MatrixGain": "matrix matrixmultiply",
+    "FourierTransform": "fft rfft dft fouriertransform spectrum",
+    "InverseFourierTransform": "ifft irfft idft",
     "Compare": (
         "comparator greaterthan lessthan equal relationaloperator comparetoconstant threshold"
     ),

@@ -22,6 +22,13 @@ REQUIRED: dict[str, dict[str, Any]] = {
     "Decoder": {"weights": [[1.0, -2.0, 0.5, 0.0]]},
     "StateSpace": {"A": [[0, 1], [-1, -1]], "B": [0, 1], "C": [1, 0]},
     "KalmanFilter": {"A": [[1, 0.1], [0, 1]], "C": [1, 0], "Q": [[1, 0], [0, 1]], "R": 1.0},
+    "ExtendedKalmanFilter": {
+        "transition": ["x[0] + 0.1*sin(x[1])", "0.9*x[1] + u[0]"],
+        "observation": "x[0]**2 + x[1]",
+        "Q": [[0.1, 0], [0, 0.1]],
+        "R": 1.0,
+        "x0": [1, 0.5],
+    },
     "DynamicSystem": {"derivative": ["x[1]", "-x[0]"], "initial": [1, 0]},
     "SecondOrder": {"natural_frequency": 3.0},
     "TransferFunction": {"numerator": [1], "denominator": [1, 1]},
