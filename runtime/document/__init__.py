@@ -25,7 +25,7 @@ from runtime.document.loader import (
     read_graph,
     shipped_graphs,
 )
-from runtime.document.node import Node, dump_yaml, from_python, parse_yaml
+from runtime.document.node import Node, Value, dump_yaml, from_python, parse_yaml
 from runtime.document.run_section import (
     DEFAULT_MEMORY,
     MAX_TICKS,
@@ -75,6 +75,7 @@ __all__ = [
     "Override",
     "Solver",
     "Stop",
+    "Value",
     "Work",
     "add_block",
     "add_entry",
