@@ -231,7 +231,7 @@ def test_difference_equations_are_a_loop_in_python() -> None:
         ),
     ],
 )
-def test_wrong_equations_are_refused(entry: dict[str, Any], part: str) -> None:
+def test_wrong_parameters_are_refused(entry: dict[str, Any], part: str) -> None:
     assert part in problems(entry)
 
 
