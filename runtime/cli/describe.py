@@ -48,18 +48,22 @@ def gallery_page() -> str:
     """The text of docs/gallery.md."""
     lines = [GALLERY, "| graph | what it shows | blocks |", "|---|---|---|"]
     for each in shipped("gallery"):
-        kinds = sorted(set(re.findall(r"type: (\w+)", each.path.read_text(encoding="utf-8"))))
-        lines.append(f"| `{each.name}` | {each.summary} | {', '.join(kinds)} |")
+        kinds = _types(each.path.read_text(encoding="utf-8"))
+        lines.append(f"| `{each.name}` | {each.summary} | {kinds} |")
     lines += [PUBLISHED, "| example | of | graph | blocks |", "|---|---|---|---|"]
-    found = []
+    found: list[str] = []
     for each in (*shipped("gallery"), *shipped("gallery/published")):
         text = each.path.read_text(encoding="utf-8")
         after = re.search(r"^# After (\S+\.py) of (\w+)", text, re.MULTILINE)
         if after is not None:
-            kinds = ", ".join(sorted(set(re.findall(r"type: (\w+)", text))))
             name = f"{each.group}/{each.name}"
-            found.append(f"| {after[1]} | {after[2]} | `{name}` | {kinds} |")
+            found.append(f"| {after[1]} | {after[2]} | `{name}` | {_types(text)} |")
     return "\n".join([*lines, *sorted(found)]) + "\n"
+
+
+def _types(text: str) -> str:
+    """The types of the blocks of a graph."""
+    return ", ".join(sorted(set(re.findall(r"type: (\w+)", text))))
 
 
 def blocks_page() -> str:
