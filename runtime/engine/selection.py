@@ -17,9 +17,9 @@ from runtime.toolchain import available, find_compiler, install_command
 CALL, NUMBER, COMPUTED = 1.2e-6, 1.5e-8, 2e-6
 # A stage of a solver, in calls: the states moved, the rates tested.
 STAGE = 5
-# The time (s) of all runs together under the Python engine above which they are compiled: as long as
-# compiling takes on an empty cache, which is 3 s for case C (docs/performance.md) and 2 ms more for
-# each evaluation of a long plan.
+# The time (s) of all runs together under the Python engine above which they are compiled: what
+# compiling takes on an empty cache, about 3 s for case C (docs/performance.md), and 2 ms for each
+# evaluation of a long plan.
 PAYS_OFF, PAYS_OFF_PER_CALL = 3.0, 2e-3
 
 
