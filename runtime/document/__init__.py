@@ -51,6 +51,7 @@ from runtime.document.sections import (
     is_part,
     misnamed,
     misspelt,
+    rename_files,
     section,
     texts,
 )
@@ -102,6 +103,7 @@ __all__ = [
     "read_file",
     "read_graph",
     "read_run",
+    "rename_files",
     "seconds",
     "section",
     "set_entry",

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from blocks.core import Block, SignalType
-from blocks.registry import BUILTIN, Modules, module_text
+from blocks.registry import BUILTIN, Modules, block_texts
 from runtime.document import (
     Node,
     Override,
@@ -394,8 +394,7 @@ class Graph:
         """
         own: dict[str, bytes] = {}
         for entry in (*self.network.entries.values(), *self.network.removed_entries.values()):
-            own |= module_text(entry.cls)
-            own |= {} if entry.block is None else entry.block.files
+            own |= block_texts(entry.cls, entry.block)
         return {**self._content.files, **own}
 
     def to_yaml(self) -> str:
