@@ -1,6 +1,7 @@
 """Blocks for any signal: constants, sums, gains, switches, delays, filters; switches of parts."""
 
 from blocks.generic.arithmetic import Constant, Gain, Mux, Sum, Switch, added, scaled
+from blocks.generic.constraint import AlgebraicConstraint
 from blocks.generic.enabling import Enable, Trigger
 from blocks.generic.fourier import FourierTransform, InverseFourierTransform
 from blocks.generic.functions import Function
@@ -9,6 +10,7 @@ from blocks.generic.memory import Lowpass, UnitDelay
 from blocks.generic.routing import Concatenate, MultiportSwitch, Select
 
 __all__ = [
+    "AlgebraicConstraint",
     "Compare",
     "Concatenate",
     "Constant",

@@ -361,6 +361,30 @@ CASES: dict[str, list[Case]] = {
         )
         for kind in (Scalar, Pose, Vector(4))
     ],
+    "AlgebraicConstraint": [
+        Case(blocks.AlgebraicConstraint(**REQUIRED["AlgebraicConstraint"])),
+        Case(
+            blocks.AlgebraicConstraint(
+                expression="a*(exp(z) - 1) - u[0] + z", low=-50, high=50, constants={"a": 0.1}
+            )
+        ),
+    ],
+    "Butterworth": [
+        Case(blocks.Butterworth(cutoff=2.0, order=3)),
+        Case(blocks.Butterworth(cutoff=[2.0, 5.0], band="bandstop")),
+    ],
+    "DiscreteSystem": [
+        Case(blocks.DiscreteSystem(**REQUIRED["DiscreteSystem"])),
+        Case(
+            blocks.DiscreteSystem(
+                next=["n + 1 if u[0] > u[1] else n", "a*v + sin(t)"],
+                states=["n", "v"],
+                constants={"a": 0.3},
+                initial=[0, 1],
+                output="n + u[0]",
+            )
+        ),
+    ],
     "ExtendedKalmanFilter": [
         Case(blocks.ExtendedKalmanFilter(**REQUIRED["ExtendedKalmanFilter"])),
         Case(
