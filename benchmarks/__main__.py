@@ -1,6 +1,7 @@
 """All measurements in one run:  python -m benchmarks [rounds] [--quick] [--against TREE]
 
-``--only language`` measures the language server alone, and replaces its section of the page.
+``--only`` measures one section alone (``language``: the language server; ``continuous``: a loop of
+continuous blocks), and replaces it in the page.
 
 Writes docs/performance.md. First every implementation of a diagram must agree with the others to
 1e-9; where one does not, nothing is timed and nothing is written. ``--quick`` tries everything on
@@ -13,6 +14,7 @@ import argparse
 import os
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
@@ -20,6 +22,7 @@ from pathlib import Path
 
 from benchmarks import (
     compiling,
+    continuous,
     language,
     monte_carlo,
     per_tick,
@@ -143,6 +146,7 @@ def page(rounds: int, sizes: Sizes, against: Path | None = None) -> str:
         lambda: monte_carlo.section(sizes.seeds, sizes.nengo_seeds, sizes.until, rounds),
         lambda: sweeps.section(min(sizes.seeds, sweeps.SEEDS), sizes.until, 1),
         lambda: start_up.section(rounds),
+        lambda: continuous.section(rounds, quick=sizes is QUICK),
         lambda: language.section(rounds),
         lambda: compiling.section(rounds, against, quick=sizes is QUICK),
     )
@@ -154,20 +158,26 @@ def page(rounds: int, sizes: Sizes, against: Path | None = None) -> str:
 
 
 def replaced(text: str, section: str) -> str:
-    """The page with a section in the place of the one of the same heading."""
+    """The page with a section in the place of the one of the same heading, or at its end."""
     heading = section.lstrip("\n").split("\n")[0]
     before, found, rest = text.partition(f"\n{heading}\n")
     if not found:
-        raise ValueError(f"the page has no section '{heading}'")
+        return text.rstrip("\n") + f"\n\n{section.strip()}\n"
     after = rest.find("\n## ")
     return before + section.rstrip("\n") + "\n" + (rest[after:] if after >= 0 else "")
 
 
-def measured_alone(rounds: int) -> str:
-    """The section of the language server, with when and under which load it was measured."""
+ALONE: dict[str, Callable[[int], str]] = {
+    "language": language.section,
+    "continuous": continuous.section,
+}
+
+
+def measured_alone(name: str, rounds: int) -> str:
+    """One section, with where and under which load it was measured."""
     load = f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "unknown"
-    note = f"Measured by itself with `--only language`; load of the machine before: {load}.\n"
-    return language.section(rounds).rstrip("\n") + f"\n\n{note}"
+    note = f"Measured by itself with `--only {name}` on {machine()}; load before: {load}.\n"
+    return ALONE[name](rounds).rstrip("\n") + f"\n\n{note}"
 
 
 def main() -> int:
@@ -175,12 +185,14 @@ def main() -> int:
     parser.add_argument("rounds", nargs="?", type=int, default=3)
     parser.add_argument("--quick", action="store_true", help="few ticks; print, write nothing")
     parser.add_argument("--against", type=Path, help="an earlier tree, see benchmarks/compiling.py")
-    parser.add_argument("--only", choices=["language"], help="measure this section alone")
+    parser.add_argument("--only", choices=list(ALONE), help="measure this section alone")
     options = parser.parse_args()
     if options.rounds < 1:
         parser.error(f"rounds must be 1 or more, got {options.rounds}")
     if options.only:
-        text = replaced(PAGE.read_text(encoding="utf-8"), measured_alone(options.rounds))
+        text = replaced(
+            PAGE.read_text(encoding="utf-8"), measured_alone(options.only, options.rounds)
+        )
         PAGE.write_text(text, encoding="utf-8")
         return 0
     try:

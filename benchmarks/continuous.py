@@ -1,4 +1,4 @@
-"""A loop of continuous blocks in other packages and here:  python -m benchmarks.continuous [rounds]
+"""A loop of continuous blocks in other packages and here:  python -m benchmarks --only continuous
 
 Ten integrators in a ring, closed with a gain of -1: x_1' = -x_10, x_i' = x_(i-1). The error is the
 largest of any state at any step against the matrix exponential. All take steps of one length and
@@ -19,6 +19,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.linalg import expm
 
+from benchmarks.tables import Goal, faster, goals, microseconds, table
 from benchmarks.timing import machine, take_turns
 from blocks.core.signals import FloatArray
 
@@ -138,44 +139,70 @@ def python_control(steps: int, dt: float) -> Solved:
 
 RK4, RK45 = "rk4", "dopri5"
 PEERS: dict[str, tuple[Callable[[int, float], Solved], str]] = {
-    "pathsim, RK4": (pathsim, RK4),
+    "PathSim, RK4": (pathsim, RK4),
     "bdsim, RK45": (bdsim, RK45),
     "python-control, RK45": (python_control, RK45),
 }
+TEXT = f"""
+## A loop of continuous blocks
+
+{BLOCKS} integrators in a ring, closed with a gain of -1, in steps of {DT} s
+(`benchmarks/continuous.py`). The error is the largest of any state at any of {STEPS} steps against
+the matrix exponential. Packages that integrate with scipy's RK45 are compared with `dopri5`, which
+is the same method; all take the same steps.
+
+"""
 
 
-def main(rounds: int) -> None:
-    """Print each contestant's time per step and its error, and how many times faster we are."""
-    print(f"{BLOCKS} integrators in a ring, steps of {DT} s. {machine()}")
-    contestants: dict[str, tuple[Callable[[], Solved], int, str]] = {}
+def name_of(engine: str, solver: str) -> str:
+    return f"spikeblocks, {engine}, {solver}"
+
+
+def error_of(solved: Solved) -> float:
+    """The largest error of the first steps."""
+    return float(abs(solved[1][:STEPS] - exact(STEPS, DT)).max())
+
+
+def contestants(quick: bool = False) -> dict[str, tuple[Callable[[], Solved], int]]:
+    """Runs of the ring by name, each with its number of steps; of the peers that are installed."""
+    found: dict[str, tuple[Callable[[], Solved], int]] = {}
     for solver in (RK4, RK45):
-        for engine, steps in (("python", STEPS), ("compiled", COMPILED_STEPS)):
-            run = partial(ours, engine, solver, steps, DT)
-            contestants[f"spikeblocks, {engine}, {solver}"] = run, steps, solver
-    for name, (peer, solver) in PEERS.items():
-        contestants[name] = partial(peer, STEPS, DT), STEPS, solver
-    reference, errors = exact(STEPS, DT), {}
-    for name, (run, _, _) in list(contestants.items()):
-        try:
-            errors[name] = float(abs(run()[1][:STEPS] - reference).max())
-        except ImportError as error:
-            print(f"{name}: {error}")
-            del contestants[name]
+        for engine, steps in (("python", STEPS), ("compiled", STEPS if quick else COMPILED_STEPS)):
+            found[name_of(engine, solver)] = partial(ours, engine, solver, steps, DT), steps
+    for name, (peer, _) in PEERS.items():
+        found[name] = partial(peer, STEPS, DT), STEPS
+    return {name: entry for name, entry in found.items() if _is_installed(entry[0])}
+
+
+def _is_installed(run: Callable[[], Solved]) -> bool:
+    try:
+        run()
+    except ImportError:
+        return False
+    return True
+
+
+def section(rounds: int, quick: bool = False) -> str:
+    """The section of docs/performance.md: time per step and error of each contestant."""
+    entered = contestants(quick)
+    errors = {name: error_of(run()) for name, (run, _) in entered.items()}
     turns = {
         name: (lambda run=run, steps=steps: run()[0] / steps)
-        for name, (run, steps, _) in contestants.items()
+        for name, (run, steps) in entered.items()
     }
     timings = take_turns(turns, rounds)
-    for name, timing in timings.items():
-        low, high = (1e6 * value for value in timing.spread)
-        solver = contestants[name][2]
-        against = [timings[f"spikeblocks, {engine}, {solver}"] for engine in ("python", "compiled")]
-        times = " and ".join(f"{timing.median / own.median:.3g}" for own in against)
-        print(
-            f"{name:32} {1e6 * timing.median:8.3g} us a step [{low:.3g}, {high:.3g}], "
-            f"error {errors[name]:.2e}, {times} times the Python and the compiled engine's"
-        )
+    rows = [[n, microseconds(timing), f"{errors[n]:.3g}"] for n, timing in timings.items()]
+    wanted = []
+    for name, (_, solver) in PEERS.items():
+        for engine, times in (("python", 3.0), ("compiled", 100.0)):
+            text = f"{engine} engine against {name}, at least {times:g}x"
+            wanted.append(faster(text, timings, name_of(engine, solver), name, times))
+        ratio = errors[name_of("python", solver)] / errors[name] if name in errors else None
+        text = f"our error over that of {name}, at most 1.001"
+        wanted.append(Goal(text, ratio, most=1.001))
+    return f"{TEXT}{table(['', 'per step', 'error'], rows)}{goals(wanted)}"
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 5)
+    print(machine())
+    print(section(int(sys.argv[1]) if len(sys.argv) > 1 else 5))

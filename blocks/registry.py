@@ -28,7 +28,7 @@ from blocks import (
     wall_fitting,
     world,
 )
-from blocks.core import Block, SignalType
+from blocks.core import Block, SignalType, Variant
 
 ENTRY_POINTS = "spikeblocks.blocks"
 # A module is registered before its code has run: other threads must not see it until then.
@@ -80,6 +80,23 @@ def blocks_of_module(file: FilePath) -> dict[str, type[Block]]:
         for key, value in vars(module).items()
         if isinstance(value, type)
         and issubclass(value, Block)
+        and value.__module__ == module.__name__
+    }
+
+
+def variants_of_module(file: FilePath, family: type[Variant]) -> dict[str, type[Variant]]:
+    """Settings of a family, such as neuron models, that a Python file defines.
+
+    Raises
+    ------
+    OSError, SyntaxError and whatever the file itself raises.
+    """
+    module = _module(file)
+    return {
+        key: value
+        for key, value in vars(module).items()
+        if isinstance(value, type)
+        and issubclass(value, family)
         and value.__module__ == module.__name__
     }
 
@@ -138,7 +155,18 @@ def _loaded(file: FilePath) -> ModuleType:
     return module
 
 
-def module_text(cls: type[Block]) -> dict[str, bytes]:
-    """The content of the file that :func:`blocks_of_module` ran for a type, by resolved path."""
+def block_texts(cls: type[Block], block: Block | None) -> dict[str, bytes]:
+    """The contents of the files that a block was made from, by resolved path."""
+    if block is None:
+        return _text(cls)
+    settings = [
+        value for name in cls.spec.params if isinstance(value := block.value(name), Variant)
+    ]
+    texts = [_text(kind) for kind in (cls, *map(type, settings))]
+    return {path: text for each in (*texts, block.files) for path, text in each.items()}
+
+
+def _text(cls: type) -> dict[str, bytes]:
+    """The content of the file that was run for a class, by resolved path; {} for the library's."""
     found: dict[str, bytes] = getattr(sys.modules.get(cls.__module__), _CONTENT, {})
     return found

@@ -274,3 +274,10 @@ def test_the_ball_bounces_when_and_as_high_as_it_should() -> None:
         expected += solved.sol(inside)[0].tolist()
         start, state = end, [0.0, -0.95 * float(solved.y[1, -1])]
     np.testing.assert_allclose(np.asarray(found.values)[: len(expected)], expected, atol=0.04)
+
+
+def test_the_filter_finds_the_robot() -> None:
+    """It begins 0.57 m off; one distance alone has a standard deviation of 0.1 m."""
+    error = runtime.load(FOLDER / "beacons.yaml").run(engine="python")["error"]
+    assert error[200:].mean() < 0.05
+    assert error[200:].max() < 0.15

@@ -24,6 +24,7 @@ from blocks.core.expressions import (
 )
 from blocks.core.extras import MissingPackageError, require
 from blocks.core.kernels import function_kernel, has_kernels, kernel_for, kernel_of
+from blocks.core.matrices import times
 from blocks.core.options import Options
 from blocks.core.params import (
     REQUIRED,
@@ -134,4 +135,5 @@ __all__ = [
     "sin",
     "solve",
     "spread_to",
+    "times",
 ]

@@ -226,6 +226,8 @@ class Reader:
                 self.fail(node, f"the range is empty; '{name}' has {_counted(whole)}")
             return found
         index = self.index(node.slice)
+        if not whole:
+            self.fail(node, f"'{name}' has no components, since nothing is wired to it")
         if index is None or not -len(whole) <= index < len(whole):
             last = len(whole) - 1
             self.fail(

@@ -33,7 +33,7 @@ KINDS: dict[object, Kind] = {
     tuple[str, ...]: "texts",
     Mapping[str, float]: "numbers",
 }
-_DEGREES = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?) ?deg(.*)", re.ASCII)
+_DEGREES = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?) ?(?:deg|°)(.*)", re.ASCII)
 _COMMA = re.compile(r"([-+]?\d+),(\d+)", re.ASCII)
 # Suggestions: the least similarity (0 to 1), the number of names that are compared in full, the
 # length that is compared, and the number of classes in which letters are counted.

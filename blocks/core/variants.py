@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, ClassVar, Self
 
 from blocks.core.params import hint, plain, show
@@ -18,7 +20,7 @@ class Variant(Setting):
     """
 
     key: ClassVar[str] = "type"
-    noun: ClassVar[str] = "setting"
+    of_ones_own: ClassVar[str] = ""  # how a graph names one that is not the library's
     members: ClassVar[dict[str, type[Variant]]] = {}
     label: ClassVar[str] = ""
 
@@ -69,7 +71,8 @@ class Variant(Setting):
         known = ", ".join(cls.members)
         where = cls.key if isinstance(written, dict) else ""
         got = "nothing" if name is None else show(name)
-        text = f"expected {cls.expected} ({known}), got {got}{hint(name, cls.members)}"
+        suggestion = hint(name, cls.members) or cls.of_ones_own
+        text = f"expected {cls.expected} ({known}), got {got}{suggestion}"
         raise SettingError([(where, text)])
 
     @classmethod
@@ -87,10 +90,21 @@ class Variant(Setting):
             value = plain(self.__dict__[name])
             if declared.required or value != plain(declared.convert(declared.default)):
                 values[name] = value
-        return {self.key: self.label, **values} if values else self.label
+        own = _own_file(type(self))
+        return {self.key: self.label, **own, **values} if values or own else self.label
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError(f"{type(self).__name__} cannot change after construction")
+
+
+def _own_file(cls: type[Variant]) -> dict[str, str]:
+    """The file of a class that is not the library's, as a graph names it."""
+    if cls.__module__.startswith("blocks."):
+        return {}
+    try:
+        return {"module": str(Path(inspect.getfile(cls)).resolve())}
+    except (OSError, TypeError):
+        return {}
 
 
 def _listed(names: Mapping[str, Any]) -> str:

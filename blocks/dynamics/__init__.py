@@ -2,13 +2,22 @@
 
 from blocks.dynamics.delays import Delay, Hold, MovingAverage
 from blocks.dynamics.discrete import DiscreteIntegrator, DiscreteTransferFunction
+from blocks.dynamics.extended_kalman import ExtendedKalmanFilter
 from blocks.dynamics.integrator import Integrator
 from blocks.dynamics.kalman import KalmanFilter
 from blocks.dynamics.linear import DiscreteStateSpace, StateSpace
 from blocks.dynamics.pid import PID
-from blocks.dynamics.system import DynamicSystem
-from blocks.dynamics.transfer import Derivative, SecondOrder, TransferFunction, ZeroPoleGain
+from blocks.dynamics.system import DiscreteSystem, DynamicSystem
+from blocks.dynamics.transfer import (
+    Butterworth,
+    Derivative,
+    SecondOrder,
+    TransferFunction,
+    ZeroPoleGain,
+)
 
-__all__ = ["PID", "Delay", "Derivative", "DiscreteIntegrator", "DiscreteStateSpace"]
-__all__ += ["DiscreteTransferFunction", "DynamicSystem", "Hold", "Integrator", "KalmanFilter"]
-__all__ += ["MovingAverage", "SecondOrder", "StateSpace", "TransferFunction", "ZeroPoleGain"]
+__all__ = ["PID", "Butterworth", "DiscreteSystem"]
+__all__ += ["Delay", "Derivative", "DiscreteIntegrator", "DiscreteStateSpace"]
+__all__ += ["DiscreteTransferFunction", "DynamicSystem", "ExtendedKalmanFilter", "Hold"]
+__all__ += ["Integrator", "KalmanFilter", "MovingAverage", "SecondOrder", "StateSpace"]
+__all__ += ["TransferFunction", "ZeroPoleGain"]

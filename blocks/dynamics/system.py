@@ -1,19 +1,18 @@
-"""Differential equations, written as expressions."""
+"""Differential and difference equations, written as expressions."""
 
 from __future__ import annotations
 
 import re
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from functools import cached_property
 from typing import Any
 
 from blocks.core import (
-    RESERVED,
     Block,
     BlockContext,
     BlockState,
     Expression,
-    ExpressionError,
     FloatArray,
     Input,
     Output,
@@ -26,23 +25,12 @@ from blocks.core import (
     function_from,
     function_text,
     param,
-    read_expression,
 )
-
-PARAMETERS = ("t", "x", "u", "c")
-_INDEX = re.compile(r"\bu\s*\[[^\]]*?(\d{1,3})\s*\]")
+from blocks.dynamics.equations import PARAMETERS, Equations, input_count
 
 
-class DynamicSystem(Block):
-    """Differential equations with any inputs: a plant, an oscillator, a reaction.
-
-        u ─▶ [ DynamicSystem ] ─▶ out
-
-    x' = derivative(x, u, t), x(0) = initial; out = x, or the expressions of ``output``. States are
-    x[0], x[1], ..., or have the names that ``states`` gives. With ``when``, an event: at each tick
-    at which that condition holds, the states become the values of ``then``, as when a ball bounces.
-    ``out`` depends on inputs directly only if an expression of ``output`` names u.
-    """
+class _System(Block, ABC):
+    """States whose equations are expressions of them, of inputs and of the time."""
 
     inputs = Input(
         Scalar,
@@ -53,9 +41,6 @@ class DynamicSystem(Block):
     )
     out = Output(Same("T"), doc="the states, or what output says")
 
-    rates: tuple[str, ...] = param(
-        name="derivative", doc="the rate of change of each state: ['v', '-k*x + u[0]']"
-    )
     initial: FloatArray = param(shape=[(), (None,)], doc="the states at the start")
     states: tuple[str, ...] | None = param(None, doc="names of the states: [x, v]")
     constants: Mapping[str, float] | None = param(
@@ -66,61 +51,50 @@ class DynamicSystem(Block):
         name="output",
         doc="what out is, in states and inputs; default: the states",
     )
-    when: str | None = param(None, doc="condition of an event: 'x < 0 and v < 0'")
-    then: tuple[str, ...] | None = param(
-        None, doc="the states after an event, one expression per state"
-    )
     kind: SignalType | None = param(
         None, name="signal", doc="the output's type; default Scalar, or Vector for several values"
     )
 
-    x = State("n", name="x", continuous=True, doc="the states")
+    @property
+    @abstractmethod
+    def changes(self) -> tuple[str, ...]:
+        """One expression per state, for how it changes."""
 
-    def sizes(self) -> dict[str, int]:
-        return {"n": len(self.rates)} if "rates" in self.__dict__ else {}
+    @property
+    @abstractmethod
+    def written(self) -> list[tuple[str, str]]:
+        """All expressions, each with its parameter."""
 
-    def validate(self) -> None:
-        count = len(self.rates)
-        problems = []
+    def problems(self) -> list[tuple[str, str]]:
+        """What is wrong, apart from the expressions."""
+        found = []
+        count = len(self.changes)
         if self.initial.size != count:
             message = f"expected {count} number(s), one per state, got {self.initial.size}"
-            problems.append(("initial", message))
-        if self.states is not None and len(self.states) != count:
-            message = f"expected {count} name(s), one per state, got {len(self.states)}"
-            problems.append(("states", message))
-        names = [*(self.states or ()), *(self.constants or ())]
-        for name in names:
-            bad = not (name.isidentifier() and name.isascii()) or name in RESERVED | {"t", "u"}
-            if bad or names.count(name) > 1:
-                place = "states" if name in (self.states or ()) else "constants"
-                problems.append((place, f"the name '{name}' is not valid, taken, or given twice"))
-        if (self.when is None) != (self.then is None):
-            missing = "then" if self.then is None else "when"
-            problems.append((missing, "missing; an event has 'when' and 'then'"))
-        elif self.then is not None and len(self.then) != count:
-            message = f"expected {count} expression(s), one per state, got {len(self.then)}"
-            problems.append(("then", message))
+            found.append(("initial", message))
+        found += self.equations.problems()
         if self.resolved.symbol or self.resolved.shape != (
             () if self.width == 1 else (self.width,)
         ):
-            problems.append(("signal", f"expected a type of {self.width} components"))
+            found.append(("signal", f"expected a type of {self.width} components"))
+        return found
+
+    def validate(self) -> None:
+        problems = self.problems()
         if problems:
             raise ParameterError(problems)
-        used = [int(n) for _, text in self.written for n in _INDEX.findall(text)]
-        for parameter, text in self.written:
-            self.read(parameter, text, 1 + max(used, default=0))
+        self.equations.check(self.written)
+
+    def validate_in(self, context: BlockContext) -> None:
+        self.equations.check(self.written, input_count(context))
 
     @property
-    def written(self) -> list[tuple[str, str]]:
-        """All expressions, each with its parameter."""
-        found = [("derivative", text) for text in self.rates]
-        found += [("output", text) for text in self.results or ()]
-        found += [("when", self.when)] if self.when is not None else []
-        return found + [("then", text) for text in self.then or ()]
+    def equations(self) -> Equations:
+        return Equations(len(self.changes), self.states or (), self.constants or {})
 
     @property
     def width(self) -> int:
-        return len(self.rates if self.results is None else self.results)
+        return len(self.changes if self.results is None else self.results)
 
     @cached_property
     def resolved(self) -> SignalType:
@@ -137,55 +111,80 @@ class DynamicSystem(Block):
         named = any(re.search(r"\bu\b", text) for text in self.results or ())
         return () if named else ("u",)
 
-    def read(self, parameter: str, text: str, count: int) -> Any:
-        """One expression, with ``count`` components in u.
-
-        Raises
-        ------
-        ParameterError : it is not valid.
-        """
-        states = [f"x[{i}]" for i in range(len(self.rates))]
-        names: dict[str, Any] = {"x": states, "u": [f"u[{i}]" for i in range(count)], "t": "t"}
-        names |= {name: f"c[{i}]" for i, name in enumerate(self.constants or ())}
-        names |= dict(zip(self.states or (), states, strict=False))
-        try:
-            return read_expression(text, names)
-        except ExpressionError as error:
-            short = text if len(text) <= 60 else text[:57] + "..."
-            message = f"column {error.column} of '{short}': {error.message}"
-            raise ParameterError([(parameter, message)]) from None
-
-    def validate_in(self, context: BlockContext) -> None:
-        flags = context.terms["u"]
-        if not all(flags):
-            message = "a block that is wired to u is removed, which would shift its components"
-            raise ParameterError([("u", f"{message}; bypass that block, or remove this one")])
-        for parameter, text in self.written:
-            self.read(parameter, text, len(flags))
-
     def start(self, state: BlockState) -> None:
-        count = len(state.context.terms["u"])
         state.x[:] = self.initial
-        state.n = len(self.rates)
-        state.constants = tuple((self.constants or {}).values()) or (0.0,)
+        state.n = len(self.changes)
+        state.constants = self.equations.values
         form = self.resolved.form
-
-        def function(parameter: str, texts: tuple[str, ...], form: Any) -> Any:
-            read = [self.read(parameter, text, count) for text in texts]
-            return function_from(function_text(read, PARAMETERS, form))
-
-        state.rates = function("derivative", self.rates, "array")
         if self.results is None:
             own = [Expression("", f"x[{i}]", frozenset()) for i in range(state.n)]
             state.results = function_from(function_text(own, PARAMETERS, form))
         else:
-            state.results = function("output", self.results, form)
-        state.has_event = self.when is not None
-        state.condition = function("when", (self.when or "0",), "scalar")
-        state.jump = function("then", self.then or ("0",) * state.n, "array")
+            state.results = self.function(state, "output", self.results, form)
+
+    def function(
+        self, state: BlockState, parameter: str, texts: tuple[str, ...], form: Any = "array"
+    ) -> Any:
+        """A function of (t, x, u, constants)."""
+        count = len(state.context.terms["u"])
+        return self.equations.function(parameter, texts, count, form)
 
     def output(self, state: BlockState, t: float, u: tuple[float, ...] = ()) -> Any:
         return state.results(t, state.x.tolist(), u, state.constants)
+
+
+class DynamicSystem(_System):
+    """Differential equations with any inputs: a plant, an oscillator, a reaction.
+
+        u ─▶ [ DynamicSystem ] ─▶ out
+
+    x' = derivative(x, u, t), x(0) = initial; out = x, or the expressions of ``output``. States are
+    x[0], x[1], ..., or have the names that ``states`` gives. With ``when``, an event: at each tick
+    at which that condition holds, the states become the values of ``then``, as when a ball bounces.
+    ``out`` depends on inputs directly only if an expression of ``output`` names u.
+    """
+
+    rates: tuple[str, ...] = param(
+        name="derivative", doc="the rate of change of each state: ['v', '-k*x + u[0]']"
+    )
+    when: str | None = param(None, doc="condition of an event: 'x < 0 and v < 0'")
+    then: tuple[str, ...] | None = param(
+        None, doc="the states after an event, one expression per state"
+    )
+
+    x = State("n", name="x", continuous=True, doc="the states")
+
+    def sizes(self) -> dict[str, int]:
+        return {"n": len(self.rates)} if "rates" in self.__dict__ else {}
+
+    @property
+    def changes(self) -> tuple[str, ...]:
+        return self.rates
+
+    def problems(self) -> list[tuple[str, str]]:
+        found = super().problems()
+        if (self.when is None) != (self.then is None):
+            missing = "then" if self.then is None else "when"
+            found.append((missing, "missing; an event has 'when' and 'then'"))
+        elif self.then is not None and len(self.then) != len(self.rates):
+            count = len(self.rates)
+            message = f"expected {count} expression(s), one per state, got {len(self.then)}"
+            found.append(("then", message))
+        return found
+
+    @property
+    def written(self) -> list[tuple[str, str]]:
+        found = [("derivative", text) for text in self.rates]
+        found += [("output", text) for text in self.results or ()]
+        found += [("when", self.when)] if self.when is not None else []
+        return found + [("then", text) for text in self.then or ()]
+
+    def start(self, state: BlockState) -> None:
+        super().start(state)
+        state.rates = self.function(state, "derivative", self.rates)
+        state.has_event = self.when is not None
+        state.condition = self.function(state, "when", (self.when or "0",), "scalar")
+        state.jump = self.function(state, "then", self.then or ("0",) * state.n)
 
     def update(self, state: BlockState, t: float, u: tuple[float, ...]) -> None:
         if state.has_event and self.happens(state, t, u):
@@ -200,3 +199,41 @@ class DynamicSystem(Block):
     def derivative(self, state: BlockState, t: float, u: tuple[float, ...]) -> FloatArray:
         rates: FloatArray = state.rates(t, state.x.tolist(), u, state.constants)
         return rates
+
+
+class DiscreteSystem(_System):
+    """Difference equations with any inputs: logic with memory, a counter, a filter, a map.
+
+        u ─▶ [ DiscreteSystem ] ─▶ out
+
+    x(t_k+1) = next(x, u, t_k), x(0) = initial; out(t_k) = x(t_k), or the expressions of ``output``.
+    States are x[0], x[1], ..., or have the names that ``states`` gives; all are updated at once.
+    ``out`` depends on inputs directly only if an expression of ``output`` names u.
+    """
+
+    following: tuple[str, ...] = param(
+        name="next", doc="each state one step later: ['x + u[0]', '0.5*v if x > 1 else v']"
+    )
+
+    x = State("n", name="x", doc="the states")
+
+    def sizes(self) -> dict[str, int]:
+        return {"n": len(self.following)} if "following" in self.__dict__ else {}
+
+    @property
+    def changes(self) -> tuple[str, ...]:
+        return self.following
+
+    @property
+    def written(self) -> list[tuple[str, str]]:
+        found = [("next", text) for text in self.following]
+        return found + [("output", text) for text in self.results or ()]
+
+    def start(self, state: BlockState) -> None:
+        super().start(state)
+        state.following = self.function(state, "next", self.following)
+
+    def update(self, state: BlockState, t: float, u: tuple[float, ...]) -> None:
+        after = state.following(t, state.x.tolist(), u, state.constants)
+        for i in range(state.n):
+            state.x[i] = after[i]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -124,6 +125,46 @@ class SecondOrder(_Rational):
     def rational(self) -> tuple[FloatArray, FloatArray]:
         w = self.natural_frequency
         return np.array([self.gain * w * w]), np.array([1.0, 2.0 * self.damping * w, w * w])
+
+
+class Butterworth(_Rational):
+    """A Butterworth filter: flat in its band, falling by 20 dB per decade and order outside of it.
+
+        input ─▶ [ Butterworth ] ─▶ out
+
+    |out/input|^2 = 1 / (1 + (f / cutoff)^(2 order)) for a lowpass (scipy.signal.butter, analog);
+    a bandpass or bandstop has twice as many states as its order. At rest at the start.
+    """
+
+    order: int = param(2, at_least=1, at_most=12, doc="order of the filter")
+    cutoff: FloatArray = param(
+        unit="Hz", shape=[(), (2,)], doc="where the power is halved; two for a band"
+    )
+    band: str = param(
+        "lowpass", choices=("lowpass", "highpass", "bandpass", "bandstop"), doc="what passes"
+    )
+
+    def sizes(self) -> dict[str, int]:
+        return {"n": self.order * (1 + self.band.startswith("band"))} if self.__dict__ else {}
+
+    def validate(self) -> None:
+        edges = self.cutoff.reshape(-1)
+        wanted = 2 if self.band.startswith("band") else 1
+        if len(edges) != wanted:
+            message = f"expected {wanted} frequencies for a {self.band}, got {len(edges)}"
+            raise ParameterError([("cutoff", message)])
+        if edges[0] <= 0.0 or edges[-1] < edges[0] or (wanted == 2 and edges[0] == edges[1]):
+            message = f"expected frequencies above 0 in ascending order, got {edges.tolist()}"
+            raise ParameterError([("cutoff", message)])
+
+    @cached_property
+    def rational(self) -> tuple[FloatArray, FloatArray]:
+        from scipy.signal import butter
+
+        edges = 2.0 * np.pi * self.cutoff.reshape(-1)
+        given = edges if len(edges) == 2 else edges[0]
+        numerator, denominator = butter(self.order, given, self.band, analog=True)
+        return np.asarray(numerator), np.asarray(denominator)
 
 
 class Derivative(Block):

@@ -1,12 +1,26 @@
 """Blocks for any signal: constants, sums, gains, switches, delays, filters; switches of parts."""
 
 from blocks.generic.arithmetic import Constant, Gain, Mux, Sum, Switch, added, scaled
+from blocks.generic.constraint import AlgebraicConstraint
 from blocks.generic.enabling import Enable, Trigger
+from blocks.generic.fourier import FourierTransform, InverseFourierTransform
 from blocks.generic.functions import Function
 from blocks.generic.mathematics import Compare, Logic, MatrixGain, Norm, Product, Wrap
 from blocks.generic.memory import Lowpass, UnitDelay
 from blocks.generic.routing import Concatenate, MultiportSwitch, Select
 
-__all__ = ["Compare", "Concatenate", "Constant", "Enable", "Function", "Gain", "Logic", "Lowpass"]
+__all__ = [
+    "AlgebraicConstraint",
+    "Compare",
+    "Concatenate",
+    "Constant",
+    "Enable",
+    "FourierTransform",
+    "Function",
+    "Gain",
+    "InverseFourierTransform",
+    "Logic",
+    "Lowpass",
+]
 __all__ += ["MatrixGain", "MultiportSwitch", "Mux", "Norm", "Product", "Select", "Sum", "Switch"]
 __all__ += ["Trigger", "UnitDelay", "Wrap", "added", "scaled"]

@@ -21,6 +21,7 @@ from blocks.core import (
     Vector,
     modulo,
     param,
+    times,
 )
 
 COMPARISONS = ("<", "<=", ">", ">=", "==", "!=")
@@ -95,7 +96,7 @@ class MatrixGain(Block):
 
         input ─▶ [ MatrixGain ] ─▶ out
 
-    out = matrix @ input, with m rows for n components; summed from left to right.
+    out = matrix @ input, with m rows for n components.
     """
 
     signal = Input(Vector("n"), name="input", doc="a vector of n components")
@@ -110,16 +111,9 @@ class MatrixGain(Block):
 
     def start(self, state: BlockState) -> None:
         state.matrix = self.matrix.copy()
-        state.rows, state.columns = self.matrix.shape
 
     def output(self, state: BlockState, t: float, input: FloatArray) -> FloatArray:
-        out = np.zeros(state.rows)
-        for i in range(state.rows):
-            total = 0.0
-            for j in range(state.columns):
-                total += state.matrix[i, j] * input[j]
-            out[i] = total
-        return out
+        return times(state.matrix, input)
 
 
 class Norm(Block):

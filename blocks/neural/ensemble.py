@@ -46,9 +46,10 @@ class Ensemble(Block):
     neurons (gains, biases, encoders, model), by which a Decoder solves for its weights.
 
     With ``groups``, the dimensions are divided evenly among that many groups of ``neurons`` each:
-    an array of ensembles as one block. Gains and biases follow from the maximum rates and the
-    intercepts; ``gain`` with ``bias`` replace them. What is drawn depends on the run's seed and
-    the block's name only. Equations: Eliasmith and Anderson, Neural Engineering, 2003.
+    an array of ensembles as one block; ``groups: 0`` is one group for each dimension. Gains and
+    biases follow from the maximum rates and the intercepts; ``gain`` with ``bias`` replace them.
+    What is drawn depends on the run's seed and the block's name only. Equations: Eliasmith and
+    Anderson, Neural Engineering, 2003.
     """
 
     x = Input(Vector("d"), variadic=True, name="input", doc="what to represent; wires add up")
@@ -69,7 +70,9 @@ class Ensemble(Block):
 
     neurons: int = param(100, at_least=1, doc="number of neurons, of each group")
     dimensions: int | None = param(None, at_least=1, doc="length of the input; default as wired")
-    groups: int = param(1, at_least=1, doc="groups, among which the dimensions are divided")
+    groups: int = param(
+        1, at_least=0, doc="groups, among which the dimensions are divided; 0: one for each"
+    )
     neuron: NeuronModel = param("LIF", doc="neuron model")
     radius: float = param(1.0, above=0.0, doc="largest input that is represented well")
     max_rates: Distribution = param("uniform(200, 400)", unit="Hz", doc="rates at input = radius")
@@ -105,17 +108,22 @@ class Ensemble(Block):
     activity = State("learners", unit="1/s", doc="filtered spikes s, of a learning rule")
 
     def sizes(self) -> dict[str, int]:
-        found = {"neurons": self.neurons, "groups": self.groups}
-        found["total"] = self.neurons * self.groups
+        found = {"neurons": self.neurons}
+        if self.groups:
+            found |= {"groups": self.groups, "total": self.neurons * self.groups}
         if self.dimensions is not None:
             found["d"] = self.dimensions
-        found["learners"] = 0 if self.learning is None else found["total"]
         return found
 
     def infer(self, lengths: Mapping[str, int]) -> Mapping[str, int]:
-        if "d" not in lengths:
-            return {}
-        return {"per_group": max(1, lengths["d"] // self.groups)}
+        groups = self.groups or lengths.get("d", 0)
+        total = groups * self.neurons
+        found = {"groups": groups, "total": total} if groups else {}
+        if groups:
+            found["learners"] = 0 if self.learning is None else total
+        if "d" in lengths:
+            found["per_group"] = max(1, lengths["d"] // groups)
+        return found
 
     def validate(self) -> None:
         if (self.gain is None) != (self.bias is None):
@@ -123,32 +131,33 @@ class Ensemble(Block):
             raise ParameterError([(missing, "gain and bias go together; give both or neither")])
 
     def validate_in(self, context: BlockContext) -> None:
-        d = context.types["input"].shape[0]
+        d, groups = context.types["input"].shape[0], context.lengths["groups"]
         problems = []
-        if d % self.groups:
-            message = f"{d} dimensions cannot be divided evenly among {self.groups} groups"
+        if d % groups:
+            message = f"{d} dimensions cannot be divided evenly among {groups} groups"
             raise ParameterError([("groups", message)])
         too_long = self.neuron.too_long(context.dt)
         if too_long:
             problems.append(("neuron", f"{too_long}; give the block a smaller dt"))
         try:
-            self._drawn(np.random.default_rng(0), d // self.groups)
+            self._drawn(np.random.default_rng(0), groups, d // groups)
         except ParameterError as error:
             problems += error.problems
         if problems:
             raise ParameterError(problems)
 
     def start(self, state: BlockState) -> None:
-        d = state.context.types["input"].shape[0] // self.groups
-        drawn = self._drawn(state.rng, d)
+        groups = state.context.lengths["groups"]
+        d = state.context.types["input"].shape[0] // groups
+        drawn = self._drawn(state.rng, groups, d)
         state.gain[:], state.bias[:] = drawn["gain"], drawn["bias"]
         state.voltage[:] = drawn["voltage"]
         state.recovery[:] = self.neuron.initial_recovery
         # One row of encoders per dimension of a group, for all neurons.
         state.scaled_encoders[...] = (drawn["encoders"] / self.radius * state.gain[:, None]).T
-        state.row_groups = state.scaled_encoders.reshape(d, self.groups, self.neurons)
-        state.drive_of_groups = state.drive.reshape(self.groups, self.neurons)
-        state.point, state.dimensions = np.zeros((self.groups, d)), range(d)
+        state.row_groups = state.scaled_encoders.reshape(d, groups, self.neurons)
+        state.drive_of_groups = state.drive.reshape(groups, self.neurons)
+        state.point, state.dimensions = np.zeros((groups, d)), range(d)
         state.step, state.constants = type(self.neuron).step, self.neuron.constants
         state.learns, state.rate, state.share = self.learning is not None, 0.0, 0.0
         if isinstance(self.learning, Voja):
@@ -167,14 +176,15 @@ class Ensemble(Block):
         gain, scaled = state.gain.copy(), state.scaled_encoders.T * self.radius
         encoders = np.zeros_like(scaled)
         np.divide(scaled, gain[:, None], out=encoders, where=gain[:, None] != 0.0)
-        return Tuning(self.neuron, gain, state.bias.copy(), encoders, self.radius, self.groups)
+        groups = state.context.lengths["groups"]
+        return Tuning(self.neuron, gain, state.bias.copy(), encoders, self.radius, groups)
 
-    def _drawn(self, rng: np.random.Generator, d: int) -> Mapping[str, FloatArray]:
+    def _drawn(self, rng: np.random.Generator, groups: int, d: int) -> Mapping[str, FloatArray]:
         """Gains, biases, encoders and voltages, always drawn in one order.
 
         So fixing one quantity does not change the others.
         """
-        n = self.neurons * self.groups
+        n = self.neurons * groups
         problems: list[tuple[str, str]] = []
 
         def draw(name: str, given: Distribution, columns: int = 1) -> FloatArray:

@@ -8,11 +8,13 @@ with arrays of one entry per neuron: the input ``current``, the ``spikes`` that 
 each spike, or a rate in Hz), up to three numbers per neuron that it keeps, and ``constants``, its
 parameters in the order in which they are declared. It is a plain function without ``self``, so
 that it can be compiled. ``rates`` gives the steady rates, from which decoders are solved; a model
-may leave it out.
+may leave it out. A graph names a model of one's own with its file,
+``neuron: {type: Mine, module: mine.py, ...}``.
 """
 
 from __future__ import annotations
 
+import inspect
 import math
 from collections.abc import Callable
 from functools import lru_cache
@@ -24,6 +26,7 @@ from blocks.core import FloatArray, Variant, kernel_of, param, portable
 
 Step = Callable[..., None]
 SETTLING, COUNTING, TABLE = 0.1, 1.0, 800
+STEP = ["dt", "current", "spikes", "voltage", "refractory", "recovery", "constants"]
 
 
 class NeuronModel(Variant, root=True):
@@ -33,10 +36,27 @@ class NeuronModel(Variant, root=True):
     """
 
     expected: ClassVar[str] = "a neuron model"
+    of_ones_own = "; your own needs its file, as in {type: Mine, module: mine.py}"
     spiking: ClassVar[bool] = True
     initial_voltage: ClassVar[str] = "uniform(0, 1)"
     initial_recovery: ClassVar[float] = 0.0
     step: ClassVar[Step]
+
+    def wrong(self) -> list[tuple[str, str]]:
+        """Why the class itself is no neuron model."""
+        step, name = inspect.getattr_static(type(self), "step", None), type(self).__name__
+        taken = list(inspect.signature(type(self).step).parameters) if step is not None else []
+        if isinstance(step, staticmethod) and taken == STEP:
+            return []
+        written = "has none" if step is None else f"has step({', '.join(taken)})"
+        if step is not None and not isinstance(step, staticmethod):
+            written += " that is no static method"
+        return [
+            (
+                "",
+                f"a neuron model has '@staticmethod def step({', '.join(STEP)})'; {name} {written}",
+            )
+        ]
 
     def rates(self, current: FloatArray) -> FloatArray:
         """Steady firing rates in Hz at constant currents, of the same shape.

@@ -130,6 +130,8 @@ def ridge(a: FloatArray, y: FloatArray, sigma: float) -> FloatArray:
 
 def _singular(a: FloatArray) -> str:
     silent = int((a.max(axis=0, initial=0.0) <= 0.0).sum())
+    if silent == a.shape[1]:
+        return "no neuron fires at any of the points; lower the intercepts, or raise the biases"
     dead = f"{silent} of {a.shape[1]} neurons are silent at all points, " if silent else ""
     return (
         f"the system is singular: {dead}some neurons respond alike; give the solver a reg above 0"

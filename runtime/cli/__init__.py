@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import io
 import os
+import re
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
@@ -31,8 +32,27 @@ class _Parser(argparse.ArgumentParser):
     """Reports a usage error in one line, with exit code 2."""
 
     def error(self, message: str) -> NoReturn:
-        message = f"{self.prog}: {message}; '{self.prog} --help' shows the usage\n"
-        self.exit(2, printable(message))
+        message = f"{self.prog}: {message}{self._suggestion(message)}"
+        self.exit(2, printable(f"{message}; '{self.prog} --help' shows the usage\n"))
+
+    def _suggestion(self, message: str) -> str:
+        """The verb or option that a misspelt one is close to."""
+        from blocks.core import hint
+
+        verb = re.search(r"argument COMMAND: invalid choice: '([^']*)'", message)
+        if verb is not None:
+            return hint(verb[1], NAMES)
+        option = re.match(r"unrecognized arguments: (--[\w-]+)", message)
+        if option is None:
+            return ""
+        return hint(option[1], self._option_string_actions)
+
+    def parse_known_args(self, args=None, namespace=None):  # type: ignore[no-untyped-def]
+        """As in argparse; what a verb does not know is an error of the verb."""
+        found, rest = super().parse_known_args(args, namespace)
+        if rest and " " in self.prog:
+            self.error(f"unrecognized arguments: {' '.join(rest)}")
+        return found, rest
 
 
 def make_parser() -> argparse.ArgumentParser:

@@ -36,13 +36,34 @@ Each is a file in `graphs/gallery/`; run one, or draw it:
 """
 
 
+PUBLISHED = """
+## Published examples
+
+Examples of other packages in our blocks, with their parameters. Those of `gallery/published` are
+there for this alone; tests compare many with scipy's solution or a closed form, and run all.
+"""
+
+
 def gallery_page() -> str:
     """The text of docs/gallery.md."""
     lines = [GALLERY, "| graph | what it shows | blocks |", "|---|---|---|"]
     for each in shipped("gallery"):
-        kinds = sorted(set(re.findall(r"type: (\w+)", each.path.read_text(encoding="utf-8"))))
-        lines.append(f"| `{each.name}` | {each.summary} | {', '.join(kinds)} |")
-    return "\n".join(lines) + "\n"
+        kinds = _types(each.path.read_text(encoding="utf-8"))
+        lines.append(f"| `{each.name}` | {each.summary} | {kinds} |")
+    lines += [PUBLISHED, "| example | of | graph | blocks |", "|---|---|---|---|"]
+    found: list[str] = []
+    for each in (*shipped("gallery"), *shipped("gallery/published")):
+        text = each.path.read_text(encoding="utf-8")
+        after = re.search(r"^# After (\S+\.py) of (\w+)", text, re.MULTILINE)
+        if after is not None:
+            name = f"{each.group}/{each.name}"
+            found.append(f"| {after[1]} | {after[2]} | `{name}` | {_types(text)} |")
+    return "\n".join([*lines, *sorted(found)]) + "\n"
+
+
+def _types(text: str) -> str:
+    """The types of the blocks of a graph."""
+    return ", ".join(sorted(set(re.findall(r"type: (\w+)", text))))
 
 
 def blocks_page() -> str:

@@ -6,8 +6,11 @@ typed is refused with file and line. Scalar arithmetic gives Python's bits; arra
 loops; local arrays come from an arena; there is no recursion.
 """
 
-from runtime.codegen.interface import Entry
-from runtime.codegen.source import Function, Source
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from runtime.codegen.source import Entry, Function, RefusedError, Source, support
 from runtime.codegen.types import (
     BOOL,
     FLOAT,
@@ -20,7 +23,9 @@ from runtime.codegen.types import (
     Type,
     leaves,
 )
-from runtime.codegen.unit import RefusedError, Unit, Writer, support
+
+if TYPE_CHECKING:
+    from runtime.codegen.unit import Unit, Writer
 
 __all__ = [
     "BOOL",
@@ -41,3 +46,12 @@ __all__ = [
     "leaves",
     "support",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """``Writer`` and ``Unit`` are imported where something is written, not at every start."""
+    if name not in ("Unit", "Writer"):
+        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
+    from runtime.codegen import unit
+
+    return getattr(unit, name)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-
 from runtime.codegen.body import Body
 from runtime.codegen.names import local_name
+from runtime.codegen.source import Entry
 from runtime.codegen.types import C_NAMES, FLOAT, Array, NotTypedError, Number, Tuple, Type
 from runtime.codegen.values import (
     Value,
@@ -17,28 +15,6 @@ from runtime.codegen.values import (
     product_text,
     size_text,
 )
-
-
-@dataclass(frozen=True)
-class Entry:
-    """A method that other units call.
-
-    Parameters
-    ----------
-    symbol : the C name.
-    function : the source's function.
-    arguments : names and types: numbers are passed as they are, tuples of floats and arrays of
-        floats as pointers, other tuples part by part.
-    results : types of the outputs, which are written through pointers: floats, tuples of floats
-        and arrays of floats.
-
-    Sizes of arrays that the types do not tell follow the pointer.
-    """
-
-    symbol: str
-    function: str
-    arguments: Sequence[tuple[str, Type]]
-    results: Sequence[Type] = ()
 
 
 def given(name: str, kind: Type, parameters: list[str]) -> Value:

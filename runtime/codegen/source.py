@@ -1,4 +1,4 @@
-"""The source of a unit: plain functions of the compiled subset, as syntax trees."""
+"""The source of a unit: functions of the compiled subset as syntax trees, and which are called."""
 
 from __future__ import annotations
 
@@ -6,9 +6,36 @@ import ast
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
+from pathlib import Path
 
 from runtime.codegen.types import Type
+
+
+class RefusedError(Exception):
+    """Text that cannot be compiled: the reason with file and line."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A method that other units call.
+
+    Parameters
+    ----------
+    symbol : the C name.
+    function : the source's function.
+    arguments : names and types: numbers are passed as they are, tuples of floats and arrays of
+        floats as pointers, other tuples part by part.
+    results : types of the outputs, which are written through pointers: floats, tuples of floats
+        and arrays of floats.
+
+    Sizes of arrays that the types do not tell follow the pointer.
+    """
+
+    symbol: str
+    function: str
+    arguments: Sequence[tuple[str, Type]]
+    results: Sequence[Type] = ()
 
 
 @dataclass(frozen=True)
@@ -105,3 +132,9 @@ class Source:
 
     functions: Mapping[str, Function]
     entries: Mapping[str, Type] = field(default_factory=dict)
+
+
+@cache
+def support() -> str:
+    """The text that every unit begins with."""
+    return (Path(__file__).parent / "support.h").read_text(encoding="utf-8")

@@ -5,13 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
-from pathlib import Path
 
 from runtime.codegen.body import Body, Failures
-from runtime.codegen.interface import Entry, given, results
+from runtime.codegen.interface import given, results
 from runtime.codegen.names import function_name, local_name
-from runtime.codegen.source import Function, Source
+from runtime.codegen.source import Entry, Function, RefusedError, Source, support
 from runtime.codegen.statements import Statements
 from runtime.codegen.tidying import tidied
 from runtime.codegen.types import (
@@ -28,10 +26,6 @@ PASSES = 8
 SIZES_SEEN = 4
 LEAVE = "return @@;"
 CODES = {"double": "d", "int64_t": "i", "bool": "b"}
-
-
-class RefusedError(Exception):
-    """Text that cannot be compiled: the reason with file and line."""
 
 
 @dataclass(frozen=True)
@@ -390,9 +384,3 @@ def _fixed(c_type: str) -> str:
 
 def _last_word(parameter: str) -> str:
     return re.split(r"[ *]", parameter)[-1]
-
-
-@cache
-def support() -> str:
-    """The text that every unit begins with."""
-    return (Path(__file__).parent / "support.h").read_text(encoding="utf-8")

@@ -14,7 +14,7 @@ from runtime.document.edits import (
     set_entry,
     set_wire,
 )
-from runtime.document.limits import Work
+from runtime.document.limits import MAX_BLOCKS, Work
 from runtime.document.loader import (
     SHIPPED,
     complete_document,
@@ -25,7 +25,7 @@ from runtime.document.loader import (
     read_graph,
     shipped_graphs,
 )
-from runtime.document.node import Node, dump_yaml, from_python, parse_yaml
+from runtime.document.node import Node, Value, dump_yaml, from_python, parse_yaml
 from runtime.document.run_section import (
     DEFAULT_MEMORY,
     MAX_TICKS,
@@ -51,6 +51,7 @@ from runtime.document.sections import (
     is_part,
     misnamed,
     misspelt,
+    rename_files,
     section,
     texts,
 )
@@ -61,6 +62,7 @@ __all__ = [
     "DEFAULT_MEMORY",
     "EXAMPLES",
     "FILE_KEYS",
+    "MAX_BLOCKS",
     "MAX_TICKS",
     "PART_SECTIONS",
     "RUN_CHOICES",
@@ -73,6 +75,7 @@ __all__ = [
     "Override",
     "Solver",
     "Stop",
+    "Value",
     "Work",
     "add_block",
     "add_entry",
@@ -100,6 +103,7 @@ __all__ = [
     "read_file",
     "read_graph",
     "read_run",
+    "rename_files",
     "seconds",
     "section",
     "set_entry",

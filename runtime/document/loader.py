@@ -356,6 +356,9 @@ class _Loader:
             elif node is not None and isinstance(node.value, str) and node.value[:1] == "$":
                 message = "write the path itself, which is relative to this file, not a $param"
                 self.problems.add(node.where, f"{address}.{key}", message)
+        for key, node in entry.items():
+            if node.is_map and node.get("module") is not None:  # a setting, as of a neuron model
+                entry = entry.with_item(key, self.with_files(node, f"{address}.{key}"))
         return entry
 
     def part(self, entry: Node, part: Node, address: str, above: tuple[Path, ...]) -> Node:

@@ -7,10 +7,10 @@ keys must be unique. Tags and merge keys are refused; aliases are expanded up to
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import count
-from typing import Any
+from typing import Any, Protocol, TypeAlias
 
 import yaml
 
@@ -23,6 +23,17 @@ from runtime.errors import NOWHERE, GraphError, Problem, Where
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 MAX_DEPTH = 50
 MAX_NODES = 1_000_000
+
+
+class Array(Protocol):
+    """An array or a number of NumPy."""
+
+    def tolist(self) -> object:
+        """Its values in plain Python."""
+
+
+# What a graph's text can say, in Python.
+Value: TypeAlias = "bool | int | float | str | Array | Sequence[Value] | Mapping[str, Value] | None"
 
 _MISSING_SPACE = re.compile(r"\w+:\S.*")
 

@@ -50,7 +50,10 @@ def explain(error: yaml.YAMLError | UnicodeError, text: str, file: str) -> Probl
         message = unquoted
     elif message.startswith("did not find expected ','") and context is not None:
         opened = message[-2:].strip("'").translate(str.maketrans("]}", "[{"))
-        if problem.line > context.line:
+        closing = _character(text, problem)
+        if closing in "]}" and closing != message[-2]:
+            message = f"this '{closing}' has no '{'[' if closing == ']' else '{'}' before it"
+        elif problem.line > context.line:
             mark, message = context, f"this '{opened}' is not closed"
         else:
             message = message.replace("did not find expected", "expected")
@@ -58,6 +61,13 @@ def explain(error: yaml.YAMLError | UnicodeError, text: str, file: str) -> Probl
         mark = context
     message = _SUGGESTIONS.get(message, message)
     return Problem(_where(text, mark, file), "", f"not valid YAML: {message}")
+
+
+def _character(text: str, mark: Any) -> str:
+    """The character at a parser's mark; a space at the end of the text."""
+    lines = _BREAK.split(text)
+    line = lines[mark.line] if mark.line < len(lines) else ""
+    return line[mark.column : mark.column + 1] or " "
 
 
 def _where(text: str, mark: Any, file: str) -> Where:

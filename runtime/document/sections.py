@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from blocks.core import hint
@@ -29,7 +29,9 @@ WRITTEN_ORDER = (
     *("graph", "run", "params", "blocks", "wires", "without", "bypass"),
     *("from", "initial", "probes", "plots", "metrics"),
 )
-PART_SECTIONS = ("params", "inputs", "outputs", "blocks", "wires", "graph", "part")
+PART_SECTIONS = (
+    *("params", "inputs", "outputs", "blocks", "wires", "graph", "part", "repeat", "share"),
+)
 # Entries of a block that name a file, relative to the file that they are written in.
 FILE_KEYS = ("module", "file")
 EXAMPLES = {
@@ -75,6 +77,20 @@ RUN_DOCS = {
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,99}")
 # Parameters of numpy.savez, which stores the probes by name.
 _RESERVED = ("file", "allow_pickle")
+
+
+def rename_files(entry: dict[str, Any], renamed: Callable[[str, str], str]) -> dict[str, Any]:
+    """A block's entry in which files have other names, those of its settings included.
+
+    ``renamed`` gives the new name for a key of :data:`FILE_KEYS` and the old one.
+    """
+    found = dict(entry)
+    for key, value in entry.items():
+        if key in FILE_KEYS and isinstance(value, str):
+            found[key] = renamed(key, value)
+        elif isinstance(value, dict) and isinstance(value.get("module"), str):
+            found[key] = {**value, "module": renamed("module", value["module"])}
+    return found
 
 
 def in_order(plain: dict[str, Any]) -> dict[str, Any]:

@@ -78,10 +78,12 @@ class _Filler:
             inner = f"{address}.{name}"
             if not is_part(entry):
                 entries[name] = self.fill(entry, inner)
-            elif (params := entry.get("params")) is not None:
-                filled = self.fill(params, f"{inner}.params")
-                self.work.check(filled, params.where, f"{inner}.params")
-                entries[name] = entry.with_item("params", filled)
+                continue
+            for key in ("params", "repeat", "share"):
+                if (given := entry.get(key)) is not None:
+                    filled = self.fill(given, f"{inner}.{key}")
+                    self.work.check(filled, given.where, f"{inner}.{key}")
+                    entries[name] = entries[name].with_item(key, filled)
         return Node(entries, node.where, node.key)
 
     def fill(self, node: Node, address: str) -> Node:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from blocks.core import BlockState, FloatArray
+from blocks.core import BlockState, FloatArray, ParameterError
 from runtime.engine.diagnosis import Diagnosis
 from runtime.engine.interrupts import stoppable
 from runtime.engine.naming import GLOBALS
@@ -320,6 +320,10 @@ class Engine:
             return call()
         except KeyboardInterrupt:
             raise
+        except ParameterError as error:
+            entry = self.network.entries[block]
+            texts = [str(entry.problem(parameter, text)) for parameter, text in error.problems]
+            raise SimulationError(block, 0, 0.0, "; ".join(texts)) from error
         except BaseException as error:
             raise SimulationError(block, 0, 0.0, _described(error)) from error
 

@@ -21,12 +21,13 @@ class ProbeFilter:
 
     def __init__(self, probe: Probe, synapse: Synapse, ticks: int, dt: float) -> None:
         self.probe, self.rows = probe, probe.rows(ticks)
-        self.filter = synapse.filtering(probe.sampled * dt, math.prod(probe.shape))
+        self.width = math.prod(probe.shape)
+        self.filter = synapse.filtering(probe.sampled * dt, self.width)
         self.taken = self.made = 0
 
     def take(self, values: FloatArray) -> FloatArray:
         """Filter the next values (n, ...) in place; returns the rows that they complete."""
-        self.filter(values.reshape(len(values), -1))
+        self.filter(values.reshape(len(values), self.width))
         first, self.taken = self.taken, self.taken + len(values)
         # Row r belongs to tick r * every, at which the last value is number r * every // sampled.
         every, sampled = self.probe.every, self.probe.sampled

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
-from runtime.document import Node, from_python, parse_yaml
+from runtime.document import Node, Value, from_python, parse_yaml
 from runtime.errors import Problems, UsageError, Where
 from runtime.experiments.ablation import run_ablation
 from runtime.experiments.analysis import Test
@@ -32,7 +32,7 @@ from runtime.graph import Graph, load
 from runtime.terminal import Progress
 
 SeedList = str | int | Iterable[int]
-Source = Graph | str | Path | Mapping[str, object]
+Source = Graph | str | Path | Mapping[str, Value]
 DEFAULT_SEEDS = Seeds(((0, 9),))
 
 

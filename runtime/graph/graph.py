@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from blocks.core import Block, SignalType
-from blocks.registry import BUILTIN, Modules, module_text
+from blocks.registry import BUILTIN, Modules, block_texts
 from runtime.document import (
     Node,
     Override,
+    Value,
     add_block,
     add_entry,
     add_names,
@@ -178,19 +179,19 @@ class Graph:
         several = is_variadic(self.document, target, self._content.classes)
         return self._changed(add_wire(self.document, source, target, several))
 
-    def probe(self, name: str, *of: str, **options: Any) -> Graph:
+    def probe(self, name: str, *of: str, **options: Value) -> Graph:
         """A copy that records addresses (its name by default); options as in a graph file."""
-        signals: Any = list(of) if len(of) > 1 else of[0] if of else name
-        entry = {"of": signals, **options} if options else signals
+        signals: Value = list(of) if len(of) > 1 else of[0] if of else name
+        entry: Value = {"of": signals, **options} if options else signals
         key = name if of else name.replace(".", "_")
         return self._changed(add_entry(self.document, "probes", key, entry))
 
-    def plot(self, name: str, kind: str, *of: str, **options: Any) -> Graph:
+    def plot(self, name: str, kind: str, *of: str, **options: Value) -> Graph:
         """A copy that draws probes or addresses in a plot."""
         entry = {"kind": kind, "of": list(of), **options}
         return self._changed(add_entry(self.document, "plots", name, entry))
 
-    def metric(self, name: str, kind: str, of: str | None = None, **options: Any) -> Graph:
+    def metric(self, name: str, kind: str, of: str | None = None, **options: Value) -> Graph:
         """A copy that measures a probe or address."""
         entry = {"kind": kind, **({} if of is None else {"of": of}), **options}
         return self._changed(add_entry(self.document, "metrics", name, entry))
@@ -216,7 +217,7 @@ class Graph:
                 pass  # a package that only a run needs
         return self
 
-    def set(self, path: str, value: Any, *, origin: str = "") -> Graph:
+    def set(self, path: str, value: Value, *, origin: str = "") -> Graph:
         """A copy with one entry changed, as in ``set("blocks.lqr.q", [1, 1, 1])``.
 
         Raises
@@ -225,7 +226,7 @@ class Graph:
         """
         return self._set(path, value, origin)._with_known_names(origin, f"set {path}")
 
-    def _set(self, path: str, value: Any, origin: str = "") -> Graph:
+    def _set(self, path: str, value: Value, origin: str = "") -> Graph:
         """The copy of :meth:`set`, its names not checked yet."""
         node: Any = value
         read: dict[str, bytes] = {}
@@ -237,7 +238,7 @@ class Graph:
         override = Override("set", path, repr(value))
         return self._changed(changed, override, files={**self._content.files, **read})
 
-    def wire(self, consumer: str, source: Any, *, origin: str = "") -> Graph:
+    def wire(self, consumer: str, source: str | Sequence[str] | None, *, origin: str = "") -> Graph:
         """A copy with one input connected to another source: ``wire("lqr.error", "error.state")``.
 
         Raises
@@ -249,7 +250,7 @@ class Graph:
         override = Override("wire", consumer, str(source))
         return self._changed(changed, override)._with_known_names(origin, place)
 
-    def overlay(self, source: str | Path | Mapping[str, Any]) -> Graph:
+    def overlay(self, source: str | Path | Mapping[str, Value]) -> Graph:
         """A copy with another graph, or part of one, merged over it, as ``extends`` does."""
         document, read = read_graph(source)
         override = Override("with", "mapping" if isinstance(source, Mapping) else str(source))
@@ -353,7 +354,7 @@ class Graph:
         outputs: Sequence[str],
         *,
         at: float = 0.0,
-        states: Mapping[str, Any] | None = None,
+        states: Mapping[str, Value] | None = None,
     ) -> Linearization:
         """The graph as x' = A x + B u, y = C x + D u; see
         :func:`runtime.runs.linearization.linearize`.
@@ -393,8 +394,7 @@ class Graph:
         """
         own: dict[str, bytes] = {}
         for entry in (*self.network.entries.values(), *self.network.removed_entries.values()):
-            own |= module_text(entry.cls)
-            own |= {} if entry.block is None else entry.block.files
+            own |= block_texts(entry.cls, entry.block)
         return {**self._content.files, **own}
 
     def to_yaml(self) -> str:
@@ -434,7 +434,7 @@ class Graph:
             return None
 
 
-def load(source: str | Path | Mapping[str, Any], *, modules: bool = True) -> Graph:
+def load(source: str | Path | Mapping[str, Value], *, modules: bool = True) -> Graph:
     """Load a graph from a file, the name of a shipped graph, or a mapping.
 
     Loading reads text alone. Python files that the text names as ``module`` are imported when the

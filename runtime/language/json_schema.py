@@ -46,7 +46,8 @@ def json_schema() -> Schema:
     for key in KEYS:
         if key not in PLAN_KEYS:
             sections.setdefault(key, ANY)
-    sections.pop("part", None)
+    for key in ("part", "repeat", "share"):
+        sections.pop(key, None)
     return {
         "$schema": ID,
         "title": "spikeblocks graph",
@@ -122,6 +123,8 @@ def _block() -> Schema:
     known: dict[str, Schema] = {key: {"description": text} for key, text in BLOCK_DOCS.items()}
     own: Schema = {"type": "string", "description": "a type of your own or of a package"}
     known["type"] = known["type"] | {"anyOf": [*types, own]}
+    known["repeat"] |= {"anyOf": [{"type": "integer", "minimum": 1}, REFERENCE]}
+    known["share"] |= SOURCES
     return {
         "type": "object",
         "properties": known,

@@ -43,6 +43,8 @@ BLOCK_DOCS = {
     "module": "a Python file that defines the type",
     "graph": "the file of a part",
     "params": "values for the part's params",
+    "repeat": "how many copies of the part there are; vectors are divided among them",
+    "share": "inputs of a repeated part of which every copy gets the whole",
 }
 PORT_KEYS = {"type": "its signal type", "optional": "may stay open", "doc": "one line"}
 COMMON_DOCS = {

@@ -9,7 +9,7 @@ from blocks.core import Block, PortType, SignalType
 from blocks.registry import BUILTIN, installed
 from runtime.document import PART_SECTIONS, Node
 from runtime.language.model import Model
-from runtime.network import Entry, Scope, fits, outputs_in
+from runtime.network import Entry, Scope, copy_name, fits, outputs_in
 
 Steps = tuple[str, ...]
 
@@ -35,6 +35,7 @@ def scope_at(model: Model, path: Steps) -> tuple[Scope | None, Steps]:
         if path[2] not in PART_SECTIONS or path[2] in ("graph", "params"):
             break
         scope, path = scope.parts[path[1]], path[2:]
+        scope = scope.parts.get(copy_name(0), scope)  # all copies of a repeated part are alike
     return scope, path
 
 

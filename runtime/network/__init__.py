@@ -3,24 +3,25 @@
 :func:`build` returns a frozen :class:`Network` and collects every problem with its location.
 """
 
-from runtime.network.addresses import AddressError, Endpoint, ReportedError, find
+from runtime.network.addresses import AddressError, Endpoint, ReportedError, find, is_range
 from runtime.network.block_types import is_variadic, source_file
 from runtime.network.build import BLOCK_KEYS, Made, build
 from runtime.network.components import (
     columns,
     component_type,
     first_column,
-    is_range,
     unknown_component,
 )
 from runtime.network.enabling import enables_of, resets
+from runtime.network.expansion import expand
 from runtime.network.initial import STATES
 from runtime.network.network import Entry, Network, Wire, check_output
 from runtime.network.open_inputs import fits, outputs_in
 from runtime.network.other_names import ours_for
 from runtime.network.removal import follow, missing_block
+from runtime.network.repetition import copy_name
 from runtime.network.replacement import replace_block
-from runtime.network.scope import Scope, expand
+from runtime.network.scope import Scope
 from runtime.network.shapes import MAX_BYTES, state_shape, whole_shape
 
 __all__ = [
@@ -39,6 +40,7 @@ __all__ = [
     "check_output",
     "columns",
     "component_type",
+    "copy_name",
     "enables_of",
     "expand",
     "find",

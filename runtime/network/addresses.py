@@ -12,6 +12,7 @@ from runtime.network.scope import Scope
 
 MAX_HOPS = 100
 _BRACKETS = re.compile(r"([^\[\]]+)\[([^\[\]]*)\]")
+_RANGE = re.compile(r"(0|[1-9][0-9]{0,8})?:(0|[1-9][0-9]{0,8})?")
 _INDEX = re.compile(r"[0-9]+|[0-9]*:[0-9]*", re.ASCII)
 
 
@@ -113,9 +114,46 @@ def _split(text: str) -> list[str]:
 def _component(found: ResolvedAddress, rest: list[str], text: str) -> ResolvedAddress:
     if not rest:
         return found
-    if found.end.component or len(rest) > 1:
+    if len(rest) > 1 or (found.end.component and not is_range(found.end.component)):
         raise AddressError(f"'{text}' has too many parts; expected block.output.component")
-    return replace(found, end=replace(found.end, component=rest[0]))
+    return replace(found, end=replace(found.end, component=within(found.end.component, rest[0])))
+
+
+def is_range(component: str) -> bool:
+    """Whether a component is a range, such as ``0:2``."""
+    return ":" in component
+
+
+def bounds(component: str) -> tuple[int, int | None] | None:
+    """The ends of a range, None for one that is open; None if it is no range."""
+    match = _RANGE.fullmatch(component)
+    return None if match is None else (int(match[1] or 0), int(match[2]) if match[2] else None)
+
+
+def within(outer: str, inner: str) -> str:
+    """The component of a signal that ``inner`` is of its component ``outer``."""
+    if not outer or not inner:
+        return outer or inner
+    ends = bounds(outer)
+    if ends is None:
+        return outer
+    first, last = ends
+    if not is_range(inner):
+        return str(first + int(inner)) if inner.isdecimal() else inner
+    low, _, high = inner.partition(":")
+    end = first + int(high) if high else "" if last is None else last
+    return f"{first + int(low or 0)}:{end}"
+
+
+def relative(outer: str, component: str) -> str:
+    """The inverse of :func:`within`: what is to be taken of ``outer`` to have a component."""
+    ends = bounds(outer)
+    if not outer or component == outer or ends is None:
+        return component if not outer else ""
+    if not is_range(component):
+        return str(int(component) - ends[0]) if component.isdecimal() else component
+    low, _, high = component.partition(":")
+    return f"{int(low) - ends[0]}:{int(high) - ends[0] if high else ''}"
 
 
 def _hop(scope: Scope, node: Node, address: str, depth: int) -> ResolvedAddress:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
+from typing import TypeVar
 
-from blocks.core import TYPES, Block, DeclarationError, SignalType, hint
-from blocks.registry import BUILTIN, ModuleReader, Modules, installed
+from blocks.core import TYPES, Block, DeclarationError, SignalType, Variant, hint
+from blocks.registry import BUILTIN, ModuleReader, Modules, installed, variants_of_module
 from runtime.document import Node, closest
 from runtime.errors import Problems, UsageError
 from runtime.network.other_names import ours_for
+
+Kind = TypeVar("Kind", bound=type)
 
 
 def block_class(
@@ -35,13 +39,11 @@ def block_class(
         return None
     module = node.get("module")
     if module is not None and not modules:
-        path = short_path(module)
-        message = f"'{path}' was not imported, since modules are refused (--no-modules)"
-        problems.add(written.where, f"{address}.type", f"{message}; its types are unknown")
+        _refused(module, written, address, problems)
         return None
     own: Mapping[str, type[Block]] | None = {}
     if module is not None:
-        own = _module_blocks(module, address, problems, modules)
+        own = _imported(module, address, problems, _reader(modules).blocks)
     if own is None:
         return None
     for library in (own, classes, BUILTIN):
@@ -59,6 +61,39 @@ def block_class(
     suggestion = suggestion or "; see 'runtime blocks'; your own block needs 'module: file.py'"
     problems.add(written.where, f"{address}.type", f"no block type '{written.value}'{suggestion}")
     return None
+
+
+def own_variant(
+    node: Node, family: type[Variant], address: str, problems: Problems, modules: Modules
+) -> type[Variant] | None:
+    """The class that a setting with a ``module`` names, as ``neuron: {type: Mine, module: m.py}``.
+
+    None, and a problem, if there is none; None alone if another process reads modules.
+    """
+    module, written = node.value["module"], node.get(family.key)
+    if not modules:
+        _refused(module, written or node, address, problems)
+        return None
+    if isinstance(modules, ModuleReader):
+        return None
+    own = _imported(module, address, problems, partial(variants_of_module, family=family))
+    if own is None:
+        return None
+    name = None if written is None else written.value
+    if isinstance(name, str) and name in own:
+        return own[name]
+    defined = f"; '{short_path(module)}' defines {', '.join(own) or 'none'}"
+    got = "nothing" if written is None else written.describe() + (hint(name, own) or defined)
+    message = f"expected {family.expected} of that file, got {got}{defined * (written is None)}"
+    problems.add(
+        node.where if written is None else written.where, f"{address}.{family.key}", message
+    )
+    return None
+
+
+def _refused(module: Node, written: Node, address: str, problems: Problems) -> None:
+    message = f"'{short_path(module)}' was not imported, since modules are refused (--no-modules)"
+    problems.add(written.where, f"{address}.type", f"{message}; its types are unknown")
 
 
 def is_variadic(document: Node, target: str, classes: Mapping[str, type[Block]]) -> bool:
@@ -100,9 +135,10 @@ def short_path(module: Node) -> str:
     return str(path.relative_to(here)) if path.is_relative_to(here) else str(path)
 
 
-def _module_blocks(
-    node: Node, address: str, problems: Problems, modules: Modules
-) -> Mapping[str, type[Block]] | None:
+def _imported(
+    node: Node, address: str, problems: Problems, read: Callable[[Path], Mapping[str, Kind]]
+) -> Mapping[str, Kind] | None:
+    """What ``read`` finds in a Python file; None, and a problem, if that fails."""
     message = ""
     if not isinstance(node.value, str) or not node.value.endswith(".py"):
         got = f"'{short_path(node)}'" if isinstance(node.value, str) else node.describe()
@@ -111,7 +147,7 @@ def _module_blocks(
         return None
     file = short_path(node)
     try:
-        return _reader(modules).blocks(Path(node.value))
+        return read(Path(node.value))
     except FileNotFoundError:
         message = f"no such file: '{file}'; paths are relative to the graph's own file"
     except SyntaxError as error:

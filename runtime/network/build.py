@@ -14,23 +14,25 @@ from blocks.core import (
     MissingPackageError,
     ParameterError,
     SignalType,
+    Variant,
     beyond_a_turn,
     hint,
     signal_type,
 )
-from blocks.registry import Modules
+from blocks.registry import ModuleReader, Modules
 from blocks.world import World
 from runtime.document import MAX_TICKS, Node, closest, read_run, seconds, section
-from runtime.errors import MissingExtraError, Problems, Where
+from runtime.errors import MissingExtraError, Problems
 from runtime.network.addresses import Endpoint
-from runtime.network.block_types import block_class, own_types, relative_with
+from runtime.network.block_types import block_class, own_types, own_variant, relative_with
 from runtime.network.enabling import check_enabling
+from runtime.network.expansion import expand
 from runtime.network.inference import infer_types, report_open
 from runtime.network.initial import read_initial
-from runtime.network.network import Entry, Network
+from runtime.network.network import Entry, Network, place_of
 from runtime.network.open_inputs import report_open_inputs
 from runtime.network.removal import remove
-from runtime.network.scope import Scope, expand
+from runtime.network.scope import Scope
 from runtime.network.shapes import MAX_BYTES, whole_shape
 from runtime.network.units import check_units
 from runtime.network.wiring import Wiring
@@ -166,7 +168,7 @@ def _with_blocks(
     own = _signal_types(found, kinds, problems, modules)
     entries, notes = {}, []
     for definition in found:
-        block, seen = _constructed(definition, own, problems, made)
+        block, seen = _constructed(definition, own, problems, made, modules)
         scope, node = definition.scope, definition.node
         full = scope.prefix + definition.name
         every = _ticks(node.get("dt"), network.dt, definition.address, problems)
@@ -203,6 +205,7 @@ def _constructed(
     own: Mapping[str, SignalType],
     problems: Problems,
     made: Made | None = None,
+    modules: Modules = True,
 ) -> tuple[Block | None, list[str]]:
     """A block, None where it cannot be constructed, and notes about its parameters."""
     node, cls, address = definition.node, definition.cls, definition.address
@@ -217,11 +220,16 @@ def _constructed(
             suggestion = f"; a decimal point is a dot, as in {before}: {whole}.{key}"
         elif relative := relative_with(cls, key):
             suggestion = f"; the block with this parameter is a {relative}"
+        elif key == "repeat":
+            suggestion = "; only parts are repeated: put the block into one"
+            suggestion += ", or use groups" if "groups" in known else ""
         elif key == "graph":
             suggestion = "; parts are read with the file that names them"
         problems.add(values[key].key, f"{address}.{key}", f"unknown parameter{suggestion}", True)
     try:
         given = _given({k: item for k, item in values.items() if k in known}, cls, own)
+        if not _take_variants(given, definition, problems, modules):
+            return None, []
         block = _made(cls, given, made)
         dict(block.variables), dict(block.sizes())
         return block, _large_angles(cls, address, values)
@@ -229,7 +237,7 @@ def _constructed(
         misspelt = {closest(key, known) for key in unknown}
         for parameter, text in error.problems:
             if parameter in values or parameter not in misspelt:
-                where = _place(node, parameter)
+                where = place_of(node, parameter)
                 problems.add(where, f"{address}.{parameter}", text)
     except (Exception, SystemExit) as error:  # noqa: BLE001 -- a user's block may raise anything
         problems.add(node.key, address, _failed(cls, error))
@@ -245,17 +253,6 @@ def _made(cls: type[Block], given: dict[str, Any], made: Made | None) -> Block:
     if block is None:
         block = made[known] = cls(**given)
     return block
-
-
-def _place(node: Node, parameter: str) -> Where:
-    """Where a parameter is written, or the part of it that ``a.b`` names; else the block."""
-    where, found = node.key, node
-    for name in parameter.split("."):
-        inner = found.get(name) if found.is_map else None
-        if inner is None:
-            break
-        where, found = inner.where, inner
-    return where
 
 
 def _given(
@@ -276,6 +273,28 @@ def _given(
                 near = hint(value, [*own, *TYPES])
                 raise ParameterError([(key, f"{error}{near}")]) from None
     return plain
+
+
+def _take_variants(
+    given: dict[str, Any], definition: _Definition, problems: Problems, modules: Modules
+) -> bool:
+    """Replace the names of settings that a Python file defines by their classes."""
+    for key, declared in definition.cls.spec.params.items():
+        node, family = definition.node.get(key), declared.setting
+        if node is None or not node.is_map or node.get("module") is None:
+            continue
+        if family is None or not issubclass(family, Variant):
+            continue
+        address = f"{definition.address}.{key}"
+        cls = own_variant(node, family, address, problems, modules)
+        if cls is None and isinstance(modules, ModuleReader):
+            del given[key]  # an editor reads no such classes: the default stands for it
+        elif cls is None:
+            return False
+        else:
+            rest = {name: value for name, value in given[key].items() if name != "module"}
+            given[key] = {**rest, family.key: cls}
+    return True
 
 
 def _large_angles(cls: type[Block], address: str, values: Mapping[str, Node]) -> list[str]:
@@ -357,7 +376,7 @@ def _check_contexts(network: Network, problems: Problems) -> MissingPackageError
             entry.block.validate_in(context)
         except ParameterError as error:
             for parameter, text in error.problems:
-                where = _place(entry.node, parameter)
+                where = place_of(entry.node, parameter)
                 problems.add(where, f"{entry.address}.{parameter}", text)
         except MissingPackageError as error:
             missing = error

@@ -2,17 +2,8 @@
 
 from __future__ import annotations
 
-import re
-
 from blocks.core import Scalar, SignalType, Vector
-from runtime.network.addresses import Endpoint
-
-_RANGE = re.compile(r"(0|[1-9][0-9]{0,8})?:(0|[1-9][0-9]{0,8})?")
-
-
-def is_range(component: str) -> bool:
-    """Whether a component is a range, such as ``0:2``."""
-    return ":" in component
+from runtime.network.addresses import Endpoint, bounds, is_range
 
 
 def component_type(kind: SignalType, end: Endpoint) -> SignalType | None:
@@ -46,11 +37,11 @@ def columns(kind: SignalType, component: str) -> int | slice | None:
     """The index, or the indices, of a component; None where it does not exist."""
     if not is_range(component):
         return kind.column(component)
-    match = _RANGE.fullmatch(component)
-    if match is None or len(kind.shape) != 1:
+    ends = bounds(component)
+    if ends is None or len(kind.shape) != 1:
         return None
-    start = int(match[1] or 0)
-    stop = int(match[2]) if match[2] else kind.shape[0]
+    start, last = ends
+    stop = kind.shape[0] if last is None else last
     return slice(start, stop) if start < stop <= kind.shape[0] else None
 
 
@@ -58,20 +49,6 @@ def first_column(kind: SignalType, component: str) -> int:
     """The index of a component of a signal, or of the first number of a range."""
     found = columns(kind, component) if component else 0
     return found.start if isinstance(found, slice) else int(found or 0)
-
-
-def within(outer: str, inner: str) -> str:
-    """The component of a signal that ``inner`` is of its component ``outer``."""
-    if not outer or not inner:
-        return outer or inner
-    match = _RANGE.fullmatch(outer)
-    if match is None:
-        return outer
-    first = int(match[1] or 0)
-    if not is_range(inner):
-        return str(first + int(inner)) if inner.isdecimal() else inner
-    low, _, high = inner.partition(":")
-    return f"{first + int(low or 0)}:{first + int(high) if high else match[2] or ''}"
 
 
 def component_names(kind: SignalType, end: Endpoint) -> list[str]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from blocks.core import BlockSpec, PortType, Same, Scalar, SignalType
 from runtime.errors import NOWHERE, Problems
+from runtime.network.addresses import relative
 from runtime.network.components import component_type, unknown_component
 from runtime.network.network import Network, Wire
 
@@ -146,7 +147,8 @@ class _Inference:
             return None if kind is None else component_type(kind, wire.source)
         outer = self.outer[wire.via[0]]
         kind = self.network.part_inputs.get(outer.target) or self.arriving(outer)
-        own = wire.source if not outer.source.component else replace(wire.source, component="")
+        inner = relative(outer.source.component, wire.source.component)
+        own = replace(wire.source, component=inner)
         return None if kind is None else component_type(kind, own)
 
     def settle(self) -> None:

@@ -10,10 +10,21 @@ from functools import cached_property
 from blocks.core import Block, BlockContext, Evaluation, FloatArray, SignalType, hint
 from blocks.world import World
 from runtime.document import Node, Solver, Stop
-from runtime.errors import Where
+from runtime.errors import Problem, Where
 from runtime.network.addresses import Endpoint
 from runtime.network.components import component_names
 from runtime.network.scope import Scope
+
+
+def place_of(node: Node, parameter: str) -> Where:
+    """Where a parameter is written, or the part of it that ``a.b`` names; else the block."""
+    where, found = node.key, node
+    for name in parameter.split("."):
+        inner = found.get(name) if found.is_map else None
+        if inner is None:
+            break
+        where, found = inner.where, inner
+    return where
 
 
 @dataclass(frozen=True)
@@ -39,6 +50,10 @@ class Entry:
     @property
     def address(self) -> str:
         return self.scope.path("blocks", self.short)
+
+    def problem(self, parameter: str, text: str) -> Problem:
+        """What is wrong with a parameter, at the place where it is written."""
+        return Problem(place_of(self.node, parameter), f"{self.address}.{parameter}", text)
 
     @property
     def evaluations(self) -> tuple[Evaluation, ...]:
@@ -144,7 +159,9 @@ class Network:
         return tuple(found)
 
     def _spread(self, wire: Wire) -> list[Wire]:
-        kind = self.types[wire.source.block, wire.source.port]
+        kind = self.types.get((wire.source.block, wire.source.port))
+        if kind is None:
+            return [wire]  # the block's own problem is reported
         names = component_names(kind, wire.source)
         return [replace(wire, source=replace(wire.source, component=name)) for name in names]
 

@@ -31,6 +31,8 @@ _NAMES: dict[str, str] = {
     "Product": "prod multiply multiplier divide divider dotproduct",
     "Gain": "amplifier amp scale slidergain",
     "MatrixGain": "matrix matrixmultiply",
+    "FourierTransform": "fft rfft dft fouriertransform spectrum",
+    "InverseFourierTransform": "ifft irfft idft",
     "Compare": (
         "comparator greaterthan lessthan equal relationaloperator comparetoconstant threshold"
     ),
@@ -46,14 +48,23 @@ _NAMES: dict[str, str] = {
     "WhiteNoise": "noise bandlimitedwhitenoise randomnumber gaussiannoise rng uniformrandomnumber",
     "RandomWalk": "browniannoise wienerprocess brownian wiener",
     "TransferFunction": (
-        "transferfcn transferfunctionnumden lti ltisiso lti_siso tf pt1 leadlag fopdt firstorder "
-        "butterworthlowpassfilter"
+        "transferfcn transferfunctionnumden lti ltisiso lti_siso tf pt1 leadlag fopdt firstorder"
     ),
     "ZeroPoleGain": "zpk zeropole transferfunctionzpg zerospolesgain polezero",
     "StateSpace": "ltiss lti_ss ss statespacemodel",
     "SecondOrder": "pt2 secondordersystem sopdt",
     "Derivative": "deriv differentiator derivativefilter differentiate",
     "DynamicSystem": "ode dynamicalsystem dynamicalfunction odeblock",
+    "DiscreteSystem": "counter statemachine differenceequation discretefunction",
+    "AlgebraicConstraint": "algebraicloop solve root constraint",
+    "Butterworth": (
+        "butterworthlowpassfilter butterworthhighpassfilter butterworthbandpassfilter "
+        "butterworthbandstopfilter analogfilterdesign"
+    ),
+    "FromFile": "fromcsv timeseriessource readfile csv",
+    "ExtendedKalmanFilter": "ekf",
+    "a part with a block Enable": "enabledsubsystem enableport",
+    "a part with a block Trigger": "triggeredsubsystem triggerport",
     "PID": "pidcontroller antiwinduppid pidcontrol pi pd",
     "DiscreteTransferFunction": (
         "discretetransferfcn discretefilter fir filter iir ltisisos dtf digitalfilter lti_siso_s"

@@ -8,8 +8,7 @@ from dataclasses import replace
 from blocks.core import hint
 from runtime.document import Node, texts
 from runtime.errors import Problems
-from runtime.network.addresses import Endpoint
-from runtime.network.components import within
+from runtime.network.addresses import Endpoint, within
 from runtime.network.network import Network, Wire
 
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from blocks.core import FloatArray, show
 from blocks.world import World
-from runtime.document import FILE_KEYS
+from runtime.document import rename_files
 from runtime.errors import UsageError
 from runtime.files import json_text, read_text, sha256, system_errors, write_json, write_whole
 from runtime.network import STATES
@@ -56,18 +56,20 @@ def portable(plain: dict[str, Any], read: Container[str]) -> tuple[dict[str, Any
     """
     files: dict[str, Path] = {}
 
+    def local(key: str, path: str) -> str:
+        source = Path(path)
+        if key != "module" and str(source.resolve()) not in read:
+            return path
+        name = source.name
+        while files.get(name, source) != source or name in WRITES:
+            name = f"_{name}"
+        files[name] = source
+        return name
+
     def rename(entries: dict[str, Any]) -> dict[str, Any]:
         renamed = {}
         for name, entry in entries.items():
-            changed = dict(entry) if isinstance(entry, dict) else entry
-            for key in FILE_KEYS if isinstance(entry, dict) else ():
-                source = Path(entry[key]) if isinstance(entry.get(key), str) else None
-                if source is not None and (key == "module" or str(source.resolve()) in read):
-                    local = source.name
-                    while files.get(local, source) != source or local in WRITES:
-                        local = f"_{local}"
-                    files[local] = source
-                    changed[key] = local
+            changed = rename_files(entry, local) if isinstance(entry, dict) else entry
             if isinstance(entry, dict) and isinstance(entry.get("blocks"), dict):
                 changed["blocks"] = rename(entry["blocks"])
             renamed[name] = changed

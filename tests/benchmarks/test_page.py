@@ -16,6 +16,5 @@ def test_one_section_is_replaced_and_no_other(heading: str) -> None:
     assert new == PAGE.replace(f"\n{number}\n", "\nnew\n")
 
 
-def test_a_section_that_the_page_does_not_have_is_refused() -> None:
-    with pytest.raises(ValueError, match="no section '## Four'"):
-        replaced(PAGE, "\n## Four\n\n4\n")
+def test_a_section_that_the_page_does_not_have_is_its_last() -> None:
+    assert replaced(PAGE, "\n## Four\n\n4\n") == PAGE + "\n## Four\n\n4\n"

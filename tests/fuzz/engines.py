@@ -49,6 +49,7 @@ LEFT_OUT = {
     "Concatenate",
     "Decoder",
     "Ensemble",
+    "InverseFourierTransform",
     "KalmanFilter",
     "MatrixGain",
     "Select",

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from blocks.core import Block, BlockState
 from runtime.codegen import FLOAT, INT, Array, Draws, Tuple, Type
 
 KINDS: dict[Any, str] = {np.dtype(np.float64): "float", np.dtype(np.int64): "int"}
@@ -16,6 +18,9 @@ KINDS[np.dtype(np.bool_)] = "bool"
 # Sizes up to this one are written into the text, so that loops over a pose are
 # unrolled; larger ones are arguments, so that another number of neurons compiles nothing.
 WRITTEN = ContextVar("WRITTEN", default=3)
+
+
+Attribute = tuple[str, str]
 
 
 class NotCompilableError(Exception):
@@ -52,6 +57,36 @@ def type_of(value: Any) -> Type:
     if isinstance(value, np.random.Generator):
         return Draws()
     return FLOAT if isinstance(value, float) else INT
+
+
+@dataclass(frozen=True)
+class Fields:
+    """The attributes of a block and of its state that its compiled text depends on.
+
+    attributes : those that it reads, in the order of its struct, as ("self" or "state", name).
+    types : their types, as texts.
+    constants : attributes whose values were written into the text.
+    """
+
+    attributes: tuple[Attribute, ...]
+    types: tuple[str, ...]
+    constants: Mapping[Attribute, Any]
+
+    def values(self, made: Block, state: BlockState) -> tuple[Any, ...]:
+        """The first argument of the functions, for a block and its state."""
+        of = {"self": made, "state": state}
+        return tuple(plain(getattr(of[o], name), f"{o}.{name}") for o, name in self.attributes)
+
+    def fit(self, made: Block, state: BlockState) -> bool:
+        """Whether constants and shapes are those of this block and state."""
+        of = {"self": made, "state": state}
+        same = all(getattr(of[o], name) == value for (o, name), value in self.constants.items())
+        return same and type_texts(self.values(made, state)) == self.types
+
+
+def type_texts(values: Iterable[Any]) -> tuple[str, ...]:
+    """The types of values that are :func:`plain`, as texts."""
+    return tuple(repr(type_of(value)) for value in values)
 
 
 def written(shape: tuple[int, ...]) -> tuple[int | None, ...]:

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from functools import cache
-from pathlib import Path
 from typing import Any
 
 from blocks.core import Block, BlockState, Evaluation, SignalType, has_kernels
-from blocks.registry import BUILTIN
-from runtime import codegen
-from runtime.codegen import FLOAT, Array, Entry, RefusedError, Tuple, Type, Writer
-from runtime.engine.compiled.entries import NotCompilableError, written
-from runtime.engine.compiled.translate import Translated, translate
+from runtime.codegen import FLOAT, Array, Entry, RefusedError, Source, Tuple, Type
+from runtime.engine.compiled.entries import Fields, NotCompilableError, written
+from runtime.engine.compiled.translations import is_built_in, salt, source_of, translation
 from runtime.engine.continuous import slots
 from runtime.network import Network
 from runtime.toolchain import Unit, digest, read_record, write_record
@@ -32,7 +28,7 @@ class Kernel:
     words : how many words its struct has.
     """
 
-    made: Translated
+    inputs: Fields
     name: str
     text: str
     symbols: dict[str, str]
@@ -47,11 +43,11 @@ class Kernel:
 
     def fields(self, block: Block, state: BlockState) -> tuple[Any, ...]:
         """The values of the struct in one run."""
-        return self.made.fields(block, state)
+        return self.inputs.values(block, state)
 
     def fits(self, block: Block, state: BlockState) -> bool:
         """Whether the constants and shapes in the text are those of this run."""
-        return self.made.fits(block, state)
+        return self.inputs.fit(block, state)
 
 
 @dataclass
@@ -133,16 +129,14 @@ def make_kernel(
     NotCompilableError : naming the reason.
     """
     cls = type(made)
-    source = translate(made, state, terms)
+    found = translation(made, state, terms)
     checked = checked or not is_built_in(cls)
     title = f"{cls.__name__}: {(cls.__doc__ or '').strip()}"
-    entries = [_entry(source, call, kinds, terms, rates) for call in calls]
-    places = [(f.file, f.line) for f in source.source.functions.values()]
-    parts = (source.text, source.source.entries, entries, places, title, checked)
-    key = digest(salt(), *map(repr, parts))
+    entries = [_entry(found.methods, call, kinds, terms, rates) for call in calls]
+    key = digest(salt(), found.key, repr(entries), title, repr(checked))
     record = read_record(f"block_{key}.json")
     if record is None:
-        record = _written(source, entries, key, title, checked)
+        record = _written(source_of(made, state, terms), entries, key, title, checked)
         write_record(f"block_{key}.json", record)
     if "refused" in record:
         raise NotCompilableError(record["refused"])
@@ -150,15 +144,18 @@ def make_kernel(
     symbols = {c.method: _symbol(key, e) for c, e in zip(calls, entries, strict=True)}
     prototypes, words = record["prototypes"], len(record["words"])
     name = cls.__name__
-    return Kernel(source, name, record["text"], symbols, prototypes, failures, words)
+    return Kernel(found.fields, name, record["text"], symbols, prototypes, failures, words)
 
 
 def _written(
-    source: Translated, entries: Sequence[Entry], key: str, title: str, checked: bool
+    source: Source, entries: Sequence[Entry], key: str, title: str, checked: bool
 ) -> dict[str, Any]:
+    # Imported where something is written: most starts find everything in the cache.
+    from runtime.codegen import Writer
+
     named = [Entry(_symbol(key, e), e.function, e.arguments, e.results) for e in entries]
     try:
-        return asdict(Writer(source.source, checked).unit(named, title))
+        return asdict(Writer(source, checked).unit(named, title))
     except RefusedError as error:
         return {"refused": str(error)}
 
@@ -168,7 +165,7 @@ def _symbol(key: str, entry: Entry) -> str:
 
 
 def _entry(
-    source: Translated,
+    methods: Mapping[str, str],
     call: Evaluation,
     kinds: Mapping[str, SignalType],
     terms: dict[str, int],
@@ -184,7 +181,7 @@ def _entry(
     results: list[Type] = [signal_type(kinds[port]) for port in call.outputs]
     if call.method == "derivative":
         results = [Array("float", written(shape)) if shape else FLOAT for shape in rates]
-    return Entry(call.method, source.methods[call.method], arguments, results)
+    return Entry(call.method, methods[call.method], arguments, results)
 
 
 def signal_type(kind: SignalType) -> Type:
@@ -194,20 +191,3 @@ def signal_type(kind: SignalType) -> Type:
     if kind.form == "record":
         return Tuple((FLOAT,) * len(kind.components))
     return Array("float", written(kind.shape), frozen=True)
-
-
-def is_built_in(cls: type[Block]) -> bool:
-    """Whether a block class is built in."""
-    return BUILTIN.get(cls.__name__) is cls
-
-
-@cache
-def salt() -> str:
-    """What the C text depends on, apart from its source."""
-    return digest(*_texts())
-
-
-def _texts() -> Iterator[str]:
-    for path in sorted(Path(codegen.__file__).parent.iterdir()):
-        if path.suffix in (".py", ".h"):
-            yield path.read_text(encoding="utf-8")

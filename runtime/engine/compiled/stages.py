@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from runtime.codegen import BOOL, FLOAT, INT, Array, Entry, Type, Writer
+from runtime.codegen import BOOL, FLOAT, INT, Array, Entry, Type
 from runtime.engine.compiled.entries import written
-from runtime.engine.compiled.translate import translate_functions
+from runtime.engine.compiled.translations import salt
 from runtime.engine.continuous import Continuous, Slot
 from runtime.engine.schedule import CONDITIONS
 from runtime.engine.solvers import Method, first_bad, judged, keep, moved, narrowed, substep
-from runtime.toolchain import Unit
+from runtime.toolchain import Unit, digest, read_record, write_record
 
 ROWS = ("states", "start")
 TITLE = "The solver of the continuous states."
@@ -51,8 +51,17 @@ def solver_unit(part: Continuous, method: Method, searched: bool) -> tuple[Unit,
         search += [("span", FLOAT), ("dt", FLOAT)]
         entries.append(Entry("solver_narrowed", "narrowed", search, [FLOAT]))
         functions.append(narrowed)
-    made = Writer(translate_functions(functions)).unit(entries, TITLE)
-    return Unit("the solver", made.text), made.prototypes
+    key = f"solver_{digest(salt(), repr(entries))}.json"
+    record = read_record(key)
+    if record is None:
+        # Imported where something is written: most starts find everything in the cache.
+        from runtime.codegen import Writer
+        from runtime.engine.compiled.translate import translate_functions
+
+        made = Writer(translate_functions(functions)).unit(entries, TITLE)
+        record = {"text": made.text, "prototypes": made.prototypes}
+        write_record(key, record)
+    return Unit("the solver", record["text"]), record["prototypes"]
 
 
 def before_stage(method: Method, arrays: Sequence[str], name: str, span: str) -> Iterator[str]:

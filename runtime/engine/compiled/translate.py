@@ -8,14 +8,20 @@ import textwrap
 import types
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from blocks.core import Block, BlockState, SignalType, function_kernel, kernel_for, parsed
-from runtime.codegen import Function, Source, Type
-from runtime.engine.compiled.entries import NotCompilableError, plain, type_of
+from runtime.codegen import Function, Source
+from runtime.engine.compiled.entries import (
+    Attribute,
+    Fields,
+    NotCompilableError,
+    plain,
+    type_of,
+    type_texts,
+)
 from runtime.engine.compiled.folding import Folding, holds_one
 from runtime.engine.compiled.reading import source_of
 
@@ -302,7 +308,6 @@ def _assigned(node: ast.AST) -> set[str]:
     }
 
 
-Attribute = tuple[str, str]
 HEADER = "import math\n\nimport numpy as np\n"
 
 
@@ -312,31 +317,13 @@ class Translated:
 
     source : one function for each of ``methods``, those that they call, and the entries' types.
     text : the same as a Python module.
-    entries : the attributes in the first argument of these functions, as ("self" or "state", name).
-    constants : attributes whose values were written into the text.
+    fields : what the text depends on.
     """
 
     source: Source
     text: str
     methods: dict[str, str]
-    entries: tuple[Attribute, ...]
-    constants: dict[Attribute, Any]
-
-    def fields(self, made: Block, state: BlockState) -> tuple[Any, ...]:
-        """The first argument of the functions, for a block and its state."""
-        of = {"self": made, "state": state}
-        return tuple(plain(getattr(of[o], name), f"{o}.{name}") for o, name in self.entries)
-
-    def fits(self, made: Block, state: BlockState) -> bool:
-        """Whether the text's constants and shapes are those of this block and state."""
-        of = {"self": made, "state": state}
-        same = all(getattr(of[o], name) == value for (o, name), value in self.constants.items())
-        return same and tuple(map(type_of, self.fields(made, state))) == self.types
-
-    @cached_property
-    def types(self) -> tuple[Type, ...]:
-        """The types of the entries."""
-        return tuple(self.source.entries.values())
+    fields: Fields
 
 
 def translate(made: Block, state: BlockState, terms: dict[str, int]) -> Translated:
@@ -358,10 +345,13 @@ def translate(made: Block, state: BlockState, terms: dict[str, int]) -> Translat
     wanted += ["project"] if spec.projects else []
     methods = {name: translator.method(name) for name in wanted}
     text = "\n\n".join([HEADER, *translator.texts.values()]) + "\n"
-    entries = tuple(translator.attributes.values())
     types = {key: type_of(value) for key, value in translator.fields.items()}
-    source = Source(translator.functions, types)
-    return Translated(source, text, methods, entries, translator.constants)
+    fields = Fields(
+        tuple(translator.attributes.values()),
+        type_texts(translator.fields.values()),
+        translator.constants,
+    )
+    return Translated(Source(translator.functions, types), text, methods, fields)
 
 
 def translate_functions(functions: Sequence[Any]) -> Source:

@@ -12,7 +12,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
-from runtime.document import FILE_KEYS, parse_yaml
+from runtime.document import parse_yaml, rename_files
 from runtime.errors import GraphError, SimulationError, one_line
 from runtime.experiments.design import Objective
 from runtime.experiments.execution.trials import GraphBundle, Trial
@@ -165,9 +165,7 @@ def _written_files(bundle: GraphBundle) -> Path:
 def _place_files(blocks: dict[str, Any], folder: Path) -> None:
     """Make the entries of a document name the new paths of their files."""
     for entry in blocks.values():
-        for key in FILE_KEYS:
-            # Others are absolute, and stay what they are.
-            if isinstance(entry.get(key), str):
-                entry[key] = str(folder / entry[key])
+        # A path that is absolute stays what it is.
+        entry.update(rename_files(entry, lambda _, path: str(folder / path)))
         if isinstance(entry.get("blocks"), dict):
             _place_files(entry["blocks"], folder)

@@ -179,3 +179,63 @@ def test_the_old_name_of_the_path_following_controller_is_explained() -> None:
     message = problems({"type": "PID", "lookahead_time": 1.0}, ["Scalar"], "reference")
     assert "the block with this parameter is a PathPID" in message
     assert "the block with this input is a PathPID" in message
+
+
+@pytest.mark.parametrize(
+    ("band", "cutoff"),
+    [("lowpass", 1.5), ("highpass", 1.5), ("bandpass", [1.0, 3.0]), ("bandstop", [1.0, 3.0])],
+)
+def test_a_butterworth_filter_is_scipys(band: str, cutoff: Any) -> None:
+    entry = {"type": "Butterworth", "order": 3, "cutoff": cutoff, "band": band}
+    expected = signal.step(signal.butter(3, 2 * np.pi * np.array(cutoff), band, analog=True), T=T)
+    np.testing.assert_allclose(step_response(entry), expected[1], atol=1e-4)
+
+
+def test_difference_equations_are_a_loop_in_python() -> None:
+    entry = {
+        "type": "DiscreteSystem",
+        "states": ["n", "v"],
+        "next": ["n + 1 if u[0] > 0.5 else n", "a*v + n - u[1]"],
+        "output": ["n", "v + u[1]"],
+        "initial": [0, 1],
+        "constants": {"a": 0.9},
+    }
+    made = {
+        "a": {"type": "Sine", "frequency": 3.0},
+        "b": {"type": "Function", "expression": "cos(5*t)"},
+        "it": entry,
+    }
+    found = run(made, {"it": {"u": ["a.out", "b.out"]}}, "it.out")
+    n, v, expected = 0.0, 1.0, []
+    for t in T:
+        u0, u1 = np.sin(6 * np.pi * t), np.cos(5 * t)
+        expected.append([n, v + u1])
+        n, v = (n + 1 if u0 > 0.5 else n), 0.9 * v + n - u1
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("entry", "part"),
+    [
+        ({"type": "Butterworth", "cutoff": [1, 2]}, "expected 1 frequencies for a lowpass, got 2"),
+        ({"type": "Butterworth", "cutoff": [2, 1], "band": "bandpass"}, "ascending order"),
+        ({"type": "DiscreteSystem", "next": ["x[0]", "0"], "initial": 0}, "expected 2 number(s)"),
+        ({"type": "DiscreteSystem", "next": "y", "initial": 0}, "unknown name 'y'"),
+        (
+            {"type": "AlgebraicConstraint", "expression": "z", "low": 1, "high": 0},
+            "expected more than low = 1, got 0",
+        ),
+        (
+            {"type": "AlgebraicConstraint", "expression": "y - 1", "low": 0, "high": 2},
+            "column 1 of 'y - 1': unknown name 'y'",
+        ),
+    ],
+)
+def test_wrong_parameters_are_refused(entry: dict[str, Any], part: str) -> None:
+    assert part in problems(entry)
+
+
+def test_a_constraint_without_a_solution_says_so() -> None:
+    entry = {"type": "AlgebraicConstraint", "expression": "z*z + 1", "low": -1, "high": 1}
+    with pytest.raises(runtime.SimulationError, match=r"same sign at low = -1 and at high = 1"):
+        run({"it": entry}, {}, "it.out")

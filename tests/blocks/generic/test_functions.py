@@ -73,6 +73,18 @@ def test_arithmetic() -> None:
     np.testing.assert_allclose(found, ROWS @ np.transpose(matrix), rtol=1e-12)
 
 
+@pytest.mark.parametrize("n", [2, 5, 8, 31])
+def test_fourier_transforms_are_numpys(n: int) -> None:
+    values = np.random.default_rng(n).standard_normal((6, n))
+    expected = np.fft.rfft(values, axis=1)
+    parts = {"re": expected.real, "im": expected.imag}
+    for of, part in parts.items():
+        found = respond({"type": "FourierTransform"}, {"input": values}, of=of)
+        np.testing.assert_allclose(found, part, atol=1e-14 * n)
+    back = respond({"type": "InverseFourierTransform", "odd": bool(n % 2)}, parts)
+    np.testing.assert_allclose(back, values, atol=1e-14 * n)
+
+
 @pytest.mark.parametrize(("order", "number"), [("1", 1), ("2", 2), ("max", np.inf)])
 def test_a_norm(order: str, number: float) -> None:
     found = respond({"type": "Norm", "order": order}, {"inputs": [ROWS, A]})

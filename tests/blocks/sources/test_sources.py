@@ -18,7 +18,7 @@ def test_the_clock_tells_the_time() -> None:
 
 
 def test_a_sine() -> None:
-    entry = {"type": "Sine", "amplitude": 2, "frequency": 3, "phase": "30deg", "offset": 1}
+    entry = {"type": "Sine", "amplitude": 2, "frequency": 3, "phase": "30°", "offset": 1}
     expected = 1.0 + 2.0 * np.sin(2 * np.pi * 3 * T + np.pi / 6)
     np.testing.assert_allclose(respond(entry, ticks=500), expected, atol=1e-12)
 

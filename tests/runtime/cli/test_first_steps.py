@@ -179,6 +179,29 @@ def test_errors_have_colour_on_a_terminal_alone(monkeypatch: pytest.MonkeyPatch)
 # -- answers to first mistakes
 
 
+@pytest.mark.parametrize(
+    ("arguments", "answer"),
+    [
+        (["vaildate", "g.yaml"], "did you mean 'validate'?; 'runtime --help' shows the usage\n"),
+        (
+            ["run", "g.yaml", "--sed", "3"],
+            "unrecognized arguments: --sed 3, did you mean '--seed'?",
+        ),
+    ],
+)
+def test_a_misspelt_verb_or_option_is_answered(cli: Run, arguments: list[str], answer: str) -> None:
+    done = cli(*arguments)
+    assert done.returncode == 2
+    assert answer in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_a_list_that_is_not_opened_is_answered(cli: Run, tmp_path: Path) -> None:
+    (tmp_path / "g.yaml").write_text("blocks: {a: {type: LQR, q: 1, 2, 3], r: [1, 1]}}\n")
+    done = cli("validate", "g.yaml")
+    assert done.stderr.startswith("g.yaml:1:35: not valid YAML: this ']' has no '[' before it\n")
+
+
 MISTAKES = {
     ("--set", "lqr=PathPID"): "takes the place of this one with --replace lqr=PathPID",
     ("--set", "v_r=2"): "there is no 'v_r' in the graph, did you mean 'params.v_r' or 'match.v_r'",

@@ -380,7 +380,8 @@ CASES = {
     "plot's kind": [
         "plots: {p: {kind: timeserie, of: pose}}\n",
         "g.yaml:18:19: plots.p.kind: expected one of timeseries, trajectory, xy, spectrum, raster, "
-        "heatmap, got the text 'timeserie', did you mean 'timeseries'?",
+        "tuning_curves, response_curves, decoded, weights, heatmap, got the text "
+        "'timeserie', did you mean 'timeseries'?",
     ],
     "plot's key": [
         "plots: {p: {kid: timeseries, of: pose}}\n",

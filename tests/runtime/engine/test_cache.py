@@ -107,3 +107,23 @@ def test_two_processes_at_once_on_an_empty_cache(script: Path, tmp_path: Path) -
         folder = tmp_path / json.loads(message)["run"]
         found = np.load(folder / "probes.npz")["out"]
         np.testing.assert_allclose(found, expected(), rtol=1e-12)
+
+
+def test_a_start_from_the_cache_translates_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(VARIABLE, str(tmp_path / "cache"))
+    run()
+
+    def refuse(*given: object) -> None:
+        raise RuntimeError("translated again")
+
+    monkeypatch.setattr("runtime.engine.compiled.translate.translate", refuse)
+    np.testing.assert_allclose(run(), expected(), rtol=1e-12, atol=1e-15)
+    # Another value of a flag is another text.
+    graph = runtime.Graph("small", dt=0.01, until=0.2).probe("out", "drive.pose")
+    graph = graph.add("motion", blocks.Constant(value=[0.5, 0.25], signal="Twist"))
+    graph = graph.add("drive", blocks.DifferentialDrive(integrator="rk4"))
+    graph = graph.connect("motion.value", "drive.command")
+    with pytest.raises(runtime.SimulationError, match="translated again"):
+        graph.run(engine="compiled")

@@ -40,7 +40,7 @@ from blocks.world.surfaces import cast_kernel, from_surface, nearest_kernel
 from blocks.world.world import World
 from runtime.engine.compiled.entries import NotCompilableError
 from runtime.engine.compiled.translate import Translated, translate
-from tests.blocks.direct import PUSH
+from tests.blocks.direct import PUSH, REQUIRED
 from tests.blocks.worlds import OVERLAPPING, SHIPPED, worlds
 from tests.compilers import needs_compiler
 from tests.runtime.engine.compiled_block import CompiledBlock
@@ -248,6 +248,11 @@ CASES: dict[str, list[Case]] = {
         Case(blocks.Gain(gain=[2, -3]), {"input": Twist}),
         Case(blocks.Gain(gain=[2, -3]), {"input": Vector(2)}),
     ],
+    "FourierTransform": [Case(blocks.FourierTransform(), {"input": Vector(n)}) for n in (1, 6, 7)],
+    "InverseFourierTransform": [
+        Case(blocks.InverseFourierTransform(odd=odd), {"re": Vector(4), "im": Vector(4)})
+        for odd in (False, True)
+    ],
     "MatrixGain": [Case(blocks.MatrixGain(matrix=[[1, 2, 3], [4, 5, 6]]))],
     "Product": [
         Case(blocks.Product(powers=[1, -1])),
@@ -355,6 +360,46 @@ CASES: dict[str, list[Case]] = {
             free=("integral", "filtered"),
         )
         for kind in (Scalar, Pose, Vector(4))
+    ],
+    "AlgebraicConstraint": [
+        Case(blocks.AlgebraicConstraint(**REQUIRED["AlgebraicConstraint"])),
+        Case(
+            blocks.AlgebraicConstraint(
+                expression="a*(exp(z) - 1) - u[0] + z", low=-50, high=50, constants={"a": 0.1}
+            )
+        ),
+    ],
+    "Butterworth": [
+        Case(blocks.Butterworth(cutoff=2.0, order=3)),
+        Case(blocks.Butterworth(cutoff=[2.0, 5.0], band="bandstop")),
+    ],
+    "DiscreteSystem": [
+        Case(blocks.DiscreteSystem(**REQUIRED["DiscreteSystem"])),
+        Case(
+            blocks.DiscreteSystem(
+                next=["n + 1 if u[0] > u[1] else n", "a*v + sin(t)"],
+                states=["n", "v"],
+                constants={"a": 0.3},
+                initial=[0, 1],
+                output="n + u[0]",
+            )
+        ),
+    ],
+    "ExtendedKalmanFilter": [
+        Case(blocks.ExtendedKalmanFilter(**REQUIRED["ExtendedKalmanFilter"])),
+        Case(
+            blocks.ExtendedKalmanFilter(
+                transition=["p + 0.1*v*cos(t)", "v - k*sin(p)"],
+                observation=["atan2(v, p)", "sqrt(1 + p**2)"],
+                states=["p", "v"],
+                constants={"k": 0.2},
+                Q=[[0.1, 0], [0, 0.1]],
+                R=[[1, 0.1], [0.1, 2]],
+                x0=[1, 0.5],
+                angles=[0],
+            ),
+            absent=True,
+        ),
     ],
     "DynamicSystem": [
         Case(blocks.DynamicSystem(derivative=["x[1]", "-sin(x[0])"], initial=[1, 0]), free=("x",)),
@@ -516,7 +561,7 @@ class TextRun(Run):
         super().__init__(case, seed)
         self.made = translate(case.block, self.state, self.terms())
         self.functions = self.loaded(self.made)
-        self.fields = self.made.fields(case.block, self.state)
+        self.fields = self.made.fields.values(case.block, self.state)
 
     def loaded(self, made: Translated) -> dict[str, Any]:
         scope: dict[str, Any] = {}

@@ -11,7 +11,7 @@ import pytest
 from scipy import signal
 
 import runtime
-from blocks import Decoder, Ensemble, WhiteNoise
+from blocks import Decoder, Ensemble, Function, WhiteNoise
 from tests.conftest import Run
 
 SYNAPSES = [
@@ -91,3 +91,11 @@ def test_errors(cli: Run, tmp_path: Path, synapse: str, message: str) -> None:
     done = cli("validate", str(path))
     assert done.returncode == 2
     assert message in done.stderr
+
+
+def test_a_run_that_fails_at_once_has_no_filtered_rows() -> None:
+    graph = runtime.Graph("fails", dt=0.001, until=0.1)
+    graph = graph.add("f", Function(expression="1/t")).probe("y", "f.out", synapse=0.1)
+    with pytest.raises(runtime.SimulationError, match="'f' at tick 0") as caught:
+        graph.run()
+    assert len(caught.value.result["y"]) == 0

@@ -1,0 +1,123 @@
+"""An equation that is solved for one unknown."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from blocks.core import (
+    RESERVED,
+    Block,
+    BlockContext,
+    BlockState,
+    Expression,
+    ExpressionError,
+    Input,
+    Output,
+    ParameterError,
+    Scalar,
+    function_from,
+    function_text,
+    param,
+    read_expression,
+)
+
+_INDEX = re.compile(r"\bu\s*\[[^\]]*?(\d{1,3})\s*\]")
+MAX_HALVINGS = 1100  # of the largest interval of floats
+
+
+class AlgebraicConstraint(Block):
+    """The number z that satisfies an equation: what an algebraic loop would have to find.
+
+        u ─▶ [ AlgebraicConstraint ] ─▶ out
+
+    out = z with expression(z, u, t) = 0 between ``low`` and ``high``, found by bisection to the
+    last bit. The expression must have different signs at the two ends; of several solutions it is
+    any. A loop of memoryless blocks, such as a diode in series with a resistor, is written as the
+    equation of its one unknown.
+    """
+
+    inputs = Input(
+        Scalar,
+        variadic=True,
+        spread="inputs",
+        name="u",
+        doc="any signals; their components in order are u[0], u[1], ...",
+    )
+    out = Output(Scalar, doc="z")
+
+    expression: str = param(doc="what is zero at the solution: 'z - u[0] + r*i0*exp(z/v)'")
+    low: float = param(doc="lower end of the interval that holds z")
+    high: float = param(doc="its upper end")
+    constants: Mapping[str, float] | None = param(
+        None, doc="names that the expression uses, with their values: {r: 1000}"
+    )
+
+    def validate(self) -> None:
+        if not self.low < self.high:
+            message = f"expected more than low = {self.low:g}, got {self.high:g}"
+            raise ParameterError([("high", message)])
+        for name in self.constants or {}:
+            if not (name.isidentifier() and name.isascii()) or name in RESERVED | {"t", "u", "z"}:
+                raise ParameterError([("constants", f"the name '{name}' is not valid, or taken")])
+        used = [int(n) for n in _INDEX.findall(self.expression)]
+        self.read(1 + max(used, default=0))
+
+    def validate_in(self, context: BlockContext) -> None:
+        flags = context.terms["u"]
+        if not all(flags):
+            message = "a block that is wired to u is removed, which would shift its components"
+            raise ParameterError([("u", f"{message}; bypass that block, or remove this one")])
+        self.read(len(flags))
+
+    def read(self, count: int) -> Expression:
+        """The expression, with so many components in u.
+
+        Raises
+        ------
+        ParameterError : it is not valid.
+        """
+        names: dict[str, Any] = {"z": "z", "t": "t", "u": [f"u[{i}]" for i in range(count)]}
+        names |= {name: f"c[{i}]" for i, name in enumerate(self.constants or {})}
+        try:
+            return read_expression(self.expression, names)
+        except ExpressionError as error:
+            short = self.expression[:60]
+            message = f"column {error.column} of '{short}': {error.message}"
+            raise ParameterError([("expression", message)]) from None
+
+    def why_not_finite(self) -> str:
+        return (
+            f"the expression has the same sign at low = {self.low:g} and at high = {self.high:g}, "
+            "or is not a number between them; choose an interval with one solution"
+        )
+
+    def start(self, state: BlockState) -> None:
+        read = self.read(len(state.context.terms["u"]))
+        state.rest = function_from(function_text([read], ("z", "t", "u", "c"), "scalar"))
+        state.constants = tuple((self.constants or {}).values()) or (0.0,)
+
+    def output(self, state: BlockState, t: float, u: tuple[float, ...]) -> float:
+        low, high = self.low, self.high
+        below = state.rest(low, t, u, state.constants)
+        above = state.rest(high, t, u, state.constants)
+        if below == 0.0:
+            return low
+        if above == 0.0:
+            return high
+        if not (below < 0.0 < above or above < 0.0 < below):
+            return math.nan
+        for _ in range(MAX_HALVINGS):
+            middle = 0.5 * low + 0.5 * high
+            if middle <= low or middle >= high:
+                break
+            rest = state.rest(middle, t, u, state.constants)
+            if not math.isfinite(rest):
+                return math.nan
+            if (rest < 0.0) == (below < 0.0):
+                low = middle
+            else:
+                high = middle
+        return high

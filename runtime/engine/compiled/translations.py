@@ -1,0 +1,160 @@
+"""Translations of blocks, kept on disk: a start finds the C of a block without reading its source.
+
+A translation depends on the files of the package, and on the attributes of the block and of its
+state: their types and shapes, and the values of strings and flags. Both make its name. Blocks that
+are not built in are translated at every start, since their source may be anywhere.
+"""
+
+from __future__ import annotations
+
+import sys
+import types
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import blocks
+from blocks.core import Block, BlockState, SignalType
+from blocks.registry import BUILTIN
+from runtime import codegen, engine
+from runtime.codegen import Source
+from runtime.engine.compiled.entries import WRITTEN, Fields, NotCompilableError
+from runtime.toolchain import digest, read_record, write_record
+
+LITERALS = (str, bool, type(None))
+
+
+@dataclass(frozen=True)
+class Translation:
+    """What is known of a block's translation without its text.
+
+    methods : the function of each method.
+    fields : the attributes that it depends on.
+    key : says what the text is.
+    """
+
+    methods: Mapping[str, str]
+    fields: Fields
+    key: str
+
+
+def translation(made: Block, state: BlockState, terms: dict[str, int]) -> Translation:
+    """The translation of a block, from the cache if it is there.
+
+    Parameters
+    ----------
+    made, state : the block, and its state after ``start``.
+    terms : the number of wires of each variadic input.
+
+    Raises
+    ------
+    NotCompilableError : naming the reason.
+    """
+    name = ""
+    try:
+        if is_built_in(type(made)):
+            name = f"translation_{digest(salt(), *_signature(made, state, terms))}.json"
+    except _UnnamedFunctionError:
+        pass
+    record = read_record(name) if name else None
+    if record is not None:
+        if "refused" in record:
+            raise NotCompilableError(record["refused"])
+        constants = {(owner, key): _restored(value) for owner, key, value in record["constants"]}
+        attributes = tuple((owner, key) for owner, key in record["attributes"])
+        fields = Fields(attributes, tuple(record["types"]), constants)
+        if fields.fit(made, state):
+            return Translation(record["methods"], fields, record["key"])
+    try:
+        found = _translated(made, state, terms)
+    except NotCompilableError as error:
+        if name:
+            write_record(name, {"refused": str(error)})
+        raise
+    fields = found.fields
+    if name:
+        constants_list = [[*key, _kept(value)] for key, value in fields.constants.items()]
+        record = {"methods": found.methods, "key": found.key, "constants": constants_list}
+        write_record(name, {**record, "attributes": fields.attributes, "types": fields.types})
+    return found
+
+
+def source_of(made: Block, state: BlockState, terms: dict[str, int]) -> Source:
+    """The functions of a block, to be written as C."""
+    from runtime.engine.compiled.translate import translate
+
+    return translate(made, state, terms).source
+
+
+def _translated(made: Block, state: BlockState, terms: dict[str, int]) -> Translation:
+    # Imported where something is translated: most starts find everything in the cache.
+    from runtime.engine.compiled.translate import translate
+
+    found = translate(made, state, terms)
+    places = [(f.file, f.line) for f in found.source.functions.values()]
+    key = digest(found.text, repr(found.source.entries), repr(places))
+    return Translation(found.methods, found.fields, key)
+
+
+class _UnnamedFunctionError(Exception):
+    """An attribute is a function that is not one of a module of the package."""
+
+
+def _kept(value: Any) -> Any:
+    """A constant as it is stored; functions by name."""
+    return [value.__module__, value.__name__] if isinstance(value, types.FunctionType) else value
+
+
+def _restored(value: Any) -> Any:
+    return getattr(sys.modules.get(value[0]), value[1], None) if isinstance(value, list) else value
+
+
+def _signature(made: Block, state: BlockState, terms: dict[str, int]) -> Iterator[str]:
+    """Everything that a translation may depend on, apart from files."""
+    yield f"{type(made).__name__} {sorted(terms.items())} {made.indirect!r} {WRITTEN.get()}"
+    for owner in (made, state):
+        for name, value in sorted(vars(owner).items()):
+            yield f"{name} {_described(value)}"
+
+
+def _described(value: Any) -> str:
+    """The type of a value, its shape, and the values of strings and flags."""
+    if isinstance(value, LITERALS):
+        return repr(value)
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype} {value.shape}"
+    if isinstance(value, tuple):
+        return f"({', '.join(map(_described, value))})"
+    if isinstance(value, types.FunctionType):
+        name = _kept(value)
+        inside = str(value.__module__).startswith(f"{blocks.__name__}.")
+        if not inside or _restored(name) is not value:
+            raise _UnnamedFunctionError
+        return repr(name)
+    if isinstance(value, types.MethodType):
+        return f"{_described(value.__self__)} {value.__name__}"
+    return repr(value) if isinstance(value, SignalType) else type(value).__qualname__
+
+
+def is_built_in(cls: type[Block]) -> bool:
+    """Whether a block class is built in."""
+    return BUILTIN.get(cls.__name__) is cls
+
+
+@cache
+def salt() -> str:
+    """What translations and C texts depend on, apart from blocks of the user's own."""
+    return digest(sys.version, *_texts())
+
+
+def _texts() -> Iterator[str]:
+    for package in (blocks, codegen, engine):
+        folder = Path(str(package.__file__)).parent
+        yield str(folder)
+        for path in sorted(folder.rglob("*.[ph]*")):
+            if path.suffix in (".py", ".h"):
+                yield path.read_text(encoding="utf-8")

@@ -1,0 +1,126 @@
+"""Opens a document: its sections checked, and a scope made for the graph and for each part."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+from blocks.core import hint
+from runtime.document import (
+    PART_SECTIONS,
+    SECTIONS,
+    Node,
+    Work,
+    check_keys,
+    expected,
+    fill_sections,
+    is_part,
+    misspelt,
+    section,
+)
+from runtime.errors import Problems
+from runtime.network.repetition import repeated
+from runtime.network.scope import Scope
+
+NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+RESERVED = ("inputs", "outputs")
+
+
+def expand(document: Node, problems: Problems) -> tuple[Scope, Node]:
+    """Check the document's sections and open its parts.
+
+    Returns
+    -------
+    The top scope, and the document with every ``$name`` of the top level filled in.
+    """
+    work = Work(problems)
+    work.check(document, document.where, "")
+    check_keys(document, SECTIONS, "", problems, "section")
+    filled = fill_sections(document, document.get("params"), "", problems, work)
+    top = Scope("", "", unread=_unread(document, SECTIONS))
+    return _scope(filled, top, problems, work), filled
+
+
+def _unread(document: Node, known: Iterable[str]) -> set[str]:
+    """Sections that cannot be read because their names are misspelt."""
+    found = misspelt(document, known)
+    strange = any(name not in known for name, _ in document.items())
+    return found | {"wires"} if strange and document.get("wires") is None else found
+
+
+def _scope(document: Node, scope: Scope, problems: Problems, work: Work) -> Scope:
+    def entries(name: str) -> dict[str, Node]:
+        return section(document, name, scope.path(name, ""), problems, scope.unread)
+
+    scope.wires = entries("wires")
+    scope.inputs, scope.outputs = entries("inputs"), entries("outputs")
+    written = entries("blocks")
+    for name, entry in written.items():
+        address = scope.path("blocks", name)
+        message = _misnamed(name)
+        if message:
+            problems.add(entry.key, address, message)
+            scope.broken.add(name.partition("{")[0].strip())
+        elif not entry.is_map:
+            message = f"expected {{type: ...}}, got {entry.describe()}"
+            if entry.value is None:
+                others = [other for other in written if other != name]
+                message += hint(name, others) or "; null only deletes what 'extends' adds"
+            problems.add(entry.where, address, message)
+            scope.broken.add(name)
+        elif is_part(entry):
+            scope.parts[name] = _opened(entry, scope, name, address, problems, work)
+        else:
+            work.block(entry.key, address)
+            scope.blocks[name] = entry
+    if not (scope.blocks or scope.parts or scope.broken or scope.unread & {"blocks"}):
+        node = document.get("blocks")
+        where = document.where if node is None else node.key
+        problems.add(where, scope.path("blocks", ""), f"there are no blocks; {expected('blocks')}")
+        scope.unread.add("blocks")
+    return scope
+
+
+def _misnamed(name: str) -> str:
+    if name in RESERVED:
+        return f"'{name}' is reserved for the ports of a part; give the block another name"
+    if "{" in name:
+        return f"a colon is missing after '{name.split('{')[0].strip()}'"
+    if not NAME.fullmatch(name):
+        return f"'{name}' is not a name for a block; use letters, digits and _"
+    return ""
+
+
+def _opened(
+    entry: Node, above: Scope, name: str, address: str, problems: Problems, work: Work
+) -> Scope:
+    """The scope of a part, or of all copies of a repeated one."""
+    if entry.get("repeat") is None:
+        if (shared := entry.get("share")) is not None:
+            message = "only a part with 'repeat' shares inputs among its copies"
+            problems.add(shared.key, f"{address}.share", message)
+            entry = entry.with_item("share", None)
+        return _part(entry, above, name, address, problems, work)
+
+    def copy(one: Node, inside: Scope, own: str) -> Scope:
+        work.charge(work.measure.of(one)[0], one.where, address)
+        return _part(one, inside, own, address, problems, work)
+
+    scope = Scope(f"{above.prefix}{name}.", address, above, name, where=entry.key)
+    return repeated(entry, scope, problems, copy)
+
+
+def _part(
+    entry: Node, above: Scope, name: str, address: str, problems: Problems, work: Work
+) -> Scope:
+    declared = entry.get("params")
+    for key, item in entry.items():
+        if key not in PART_SECTIONS:
+            known = declared is not None and declared.get(key) is not None
+            suggestion = hint(key, PART_SECTIONS[:5]) or f"; it has {', '.join(PART_SECTIONS[:5])}"
+            suggestion = f"; write it as params: {{{key}: ...}}" if known else suggestion
+            problems.add(item.key, f"{address}.{key}", f"a part has no '{key}'{suggestion}")
+    filled = fill_sections(entry, declared, address, problems, work)
+    scope = Scope(f"{above.prefix}{name}.", address, above, name, where=entry.key)
+    scope.unread = _unread(entry, PART_SECTIONS)
+    return _scope(filled, scope, problems, work)

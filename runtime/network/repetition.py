@@ -1,0 +1,117 @@
+"""Parts that are repeated: the ports of the copies are joined to those of one part.
+
+An input of the copies becomes one vector, of which each copy gets its share, and an output the
+vector of all copies' values. ``share`` names the inputs of which every copy gets the whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from blocks.core import hint, signal_type
+from runtime.document import MAX_BLOCKS, Node, texts
+from runtime.errors import Problems
+from runtime.network.scope import Scope
+
+INDEX = "index"  # a param of this name is the number of the copy
+OpenPart = Callable[[Node, Scope, str], Scope]
+
+
+def repeated(entry: Node, scope: Scope, problems: Problems, open_part: OpenPart) -> Scope:
+    """The part that holds the copies of a part.
+
+    Parameters
+    ----------
+    entry : of the part, with ``repeat``. scope : its own, empty.
+    open_part : makes the scope of a copy from its entry, the scope around it, and its name.
+    """
+    count = _count(entry.value["repeat"], scope.address, problems)
+    shared = _shared(entry, scope.address, problems)
+    one = entry.with_item("repeat", None).with_item("share", None)
+    params = one.get("params")
+    for i in range(count):
+        if params is not None and params.get(INDEX) is not None:
+            number = Node(i, params.where, params.key)
+            one = one.with_item("params", params.with_item(INDEX, number))
+        scope.parts[copy_name(i)] = open_part(one, scope, copy_name(i))
+    first = scope.parts[copy_name(0)]
+    scope.unread |= first.unread & {"inputs", "outputs"}
+    wires: list[dict[str, Node]] = [{} for _ in range(count)]
+    for port, node in first.inputs.items():
+        width = 0 if port in shared else _width(node)
+        if width == 0 and port not in shared:
+            message = f"a repeated part divides a Scalar or a vector of known length; '{port}' is "
+            message += f"{_written(node)}: declare its type, or give all copies the whole, "
+            problems.add(entry.key, scope.address, f"{message}share: [{port}]")
+            shared = {*shared, port}
+        scope.inputs[port] = _sized(node, width * count) if width else node
+        for i, wire in enumerate(wires):
+            part = f"[{i * width}:{(i + 1) * width}]" if width > 1 else f"[{i}]"
+            whole = count == 1 or port in shared
+            wire[port] = _at(entry, f"inputs.{port}{'' if whole else part}")
+    for i, wire in enumerate(wires):
+        scope.wires[copy_name(i)] = _at(entry, wire)
+    for port, node in first.outputs.items():
+        gather = f"gathered_{port}"
+        terms = [_at(entry, f"{copy_name(i)}.{port}") for i in range(count)]
+        scope.blocks[gather] = _at(entry, {"type": _at(entry, "Concatenate")})
+        scope.wires[gather] = _at(entry, {"inputs": _at(entry, terms)})
+        scope.outputs[port] = Node(f"{gather}.out", node.where, node.key)
+    unknown = shared - first.inputs.keys()
+    for port in sorted(unknown if "inputs" not in first.unread else ()):
+        known = ", ".join(first.inputs) or "none"
+        message = f"the part has no input '{port}'{hint(port, first.inputs) or f'; it has {known}'}"
+        problems.add(entry.value["share"].where, f"{scope.address}.share", message)
+    return scope
+
+
+def copy_name(i: int) -> str:
+    """The name of the i-th copy inside the repeated part."""
+    return f"copy_{i}"
+
+
+def _count(node: Node, address: str, problems: Problems) -> int:
+    value = node.value
+    if isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= MAX_BLOCKS:
+        return value
+    message = f"expected how often the part is repeated, 1 to {MAX_BLOCKS}, got {node.describe()}"
+    problems.add(node.where, f"{address}.repeat", message)
+    return 1
+
+
+def _shared(entry: Node, address: str, problems: Problems) -> set[str]:
+    found = texts(entry.get("share"), f"{address}.share", "an input of the part", problems)
+    return {str(item.value) for item, _ in found}
+
+
+def _declared(node: Node) -> Node | None:
+    return node.get("type") if node.is_map else node
+
+
+def _written(node: Node) -> str:
+    declared = _declared(node)
+    text = None if declared is None else declared.value
+    return f"a {text}" if isinstance(text, str) else "of any type"
+
+
+def _width(node: Node) -> int:
+    """The numbers of one copy's input; 0 if it is no number or vector of known length."""
+    declared = _declared(node)
+    try:
+        kind = signal_type(str(None if declared is None else declared.value))
+    except ValueError:
+        return 0
+    if kind.form == "scalar":
+        return 1
+    return kind.length if kind.name == "Vector" and isinstance(kind.length, int) else 0
+
+
+def _sized(node: Node, length: int) -> Node:
+    """The declaration of an input, as a vector of this length."""
+    kind = Node(f"Vector({length})", node.where, node.key)
+    return node.with_item("type", kind) if node.is_map else kind
+
+
+def _at(entry: Node, value: object) -> Node:
+    """A value that the text does not hold, with the position of the part's entry."""
+    return Node(value, entry.where, entry.key)

@@ -1,0 +1,150 @@
+"""Repeated parts: equal to parts written out by hand, with their ports divided and joined."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import runtime
+from runtime.errors import GraphError
+from runtime.runs import open_run
+from tests.conftest import Run
+
+PART = """
+    inputs: {{x: {kind}, k: {{type: Scalar, optional: true}}}}
+    outputs: {{y: slow.out}}
+    blocks:
+      of_x: {{type: Function, expression: "{expression}"}}
+      sum: {{type: Sum}}
+      slow: {{type: Lowpass, tau: 0.1}}
+    wires:
+      of_x: {{u: inputs.x}}
+      sum: {{terms: [of_x.out, inputs.k]}}
+      slow: {{input: sum.out}}
+"""
+
+
+def written(tmp_path: Path, kind: str = "Scalar", more: str = "", **wires: str) -> runtime.Graph:
+    """A part that filters x (the sum of its components) plus k, repeated."""
+    expression = "u[0] + u[1]" if kind == "Vector(2)" else "u[0]"
+    params = "params: {count: 3}" if "$count" in more else ""
+    wired = ", ".join(f"{port}: '{source}'" for port, source in wires.items())
+    text = f"""
+graph: repeated
+run: {{dt: 0.01, until: 0.5, seed: 3}}
+{params}
+blocks:
+  x: {{type: Function, expression: ["sin(3*t)", "cos(3*t)", "t", "0.5", "1 - t", "2"]}}
+  bank:{PART.format(kind=kind, expression=expression)}{more}
+wires:
+  bank: {{{wired}}}
+probes: {{x: x.out, y: bank.y}}
+"""
+    path = tmp_path / "repeated.yaml"
+    path.write_text(text)
+    return runtime.load(path)
+
+
+def filtered(u: np.ndarray) -> np.ndarray:
+    """The lowpass of tau = 0.1 s, tick by tick."""
+    y, found = np.zeros(u.shape[1]), []
+    for row in u:
+        y = y + (1.0 - np.exp(-0.01 / 0.1)) * (row - y)
+        found.append(y)
+    return np.array(found)
+
+
+@pytest.mark.parametrize("engine", ["python", "compiled"])
+def test_numbers_are_divided_and_a_shared_input_is_not(tmp_path: Path, engine: str) -> None:
+    more = "    repeat: $count\n    share: [k]\n"
+    run = written(tmp_path, "Scalar", more, x="x.out[1:4]", k="x.out.5").run(engine=engine)
+    expected = filtered(run["x"][:, 1:4] + run["x"][:, 5, None])
+    found = run["y"]
+    # The filter's output lags its input by a tick.
+    np.testing.assert_allclose(found[1:], expected[:-1], rtol=1e-12)
+
+
+def test_vectors_are_divided_into_vectors(tmp_path: Path) -> None:
+    run = written(tmp_path, "Vector(2)", "    repeat: 2\n", x="x.out[0:4]", k="x.out[2:4]").run()
+    x = run["x"]
+    u = np.column_stack([x[:, 0] + x[:, 1] + x[:, 2], x[:, 2] + x[:, 3] + x[:, 3]])
+    np.testing.assert_allclose(run["y"][1:], filtered(u)[:-1], rtol=1e-12)
+
+
+def test_an_open_input_stays_open_in_all_copies(tmp_path: Path) -> None:
+    run = written(tmp_path, "Scalar", "    repeat: 6\n", x="x.out").run()
+    np.testing.assert_allclose(run["y"][1:], filtered(run["x"])[:-1], rtol=1e-12)
+
+
+def test_once_is_the_part_itself(tmp_path: Path) -> None:
+    one = written(tmp_path, "Scalar", "    repeat: 1\n", x="x.out.0", k="x.out.1").run()
+    plain = written(tmp_path, "Scalar", "", x="x.out.0", k="x.out.1").run()
+    assert np.array_equal(one["y"].reshape(-1), plain["y"])
+
+
+def test_copies_have_numbers_and_neurons_of_their_own() -> None:
+    inner = {
+        "params": {"index": 0},
+        "outputs": {"which": "number.value"},
+        "blocks": {
+            "number": {"type": "Constant", "value": "$index"},
+            "snn": {"type": "Ensemble", "neurons": 5, "dimensions": 1},
+        },
+    }
+    plain: dict[str, Any] = {
+        "run": {"dt": 0.001, "until": 0.01},
+        "blocks": {"many": {**inner, "repeat": 4}},
+        "probes": {"which": "many.which"},
+    }
+    run = runtime.load(plain).run()
+    assert run["which"][0].tolist() == [0.0, 1.0, 2.0, 3.0]
+    biases = {tuple(run.states[f"many.copy_{i}.snn.bias"]) for i in range(4)}
+    assert len(biases) == 4
+
+
+def test_a_run_of_repeated_parts_runs_again_from_its_folder(cli: Run, tmp_path: Path) -> None:
+    written(tmp_path, "Scalar", "    repeat: 6\n    share: [k]\n", x="x.out", k="x.out.0")
+    assert cli("run", "repeated.yaml", "--no-plots").returncode == 0
+    folder = tmp_path / "runs" / "repeated" / "latest"
+    again = runtime.load(folder / "graph.resolved.yaml").run()
+    assert np.array_equal(again["y"], open_run(folder)["y"])
+    assert cli("draw", "repeated.yaml").returncode == 0
+    without = cli("run", "repeated.yaml", "--no-plots", "--set", "bank.slow.tau=0.3")
+    assert without.returncode == 0, without.stderr
+
+
+@pytest.mark.parametrize(
+    ("kind", "more", "wires", "message"),
+    [
+        ("Scalar", "    repeat: 0\n", {}, "blocks.bank.repeat: expected how often the part is"),
+        ("Scalar", "    repeat: many\n", {}, "1 to 20000, got the text 'many'"),
+        ("Scalar", "    repeat: 30000\n", {}, "1 to 20000, got 30000"),
+        ("Scalar", "    share: [k]\n", {}, "only a part with 'repeat' shares inputs"),
+        ("Scalar", "    repeat: 6\n    share: [j]\n", {}, "the part has no input 'j'"),
+        ("Pose", "    repeat: 6\n", {}, "'x' is a Pose: declare its type, or give all copies"),
+        ("Vector", "    repeat: 6\n", {}, "'x' is a Vector: declare its type"),
+        ("Scalar", "    repeat: 4\n", {}, r"expected Vector\(4\), got Vector\(6\) from 'x.out'"),
+        ("Vector(2)", "    repeat: 2\n", {}, r"expected Vector\(4\), got Vector\(6\)"),
+    ],
+)
+def test_errors(tmp_path: Path, kind: str, more: str, wires: dict[str, str], message: str) -> None:
+    with pytest.raises(GraphError, match=message):
+        written(tmp_path, kind, more, **{"x": "x.out", "k": "x.out[0:6]", **wires}).check()
+
+
+def test_an_error_inside_is_reported_once(tmp_path: Path) -> None:
+    written(tmp_path, "Scalar", "    repeat: 6\n", x="x.out")
+    text = (tmp_path / "repeated.yaml").read_text().replace("tau: 0.1", "tau: -1")
+    (tmp_path / "repeated.yaml").write_text(text)
+    with pytest.raises(GraphError) as caught:
+        runtime.load(tmp_path / "repeated.yaml").check()
+    assert [problem.address for problem in caught.value.problems] == ["blocks.bank.blocks.slow.tau"]
+
+
+def test_a_block_cannot_be_repeated() -> None:
+    plain = {"blocks": {"a": {"type": "Ensemble", "dimensions": 1, "repeat": 3}}}
+    with pytest.raises(GraphError, match="only parts are repeated: put the block into one, or use"):
+        runtime.load(plain).check()
