@@ -51,6 +51,7 @@ CONTESTANTS: dict[str, dict[str, Any]] = {
         "vary": WEIGHTS,
     },
     "our rule": {**COURSE, "vary": {**WEIGHTS, **STEPS}},
+    "our rule, one setting": {**COURSE, "vary": WEIGHTS},
     "SNN as printed": {
         "vary": {
             **WEIGHTS,
