@@ -53,8 +53,12 @@ class TrackingError(Block):
     error = Output(TrackingState, name="state", doc="pose minus reference, the angle wrapped")
     position = Output(Scalar, unit="m", label="$e_p$", doc="distance e_p, never negative")
     heading = Output(Scalar, unit="rad", label=r"$e_\theta$", doc="heading error e_theta")
-    lateral = Output(Scalar, unit="m", doc="cross-track error, positive to the left of the path")
-    along = Output(Scalar, unit="m", doc="along-track error, positive ahead of the reference")
+    lateral = Output(
+        Scalar, unit="m", label="$e_y$", doc="cross-track error, positive to the left of the path"
+    )
+    along = Output(
+        Scalar, unit="m", label="$e_x$", doc="along-track error, positive ahead of the reference"
+    )
 
     def output(
         self, state: BlockState, t: float, pose: PoseValue, reference: PoseValue

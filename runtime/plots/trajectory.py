@@ -20,6 +20,7 @@ ARROWS = 14
 MARGIN = 0.06  # of the longer side
 STATIONARY = 0.5  # m, shown around a robot that never moves
 FLATTEST, TALLEST = 4.5, 0.55  # width over height of the axes
+SMALL, LARGE = 0.026, 0.038  # triangles along the way and at its ends, in widths of the axes
 MATCHED, PATH_POINTS = 400, 5_000
 DASHES = ((0, (5, 2)), (0, (1, 1.5)), (0, (6, 2, 1, 2)))
 CLOUD: dict[str, Any] = {"marker": ".", "markersize": 2.0, "color": "0.6", "linestyle": "none"}
@@ -187,24 +188,24 @@ def _pose_track(axes: Axes, track: _Track, colour: str, layer: float) -> list[Li
     measure = travelled if travelled[-1] > 0.0 else np.arange(len(x), dtype=np.float64)
     even = np.linspace(0.0, measure[-1], ARROWS + 2)[1:-1]
     at = np.unique(np.searchsorted(measure, even).clip(max=len(x) - 1))
-    _triangles(axes, track.points[at], colour, 0.1)
-    _triangles(axes, track.points[[0, -1]], colour, 0.18, pivot="tail")
+    _triangles(axes, track.points[at], colour, SMALL)
+    _triangles(axes, track.points[[0, -1]], colour, LARGE, pivot="tail")
     return lines
 
 
 def _triangles(
     axes: Axes, poses: FloatArray, colour: str, size: float, pivot: Literal["mid", "tail"] = "mid"
 ) -> None:
-    """Draw triangles of ``size`` inches at poses, as arrows without a shaft."""
+    """Draw triangles, ``size`` in widths of the axes, at poses, as arrows without a shaft."""
     x, y, theta = poses.T
     head: dict[str, Any] = {"headlength": 3.0, "headaxislength": 3.0, "headwidth": 2.2}
     axes.quiver(
         *(x, y, np.cos(theta), np.sin(theta)),
         **head,
         color=colour,
-        units="inches",
+        units="width",
         width=size / 3.0,
-        scale_units="inches",
+        scale_units="width",
         scale=1.0 / size,
         pivot=pivot,
         minlength=0.0,

@@ -26,7 +26,7 @@ probes:
   line: {of: track.path, label: path to follow}
   turn: {of: [total.out.omega, lqr.command.omega], label: [$\\omega$, correction]}
 plots:
-  way: {kind: trajectory, of: [pose, line]}
+  way: {kind: trajectory, of: [pose, line], labels: null}
   turn: {kind: timeseries, of: turn}
   both: {kind: timeseries, of: [error.position, error.lateral]}
   errors: {compare: replace=lqr=PathPID}
@@ -53,7 +53,7 @@ def test_labels_of_probes_are_shown_and_stored(file: Path, tmp_path: Path) -> No
     for found in (result, again):
         assert named(found, "way")[:2] == ["robot", "path to follow"]
         assert named(found, "turn") == ["$\\omega$", "correction"]
-        assert named(found, "both") == ["$e_p$", "error.lateral"]
+        assert named(found, "both") == ["$e_p$", "$e_y$"]
     assert list(result.to_dataframe("turn").columns) == ["total.out.omega", "lqr.command.omega"]
 
 
