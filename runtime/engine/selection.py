@@ -17,11 +17,10 @@ from runtime.toolchain import available, find_compiler, install_command
 CALL, NUMBER, COMPUTED = 1.2e-6, 1.5e-8, 2e-6
 # A stage of a solver, in calls: the states moved, the rates tested.
 STAGE = 5
-# The time (s) of all runs together under the Python engine above which they are compiled. With a
-# warm cache the compiled engine starts within 1 s and needs a twentieth of the time per tick in
-# cases A and C (docs/performance.md), so such runs end three times sooner.
-# Compilation time grows faster than the plan: at 2,000 evaluations it no longer pays off.
-PAYS_OFF, PAYS_OFF_PER_SQUARE = 5.0, 1e-3
+# The time (s) of all runs together under the Python engine above which they are compiled: what
+# compiling takes on an empty cache, about 3 s for case C (docs/performance.md), and 2 ms for each
+# evaluation of a long plan.
+PAYS_OFF, PAYS_OFF_PER_CALL = 3.0, 2e-3
 
 
 def take_compiled(network: Network, runs: int, note: Callable[[str], None]) -> bool:
@@ -40,7 +39,7 @@ def take_compiled(network: Network, runs: int, note: Callable[[str], None]) -> b
         find_compiler()
         return True
     calls = sum(len(entry.cls.spec.evaluations) for entry in network.entries.values())
-    wanted = runs * python_seconds(network) > PAYS_OFF + PAYS_OFF_PER_SQUARE * calls**2
+    wanted = runs * python_seconds(network) > PAYS_OFF + PAYS_OFF_PER_CALL * calls
     if wanted and not available():
         note(f"faster with the compiled engine, which needs a C compiler: {install_command()}")
         return False

@@ -10,10 +10,11 @@ from runtime.toolchain.compilers import (
     find_compiler,
     install_command,
 )
-from runtime.toolchain.library import BuildError, Library, Unit, build
+from runtime.toolchain.library import QUICK, BuildError, Library, Unit, build
 from runtime.toolchain.store import VARIABLE, digest, folder, read_record, write_record
 
 __all__ = [
+    "QUICK",
     "VARIABLE",
     "BuildError",
     "Compiler",

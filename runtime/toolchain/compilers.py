@@ -19,6 +19,11 @@ from runtime.toolchain import store
 NAMES = ("cc", "gcc", "clang")
 EXTRA = "compiler"
 SECONDS = 60.0  # for a compiler to say who it is
+# The option for the very processor that it runs on, by kind of processor. Its wider instructions
+# compute the same bits as long as none of them multiplies and adds at once.
+TUNING = {"x86_64": "-march=native", "aarch64": "-mcpu=native"}
+PROCESSOR = Path("/proc/cpuinfo")
+KNOWN_BY = ("vendor_id", "model name", "flags", "features", "cpu implementer", "cpu part")
 # The first of these that knows the system's distribution (ID or ID_LIKE in os-release).
 INSTALL = {
     "debian": "sudo apt install gcc libc6-dev",
@@ -163,6 +168,25 @@ def _answer(candidate: _Candidate, flag: str) -> str:
     except (OSError, subprocess.SubprocessError):
         return ""
     return done.stdout.decode("utf-8", "replace").strip().partition("\n")[0].strip()
+
+
+@cache
+def processor() -> str:
+    """What the processor is and can do; empty where that is not known."""
+    try:
+        # One paragraph for each of its cores; some lines are different on each read.
+        lines = PROCESSOR.read_text(encoding="utf-8", errors="replace").split("\n\n")[0].split("\n")
+    except OSError:
+        return ""
+    named = [line for line in lines if line.lower().startswith(KNOWN_BY)]
+    return "\n".join(named)
+
+
+def tuning(compiler: Compiler) -> tuple[str, ...]:
+    """The options for the processor of this computer, if it is known and they are understood."""
+    option = TUNING.get(os.uname().machine)
+    can = option is not None and bool(processor()) and not set(ZIG_FLAGS) & set(compiler.command)
+    return (option,) if can and option is not None else ()
 
 
 def environment() -> dict[str, str]:

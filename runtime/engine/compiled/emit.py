@@ -74,15 +74,7 @@ class CompiledEmitter(StructEmitter):
                 "};",
                 "",
                 *sorted(f"{prototype};" for prototype in used),
-                RUN.replace("@dt@", repr(self.network.dt)),
-                "        const double t = (double)k * dt;",
-                "        (void)t;",
-                "        ctx->tick = k;",
-                *body,
-                "    }",
-                f"    return {FINISHED};",
-                "}",
-                "",
+                RUN.replace("@dt@", repr(self.network.dt)).replace("@body@", "\n".join(body)),
             ]
         )
         return self.made

@@ -27,23 +27,39 @@ static void set_zero(double *a, int64_t n)
     for (int64_t i = 0; i < n; i++) a[i] = 0.0;
 }
 
-int64_t run(struct plan *plan, struct context *ctx, int64_t first, int64_t last, int64_t low,
-            int64_t high);
-
-int64_t run(struct plan *plan, struct context *ctx, int64_t first, int64_t last, int64_t low,
-            int64_t high)
+static int64_t ticks(struct plan *plan, struct context *ctx, int64_t first, int64_t last,
+                     int64_t low, int64_t high)
 {
-    jmp_buf resume;
     const double dt = @dt@;
-    ctx->resume = &resume;
-    ctx->failure = -1;
     (void)all_finite;
     (void)no_nan;
     (void)set_zero;
     (void)low;
     (void)high;
+    for (int64_t k = first; k < last; k++) {
+        const double t = (double)k * dt;
+        (void)t;
+        ctx->tick = k;
+@body@
+    }
+    return 0;
+}
+
+int64_t run(struct plan *plan, struct context *ctx, int64_t first, int64_t last, int64_t low,
+            int64_t high);
+
+/* Where a block fails, this function returns 2. It is none with all the calls: each of them would
+   be a place to which setjmp may return, which takes the compiler long. */
+int64_t run(struct plan *plan, struct context *ctx, int64_t first, int64_t last, int64_t low,
+            int64_t high)
+{
+    jmp_buf resume;
+    ctx->resume = &resume;
+    ctx->failure = -1;
     if (setjmp(resume)) return 2;
-    for (int64_t k = first; k < last; k++) {"""
+    return ticks(plan, ctx, first, last, low, high);
+}
+"""
 
 
 def count(kind: SignalType) -> int:

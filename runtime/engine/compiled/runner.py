@@ -28,7 +28,7 @@ from runtime.engine.compiled.memory import Context, Words
 from runtime.engine.compiled.structs import PlanText
 from runtime.engine.program import Program
 from runtime.engine.runners import Held, RunContext
-from runtime.toolchain import BuildError, Unit, build, folder
+from runtime.toolchain import QUICK, BuildError, Unit, build, folder
 
 DRIVER = "<the loop around the compiled plan>"
 PLAN = "the plan"
@@ -90,7 +90,7 @@ def _built(program: Program, kernels: Kernels, note: Callable[[str], None]) -> T
         stop = program.observation.stop
         emitter = CompiledEmitter(program.plan, recordings, kernels.compiled, widths, stop)
         text = emitter.compiled()
-        plan = Unit(PLAN, f"{support()}\n{text.text}")
+        plan = Unit(PLAN, f"{support()}\n{text.text}", QUICK)
         units = {kernel.text: kernel.unit for kernel in kernels.compiled.values()}
         try:
             solver = [text.solver] if text.solver is not None else []

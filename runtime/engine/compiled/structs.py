@@ -46,7 +46,8 @@ class PlanText:
     @property
     def words(self) -> int:
         """The size of the struct."""
-        return sum(size for _, size in self.members.values())
+        start, size = next(reversed(self.members.values()), (0, 0))
+        return start + size
 
 
 class StructEmitter(Emitter):

@@ -292,3 +292,19 @@ def test_profile_times_every_block(cli) -> None:
     refused = cli("run", "line_actuator_failure", "--profile", "--engine", "compiled")
     assert refused.returncode == 2
     assert "--engine python" in refused.stderr
+
+
+@needs_compiler
+def test_instructions_of_the_processor_change_no_bit(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = []
+    for tuned in (True, False):
+        if not tuned:
+            monkeypatch.setattr("runtime.toolchain.library.tuning", lambda compiler: ())
+        monkeypatch.setenv("SPIKEBLOCKS_CACHE", str(tmp_path / str(tuned)))
+        # Another object, so that the compiled function is made again.
+        graph = runtime.load("line_actuator_failure").set("run.until", 0.5)
+        found.append(graph.run(engine="compiled").probes)
+    for name, recording in found[0].items():
+        np.testing.assert_array_equal(recording.values, found[1][name].values, err_msg=name)
