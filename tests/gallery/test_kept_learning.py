@@ -13,8 +13,8 @@ GRAPH = Path(__file__).parents[2] / "graphs" / "gallery" / "adaptive_arm.yaml"
 
 def test_what_is_learnt_under_one_fault_helps_under_another(tmp_path: Path) -> None:
     arm = runtime.load(GRAPH)
-    trained = arm.run(until=5.0).save(tmp_path / "trained")
-    other = arm.set("params.strength", 0.8).set("params.load", 1.5).set("run.until", 1.5)
+    trained = arm.run(until=8.0).save(tmp_path / "trained")
+    other = arm.set("params.strength", 0.8).set("params.load", 1.5).set("run.until", 2.0)
     kept = {name: str(trained) for name in ("neurons", "learnt")}
     frozen = other.set("params.learning_rate", 0.0)
     variants = {
