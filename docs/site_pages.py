@@ -32,6 +32,7 @@ GROUPS = {
     "starters": "Starters",
     "gallery": "Gallery",
     "gallery/nengo": "Examples of Nengo",
+    "gallery/published": "Published models",
 }
 COLUMNS = "100"
 
