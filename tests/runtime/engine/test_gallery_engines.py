@@ -1,4 +1,4 @@
-"""Every graph of the gallery gives the same under both engines: spikes exactly, the rest to 1e-12."""
+"""Every graph of the gallery gives the same under both engines: spikes exactly, else to 1e-12."""
 
 from __future__ import annotations
 
