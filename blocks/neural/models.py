@@ -223,7 +223,7 @@ class Izhikevich(NeuronModel):
     """Izhikevich's neuron (2003): v' = 0.04 v^2 + 5 v + 140 - u + J, u' = a (b v - u), in ms."""
 
     initial_voltage = "-65"
-    initial_recovery = -13.0
+    initial_recovery = 0.0
 
     tau_recovery: float = param(0.02, above=0.0, doc="a, in 1/ms")
     coupling: float = param(0.2, at_least=0.0, doc="b")

@@ -402,3 +402,10 @@ def test_check_block_checks_derivatives() -> None:
     ):
         with pytest.raises(Exception, match=message):
             check_block(cls())
+
+
+def test_a_solver_without_continuous_states_is_noted() -> None:
+    graph: dict[str, Any] = {"run": {"solver": "heun"}, "blocks": {"clock": {"type": "Clock"}}}
+    (note,) = runtime.load(graph).network.notes
+    assert note == "run.solver: not used, since no block has continuous states to integrate"
+    assert not graph_of(OSCILLATOR, solver="heun").network.notes
