@@ -1,7 +1,8 @@
 """All measurements in one run:  python -m benchmarks [rounds] [--quick] [--against TREE]
 
 ``--only`` measures one section alone (``language``: the language server; ``continuous``: a loop of
-continuous blocks), and replaces it in the page.
+continuous blocks; ``compiling``: start and speed of the compiled engine), and replaces it in the
+page.
 
 Writes docs/performance.md. First every implementation of a diagram must agree with the others to
 1e-9; where one does not, nothing is timed and nothing is written. ``--quick`` tries everything on
@@ -167,17 +168,28 @@ def replaced(text: str, section: str) -> str:
     return before + section.rstrip("\n") + "\n" + (rest[after:] if after >= 0 else "")
 
 
+def case_a_alone(rounds: int) -> str:
+    """Case A, after all implementations went the same way."""
+    found = {n: case_a_contest(n, ticks)[0] for n, ticks in FULL.case_a.items()}
+    return per_tick.case_a_section(found, rounds)
+
+
+# What ``--only`` measures, of the number of rounds.
 ALONE: dict[str, Callable[[int], str]] = {
-    "language": language.section,
+    "case_a": case_a_alone,
+    "compiling": compiling.section,
     "continuous": continuous.section,
+    "language": language.section,
+    "start_up": start_up.section,
 }
 
 
-def measured_alone(name: str, rounds: int) -> str:
+def measured_alone(name: str, rounds: int, against: Path | None) -> str:
     """One section, with where and under which load it was measured."""
     load = f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "unknown"
     note = f"Measured by itself with `--only {name}` on {machine()}; load before: {load}.\n"
-    return ALONE[name](rounds).rstrip("\n") + f"\n\n{note}"
+    section = partial(compiling.section, against=against) if name == "compiling" else ALONE[name]
+    return section(rounds).rstrip("\n") + f"\n\n{note}"
 
 
 def main() -> int:
@@ -191,7 +203,8 @@ def main() -> int:
         parser.error(f"rounds must be 1 or more, got {options.rounds}")
     if options.only:
         text = replaced(
-            PAGE.read_text(encoding="utf-8"), measured_alone(options.only, options.rounds)
+            PAGE.read_text(encoding="utf-8"),
+            measured_alone(options.only, options.rounds, options.against),
         )
         PAGE.write_text(text, encoding="utf-8")
         return 0

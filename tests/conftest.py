@@ -7,11 +7,14 @@ import pty
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from runtime.toolchain import MissingCompilerError
+from tests.compilers import REASON
 
 # A shell's background jobs ignore Ctrl-C, and so would all that tests start from there.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -62,3 +65,20 @@ def cli(script: Path, tmp_path: Path) -> Run:
         return subprocess.run([str(script), *arguments], **{**settings, **options})
 
     return run
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call() -> Iterator[None]:
+    """Skip a test that asks for the compiled engine where there is no C compiler."""
+    try:
+        yield
+    except MissingCompilerError:
+        pytest.skip(REASON)
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say how many tests were skipped for want of a C compiler."""
+    skipped = terminalreporter.stats.get("skipped", [])
+    count = sum(REASON in str(report.longrepr) for report in skipped)
+    if count:
+        terminalreporter.write_line(f"{count} tests of the compiled engine were skipped: {REASON}")

@@ -282,7 +282,7 @@ class Reader:
             4.0: lambda: _called("square", _called("square", base)),
         }.get(whole if whole is not None else 0.0)
         if product is None:
-            return _called("math.pow", base, self.number(exponent, depth + 1))
+            return _called("real_pow", base, self.number(exponent, depth + 1))
         return ast.BinOp(ast.Constant(1.0), ast.Div(), product()) if negative else product()
 
     def call(self, node: ast.Call, depth: int) -> ast.expr:

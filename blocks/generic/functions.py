@@ -78,6 +78,12 @@ class Function(Block):
         used = [int(number) for text in self.expression for number in _BRACKETED.findall(text)]
         self.read(len(names) or 1 + max(used, default=0))
 
+    def why_not_finite(self) -> str:
+        return (
+            "an expression leaves its domain, as the root or logarithm of a negative number, or "
+            "exceeds all floats; limit its inputs: 'sqrt(max(u[0], 0))'"
+        )
+
     @cached_property
     def resolved(self) -> SignalType:
         """The output's type."""

@@ -13,6 +13,8 @@ HEADER = "# yaml-language-server: $schema="
 USES = {
     "graphs": "run one by its name: runtime run NAME",
     "gallery": "run one: runtime run gallery/NAME",
+    "gallery/nengo": "Nengo's examples; run one: runtime run gallery/nengo/NAME",
+    "gallery/published": "published models; run one: runtime run gallery/published/NAME",
     "starters": "begin with a copy: runtime new my.yaml --from NAME",
     "conditions": "lay one over a graph: --with conditions/NAME",
     "rules": "lay one over a graph: --with rules/NAME",

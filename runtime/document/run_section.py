@@ -124,7 +124,8 @@ def _choice(
     value = default if node is None else node.value
     if node is not None and value not in choices:
         suggestion = hint(str(value), choices) or f"; expected {', '.join(choices)}"
-        problems.add(node.where, f"run.{key}", f"no {key} {node.describe()}{suggestion}")
+        given = repr(value) if isinstance(value, str) else node.describe()
+        problems.add(node.where, f"run.{key}", f"there is no {key} {given}{suggestion}")
         return default
     return str(value)
 

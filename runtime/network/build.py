@@ -38,6 +38,7 @@ from runtime.network.units import check_units
 from runtime.network.wiring import Wiring
 
 BLOCK_KEYS = ("type", "module", "dt")
+SOLVER_KEYS = ("solver", "rtol", "atol", "max_step")
 MAX_TITLE = 120
 Made = MutableMapping[tuple[type[Block], str], Block]
 
@@ -85,6 +86,7 @@ def build(
         notes = check_units(network, problems)
         network = replace(network, notes=(*network.notes, *notes))
     report_open_inputs(network, wiring, problems)
+    network = replace(network, notes=(*network.notes, *_unused_solver(network)))
     check_enabling(network, problems)
     if not problems.found:
         report_open(network, problems)
@@ -94,6 +96,15 @@ def build(
         network = replace(network, initial=initial, notes=(*network.notes, *notes))
     extra = None if missing is None else MissingExtraError(missing.feature, missing.extra)
     return network, extra
+
+
+def _unused_solver(network: Network) -> list[str]:
+    """A note if the graph sets a solver that has nothing to integrate."""
+    run = network.document.get("run")
+    written = [key for key in SOLVER_KEYS if run is not None and run.is_map and run.get(key)]
+    if not written or any(entry.cls.spec.continuous for entry in network.entries.values()):
+        return []
+    return [f"run.{written[0]}: not used, since no block has continuous states to integrate"]
 
 
 def _world(document: Node, problems: Problems) -> World | None:

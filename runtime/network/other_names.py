@@ -28,7 +28,7 @@ _NAMES: dict[str, str] = {
         "log mod atan atan2 polynomial lambda polyval sign square trigonometricfunction"
     ),
     "Sum": "adder add subtract sumofelements difference plus minus",
-    "Product": "prod multiply multiplier divide divider dotproduct",
+    "Product": "prod mul multiply multiplier divide divider dotproduct",
     "Gain": "amplifier amp scale slidergain",
     "MatrixGain": "matrix matrixmultiply",
     "FourierTransform": "fft rfft dft fouriertransform spectrum",

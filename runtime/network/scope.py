@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from blocks.core import SignalType, signal_type
+from blocks.core import TYPES, SignalType, hint, signal_type
 from runtime.document import (
     Node,
     check_keys,
@@ -74,7 +74,8 @@ def part_input(
             raise ValueError(f"expected a signal type such as Twist, got {declared.describe()}")
         return signal_type(declared.value, own=own)
     except ValueError as error:
-        problems.add(declared.where, address, str(error))
+        near = hint(str(declared.value), [*(own or {}), *TYPES])
+        problems.add(declared.where, address, f"{error}{near}")
         return None
 
 

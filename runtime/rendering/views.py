@@ -26,7 +26,7 @@ HIT_SIZE = 0.012
 GLOW = 0.4
 FLOOR_SQUARE = 1.0  # side of a square of the floor, m
 LIGHT_HEIGHT = 3.0
-SHADOW_MARGIN = 1.3  # the shadows of what is at the edge fall beyond it
+SHADOW_MARGIN = 1.9  # the shadows of what is at the edge fall beyond it
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ REQUIRED: dict[str, dict[str, Any]] = {
         "x0": [1, 0.5],
     },
     "DynamicSystem": {"derivative": ["x[1]", "-x[0]"], "initial": [1, 0]},
-    "AlgebraicConstraint": {"expression": "z**3 + z - u[0]*u[1]", "low": -1e3, "high": 1e3},
+    "AlgebraicConstraint": {"expression": "z**3 + z - u[0]", "low": -1e3, "high": 1e3},
     "Butterworth": {"cutoff": 2.0},
     "DiscreteSystem": {"next": ["x[1]", "0.5*x[0] - 0.2*x[1]"], "initial": [1, 0]},
     "SecondOrder": {"natural_frequency": 3.0},

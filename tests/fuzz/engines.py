@@ -42,19 +42,9 @@ TOLERANCE = 1e-12
 DT = 0.01
 ROOM = {"room": [[-3, -3], [3, -3], [3, 3], [-3, 3]], "circles": [[1.5, 1.0, 0.3]]}
 # Called from Python under either engine, with seconds of physics: nothing to compare.
-# Blocks whose widths follow from several wires, and populations, need wiring that the grower
-# cannot draw; tests/runtime/engine/test_compiled_blocks.py has cases of them.
-LEFT_OUT = {
-    "MujocoVacuum",
-    "Concatenate",
-    "Decoder",
-    "Ensemble",
-    "InverseFourierTransform",
-    "KalmanFilter",
-    "MatrixGain",
-    "Select",
-    "Weights",
-}
+# A Decoder and Weights need a population, which their drawn wires do not lead to; an Enable and a
+# Trigger need a part around them. tests/runtime/engine has cases of them.
+LEFT_OUT = {"MujocoVacuum", "Decoder", "InverseFourierTransform", "Weights", "Enable", "Trigger"}
 SIZES: dict[str, int] = {"samples": 150, "beams": 24, "neurons": 8, "wall_points": 20}
 # Blocks that give a signal of a type from nothing, or from what can be had from nothing.
 SOURCES: dict[str, tuple[str, str]] = {
@@ -101,8 +91,11 @@ class Grower:
         if self.draw(st.integers(0, 4)) == 0 and not cls.spec.continuous:
             entry["dt"] = 5 * DT
         self.blocks[name] = entry
-        variables = {**given, **own_variables(cls, entry)}
-        lengths = {**SIZES}
+        made = constructed(cls, entry)
+        own = {} if made is None else made.variables
+        variables = given | {key: kind for key, kind in own.items() if not kind.symbol}
+        # What the parameters settle, as those of a linear system.
+        lengths = SIZES | ({} if made is None else made.sizes())
         wires: dict[str, Any] = {}
         for port, declared in cls.spec.inputs.items():
             if declared.default is not None and self.draw(st.booleans()):
@@ -119,16 +112,19 @@ class Grower:
             if declared.variadic:
                 number = len(entry["signs"]) if "signs" in entry else self.draw(st.integers(1, 3))
                 wires[port] = [self.output_of(wanted) for _ in range(number)]
+                if declared.spread:
+                    lengths[declared.spread] = number
             else:
                 wires[port] = self.output_of(wanted)
         if wires:
             self.wires[name] = wires
+        lengths |= {} if made is None else made.infer(lengths)
         for port, out in cls.spec.outputs.items():
-            made = out.type
-            if isinstance(made, Same):
-                made = variables.setdefault(made.variable, Scalar)
+            kind_of = out.type
+            if isinstance(kind_of, Same):
+                kind_of = variables.setdefault(kind_of.variable, Scalar)
             self.outputs[f"{name}.{port}"] = (
-                made.sized(lengths[str(made.symbol)]) if made.symbol else made
+                kind_of.sized(lengths[str(kind_of.symbol)]) if kind_of.symbol else kind_of
             )
         return name
 
@@ -174,6 +170,10 @@ class Grower:
                 found[name] = value
         if "tau_ref" in cls.spec.params:  # spikes need a step below it, and rates below its inverse
             found.update(tau_ref=0.06, max_rates=[5.0, 12.0])
+        if cls.__name__ == "AlgebraicConstraint":
+            found.update(low=-1e3, high=1e3)
+        if cls.__name__ == "Ensemble":
+            found.update(neuron={"type": "LIF", "tau_ref": 0.06}, max_rates="uniform(5, 12)")
         if cls.__name__ == "Constant":
             kind = given["T"]
             values = [self.draw(NUMBERS) for _ in range(int(np.prod(kind.shape)))]
@@ -203,13 +203,12 @@ class Grower:
             self.wires[name] = {"input": self.draw(st.sampled_from(fitting))}
 
 
-def own_variables(cls: type[Block], entry: dict[str, Any]) -> dict[str, SignalType]:
-    """The type variables that a block's parameters settle, as those of a linear system."""
+def constructed(cls: type[Block], entry: dict[str, Any]) -> Block | None:
+    """The block of an entry; None if its parameters are wrong."""
     try:
-        made = cls(**{key: value for key, value in entry.items() if key not in ("type", "dt")})
+        return cls(**{key: value for key, value in entry.items() if key not in ("type", "dt")})
     except ParameterError:
-        return {}
-    return {name: kind for name, kind in made.variables.items() if not kind.symbol}
+        return None
 
 
 @st.composite

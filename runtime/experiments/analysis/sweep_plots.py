@@ -175,6 +175,8 @@ def _numbers(axes: Axes, grid: FloatArray, seeds: NDArray[np.int_], most: int) -
             n = seeds[row, column]
             share = f"\n{n}/{most}" if n < most else ""
             axes.text(column, row, f"{value:.3g}{share}", color=colour, **look)
+        else:
+            axes.text(column, row, f"{seeds[row, column]}/{most}", color=GREY, **look)
 
 
 def _scatter(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:

@@ -199,3 +199,34 @@ def test_a_wrong_range_is_refused(source: str, part: str) -> None:
 def test_a_removed_input_that_would_shift_the_others_is_an_error() -> None:
     with pytest.raises(runtime.GraphError, match="shift the components after it"):
         runtime.load(GRAPH).without("pose").check()
+
+
+@pytest.mark.parametrize(
+    ("expression", "values"),
+    [
+        ("1 if sqrt(x) < 1 else 2", [2.0, 1.0]),
+        ("1 if log(x) < 0 else 2", [2.0, 1.0]),
+        ("1 if x**0.5 > 0 else 2", [2.0, 1.0]),
+        ("1 if asin(2*x) > 0 else 2", [2.0, 1.0]),
+        ("1 if acosh(x) > 0 else 2", [2.0, 2.0]),
+        ("1 if cosh(2000*x) > 0 else 2", [1.0, 1.0]),
+        ("1 if pow(x + 1, -2000) > 5 else 2", [1.0, 2.0]),
+        ("1 if gamma(4*x) > 0 else 2", [2.0, 1.0]),
+        ("1 if sin(exp(2000*x)) < 2 else 2", [1.0, 2.0]),
+    ],
+)
+def test_both_engines_compute_outside_of_a_domain_alike(
+    expression: str, values: list[float]
+) -> None:
+    """At -0.5 and 0.5: NaN, for which no comparison holds, or infinity."""
+    entry = {"type": "Function", "names": ["x"], "expression": expression}
+    for engine in ("python", "compiled"):
+        found = respond(entry, {"u": [[-0.5, 0.5]]}, engine=engine)
+        np.testing.assert_array_equal(found, values, err_msg=engine)
+
+
+def test_an_output_outside_of_a_domain_says_why() -> None:
+    entry = {"type": "Function", "expression": "sqrt(u[0])"}
+    for engine in ("python", "compiled"):
+        with pytest.raises(Exception, match="not finite: nan; an expression leaves its domain"):
+            respond(entry, {"u": [[1.0, -1.0]]}, engine=engine)

@@ -540,7 +540,7 @@ PARTS = {
         with_part(),
         changed(PART, ("a: Twist", "a: Twst"), ("optional: true", "optional: yes")),
         "p.yaml:3:13: blocks.p.inputs.a: no signal type 'Twst'; the types are Scalar, Pose, Twist, "
-        "WheelSpeeds, TrackingState, Vector, Spikes, Scan, PointCloud, Path",
+        "WheelSpeeds, TrackingState, Vector, Spikes, Scan, PointCloud, Path, did you mean 'Twist'?",
         "p.yaml:3:46: blocks.p.inputs.b.optional: expected true or false, got the text 'yes'",
     ],
     "output unknown": [

@@ -338,7 +338,9 @@ def test_a_continuous_block_has_no_step_of_its_own() -> None:
 
 
 def test_an_unknown_solver() -> None:
-    with pytest.raises(GraphError, match="run.solver: no solver .*'rk5', did you mean 'rk4'"):
+    with pytest.raises(
+        GraphError, match="run.solver: there is no solver 'rk5', did you mean 'rk4'"
+    ):
         graph_of(OSCILLATOR, solver="rk5").check()
 
 
@@ -402,3 +404,10 @@ def test_check_block_checks_derivatives() -> None:
     ):
         with pytest.raises(Exception, match=message):
             check_block(cls())
+
+
+def test_a_solver_without_continuous_states_is_noted() -> None:
+    graph: dict[str, Any] = {"run": {"solver": "heun"}, "blocks": {"clock": {"type": "Clock"}}}
+    (note,) = runtime.load(graph).network.notes
+    assert note == "run.solver: not used, since no block has continuous states to integrate"
+    assert not graph_of(OSCILLATOR, solver="heun").network.notes

@@ -173,3 +173,20 @@ def test_trials_that_stop_are_sound(tmp_path: Path) -> None:
     (index,) = (tmp_path / "s").glob("**/index.csv")
     rows = index.read_text(encoding="utf-8").split("\n")
     assert all(",ok," in row for row in rows[1:] if row), rows
+
+
+def test_an_ablation_says_when_each_variant_stopped(tmp_path: Path) -> None:
+    """Without the spring, the position stays where it is, and nothing stops the run."""
+    graph = stopping({"when": "position.out", "below": 0.5}, engine="python")
+    graph = graph.set("metrics.fell", {"kind": "stop_time"})
+    graph = graph.set("blocks.push", {"type": "Sum", "signal": "Scalar"})
+    graph = graph.wire("push.terms", ["spring.out"]).wire("speed.input", "push.out")
+    (tmp_path / "g.yaml").write_text(graph.to_yaml(), encoding="utf-8")
+    arguments = ["--without", "spring", "--seeds", "0", "--jobs", "1", "--no-plots", "--json"]
+    done = command("ablate", str(tmp_path / "g.yaml"), *arguments, "--out", str(tmp_path / "a"))
+    assert done.returncode == 0, done.stderr
+    (index,) = (tmp_path / "a").glob("**/index.csv")
+    header, *rows = (line.split(",") for line in index.read_text().splitlines())
+    fell = {row[header.index("variant")]: row[header.index("fell")] for row in rows}
+    assert float(fell.pop("baseline")) == pytest.approx(THIRD, abs=2e-6)
+    assert list(fell.values()) == [""]

@@ -68,6 +68,7 @@ def test_means_over_some_of_the_seeds_are_marked(here: Run, draw: Path, folder: 
     panels = {axes.get_title("left"): axes for axes in figure.axes}
     written = [text.get_text() for text in panels["above_two [s]"].texts]
     assert [text for text in written if "\n" in text] == ["0\n1/3", "0\n2/3"] * 2
+    assert written.count("0/3") == 2
     assert not any("\n" in text.get_text() for text in panels["drawn"].texts)
     assert read_sweep(folder).is_partial("above_two").sum() == 4
 

@@ -19,6 +19,7 @@ from runtime.errors import Problems
 from runtime.experiments.design.experiment import read_experiment
 from runtime.experiments.design.seeds import Seeds, parse_seeds
 from runtime.experiments.execution.plan import sweep_plan
+from tests.compilers import needs_compiler
 from tests.conftest import Run
 from tests.runtime.experiments.graphs import normal
 
@@ -67,6 +68,7 @@ def test_seeds_alone_are_a_sweep(here: Run, draw: Path, tmp_path: Path) -> None:
     assert [row["seed"] for row in rows(tmp_path / "sweeps" / "draw")] == list("01234567")
 
 
+@needs_compiler
 def test_all_trials_have_one_engine() -> None:
     # Compilation does not pay off for two trials; it does for as many as would take minutes.
     for seeds, engine in (("0..1", "python"), ("0..9999999", "compiled")):

@@ -15,6 +15,7 @@ import runtime
 from runtime.experiments.execution import worker
 from runtime.experiments.execution.trials import Configuration, GraphBundle, Trial
 from runtime.experiments.execution.worker import Task, TrialResult, run_task
+from tests.compilers import skip_without_compiler
 
 THREADS = 8
 OWN = '''
@@ -65,6 +66,8 @@ def tasks(folder: Path, engine: str) -> list[Task]:
     if engine == "python":
         graphs.append((learning, "params.v_r", (0.8, 0.9, 1.0)))
     made = []
+    if engine == "compiled":
+        skip_without_compiler()
     for graph, path, values in graphs:
         bundle = GraphBundle.of(graph.set("run.engine", engine))
         for value in values:

@@ -86,8 +86,8 @@ def test_shipped_files_are_valid_and_name_their_schema(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
     assert checked(text)
     header = re.match(r"# yaml-language-server: \$schema=(\S+)\n", text)
-    if header is not None:
-        assert (path.parent / header[1]).resolve() == GRAPHS / "schema.json"
+    assert header is not None, f"begin {path} with '# yaml-language-server: $schema=...'"
+    assert (path.parent / header[1]).resolve() == GRAPHS / "schema.json"
 
 
 @pytest.mark.parametrize(

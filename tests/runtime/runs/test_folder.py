@@ -20,6 +20,7 @@ from runtime.engine.interrupts import Interrupts, stoppable
 from runtime.errors import UsageError
 from runtime.files import NAME_BYTES, json_text, slug, write_whole
 from runtime.runs.draft import PARTIAL, Draft, leftovers
+from tests.compilers import needs_compiler
 from tests.conftest import Run
 
 OWN = '''
@@ -73,7 +74,7 @@ REMOVE = f"[p.unlink(missing_ok=True) for p in {FILES}]"
 
 
 @pytest.mark.parametrize("act", [EDIT, REMOVE], ids=["edited", "removed"])
-@pytest.mark.parametrize("engine", ["python", "compiled"])
+@pytest.mark.parametrize("engine", ["python", pytest.param("compiled", marks=needs_compiler)])
 def test_the_folder_holds_the_texts_that_ran(cli: Run, acting: Any, act: str, engine: str) -> None:
     folder = acting(act)
     own, graph = (folder / "own.py").read_text(), (folder / "g.yaml").read_text()
