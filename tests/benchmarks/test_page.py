@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+pytest.importorskip("numba", reason="loops written by hand need numba (extra 'bench')")
+
 from benchmarks.__main__ import replaced
 
 PAGE = "# Page\n\n## One\n\n1\n\n## Two\n\n2\n\n## Three\n\n3\n"

@@ -241,7 +241,7 @@ class TestOptions:
             ({"distance": "far"}, "plots.p.distance: expected a number above 0 m, got the text"),
             ({"body_radius": -1}, "plots.p.body_radius: expected a number above 0 m, got -1"),
             ({"engaged": "explore.engage"}, "plots.p.engaged: 'explore' has no output"),
-            ({"engaged": "pose"}, "plots.p.engaged: expected one column, as in explore.engaged"),
+            ({"engaged": "pose"}, "plots.p.engaged: expected one column, got 3; name one of them"),
             ({"engaged": 3}, "plots.p.engaged: expected a probe's name or an address, got 3"),
             ({"of": ["pose", "lidar.scan"]}, "plots.p.of: a map needs one Pose, as in plant.pose"),
         ],
