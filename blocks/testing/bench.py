@@ -94,11 +94,16 @@ class Bench:
             for name, declared in spec.states.items()
         }
         if self.open_inputs:
-            none = {name: (False,) * len(flags) for name, flags in context.terms.items()}
-            context = replace(context, terms=none)
+            context = self.open_context
         state = BlockState(context, np.random.SeedSequence(seed), arrays)
         _ = state.rng  # created on first use, which must not count as a change
         return state
+
+    @property
+    def open_context(self) -> BlockContext:
+        """The context in which no signal is wired to inputs of any number of signals."""
+        none = {name: (False,) * len(flags) for name, flags in self.context.terms.items()}
+        return replace(self.context, terms=none)
 
     def _inputs(self, draw: np.random.Generator) -> dict[str, Any]:
         values: dict[str, Any] = {}

@@ -52,7 +52,9 @@ def test_every_graph_has_a_model() -> None:
     assert sorted(MODELS) == GRAPHS
     assert len(GRAPHS) >= 20
     for name in GRAPHS:
-        first, second = (FOLDER / f"{name}.yaml").read_text(encoding="utf-8").split("\n")[:2]
+        lines = (FOLDER / f"{name}.yaml").read_text(encoding="utf-8").split("\n")
+        schema, first, second = lines[:3]
+        assert schema.startswith("# yaml-language-server")
         assert first.startswith("# ")
         assert first.endswith((".", ";"))
         assert second == f"graph: {name}"
