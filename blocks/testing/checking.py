@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -132,12 +132,7 @@ def settle(
     rejections = []
     for count in TERMS if variadic else (0,):
         lengths.update(dict.fromkeys(spread, count))
-        # Lengths of outputs may follow from those of inputs.
-        for ports in (spec.inputs, spec.outputs):
-            for port in ports.values():
-                if isinstance(port.type, SignalType) and port.type.symbol:
-                    lengths.setdefault(port.type.symbol, resolve(port.type).shape[0])
-            lengths.update({s: n for s, n in block.infer(lengths).items() if s not in lengths})
+        _complete(block, lengths, resolve)
         types = {name: resolve(port.type) for name, port in spec.ports.items()}
         for name, kind in given.items():
             if types[name] != (kind.sized(types[name].length) if kind.symbol else kind):
@@ -151,3 +146,14 @@ def settle(
         else:
             return context
     raise rejections[0]
+
+
+def _complete(
+    block: Block, lengths: dict[str, int], resolve: Callable[[PortType], SignalType]
+) -> None:
+    """Add the lengths that are still open: those of outputs may follow from those of inputs."""
+    for ports in (block.spec.inputs, block.spec.outputs):
+        for port in ports.values():
+            if isinstance(port.type, SignalType) and port.type.symbol:
+                lengths.setdefault(port.type.symbol, resolve(port.type).shape[0])
+        lengths.update({s: n for s, n in block.infer(lengths).items() if s not in lengths})
