@@ -54,7 +54,7 @@ class Trigger(PartEnable):
     before = State(doc="1 if the input was positive on the last tick, otherwise 0")
 
     def output(self, state: BlockState, t: float, input: float) -> float:
-        after, before = input > 0.0, state.before > 0.0
+        after, before = input > 0.0, float(state.before) > 0.0
         if self.edge != "falling" and after and not before:
             return 1.0
         if self.edge != "rising" and before and not after:

@@ -194,7 +194,8 @@ def make_tuning(network: Network, end: Endpoint, label: str) -> Signal | None:
         return None
     (port, method), lengths = published[0], network.context(end.block).lengths
     every, end = network.entries[end.block].every, Endpoint(end.block, port)
-    shape, address = table_shape(lengths), f"{label}.tuning"
+    # Dimensions that nothing decides are a problem by themselves, and the graph does not run.
+    shape, address = table_shape({"d": 1, **lengths}), f"{label}.tuning"
     return Signal(
         *(address, end, shape, (address,), ("Hz",), "Tuning", every),
         constant=True,
