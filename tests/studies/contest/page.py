@@ -30,10 +30,10 @@ INTRODUCTION = """# Controllers at equal budget and effort
 
 Written by `python -m tests.studies.contest`; every number is from its runs. Case C: the contestants
 follow the walls of the paper's room. Each was tuned by the same optimiser on the same training
-runs, with the same number of trials, for the smallest mean error under a limit of effort, once
-under a low one ("gentle") and once under a high one ("stiff"); its winners were then run on
-held-out seeds and conditions. The experiment files are in `tests/studies/contest/experiments`:
-`runtime tune FILE` runs one of them again.
+runs, with the same number of trials, for the smallest mean error under a limit of effort, of which
+there are a low one ("gentle") and a high one ("stiff"); its winner was then run on held-out seeds
+and conditions. The last line says who has not been run. The experiment files are in
+`tests/studies/contest/experiments`: `runtime tune FILE` runs one of them again.
 """
 
 READING = """## How to read this
@@ -106,9 +106,10 @@ def _opening(sections: Sequence[_Section]) -> list[str]:
     trials = {one.stored["trials"] for one in everyone}
     budget = " or ".join(map(str, sorted(trials)))
     first = everyone[0]
+    limits = "one limit" if len(sections) == 1 else f"each of {len(sections)} limits"
     return [
         f"{len({one.name for one in everyone})} controllers were tuned with {budget} trials each "
-        f"under each of {len(sections)} limits of effort, on at most {_count(first, 'training')} "
+        f"under {limits} of effort, on at most {_count(first, 'training')} "
         f"training runs a trial, and judged on {len(first.runs)} "
         f"held-out runs{SMALL if max(trials) < PLENTY else ''}."
     ]
@@ -261,6 +262,7 @@ def draw(found: Mapping[str, Sequence[Contestant]], path: Path) -> None:
     """Held-out error against effort: each contestant's winners, with their intervals."""
     from matplotlib import colormaps
     from matplotlib.figure import Figure
+    from matplotlib.ticker import LogLocator, ScalarFormatter
 
     from runtime.plots import save_figure
 
@@ -283,6 +285,9 @@ def draw(found: Mapping[str, Sequence[Contestant]], path: Path) -> None:
         for effort, error in zip(efforts, errors, strict=True):
             axes.plot([effort] * 2, [MM * error.low, MM * error.high], color=color, alpha=0.5)
     axes.set_yscale("log")
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 1.5, 2.0, 3.0, 5.0, 7.0)))
+    axes.yaxis.set_major_formatter(ScalarFormatter())
+    axes.yaxis.set_minor_formatter("")
     axes.set_xlabel("change of the commanded turn rate in 50 ms, rms (rad/s), held-out runs")
     axes.set_ylabel("error on the held-out runs (mm)")
     figure.legend(loc="outside right upper", fontsize=7.0)
