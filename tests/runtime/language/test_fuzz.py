@@ -121,4 +121,4 @@ def test_five_thousand_random_edits_and_places_in_bounded_memory() -> None:
     ask_all(seed=4, count=4000, per_file=20)
     after, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert after - before < 60e6
+    assert after - before < 30e6
