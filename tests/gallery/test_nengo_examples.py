@@ -28,8 +28,6 @@ SLOW = (
     *("integrator_network", "basal_ganglia"),
 )
 SEEDS, MORE_SEEDS = 4, 8
-# Their seeds scatter little, and each takes seconds.
-FEW = ("multiplication", "matrix_multiplication", "controlled_oscillator")
 # Neither has a formula for its rates. Nengo counts spikes from the first step on, in which the
 # recovery variable still rises; we count the steady rate, so that gains and decoders differ.
 STEADY = "izhikevich"
@@ -72,7 +70,7 @@ def test_every_graph_has_a_model() -> None:
     ],
 )
 def test_means_over_seeds_are_nengos(name: str) -> None:
-    seeds = MORE_SEEDS if name in SLOW and name not in FEW else SEEDS
+    seeds = MORE_SEEDS if name in SLOW else SEEDS
     radius = RADIUS.get(name, 1.0)
     mine = np.stack([ours(name, seed) for seed in range(seeds)]) / radius
     seconds = mine.shape[1] * 0.001

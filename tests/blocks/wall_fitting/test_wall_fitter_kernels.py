@@ -136,7 +136,7 @@ def untied(block: WallFitter, line: np.ndarray) -> bspline.Samples | None:
 REFERENCE = WallFitter.reference
 
 
-@settings(max_examples=150)
+@settings(max_examples=300)
 @given(
     scan=scans(),
     degree=st.integers(2, 7),
