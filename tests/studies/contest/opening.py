@@ -128,9 +128,7 @@ def _without_spikes(limits: Sequence[_Limit], contest: Contest) -> str:
             if own is not None and one.name.endswith("for spikes"):
                 apart = mm(one.held_out(ERROR).mean - own.held_out(ERROR).mean, "+")
                 what = one.name.removeprefix(OTHERS).removesuffix(" for spikes")
-                parts.append(
-                    f"an {what} in place of the neurons of our rule {apart} ({limit.name})"
-                )
+                parts.append(f"an {what} for the neurons of our rule {apart} ({limit.name})")
     changed, count = budgets.changed(contest)
     told = f"; doubling budgets changes {changed} of {count} verdicts" if count else ""
     return f"What else the error depends on, in mm: {', '.join(parts)}{told}."

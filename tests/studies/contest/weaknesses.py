@@ -63,17 +63,18 @@ HEAD = """## What the rules do badly
 Seeds {first} to {last}, beside the graph's own LQR and feedforward; nothing was tuned on these
 seeds. Mean errors in mm with 95 % intervals.
 """
-HEALS = """**After a fault has healed** (case C, half of the turn rate lost from 60 to 90 s): the mean
-distance error in excess of that of the same run without the fault. The rule has unlearned in
+HEALS = """**After a fault has healed** (case C, half of the turn rate lost from 60 to 90 s): the
+mean distance error in excess of that of the same run without the fault. The rule has unlearned in
 time where the second interval is below {counts:g} mm.
 """
 CONSTANT = """**A constant bias of 0.15 rad/s in case A**, 35 s: runs that settle within 0.1 m and
 0.1 rad for good, and the lateral offset over the last 5 s.
 """
-NOISY = """**Noise of the range** (case C without a fault, from when the contour is reached): the rule's
-error, and in brackets what it adds to that of the LQR on the same runs.
+NOISY = """**Noise of the range** (case C without a fault, from when the contour is reached): the
+rule's error, and in brackets what it adds to that of the LQR on the same runs.
 """
-DIFFER = """**Constants that differ from case to case** (A, B, C), of those that the rule has: {found}.
+DIFFER = """**Constants that differ from case to case** (A, B, C), of those that the rule has:
+{found}.
 """
 
 
