@@ -114,7 +114,7 @@ def _conditions(limits: Sequence[_Limit]) -> str:
     losses = sum(value >= COUNTS for value, _, _ in found)
     return (
         f"Condition by condition, spiking adaptation lowers the mean error by at least "
-        f"{MM * COUNTS:g} mm in {gains} of {len(found)} cases and raises it by as much in {losses}; "
+        f"{MM * COUNTS:g} mm in {gains} of {len(found)} cases and raises it as much in {losses}; "
         f"the largest gain is {mm(least[0], '+')} mm ({least[2]}; {least[1]}), the largest loss "
         f"{mm(most[0], '+')} mm ({most[2]}; {most[1]})."
     )
