@@ -135,7 +135,10 @@ def _without_spikes(limits: Sequence[_Limit], contest: Contest) -> str:
 
 
 def _bare(limits: Sequence[_Limit]) -> Iterator[str]:
-    for limit in limits:
-        if BARE in limit.against:
-            apart = interval(limit.against[BARE].difference, "+")
-            yield f"leaving out the feedforward {apart} ({limit.name})"
+    parts = [
+        f"{interval(limit.against[BARE].difference, '+')} ({limit.name})"
+        for limit in limits
+        if BARE in limit.against
+    ]
+    if parts:
+        yield f"leaving out the feedforward {listed(parts)}"
