@@ -24,6 +24,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("blocks.wall_fitting", "blocks.mujoco"),
     ("blocks.registry",),
     ("blocks",),
+    ("runtime.lazy",),
     ("runtime.errors", "runtime.schema", "runtime.streaming", "runtime.codegen"),
     ("runtime.files",),
     ("runtime.terminal", "runtime.dataframes", "runtime.toolchain"),

@@ -31,8 +31,7 @@ THREADS = tuple(
     f"{library}_NUM_THREADS"
     for library in ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM", "NUMEXPR", "NUMBA")
 )
-# networkx is only needed by the first trial.
-PRELOADED = ("runtime.experiments.execution.worker", "networkx")
+WORKER = "runtime.experiments.execution.worker"
 # It imports only what this process could import, and nothing from the current folder.
 PROGRAM = (
     "import sys; del sys.path[0]; import json; sys.path[:] = json.loads(sys.argv[2]); "
@@ -174,8 +173,7 @@ def serve(control_file: int, folder: str) -> NoReturn:
     signal.set_wakeup_fd(wake_writer, warn_on_full_buffer=False)
     workers: set[int] = set()
     try:
-        for name in PRELOADED:
-            importlib.import_module(name)
+        importlib.import_module(WORKER)
         while True:
             ready, _, _ = select.select([control.fileno(), wake_reader], [], [])
             if wake_reader in ready:
