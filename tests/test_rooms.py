@@ -39,7 +39,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.graph",),
     ("runtime.compare", "runtime.rendering", "runtime.export"),
     ("runtime.compare.overlay",),
-    ("runtime.experiments.design",),
+    ("runtime.experiments.design", "runtime.experiments.processes"),
     ("runtime.experiments.execution",),
     ("runtime.experiments.analysis",),
     ("runtime.experiments.analysis.sweep_plots", "runtime.experiments.analysis.ablation_plots"),
