@@ -84,7 +84,7 @@ def adjusted(p: Sequence[float]) -> list[float]:
     falling = known[np.argsort(-values[known], kind="stable")]
     ranks = np.arange(len(known), 0, -1)
     values[falling] = np.minimum.accumulate(values[falling] * len(known) / ranks).clip(0.0, 1.0)
-    return values.tolist()
+    return [float(value) for value in values]
 
 
 def presence(values: Sequence[float | None], baseline: Sequence[float | None]) -> float:
