@@ -29,8 +29,7 @@ _NAMES: dict[str, str] = {
     ),
     "Sum": "adder add subtract sumofelements difference plus minus",
     "Product": "prod mul multiply multiplier divide divider dotproduct",
-    "Gain": "amplifier amp scale slidergain",
-    "MatrixGain": "matrix matrixmultiply",
+    "Gain": "amplifier amp scale slidergain matrix matrixmultiply matrixgain",
     "FourierTransform": "fft rfft dft fouriertransform spectrum",
     "InverseFourierTransform": "ifft irfft idft",
     "Compare": (

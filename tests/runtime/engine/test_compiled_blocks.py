@@ -247,13 +247,13 @@ CASES: dict[str, list[Case]] = {
         *generic(blocks.Gain(gain=-0.7)),
         Case(blocks.Gain(gain=[2, -3]), {"input": Twist}),
         Case(blocks.Gain(gain=[2, -3]), {"input": Vector(2)}),
+        Case(blocks.Gain(gain=[[1, 2, 3], [4, 5, 6]])),
     ],
     "FourierTransform": [Case(blocks.FourierTransform(), {"input": Vector(n)}) for n in (1, 6, 7)],
     "InverseFourierTransform": [
         Case(blocks.InverseFourierTransform(odd=odd), {"re": Vector(4), "im": Vector(4)})
         for odd in (False, True)
     ],
-    "MatrixGain": [Case(blocks.MatrixGain(matrix=[[1, 2, 3], [4, 5, 6]]))],
     "Product": [
         Case(blocks.Product(powers=[1, -1])),
         Case(blocks.Product(), {"factors": Twist}),
