@@ -47,6 +47,7 @@ REQUIRED: dict[str, dict[str, Any]] = {
     "LookupTable2D": {"x": [-1, 1], "y": [-1, 1], "values": [[1, 2], [3, 4]]},
     "MovingAverage": {"samples": 3},
     "Piecewise": {"times": [0, 1, 2], "values": [1, 3, 2]},
+    "PinkNoise": {"density": 0.1},
     "Quantizer": {"step": 0.1},
     "RandomWalk": {"density": 0.1},
     "RateLimiter": {"rising": 1.0},
