@@ -62,7 +62,7 @@ from blocks.core.declarations import BlockSpec, DeclarationError, Evaluation, In
 from blocks.core.params import ParameterError, hint, plain, show
 from blocks.core.reading import STATED, read_declarations
 from blocks.core.settings import SettingError
-from blocks.core.signals import SignalType
+from blocks.core.signals import PortType, SignalType
 
 __all__ = [
     "Block",
@@ -263,6 +263,10 @@ class Block:
         """Type variables that the block's own parameters determine."""
         stated = self.__dict__.get(STATED)
         return {} if stated is None else {self.spec.generic: stated}
+
+    def port_type(self, name: str) -> PortType:
+        """The type of a port; parameters may determine another than the declared one."""
+        return self.spec.ports[name].type
 
     @property
     def indirect(self) -> tuple[str, ...]:
