@@ -63,7 +63,7 @@ CONTESTANTS: dict[str, dict[str, Any]] = {
         "graph": "../../robust.yaml",
         "vary": {
             **WEIGHTS,
-            "adaptive.params.rate_omega": "log(1e-6..1e-3)",
+            "adaptive.params.rate_omega": "log(1e-6..1e-1)",
             "adaptive.params.leak": "log(1e-3..5)",
             "lateral.gain": "log(0.3..20)",
         },
