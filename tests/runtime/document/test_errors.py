@@ -170,8 +170,8 @@ CASES = {
     "parameter required": [
         ("  plant: {type", "  g: {type: Gain}\n  plant: {type"),
         ("wires:\n", "wires:\n  g: {input: lqr.command}\n"),
-        "g.yaml:9:3: blocks.g.gain: missing; expected a number or an array of n numbers: "
-        "the factor, or one per component",
+        "g.yaml:9:3: blocks.g.gain: missing; expected a number or an array of n or mxn numbers: "
+        "the factor, one per component, or a matrix by rows",
     ],
     "decimal comma": [
         ("{type: LinePath}", "{type: LinePath, y: 3,5}"),
@@ -444,7 +444,7 @@ PARTS = {
     "param of the wrong kind": [
         with_part(("{graph: p.yaml}", "{graph: p.yaml, params: {k: x}}")),
         PART,
-        "g.yaml:9:34: blocks.p.blocks.g.gain: expected a number or an array of n numbers, "
+        "g.yaml:9:34: blocks.p.blocks.g.gain: expected a number or an array of n or mxn numbers, "
         "got the text 'x'",
     ],
     "param beside params": [
