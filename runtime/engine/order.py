@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from runtime.engine.steps import Step, drivers
-from runtime.errors import NOWHERE, Problems, Where
+from runtime.errors import NOWHERE, Problems
 from runtime.network import Network
 
 
@@ -39,12 +39,12 @@ def ordered_steps(network: Network, enables: Mapping[str, Sequence[str]]) -> lis
             makes.update({(name, port): (name, i) for port in evaluation.outputs})
     for (name, i), step in steps.items():
         for enable in step.enables:
-            edge = (f"{enable}.on ▸ {name}", "")
+            edge = (f"{enable}.on ▸ {name}", NOWHERE)
             graph.add_edge(makes[enable, "on"], (name, i), edge=edge)
         for port in step.evaluation.needs:
             for wire in wires.get((name, port), ()):
                 source = makes[wire.source.block, wire.source.port]
-                edge = (f"{wire.source} ▸ {wire.target}", wire.where.file)
+                edge = (f"{wire.source} ▸ {wire.target}", wire.where)
                 graph.add_edge(source, (name, i), edge=edge)
     if not nx.is_directed_acyclic_graph(graph):
         _report_loops(graph)
@@ -64,6 +64,6 @@ def _report_loops(graph: Any) -> None:
             edges = [inside.edges[a, b]["edge"] for a, b in cycle]
             path = " ▸ ".join(text for text, _ in edges)
             message = f"algebraic loop: {path}; a UnitDelay on one of these wires breaks it"
-            file = next((file for _, file in edges if file), "")
-            problems.add(Where(file) if file else NOWHERE, "", message)
+            where = next((where for _, where in edges if where.file), NOWHERE)
+            problems.add(where, "", message)
     problems.raise_any()
