@@ -330,8 +330,8 @@ CASES = {
     ],
     "loop": [
         ("[lqr.command, match", "[total.out, match"),
-        "g.yaml: algebraic loop: total.out ▸ total.terms[0]; a UnitDelay on one of these wires "
-        "breaks it",
+        "g.yaml:14:19: algebraic loop: total.out ▸ total.terms[0]; a UnitDelay on one of these "
+        "wires breaks it",
     ],
     # -- removing
     "without nothing": [
@@ -659,7 +659,7 @@ def test_every_loop_is_reported(tmp_path: Path) -> None:
         "b.out ▸ a.terms[0] ▸ a.out ▸ b.terms[0]",
     )
     suggestion = "; a UnitDelay on one of these wires breaks it"
-    assert second == f"g.yaml: algebraic loop: e.out ▸ e.terms[1]{suggestion}"
+    assert second == f"g.yaml:17:24: algebraic loop: e.out ▸ e.terms[1]{suggestion}"
 
 
 OWN = """\
