@@ -78,7 +78,8 @@ def section(seeds: int, until: float, rounds: int) -> str:
     return (
         f"\n## What a sweep adds\n\nCase A over {until:g} s. 'One run' is warm and alone in its "
         f"process; the sweep is the whole command on {cores()} workers, from its start to its last "
-        f"row, without figures. Ideal: the runs side by side and nothing else.\n\n{table(head, rows)}{goals(wanted)}"
+        f"row, without figures. Ideal: the runs side by side and nothing else.\n\n"
+        f"{table(head, rows)}{goals(wanted)}"
     )
 
 
