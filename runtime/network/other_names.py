@@ -45,6 +45,7 @@ _NAMES: dict[str, str] = {
     "Piecewise": "fromworkspace repeatingsequence signalbuilder timetable fromspreadsheet",
     "Clock": "time digitalclock",
     "WhiteNoise": "noise bandlimitedwhitenoise randomnumber gaussiannoise rng uniformrandomnumber",
+    "WhiteSignal": "bandlimitedsignal bandlimitedrandom",
     "PinkNoise": "oneoverfnoise 1/fnoise flickernoise pink",
     "RandomWalk": "browniannoise wienerprocess brownian wiener",
     "TransferFunction": (
