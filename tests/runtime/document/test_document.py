@@ -105,7 +105,7 @@ REFUSED = {
         "f:1:11: not valid YAML: expected ',' or '}'; a text that contains ': ' needs quotes: "
         'b: "1 c: 2"'
     ),
-    "a: {u: b.out[0]}": "f:1:14: not valid YAML: inside of braces, a text with brackets needs "
+    "a: {u: b.out[0]}": "f:1:13: not valid YAML: inside of braces, a text with brackets needs "
     'quotes: "b.out[0]"',
     "a: {f: 2*u[0] + u[1], c: 1}": "f:1:11: not valid YAML: inside of braces, a text with brackets "
     'needs quotes: "2*u[0] + u[1]"',
