@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from tests.studies.contest import budgets
+from tests.studies.contest import budgets, fronts
 from tests.studies.contest.contestants import LIMITS
 from tests.studies.contest.results import (
     CHANGE,
@@ -47,7 +47,7 @@ def sentences(contest: Contest) -> list[str]:
         _protocol(limits),
         _rival(limits),
         _spikes(limits),
-        _conditions(limits),
+        _conditions(limits, contest),
         _without_spikes(limits, contest),
     ]
 
@@ -100,7 +100,7 @@ def _spikes(limits: Sequence[_Limit]) -> str:
     )
 
 
-def _conditions(limits: Sequence[_Limit]) -> str:
+def _conditions(limits: Sequence[_Limit], contest: Contest) -> str:
     found = [
         (value, f"{name}, {limit.name}", condition)
         for limit in limits
@@ -110,13 +110,18 @@ def _conditions(limits: Sequence[_Limit]) -> str:
         for condition, value in one.against(limit.rival).items()
     ]
     least, most = min(found), max(found)
+    on_front = [
+        any(one.name in SPIKES for one in members)
+        for members in fronts.by_condition(contest).values()
+    ]
     gains = sum(value <= -COUNTS for value, _, _ in found)
     losses = sum(value >= COUNTS for value, _, _ in found)
     return (
         f"Condition by condition, spiking adaptation lowers the mean error by at least "
         f"{MM * COUNTS:g} mm in {gains} of {len(found)} cases and raises it as much in {losses}; "
         f"the largest gain is {mm(least[0], '+')} mm ({least[2]}; {least[1]}), the largest loss "
-        f"{mm(most[0], '+')} mm ({most[2]}; {most[1]})."
+        f"{mm(most[0], '+')} mm ({most[2]}; {most[1]}); of all settings, one with spikes is on the "
+        f"front of error against effort in {sum(on_front)} of {len(on_front)} conditions."
     )
 
 

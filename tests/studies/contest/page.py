@@ -14,6 +14,7 @@ from tests.studies.contest.results import (
     COUNTS,
     ERROR,
     RIVAL,
+    SATURATION,
     UNLEARNT,
     Contest,
     Contestant,
@@ -44,6 +45,8 @@ READING = """## How to read this
 * **Effort**: root of the mean square of the change of the commanded turn rate from one record to
   the next (50 ms), in rad/s. In training its mean must be below {limits}; held out
   it is only reported.
+* **Worst condition**: the largest mean error over the seeds of a held-out condition, in mm.
+  **Saturated**: the share of the time in which the command is at its limit, held out.
 * **Training**: {training}. **Held out**: {held_out}.
 * All faults set in at 60 s and end at 90 s; those that "heal" name it because it is what they test.
 * **Optimism**: training minus held-out, of the mean error. It contains that some held-out
@@ -82,7 +85,7 @@ def page(contest: Contest) -> str:
         "\n![Error against effort](images/comparison.png)\n",
         *(part for section in sections for part in section.tables()),
         budgets.section(contest),
-        fronts.section(contest),
+        fronts.section(contest, SPIKES),
         one_setting.section(contest.folder),
         weaknesses.section(contest.folder),
         "## What was found\n",
@@ -156,8 +159,10 @@ HEADER = (
     "optimism",
     f"against {RIVAL}",
     "",
+    "worst condition",
     "effort, training",
     "effort, held out",
+    "saturated",
     "lost runs",
     "edge",
 )
@@ -186,8 +191,10 @@ def _row(one: Contestant, against: dict[str, Verdict]) -> tuple[str, ...]:
         f"{MM * error['optimism']:+.1f}",
         "" if verdict is None else interval(verdict.difference, "+"),
         "" if verdict is None else verdict.word,
+        mm(one.worst(ERROR)),
         f"{change['training']['mean']:.3f}",
         f"{one.held_out(CHANGE).mean:.3f}",
+        f"{one.held_out(SATURATION).mean:.1%}",
         str(one.lost),
         ", ".join(one.edges),
     )

@@ -16,7 +16,7 @@ import numpy as np
 from runtime.experiments.analysis import Difference, Estimate, adjusted, difference, estimate
 from tests.studies.contest.contestants import CONTESTANTS, FRONT, FRONTS, LIMITS, name_of
 
-ERROR, CHANGE, UNLEARNT, EFFORT = "error", "effort_change", "unlearnt", "effort"
+ERROR, CHANGE, UNLEARNT, SATURATION = "error", "effort_change", "unlearnt", "saturation"
 COUNTS = 1e-3  # m; a difference of the mean error that counts
 RIVAL = "LQR"
 LEVEL = 0.05
@@ -57,6 +57,11 @@ class Contestant:
             return estimate(list(by_condition(runs).values()))
         known = [value for run, value in runs.items() if run[0] == condition]
         return estimate([value for value in known if not math.isnan(value)])
+
+    def worst(self, metric: str) -> float:
+        """The largest mean over the seeds of a condition."""
+        runs = {run: values[metric] for run, values in self.runs.items()}
+        return max(by_condition(runs).values())
 
     def against(self, other: Contestant) -> dict[str, float]:
         """By how much the error (m) is larger than another's, on the same runs, by condition."""
@@ -175,7 +180,7 @@ def _runs(folder: Path, winner: str) -> dict[Run, dict[str, float]]:
         return {
             (row["condition"], int(row["seed"])): {
                 key: float(row[key]) if row[key] else math.nan
-                for key in (ERROR, EFFORT, CHANGE, UNLEARNT)
+                for key in (ERROR, CHANGE, UNLEARNT, SATURATION)
             }
             for row in csv.DictReader(lines)
             if row["configuration"] == winner
