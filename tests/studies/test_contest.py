@@ -13,10 +13,7 @@ from scipy import stats
 from runtime.document import dump_yaml
 from tests.studies.contest import budgets, fronts, weaknesses
 from tests.studies.contest.contestants import (
-    CONTESTANTS,
-    FRONT,
-    FRONTS,
-    LIMITS,
+    TASKS,
     experiment,
     file_of,
 )
@@ -49,17 +46,18 @@ def even(error: float) -> dict[str, float]:
 
 
 def test_the_files_are_those_that_the_code_writes() -> None:
-    pairs = [(limit, name) for limit in LIMITS for name in CONTESTANTS]
-    for limit, name in [*pairs, *((FRONT, name) for name in FRONTS)]:
+    for limit, name in [
+        (limit, name) for limit, task in TASKS.items() for name in task.contestants
+    ]:
         text = file_of(name, limit).read_text(encoding="utf-8")
         assert text.endswith(dump_yaml(experiment(name, limit))), file_of(name, limit)
 
 
 def test_every_contestant_has_the_same_runs_and_budget() -> None:
     keys = ("training", "held_out", "trials", "sampler", "constraints", "minimize")
-    for limit in LIMITS:
+    for limit, task in TASKS.items():
         first, *others = (
-            {key: experiment(name, limit)[key] for key in keys} for name in CONTESTANTS
+            {key: experiment(name, limit)[key] for key in keys} for name in task.contestants
         )
         assert all(other == first for other in others)
 
@@ -74,7 +72,7 @@ def test_verdicts_follow_from_differences() -> None:
         contestant("equivalent", even(0.0102), spread=1.0),
         contestant("undecided", mixed, spread=1.0),
     ]
-    assert {name: v.word for name, v in verdicts(found, rival).items()} == {
+    assert {name: v.word for name, v in verdicts(found, rival, 1e-3).items()} == {
         name: name for name in ("worse", "better", "equivalent", "undecided")
     }
 

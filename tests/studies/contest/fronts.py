@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from tests.studies.contest.contestants import HELD_OUT, WIDEST
+from tests.studies.contest.contestants import FRONT, TASKS, WIDEST
 from tests.studies.contest.results import CHANGE, ERROR, Contest, Contestant
 from tests.studies.contest.words import interval, mm, table
 
@@ -20,9 +20,10 @@ both a smaller error and a smaller effort on the held-out runs.
 HEADER = ("contestant", "error, mm", "effort, rad/s", "beaten by")
 FAULTS = """### Who is on the front, condition by condition
 
-Of all settings on this page, for each held-out condition: those that no other one beats in both the
-mean error and the mean effort over the seeds, the smallest effort first, with error (mm) and effort
-(rad/s); those with spikes in bold. Three seeds a condition: neighbours may change places.
+Of all settings of case C on this page, for each held-out condition: those that no other one beats
+in both the mean error and the mean effort over the seeds, the smallest effort first, with error
+(mm) and effort (rad/s); those with spikes in bold. Three seeds a condition: neighbours may change
+places.
 """
 
 
@@ -60,9 +61,15 @@ def section(contest: Contest, spikes: Sequence[str]) -> str:
 
 def by_condition(contest: Contest) -> dict[str, list[Point]]:
     """The front of all settings for each held-out condition."""
-    everyone = [one for who in contest.limits.values() for one in who]
+    task = TASKS[FRONT]
+    everyone = [
+        one
+        for limit, who in contest.limits.items()
+        if TASKS[limit].case == task.case
+        for one in who
+    ]
     everyone += [one for members in contest.fronts.values() for one in members]
-    return {name: front(_points(everyone, name)) for name in HELD_OUT}
+    return {name: front(_points(everyone, name)) for name in task.held_out}
 
 
 def _settings(found: Sequence[Contestant]) -> Iterator[tuple[str, ...]]:
