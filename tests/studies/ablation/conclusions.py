@@ -17,8 +17,8 @@ from tests.studies.ablation.judge import (
     FAST_INTEGRATOR,
     HELPS,
     HURTS,
-    TRACKERS,
     STIFFER,
+    TRACKERS,
     Effect,
     Judged,
 )
