@@ -8,7 +8,7 @@ loops; local arrays come from an arena; there is no recursion.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from runtime.codegen.source import Entry, Function, RefusedError, Source, support
 from runtime.codegen.types import (
@@ -23,6 +23,7 @@ from runtime.codegen.types import (
     Type,
     leaves,
 )
+from runtime.lazy import importer
 
 if TYPE_CHECKING:
     from runtime.codegen.unit import Unit, Writer
@@ -47,11 +48,5 @@ __all__ = [
     "support",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    """``Writer`` and ``Unit`` are imported where something is written, not at every start."""
-    if name not in ("Unit", "Writer"):
-        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
-    from runtime.codegen import unit
-
-    return getattr(unit, name)
+# Imported where something is written, not at every start.
+__getattr__ = importer(__name__, dict.fromkeys(("Unit", "Writer"), "runtime.codegen.unit"))

@@ -9,7 +9,8 @@ import sys
 from pathlib import Path
 
 from runtime.runs.simulation import versions
-from tests.studies import physics, rooms, walls
+from tests.studies import causes, physics, rooms, walls
+from tests.studies.cases import FRESH
 from tests.studies.claims import Claim, beyond, case_a, case_b
 from tests.studies.following import ENGINE
 
@@ -20,11 +21,14 @@ HEAD = """# What of the paper is reproduced
 
 "Adaptive Wall-Following Control for Unmanned Ground Vehicles Using Spiking Neural Networks",
 Yang, Chen, Fan, Shao and Sun. Written by `python -m tests.studies`; every figure comes from a run
-of the shipped graphs over {seeds} seeds (0 to {last}), as mean ± standard deviation. A seed draws
-the neurons and, in case B, the noise; the LQR alone in case A has neither and is run once.
-Errors are the true pose's. The gains Q, R, the learning rate, the time constants and the window
-are not in the paper; the graphs give ours, which were chosen on seeds 0 to 9.
-Case C has seeds {first} to {final}; what was chosen on which seeds is described there.
+of the shipped graphs over {seeds} seeds, as mean ± standard deviation. A seed draws the neurons
+and, in case B, the noise; the LQR alone in case A has neither and is run once. Errors are the true
+pose's. **The benchmark LQR** is, in all cases, the LQR alone: without the adaptive part and without
+feedforward (alpha = 0); "LQR + feedforward" is a row of its own. "As printed" is the printed rule
+with the signed curvature, beside both. The gains Q, R, the learning rate, the time constants and
+the window are not in the paper; the graphs give ours, which were chosen on seeds 0 to 9. Cases A
+and B have seeds {begin} to {last}, on which nothing was chosen, case C seeds {first} to {final};
+what was chosen on which seeds is described there.
 
 Versions: {versions}.
 
@@ -103,10 +107,10 @@ def page(seeds: int, seeds_c: int) -> str:
     claims = [*case_a(seeds), *case_b(seeds), *followed.claims()]
     installed = ", ".join(f"{name} {number}" for name, number in versions().items())
     rows = [(c.id, c.paper, c.rule, c.ours, c.verdict) for c in claims]
-    span = {"first": fresh[0], "final": fresh[-1]}
+    span = {"begin": FRESH, "first": fresh[0], "final": fresh[-1]}
     return "\n".join(
         (
-            HEAD.format(seeds=seeds, last=seeds - 1, versions=installed, **span),
+            HEAD.format(seeds=seeds, last=FRESH + seeds - 1, versions=installed, **span),
             table(("id", "the paper says", "our rule", "measured", "verdict"), rows),
             *(f"**{c.id}.** {c.why}\n" for c in claims if c.why),
             BEYOND,
@@ -124,6 +128,7 @@ def page(seeds: int, seeds_c: int) -> str:
             table(physics.COLUMNS, driven.rows()),
             AIMS,
             table(("aim", "measured", "verdict"), verdicts(driven.aims())),
+            causes.section(tuple(fresh)),
         )
     )
 

@@ -14,7 +14,7 @@ from runtime.engine.continuous import slots
 from runtime.network import Network
 from runtime.toolchain import Unit, digest, read_record, write_record
 
-PROJECT = Evaluation("project", (), timed=False)
+PROJECT = Evaluation("project", ())
 Failure = tuple[str, str, str, int]
 Shapes = Sequence[tuple[int, ...]]
 

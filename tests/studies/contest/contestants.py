@@ -12,6 +12,10 @@ HERE = Path(__file__).parent
 EXPERIMENTS = HERE / "experiments"
 # What a command may change by from one record (50 ms) to the next, root of the mean square (rad/s).
 LIMITS = {"gentle": 0.2, "stiff": 0.3}
+TRIALS = 40
+# Whose front of error against effort is sought, below a limit beyond which none is of use.
+FRONT, WIDEST = "front", 0.5
+FRONTS = ("LQR", "robust rule", "our rule", "PurePursuit")
 
 WEIGHTS = {"params.q_y": "log(1..100000)", "params.q_theta": "log(0.001..1000)"}
 LEARN = {"lqr.learn": "learning.out"}
@@ -146,14 +150,14 @@ HELD_OUT = {
 
 
 def experiment(name: str, limit: str) -> dict[str, Any]:
-    """The contents of a contestant's experiment file, under a limit of effort."""
+    """The contents of a contestant's experiment file, under a limit of effort or for a front."""
     return {
         "experiment": f"{limit}_{name_of(name)}",
         "graph": "../../walls.yaml",
         **CONTESTANTS[name],
-        "minimize": "error",
-        "constraints": {"effort_change": {"below": LIMITS[limit]}},
-        "trials": 40,
+        "minimize": ["error", "effort_change"] if limit == FRONT else "error",
+        "constraints": {"effort_change": {"below": LIMITS.get(limit, WIDEST)}},
+        "trials": TRIALS,
         "sampler": "tpe",
         "training": {"seeds": "0..1", "conditions": TRAINING},
         "held_out": {"seeds": "100..102", "conditions": HELD_OUT},
@@ -172,10 +176,10 @@ def file_of(name: str, limit: str) -> Path:
 
 def write() -> None:
     """Write all experiment files."""
-    for limit in LIMITS:
+    written = [(limit, name) for limit in LIMITS for name in CONTESTANTS]
+    for limit, name in [*written, *((FRONT, name) for name in FRONTS)]:
         (EXPERIMENTS / limit).mkdir(parents=True, exist_ok=True)
-        for name in CONTESTANTS:
-            comment = f"# {name}: a contestant of the comparison at equal budget and effort.\n"
-            comment += "# Written by python -m tests.studies.contest --files\n"
-            text = comment + dump_yaml(experiment(name, limit))
-            file_of(name, limit).write_text(text, encoding="utf-8")
+        comment = f"# {name}: a contestant of the comparison at equal budget and effort.\n"
+        comment += "# Written by python -m tests.studies.contest --files\n"
+        text = comment + dump_yaml(experiment(name, limit))
+        file_of(name, limit).write_text(text, encoding="utf-8")
