@@ -28,7 +28,8 @@ feedforward (alpha = 0); "LQR + feedforward" is a row of its own. "As printed" i
 with the signed curvature, beside both. The gains Q, R, the learning rate, the time constants and
 the window are not in the paper; the graphs give ours, which were chosen on seeds 0 to 9. Cases A
 and B have seeds {begin} to {last}, on which nothing was chosen, case C seeds {first} to {final};
-what was chosen on which seeds is described there.
+what was chosen on which seeds is described there. `python examples/paper_figures.py` draws the
+paper's figures 1 to 9, the benchmark and the adaptive controller in each picture.
 
 Versions: {versions}.
 
