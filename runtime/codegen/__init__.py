@@ -26,6 +26,7 @@ from runtime.codegen.types import (
 from runtime.lazy import importer
 
 if TYPE_CHECKING:
+    from runtime.codegen.names import unused
     from runtime.codegen.unit import Unit, Writer
 
 __all__ = [
@@ -46,7 +47,15 @@ __all__ = [
     "Writer",
     "leaves",
     "support",
+    "unused",
 ]
 
 # Imported where something is written, not at every start.
-__getattr__ = importer(__name__, dict.fromkeys(("Unit", "Writer"), "runtime.codegen.unit"))
+__getattr__ = importer(
+    __name__,
+    {
+        "Unit": "runtime.codegen.unit",
+        "Writer": "runtime.codegen.unit",
+        "unused": "runtime.codegen.names",
+    },
+)
