@@ -11,7 +11,7 @@ from runtime.errors import NOWHERE, Problems, Where
 from runtime.network import Network
 
 Key = tuple[str, int]  # a block and the number of its evaluation
-Edges = Mapping[Key, Mapping[Key, tuple[str, str]]]
+Edges = Mapping[Key, Mapping[Key, tuple[str, Where]]]
 
 
 def ordered_steps(network: Network, enables: Mapping[str, Sequence[str]]) -> list[Step]:
@@ -37,15 +37,15 @@ def ordered_steps(network: Network, enables: Mapping[str, Sequence[str]]) -> lis
             switched = tuple(enables.get(name, ())) if varies and not constant else ()
             steps[name, i] = Step(name, evaluation, entry.every, constant, switched)
             makes.update({(name, port): (name, i) for port in evaluation.outputs})
-    # Each producer with its consumers, and the wire between them in words, with its file.
-    edges: dict[Key, dict[Key, tuple[str, str]]] = {key: {} for key in steps}
+    # Each producer with its consumers, and the wire between them in words, with its place.
+    edges: dict[Key, dict[Key, tuple[str, Where]]] = {key: {} for key in steps}
     for (name, i), step in steps.items():
         for enable in step.enables:
-            edges[makes[enable, "on"]][name, i] = (f"{enable}.on ▸ {name}", "")
+            edges[makes[enable, "on"]][name, i] = (f"{enable}.on ▸ {name}", NOWHERE)
         for port in step.evaluation.needs:
             for wire in wires.get((name, port), ()):
                 source = makes[wire.source.block, wire.source.port]
-                edges[source][name, i] = (f"{wire.source} ▸ {wire.target}", wire.where.file)
+                edges[source][name, i] = (f"{wire.source} ▸ {wire.target}", wire.where)
     order = _sorted(edges, {key: (step.every, *key) for key, step in steps.items()})
     if len(order) < len(steps):
         _report_loops(edges)
@@ -82,6 +82,6 @@ def _report_loops(edges: Edges) -> None:
             found = [inside.edges[a, b]["edge"] for a, b in cycle]
             path = " ▸ ".join(text for text, _ in found)
             message = f"algebraic loop: {path}; a UnitDelay on one of these wires breaks it"
-            file = next((file for _, file in found if file), "")
-            problems.add(Where(file) if file else NOWHERE, "", message)
+            where = next((where for _, where in found if where.file), NOWHERE)
+            problems.add(where, "", message)
     problems.raise_any()
