@@ -222,8 +222,9 @@ class WhiteSignal(_Random):
         for k in range(1, count + 1):
             a = scale * state.rng.standard_normal(len(state.cells))
             b = scale * state.rng.standard_normal(len(state.cells))
-            angle = (k * np.arange(rows)) % rows * turn
-            state.cells_of += np.outer(portable.cos(angle), a) + np.outer(portable.sin(angle), b)
+            angle = turn * np.asarray((k * np.arange(rows)) % rows, dtype=np.float64)
+            state.cells_of += portable.cos(angle)[:, None] * a
+            state.cells_of += portable.sin(angle)[:, None] * b
         state.cells[:] = state.cells_of[0]
 
     def update(self, state: BlockState, t: float) -> None:
