@@ -1,11 +1,7 @@
-"""Causes, every constant that is not in the paper, and deviations, for docs/reproduction.md.
-
-python -m tests.studies.causes [seeds]; without seeds only what needs no runs.
-"""
+"""Causes, every constant that is not in the paper, and deviations, for docs/reproduction.md."""
 
 from __future__ import annotations
 
-import sys
 from functools import cache
 
 import numpy as np
@@ -15,6 +11,7 @@ from tests.studies import variations
 from tests.studies.claims import spread
 from tests.studies.contest import weaknesses
 from tests.studies.following import ENGINE, SHIPPED
+from tests.studies.kept import kept
 
 MM = 1e3
 VARIED = range(100, 120)
@@ -110,7 +107,14 @@ def error(case: str, seeds: tuple[int, ...], changes: tuple[tuple[str, str], ...
         else:
             graph = graph.set(kind, float(value) if value[0].isdigit() else value)
     metric = "distance_mae" if case == "C" else "position_mae"
-    return np.array([graph.run(seed=seed).metrics[metric] for seed in seeds], dtype=float)
+
+    def measured(seed: int) -> float | None:
+        value = graph.run(seed=seed).metrics[metric]
+        return None if value is None else float(value)
+
+    name = f"causes {case} {changes}"
+    found = [kept(f"{name} {seed}", lambda s=seed: measured(s)) for seed in seeds]
+    return np.array(found, dtype=float)
 
 
 SIGNS = {"signed curvature": (), "the paper's unsigned curvature": (UNSIGNED,)}
@@ -209,15 +213,13 @@ def _written(entry: object, key: str) -> str:
 
 
 def section(seeds: tuple[int, ...]) -> str:
-    """The section of docs/reproduction.md; without seeds, without what has to be run."""
+    """The section of docs/reproduction.md."""
     header, *lines = constants()
-    measured = _table(("case", "what", "measured"), rows(seeds)) + told(seeds) if seeds else ""
-    head = HEAD.format(first=seeds[0], last=seeds[-1]) if seeds else ""
     return "\n".join(
         (
-            head,
-            measured,
-            variations.section(VARIED) if seeds else "",
+            HEAD.format(first=seeds[0], last=seeds[-1]),
+            _table(("case", "what", "measured"), rows(seeds)) + told(seeds),
+            variations.section(VARIED),
             f"{START}\n",
             "How many values were tried for those that were chosen by hand was not recorded, "
             "except where the table gives it.\n",
@@ -230,17 +232,3 @@ def section(seeds: tuple[int, ...]) -> str:
 def _table(header: tuple[str, ...], found: list[tuple[str, ...]]) -> str:
     lines = [header, ("---",) * len(header), *found]
     return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
-
-
-def write(seeds: tuple[int, ...]) -> None:
-    """Write the section to the end of docs/reproduction.md, in place of an earlier one."""
-    from tests.studies.__main__ import PAGE
-
-    page = PAGE.read_text(encoding="utf-8")
-    for begin in (HEAD.strip().splitlines()[0], START):
-        page, _, _ = page.partition(begin)
-    PAGE.write_text(f"{page.rstrip()}\n\n{section(seeds).strip()}\n", encoding="utf-8")
-
-
-if __name__ == "__main__":
-    write(tuple(range(10, 10 + int(sys.argv[1]))) if len(sys.argv) > 1 else ())

@@ -11,6 +11,7 @@ import runtime
 from runtime.document.loader import SHIPPED
 from runtime.experiments.analysis import Estimate, difference, estimate
 from tests.studies.following import ENGINE
+from tests.studies.kept import kept
 
 CASES = {"A": "line_actuator_failure", "B": "sine_estimation_error"}
 GAINS = {"of the graph": None, "Q = R = 1": [1.0, 1.0, 1.0]}
@@ -61,7 +62,8 @@ def errors(
         changed = graph
         for path, value in draw(case, seed).items() if varied else ():
             changed = changed.set(path, value)
-        found.append(changed.run(seed=seed).metrics["position_mae"])
+        key = f"variations {case} {rule} {gains} {seed} {varied}"
+        found.append(kept(key, lambda g=changed, s=seed: g.run(seed=s).metrics["position_mae"]))
     return found
 
 

@@ -14,10 +14,10 @@ from pathlib import Path
 from runtime.cli import run
 from tests.studies.contest import one_setting, weaknesses
 from tests.studies.contest.contestants import (
-    CONTESTANTS,
     FRONT,
     FRONTS,
     LIMITS,
+    TASKS,
     TRIALS,
     file_of,
     name_of,
@@ -35,8 +35,8 @@ def main() -> int:
     parser.add_argument("parts", nargs="*", default=PARTS, help=f"of {', '.join(PARTS)}; all")
     parser.add_argument("-j", "--jobs", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("tunings/contest"))
-    parser.add_argument("--only", nargs="*", default=list(CONTESTANTS), help="these contestants")
-    parser.add_argument("--limits", nargs="*", default=list(LIMITS), choices=LIMITS)
+    parser.add_argument("--only", nargs="*", help="these contestants")
+    parser.add_argument("--limits", nargs="*", default=LIMITS, choices=LIMITS)
     parser.add_argument("--files", action="store_true", help="write the experiment files only")
     parser.add_argument("--page", action="store_true", help="write the page from what is there")
     options = parser.parse_args()
@@ -64,7 +64,12 @@ QUIETLY = ("--resume", "--no-plots", "-q")
 
 def _tunings(options: argparse.Namespace) -> Iterator[tuple[str, list[str]]]:
     """A title and the arguments of each tuning that was asked for."""
-    pairs = [(limit, name) for limit in options.limits for name in options.only]
+    pairs = [
+        (limit, name)
+        for limit in options.limits
+        for name in TASKS[limit].contestants
+        if options.only is None or name in options.only
+    ]
     if "limits" in options.parts:
         for limit, name in pairs:
             yield f"{limit}: {name}", _arguments(name, limit, options.out)
@@ -78,7 +83,7 @@ def _tunings(options: argparse.Namespace) -> Iterator[tuple[str, list[str]]]:
             yield f"{limit}, doubled: {name}", _arguments(name, limit, options.out / DOUBLED, 2)
     if "fronts" in options.parts:
         for name in FRONTS:
-            if name in options.only:
+            if options.only is None or name in options.only:
                 yield f"front: {name}", _arguments(name, FRONT, options.out)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from tests.studies.contest.contestants import TRIALS
+from tests.studies.contest.contestants import TASKS, TRIALS
 from tests.studies.contest.results import RIVAL, Contest, Verdict, rival_of, verdicts
 from tests.studies.contest.words import interval, table
 
@@ -24,9 +24,10 @@ def rows(contest: Contest) -> Iterator[Row]:
         if rival is None or not doubled:
             continue
         stronger = rival_of(doubled)
-        before = verdicts(found, rival)
-        after = verdicts(found, stronger) if stronger else {}
-        both = verdicts(doubled, stronger or rival)
+        counts = TASKS[limit].counts
+        before = verdicts(found, rival, counts)
+        after = verdicts(found, stronger, counts) if stronger else {}
+        both = verdicts(doubled, stronger or rival, counts)
         for name, verdict in before.items():
             if name in after or name in both:
                 yield name, limit, verdict, after.get(name), both.get(name)

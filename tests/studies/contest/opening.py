@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from tests.studies.contest import budgets
-from tests.studies.contest.contestants import LIMITS
+from tests.studies.contest import budgets, fronts
+from tests.studies.contest.contestants import FED, FRONT, TASKS, Task
 from tests.studies.contest.results import (
     CHANGE,
-    COUNTS,
     ERROR,
     RIVAL,
     Contest,
@@ -31,6 +30,7 @@ class _Limit:
     """What was found under one limit of effort."""
 
     name: str
+    task: Task
     rival: Contestant
     found: Sequence[Contestant]
     against: dict[str, Verdict]
@@ -42,12 +42,13 @@ def sentences(contest: Contest) -> list[str]:
     for name, found in contest.limits.items():
         rival = rival_of(found)
         if rival is not None:
-            limits.append(_Limit(name, rival, found, verdicts(found, rival)))
+            task = TASKS[name]
+            limits.append(_Limit(name, task, rival, found, verdicts(found, rival, task.counts)))
     return [
         _protocol(limits),
         _rival(limits),
         _spikes(limits),
-        _conditions(limits),
+        _conditions(limits, contest),
         _without_spikes(limits, contest),
     ]
 
@@ -55,14 +56,15 @@ def sentences(contest: Contest) -> list[str]:
 def _protocol(limits: Sequence[_Limit]) -> str:
     rival = limits[0].rival
     names = {one.name for limit in limits for one in limit.found}
-    told = listed([f"{LIMITS[limit.name]:g} rad/s ({limit.name})" for limit in limits])
-    conditions = {condition for condition, _ in rival.runs}
+    told = listed(
+        [f"{limit.task.limit:g} rad/s ({limit.name}, case {limit.task.case})" for limit in limits]
+    )
+    judged = listed([f"{len(limit.rival.runs)} ({limit.name})" for limit in limits])
     return (
         f"{len(names)} controllers got the same {rival.stored['trials']} trials of the same "
         f"optimiser on the same training runs under each limit of effort, {told}, and were then "
-        f"judged on {len(rival.runs)} held-out runs with other seeds under {len(conditions)} "
-        "conditions: faults, rooms, speeds, noise and a rigid-body plant that the tuning did not "
-        "see."
+        f"judged on held-out runs, {judged}, with other seeds, starts, faults, paths and speeds, "
+        "in case C with other rooms, more noise and a rigid-body plant, too."
     )
 
 
@@ -78,8 +80,9 @@ def _rival(limits: Sequence[_Limit]) -> str:
     effort = limits[0].rival.line(CHANGE, 0)["training"]["mean"]
     return (
         f"An {RIVAL} with feedforward and no adaptation, tuned like everyone, is off by "
-        f"{listed(parts)} on the held-out runs, the same {RIVAL} with the gains of the graph, "
-        f"which nobody tuned, by {mm(untuned)} mm at an effort of {effort:.3f} rad/s in training."
+        f"{listed(parts)} on the held-out runs; in case C the same {RIVAL} with the gains of the "
+        f"graph, which nobody tuned, by {mm(untuned)} mm at an effort of {effort:.3f} rad/s in "
+        "training."
     )
 
 
@@ -92,31 +95,40 @@ def _spikes(limits: Sequence[_Limit]) -> str:
                 told = f"{name} ({limit.name}) {interval(verdict.difference, '+')} mm"
                 by_word[verdict.word].append(told)
     count = sum(map(len, by_word.values()))
-    parts = [f"{word} in {len(told)}: {'; '.join(told)}" for word, told in by_word.items() if told]
+    parts = [
+        f"*{word}* in {len(told)}: {', '.join(told)}" for word, told in by_word.items() if told
+    ]
+    counts = listed([f"{MM * limit.task.counts:g} mm ({limit.name})" for limit in limits])
     return (
-        f"Against that tuned {RIVAL}, with {MM * COUNTS:g} mm as what counts, a spiking adaptive "
-        f"part that is tuned together with its own {RIVAL} is, of {count} comparisons, "
-        f"{' - '.join(parts)}."
+        f"Against that tuned {RIVAL}, with {counts} as what counts, a spiking adaptive part that "
+        f"is tuned together with its own {RIVAL} is, of {count} comparisons, {'; '.join(parts)}."
     )
 
 
-def _conditions(limits: Sequence[_Limit]) -> str:
+def _conditions(limits: Sequence[_Limit], contest: Contest) -> str:
+    walls = [limit for limit in limits if limit.task.case == TASKS[FRONT].case]
+    counts = TASKS[FRONT].counts
     found = [
         (value, f"{name}, {limit.name}", condition)
-        for limit in limits
+        for limit in walls
         for name in SPIKES
         for one in limit.found
         if one.name == name
         for condition, value in one.against(limit.rival).items()
     ]
     least, most = min(found), max(found)
-    gains = sum(value <= -COUNTS for value, _, _ in found)
-    losses = sum(value >= COUNTS for value, _, _ in found)
+    gains = sum(value <= -counts for value, _, _ in found)
+    losses = sum(value >= counts for value, _, _ in found)
+    on_front = [
+        any(one.name in SPIKES for one in members)
+        for members in fronts.by_condition(contest).values()
+    ]
     return (
-        f"Condition by condition, spiking adaptation lowers the mean error by at least "
-        f"{MM * COUNTS:g} mm in {gains} of {len(found)} cases and raises it as much in {losses}; "
+        f"In case C, condition by condition, spiking adaptation lowers the mean error by at least "
+        f"{MM * counts:g} mm in {gains} of {len(found)} cases and raises it as much in {losses}; "
         f"the largest gain is {mm(least[0], '+')} mm ({least[2]}; {least[1]}), the largest loss "
-        f"{mm(most[0], '+')} mm ({most[2]}; {most[1]})."
+        f"{mm(most[0], '+')} mm ({most[2]}; {most[1]}); of all settings, one with spikes is on the "
+        f"front of error against effort in {sum(on_front)} of {len(on_front)} conditions."
     )
 
 
@@ -135,10 +147,11 @@ def _without_spikes(limits: Sequence[_Limit], contest: Contest) -> str:
 
 
 def _bare(limits: Sequence[_Limit]) -> Iterator[str]:
-    parts = [
-        f"{interval(limit.against[BARE].difference, '+')} ({limit.name})"
-        for limit in limits
-        if BARE in limit.against
-    ]
-    if parts:
-        yield f"leaving out the feedforward {listed(parts)}"
+    for name, told in ((BARE, "leaving out the feedforward"), (FED, "tuning alpha, too,")):
+        parts = [
+            f"{interval(limit.against[name].difference, '+')} ({limit.name})"
+            for limit in limits
+            if name in limit.against
+        ]
+        if parts:
+            yield f"{told} {listed(parts)}"

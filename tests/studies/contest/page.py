@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from tests.studies.contest import budgets, fronts, one_setting, weaknesses
-from tests.studies.contest.contestants import CONTESTANTS, HELD_OUT, LIMITS
+from tests.studies.contest.contestants import CONTESTANTS, TASKS, Task
 from tests.studies.contest.opening import SPIKES, sentences
 from tests.studies.contest.results import (
     CHANGE,
-    COUNTS,
     ERROR,
     RIVAL,
+    SATURATION,
     UNLEARNT,
     Contest,
     Contestant,
@@ -24,17 +24,17 @@ from tests.studies.contest.results import (
 )
 from tests.studies.contest.words import MM, interval, mm, table
 
-HEALS = [name for name in HELD_OUT if "heals" in name]
 SOON = 10.0  # s
 
 INTRODUCTION = """# Controllers at equal budget and effort
 
-Written by `python -m tests.studies.contest`; every number is from its runs. Case C: the contestants
-follow the walls of the paper's room. Each was tuned by the same optimiser on the same training
-runs, with the same number of trials, for the smallest mean error under a limit of effort, of which
-there are a low one ("gentle") and a high one ("stiff"); its winner was then run on held-out seeds
-and conditions. The last lines say who has not been run. The experiment files are in
-`tests/studies/contest/experiments`: `runtime tune FILE` runs one of them again.
+Written by `python -m tests.studies.contest`; every number is from its runs. In case C the
+contestants follow the walls of the paper's room, under a low limit of effort ("gentle") and a high
+one ("stiff"); in the cases A ("line") and B ("sine") they follow the paper's paths. Each was tuned
+by the same optimiser on the same training runs, with the same number of trials, for the smallest
+mean error under the limit; its winner was then run on held-out seeds and conditions. The last
+lines say who has not been run. The experiment files are in `tests/studies/contest/experiments`:
+`runtime tune FILE` runs one of them again.
 """
 
 READING = """## How to read this
@@ -42,17 +42,21 @@ READING = """## How to read this
 * **Error**: mean distance from the contour 180 mm from the walls, in mm, from when it is first
   reached. The floor of a robot with a turning radius of 0.2 m is 4.4 mm in the paper's room.
 * **Effort**: root of the mean square of the change of the commanded turn rate from one record to
-  the next (50 ms), in rad/s. In training its mean must be below {limits}; held out
-  it is only reported.
-* **Training**: {training}. **Held out**: {held_out}.
-* All faults set in at 60 s and end at 90 s; those that "heal" name it because it is what they test.
+  the next (50 ms), in rad/s. In training its mean must be below {limits}; held out it is only
+  reported.
+* **Worst condition**: the largest mean error over the seeds of a held-out condition, in mm.
+  **Saturated**: the share of the time in which the command is at its limit, held out.
+{training}
+* In case C all faults set in at 60 s and end at 90 s; those that "heal" name it because it is what
+  they test. In the cases A and B the error is that of docs/reproduction.md, and the feedforward
+  the paper's, alpha = 0.06.
 * **Optimism**: training minus held-out, of the mean error. It contains that some held-out
   conditions are harder.
 * **Against the tuned {rival}**, on the same held-out runs: *better* or *worse* where the difference
-  is significant (paired t, Benjamini-Hochberg) and at least {counts:g} mm; *equivalent* where it is
-  significantly smaller than that (two one-sided tests, corrected likewise); else *undecided*. The
-  seeds of a condition resemble each other, so that the mean of a condition counts as one value, in
-  intervals and tests.
+  is significant (paired t, Benjamini-Hochberg) and at least so many mm: {counts}; *equivalent*
+  where it is significantly smaller than that (two one-sided tests, corrected likewise); else
+  *undecided*. The seeds of a condition resemble each other, so that the mean of a condition counts
+  as one value, in intervals and tests.
 * **Edge**: parameters whose value is within 2 % of an end of its range; a wider range may give
   better values.
 """
@@ -82,7 +86,7 @@ def page(contest: Contest) -> str:
         "\n![Error against effort](images/comparison.png)\n",
         *(part for section in sections for part in section.tables()),
         budgets.section(contest),
-        fronts.section(contest),
+        fronts.section(contest, SPIKES),
         one_setting.section(contest.folder),
         weaknesses.section(contest.folder),
         "## What was found\n",
@@ -92,11 +96,12 @@ def page(contest: Contest) -> str:
             (_found(one, each.limit) for each in sections for one in each.ordered),
         ),
         READING.format(
-            limits=" or ".join(f"{value:g} ({name})" for name, value in LIMITS.items()),
-            counts=MM * COUNTS,
+            limits=", ".join(f"{TASKS[each.limit].limit:g} ({each.limit})" for each in sections),
+            counts=", ".join(
+                f"{MM * TASKS[each.limit].counts:g} ({each.limit})" for each in sections
+            ),
             rival=RIVAL,
-            training=_runs(sections[0].ordered[0], "training"),
-            held_out=_runs(sections[0].ordered[0], "held_out"),
+            training="\n".join(_trained(each) for each in sections),
         ),
         _missing(contest),
     ]
@@ -107,7 +112,7 @@ def _missing(contest: Contest) -> str:
     missing = [
         f"{name} ({limit})"
         for limit, who in contest.limits.items()
-        for name in CONTESTANTS
+        for name in TASKS[limit].contestants
         if name not in {one.name for one in (*who, *contest.infeasible[limit])}
     ]
     return f"Not run within this budget: {'; '.join(missing)}.\n" if missing else ""
@@ -122,31 +127,41 @@ class _Section:
         rival = rival_of(found)
         if rival is None:
             raise ValueError(f"{limit}: the {RIVAL} has not been run")
-        self.limit, self.infeasible = limit, infeasible
-        self.against = verdicts(found, rival)
+        self.limit, self.infeasible, self.task = limit, infeasible, TASKS[limit]
+        self.against = verdicts(found, rival, self.task.counts)
         self.ordered = sorted(found, key=lambda one: one.held_out(ERROR).mean)
 
     def tables(self) -> list[str]:
-        title = f"{self.limit.capitalize()}: effort below {LIMITS[self.limit]:g} rad/s"
-        return [
-            f"## {title}\n",
+        task = self.task
+        parts = [
+            f"## {_title(self.limit)}\n",
             table(HEADER, (_row(one, self.against) for one in self.ordered)),
-            *(_out_of_reach(one, self.limit) for one in self.infeasible),
+            *(_out_of_reach(one, task) for one in self.infeasible),
             f"### Held-out error by condition, mm ({self.limit})\n",
             table(
-                ("contestant", *HELD_OUT),
+                ("contestant", *task.held_out),
                 (
-                    (one.name, *(mm(one.held_out(ERROR, name).mean) for name in HELD_OUT))
+                    (one.name, *(mm(one.held_out(ERROR, name).mean) for name in task.held_out))
                     for one in self.ordered
                 ),
             ),
-            f"### After a fault has healed ({self.limit})\n",
-            HEALING,
-            table(
-                ("contestant", "within 10 s", "mean time"),
-                (_healed(one) for one in self.ordered),
-            ),
         ]
+        heals = [name for name in task.held_out if "heals" in name]
+        if heals:
+            parts += [
+                f"### After a fault has healed ({self.limit})\n",
+                HEALING,
+                table(
+                    ("contestant", "within 10 s", "mean time"),
+                    (_healed(one, heals) for one in self.ordered),
+                ),
+            ]
+        return parts
+
+
+def _title(limit: str) -> str:
+    task = TASKS[limit]
+    return f"Case {task.case}, {limit}: effort below {task.limit:g} rad/s"
 
 
 HEADER = (
@@ -156,21 +171,31 @@ HEADER = (
     "optimism",
     f"against {RIVAL}",
     "",
+    "worst condition",
     "effort, training",
     "effort, held out",
+    "saturated",
     "lost runs",
     "edge",
 )
 
 
+def _trained(section: _Section) -> str:
+    first = section.ordered[0]
+    return (
+        f"* **{section.limit.capitalize()}**: trained on {_runs(first, 'training')}; held out "
+        f"{_runs(first, 'held_out')}."
+    )
+
+
 def _runs(one: Contestant, key: str) -> str:
     runs = one.stored[key]
-    return f"seeds {runs['seeds']}, conditions {'; '.join(runs['conditions'])}"
+    return f"seeds {runs['seeds']} under {'; '.join(runs['conditions'])}"
 
 
-def _out_of_reach(one: Infeasible, limit: str) -> str:
+def _out_of_reach(one: Infeasible, task: Task) -> str:
     return (
-        f"No setting of {one.name} within the limit of {LIMITS[limit]:g} rad/s was found over "
+        f"No setting of {one.name} within the limit of {task.limit:g} rad/s was found over "
         f"{one.trials} trials: the smallest effort in training was {one.effort:.3f} rad/s, with an "
         f"error of {mm(one.error)} mm.\n"
     )
@@ -186,15 +211,17 @@ def _row(one: Contestant, against: dict[str, Verdict]) -> tuple[str, ...]:
         f"{MM * error['optimism']:+.1f}",
         "" if verdict is None else interval(verdict.difference, "+"),
         "" if verdict is None else verdict.word,
+        mm(one.worst(ERROR)),
         f"{change['training']['mean']:.3f}",
         f"{one.held_out(CHANGE).mean:.3f}",
+        f"{one.held_out(SATURATION).mean:.1%}",
         str(one.lost),
         ", ".join(one.edges),
     )
 
 
-def _healed(one: Contestant) -> tuple[str, ...]:
-    times = [run[UNLEARNT] for (name, _), run in one.runs.items() if name in HEALS]
+def _healed(one: Contestant, heals: Sequence[str]) -> tuple[str, ...]:
+    times = [run[UNLEARNT] for (name, _), run in one.runs.items() if name in heals]
     known = [time for time in times if not math.isnan(time)]
     soon = sum(time <= SOON for time in known)
     mean = f"{sum(known) / len(known):.1f}" if known else "-"
@@ -217,7 +244,12 @@ def draw(contest: Contest, path: Path) -> None:
     figure = Figure(figsize=(9.0, 5.5), layout="constrained")
     axes = figure.subplots()
     for number, name in enumerate(CONTESTANTS):
-        winners = [one for who in contest.limits.values() for one in who if one.name == name]
+        winners = [
+            one
+            for limit, who in contest.limits.items()
+            for one in who
+            if one.name == name and TASKS[limit].case == "C"
+        ]
         if not winners:
             continue
         color = colormaps["tab20"](number % 20)

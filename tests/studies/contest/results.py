@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 
 from runtime.experiments.analysis import Difference, Estimate, adjusted, difference, estimate
-from tests.studies.contest.contestants import CONTESTANTS, FRONT, FRONTS, LIMITS, name_of
+from tests.studies.contest.contestants import FRONT, FRONTS, LIMITS, TASKS, name_of
 
-ERROR, CHANGE, UNLEARNT, EFFORT = "error", "effort_change", "unlearnt", "effort"
-COUNTS = 1e-3  # m; a difference of the mean error that counts
+ERROR, CHANGE, UNLEARNT, SATURATION = "error", "effort_change", "unlearnt", "saturation"
 RIVAL = "LQR"
 LEVEL = 0.05
 DOUBLED = "doubled"
@@ -58,6 +57,11 @@ class Contestant:
         known = [value for run, value in runs.items() if run[0] == condition]
         return estimate([value for value in known if not math.isnan(value)])
 
+    def worst(self, metric: str) -> float:
+        """The largest mean over the seeds of a condition."""
+        runs = {run: values[metric] for run, values in self.runs.items()}
+        return max(by_condition(runs).values())
+
     def against(self, other: Contestant) -> dict[str, float]:
         """By how much the error (m) is larger than another's, on the same runs, by condition."""
         return by_condition(
@@ -85,10 +89,11 @@ class Contestant:
 class Verdict:
     """A contestant against the tuned LQR on the same held-out runs.
 
-    ``word`` is better or worse by a significant difference of at least ``COUNTS``, equivalent if
-    the difference is significantly smaller than that, else undecided.
+    ``word`` is better or worse by a significant difference of at least ``counts`` (m), equivalent
+    if the difference is significantly smaller than that, else undecided.
     """
 
+    counts: float
     difference: Difference
     p: float
     p_equivalent: float
@@ -97,7 +102,7 @@ class Verdict:
     def word(self) -> str:
         if self.p_equivalent < LEVEL:
             return "equivalent"
-        if self.p < LEVEL and abs(self.difference.mean) >= COUNTS:
+        if self.p < LEVEL and abs(self.difference.mean) >= self.counts:
             return "better" if self.difference.mean < 0.0 else "worse"
         return "undecided"
 
@@ -153,12 +158,12 @@ def _read(folder: Path, limit: str, name: str) -> list[Contestant]:
 
 
 def _winners(folder: Path, limit: str) -> list[Contestant]:
-    return [one for name in CONTESTANTS for one in _read(folder, limit, name)]
+    return [one for name in TASKS[limit].contestants for one in _read(folder, limit, name)]
 
 
 def _infeasible(folder: Path, limit: str) -> list[Infeasible]:
     found = []
-    for name in CONTESTANTS:
+    for name in TASKS[limit].contestants:
         stored = _stored(folder, limit, name)
         if stored is None or stored["front"]:
             continue
@@ -174,8 +179,8 @@ def _runs(folder: Path, winner: str) -> dict[Run, dict[str, float]]:
     with (folder / "held_out.csv").open(encoding="utf-8", newline="") as lines:
         return {
             (row["condition"], int(row["seed"])): {
-                key: float(row[key]) if row[key] else math.nan
-                for key in (ERROR, EFFORT, CHANGE, UNLEARNT)
+                key: float(row[key]) if row.get(key) else math.nan
+                for key in (ERROR, CHANGE, UNLEARNT, SATURATION)
             }
             for row in csv.DictReader(lines)
             if row["configuration"] == winner
@@ -187,13 +192,15 @@ def rival_of(found: Sequence[Contestant]) -> Contestant | None:
     return next((one for one in found if one.name == RIVAL), None)
 
 
-def verdicts(found: Sequence[Contestant], rival: Contestant) -> dict[str, Verdict]:
+def verdicts(found: Sequence[Contestant], rival: Contestant, counts: float) -> dict[str, Verdict]:
     """Every contestant but the tuned LQR, p values corrected over all of them."""
     others = [one for one in found if one.name != RIVAL]
     apart = [_apart(one, rival) for one in others]
     p = adjusted([each.p for each in apart])
-    same = adjusted([_equivalence(one, rival) for one in others])
-    return {one.name: Verdict(*each) for one, *each in zip(others, apart, p, same, strict=True)}
+    same = adjusted([_equivalence(one, rival, counts) for one in others])
+    return {
+        one.name: Verdict(counts, *each) for one, *each in zip(others, apart, p, same, strict=True)
+    }
 
 
 def by_condition(runs: dict[Run, float]) -> dict[str, float]:
@@ -210,11 +217,11 @@ def _apart(one: Contestant, rival: Contestant) -> Difference:
     return difference(apart, [0.0] * len(apart))
 
 
-def _equivalence(one: Contestant, rival: Contestant) -> float:
-    """p of two one-sided t tests that the mean difference is within +-COUNTS."""
+def _equivalence(one: Contestant, rival: Contestant, counts: float) -> float:
+    """p of two one-sided t tests that the mean difference is within +-``counts``."""
     from scipy import stats
 
     apart = np.array(list(one.against(rival).values()))
-    low = stats.ttest_1samp(apart, -COUNTS, alternative="greater").pvalue
-    high = stats.ttest_1samp(apart, COUNTS, alternative="less").pvalue
+    low = stats.ttest_1samp(apart, -counts, alternative="greater").pvalue
+    high = stats.ttest_1samp(apart, counts, alternative="less").pvalue
     return float(max(low, high))

@@ -11,7 +11,7 @@ import numpy as np
 import runtime
 from runtime.experiments.analysis import difference, estimate
 from tests.studies import variations
-from tests.studies.contest.results import COUNTS
+from tests.studies.contest.contestants import TASKS
 from tests.studies.contest.words import MM, interval, table
 from tests.studies.following import ENGINE
 
@@ -153,7 +153,7 @@ def section(folder: Path) -> str:
     alone = stored["noise"][LQR]
     tables = (
         (
-            HEALS.format(counts=MM * COUNTS),
+            HEALS.format(counts=MM * TASKS["gentle"].counts),
             ("rule", *SPANS),
             [
                 (rule, *(interval(estimate(own[span]), "+") for span in SPANS))
