@@ -134,7 +134,8 @@ def refusals(made: Block, state: BlockState, context: BlockContext) -> list[str]
     made, state : the block, and its state after ``start``.
     context : its place in a graph.
     """
-    spec, found = type(made).spec, {}
+    spec = type(made).spec
+    found: dict[str, str] = {}
     terms = {port: sum(flags) for port, flags in context.terms.items()}
     rates = [getattr(state, name).shape for name in spec.continuous]
     for call in _calls(spec, made.evaluations):
