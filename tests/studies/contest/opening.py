@@ -61,7 +61,7 @@ def _protocol(limits: Sequence[_Limit]) -> str:
     )
     judged = listed([f"{len(limit.rival.runs)} ({limit.name})" for limit in limits])
     return (
-        f"Each of {len(names)} controllers got the same {rival.stored['trials']} trials of the same "
+        f"Each of {len(names)} controllers got the same {rival.stored['trials']} trials of one "
         f"optimiser on the same training runs, under one limit of effort or more, {told}, and was "
         f"then judged on held-out runs, {judged}, with other seeds, starts, faults, paths and "
         "speeds, in case C with other rooms, more noise and a rigid-body plant, too."
