@@ -195,7 +195,7 @@ def constants() -> list[tuple[str, ...]]:
         for case, name in CASES.items()
         for rule, ending in (("", ""), (" robust", "_robust"))
     }
-    graphs["A, B, C, one setting"] = weaknesses.walls(weaknesses.COURSE, {})
+    graphs["one setting (as in C)"] = weaknesses.walls(weaknesses.COURSE, {})
     found = []
     for address, what, how in CONSTANTS:
         block, _, key = address.rpartition(".")
