@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from blocks.core import FloatArray
 from runtime.errors import UsageError
-from runtime.experiments.tuning.output import TUNING
+from runtime.experiments.tuning.plan import TUNING
 from runtime.files import own_folder, system_errors
 from runtime.plots import COLOURS, GREY, STYLE, save_figure
 from runtime.terminal import with_unit
