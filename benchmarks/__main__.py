@@ -174,9 +174,25 @@ def case_a_alone(rounds: int) -> str:
     return per_tick.case_a_section(found, rounds)
 
 
+def tracking_alone(rounds: int) -> str:
+    """The control part, after all implementations went the same way."""
+    found = {dt: tracking_contest(dt, ticks)[0] for dt, ticks in FULL.tracking.items()}
+    return per_tick.tracking_section(found, rounds)
+
+
+def monte_carlo_alone(rounds: int) -> str:
+    return monte_carlo.section(FULL.seeds, FULL.nengo_seeds, FULL.until, rounds)
+
+
 # What ``--only`` measures, of the number of rounds.
 ALONE: dict[str, Callable[[int], str]] = {
     "case_a": case_a_alone,
+    "tracking": tracking_alone,
+    "case_c": lambda rounds: whole_loop.planar(FULL.following).section(rounds),
+    "case_c_with_physics": lambda rounds: whole_loop.physics(FULL.following).section(rounds),
+    "populations": populations.section,
+    "monte_carlo": monte_carlo_alone,
+    "sweeps": lambda rounds: sweeps.section(sweeps.SEEDS, FULL.until, rounds),
     "compiling": compiling.section,
     "continuous": continuous.section,
     "language": language.section,
