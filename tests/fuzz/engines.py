@@ -86,7 +86,10 @@ class Grower:
     def switched(self, kind: str) -> str:
         """A part with one block that an Enable or a Trigger switches."""
         name = f"b{len(self.blocks)}"
-        inside = self.draw(st.sampled_from(["UnitDelay", "Integrator", "Gain", "Derivative"]))
+        held = ["UnitDelay", "Gain", "DiscreteIntegrator"]
+        # A Trigger runs single ticks, between which nothing is integrated.
+        flowing = ["Integrator", "Derivative"] if kind == "Enable" else []
+        inside = self.draw(st.sampled_from([*held, *flowing]))
         needed = {"Gain": {"gain": 2.0}, "Derivative": {"tau": 0.05}}.get(inside, {})
         entry: dict[str, Any] = {"type": kind}
         for parameter, declared in BUILTIN[kind].spec.params.items():
