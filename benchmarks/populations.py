@@ -12,7 +12,8 @@ import numpy as np
 
 import blocks
 import runtime
-from benchmarks.contests import COMPILED, NENGO, PYTHON
+from benchmarks.agreement import DisagreementError
+from benchmarks.contests import COMPILED, NENGO, NUMBA, PYTHON
 from benchmarks.tables import Goal, figure
 from benchmarks.timing import take_turns
 
@@ -168,6 +169,40 @@ def nengo_runner(name: str, ticks: int) -> Callable[[], float]:
     return run
 
 
+def population() -> runtime.Graph:
+    """One Ensemble of 10,000 LIF neurons, which represents a sine."""
+    graph = _graph("population").add("x", Sine()).add("a", blocks.Ensemble(neurons=10_000))
+    return graph.connect("x.out", "a.input").probe("x.out", every=10)
+
+
+def by_hand(rounds: int, ticks: int) -> str:
+    """The row and the goal of one population against a loop that knows nothing else.
+
+    Raises
+    ------
+    DisagreementError : the voltages differ after all ticks.
+    """
+    from benchmarks.by_hand import numba_lif
+
+    graph = population().set("run.until", ticks * DT).set("run.engine", "compiled").check()
+    drawn = graph.set("run.engine", "python").set("run.until", DT)
+    for state in ("scaled_encoders", "bias", "voltage"):
+        drawn = drawn.probe(f"a.{state}", every=1)
+    first = drawn.run()
+    start = [first[f"a.{state}"][0].ravel() for state in ("scaled_encoders", "bias", "voltage")]
+    loop = partial(numba_lif, *start, DT, ticks)
+    apart = float(np.abs(graph.run().states["a.voltage"] - loop()[1]).max())
+    if apart > 1e-9:
+        raise DisagreementError(f"voltages differ by {apart:.1g} from those of the loop by hand")
+    runs = {COMPILED: partial(run_ours, graph, "compiled", ticks), NUMBA: lambda: loop()[0]}
+    taken = take_turns(runs, rounds, ticks)
+    cells = " | ".join(figure(taken[title], 1e6, "us") for title in (COMPILED, NUMBA))
+    ratio = taken[COMPILED].median / taken[NUMBA].median
+    goal = Goal("one population: compiled engine against a numba loop by hand", ratio, most=1.3)
+    head = f"\n| model | {COMPILED} | {NUMBA} |\n|---|---|---|\n"
+    return f"{head}| {population.__doc__} | {cells} |\n\n{goal.line()}"
+
+
 def section(rounds: int, quick: bool = False) -> str:
     """The section of docs/performance.md."""
     text = (
@@ -190,7 +225,8 @@ def section(rounds: int, quick: bool = False) -> str:
         text += f"| {(make.__doc__ or name).splitlines()[0]} | {' | '.join(cells)} |\n"
         if NENGO in taken:
             goals += list(_goals(name, {title: each.median for title, each in taken.items()}))
-    return text + "\n" + "".join(goal.line() for goal in goals)
+    text += "\n" + "".join(goal.line() for goal in goals)
+    return text + (by_hand(rounds, 50 if quick else 1000) if find_spec("numba") else "")
 
 
 def _goals(name: str, medians: dict[str, float]) -> list[Goal]:
