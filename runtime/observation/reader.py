@@ -37,9 +37,11 @@ from runtime.observation.plots import (
     COMMON,
     PLOT_KINDS,
     check_options,
+    default_plots,
     offered,
     plot_keys,
     source_options,
+    title_of,
     unfit,
     used_options,
 )
@@ -104,6 +106,8 @@ class _Reader:
                     message = f"{expected(kind)}, got {node.describe()}"
                     self.problems.add(node.where, address, message)
         self.seen.stop = self.stop()
+        if document.get("plots") is None and "plots" not in misspelt(document, SECTIONS):
+            self.seen.plots[:] = default_plots(self.seen.probes.values())
         self.seen.plots[:] = [self.with_band(plot) for plot in self.seen.plots]
 
     def stop(self) -> StopTest | None:
@@ -359,7 +363,7 @@ class _Reader:
             if key in options:
                 options[key] = self.measured(node, key, keys, address)
         if kind and of:
-            text = str(title.value) if title is not None else name.replace("_", " ")
+            text = str(title.value) if title is not None else title_of(name)
             options |= used_options(kind, options)
             found = source_options(kind, [self.seen.probes[p] for p in of], self.network)
             plot = PlotSpec(name, kind, tuple(of), text, {**found, **options})

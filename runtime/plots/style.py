@@ -353,7 +353,7 @@ def axis_label(labels: Sequence[str], unit: str) -> str:
     names = list(dict.fromkeys(labels))
     text = ", ".join(names)
     if len(names) > 3 or (len(names) > 1 and len(text) > LONG_NAME):
-        text = signal_name(names)
+        text = signal_name(names) or ("" if unit else "value")
     gap = "\n" if len(text) + len(unit) > LONG_NAME else " "
     return f"{text}{gap}[{unit}]".strip() if unit else text
 
