@@ -72,6 +72,7 @@ def draw(plot: PlotSpec, result: RunData, look: str = "screen") -> Figure:
         style.disable_math(figure)
         if "size" not in plot.options:
             style.fit(figure, style.LOOKS[look])
+        titles.separate_notes(figure)
         if plot.kind == "trajectory" and not {"xlim", "ylim"} & plot.options.keys():
             equal_scales(figure, top)
     return figure

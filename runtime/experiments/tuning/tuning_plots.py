@@ -17,7 +17,7 @@ from blocks.core import FloatArray
 from runtime.errors import UsageError
 from runtime.experiments.tuning.output import TUNING
 from runtime.files import own_folder, system_errors
-from runtime.plots import COLOURS, GREY, STYLE, save_figure
+from runtime.plots import COLOURS, GREY, STYLE, headline, save_figure
 from runtime.terminal import with_unit
 
 WIDTH, COLUMNS = 9.0, 3
@@ -108,7 +108,7 @@ def _panels(count: int, title: str) -> tuple[Figure, list[Any]]:
     rows = math.ceil(count / columns)
     figure = Figure(figsize=(WIDTH / COLUMNS * max(2, columns), 0.5 + 2.6 * rows))
     figure.set_layout_engine("constrained")
-    figure.suptitle(title, fontsize=10.0)
+    headline(figure, title)
     axes = list(figure.subplots(rows, columns, squeeze=False).flat)
     for unused in axes[count:]:
         unused.set_visible(False)
