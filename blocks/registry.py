@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path as FilePath
 from types import ModuleType
+from typing import TypeVar
 
 from blocks import (
     control,
@@ -31,6 +32,7 @@ from blocks import (
 from blocks.core import Block, SignalType, Variant
 
 ENTRY_POINTS = "spikeblocks.blocks"
+_T = TypeVar("_T")
 # A module is registered before its code has run: other threads must not see it until then.
 _LOADING = threading.RLock()
 _CONTENT = "__spikeblocks_content__"
@@ -74,14 +76,7 @@ def blocks_of_module(file: FilePath) -> dict[str, type[Block]]:
     ------
     OSError, SyntaxError and whatever the file itself raises.
     """
-    module = _module(file)
-    return {
-        key: value
-        for key, value in vars(module).items()
-        if isinstance(value, type)
-        and issubclass(value, Block)
-        and value.__module__ == module.__name__
-    }
+    return _defined(file, Block)
 
 
 def variants_of_module(file: FilePath, family: type[Variant]) -> dict[str, type[Variant]]:
@@ -91,14 +86,7 @@ def variants_of_module(file: FilePath, family: type[Variant]) -> dict[str, type[
     ------
     OSError, SyntaxError and whatever the file itself raises.
     """
-    module = _module(file)
-    return {
-        key: value
-        for key, value in vars(module).items()
-        if isinstance(value, type)
-        and issubclass(value, family)
-        and value.__module__ == module.__name__
-    }
+    return _defined(file, family)
 
 
 def types_of_module(file: FilePath) -> list[SignalType]:
@@ -124,6 +112,18 @@ class ModuleReader:
 
 # Whether the Python files that a graph names are imported, or how they are read instead.
 Modules = bool | ModuleReader
+
+
+def _defined(file: FilePath, family: type[_T]) -> dict[str, type[_T]]:
+    """The subclasses of a class that the file itself defines, not those it imports."""
+    module = _module(file)
+    return {
+        key: value
+        for key, value in vars(module).items()
+        if isinstance(value, type)
+        and issubclass(value, family)
+        and value.__module__ == module.__name__
+    }
 
 
 def _module(file: FilePath) -> ModuleType:

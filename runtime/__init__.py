@@ -11,10 +11,11 @@ Names are imported when they are first used, so that ``import runtime`` costs ne
 
 from __future__ import annotations
 
-import importlib
 import importlib.util
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from runtime.lazy import importer
 
 if TYPE_CHECKING:
     from runtime.errors import (
@@ -47,27 +48,6 @@ def _check_blocks() -> None:
 
 
 _check_blocks()
-_HOMES = {
-    "Graph": ("runtime.graph", "Graph"),
-    "load": ("runtime.graph", "load"),
-    "open": ("runtime.runs.result", "open_run"),
-    "Result": ("runtime.runs.result", "Result"),
-    **{
-        name: ("runtime.experiments", name)
-        for name in ("AblationTable", "SweepTable", "TuningTable", "ablate", "sweep", "tune")
-    },
-    **{
-        name: ("runtime.errors", name)
-        for name in (
-            "GraphError",
-            "MissingExtraError",
-            "SpikeblocksError",
-            "SimulationError",
-            "UsageError",
-        )
-    },
-}
-
 __all__ = [
     "AblationTable",
     "Graph",
@@ -87,11 +67,20 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
-    home = _HOMES.get(name)
-    if home is None:
-        raise AttributeError(f"module 'runtime' has no attribute '{name}'")
-    return getattr(importlib.import_module(home[0]), home[1])
+__getattr__ = importer(
+    __name__,
+    {
+        "Graph": "runtime.graph",
+        "load": "runtime.graph",
+        "Result": "runtime.runs",
+        "open": "runtime.runs:open_run",
+        **dict.fromkeys(
+            ("AblationTable", "SweepTable", "TuningTable", "ablate", "sweep", "tune"),
+            "runtime.experiments",
+        ),
+        **dict.fromkeys((name for name in __all__ if name.endswith("Error")), "runtime.errors"),
+    },
+)
 
 
 def __dir__() -> list[str]:

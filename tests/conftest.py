@@ -18,6 +18,9 @@ from tests.compilers import REASON
 
 # A shell's background jobs ignore Ctrl-C, and so would all that tests start from there.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+# Hundreds of tests start a process; without kept bytecode each would compile the project again.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 Run = Callable[..., "subprocess.CompletedProcess[str]"]
 

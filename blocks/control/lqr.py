@@ -195,8 +195,20 @@ class LQR(Tracker):
                 problem = ("max_iterations", f"{error}; {slow}")
             raise ParameterError([problem]) from None
 
+    @cached_property
+    def _straight(self) -> dict[float, tuple[FloatArray, FloatArray]]:
+        """Solutions at heading 0 by step, with which every run begins."""
+        return {}
+
     def solve(self, dt: float, heading: float) -> tuple[FloatArray, FloatArray]:
         """P_ss (3, 3) and K_ss (2, 3) at a heading of the reference, both in its own frame."""
+        if heading == 0.0:
+            if dt not in self._straight:
+                self._straight[dt] = self._solve(dt, heading)
+            return self._straight[dt]
+        return self._solve(dt, heading)
+
+    def _solve(self, dt: float, heading: float) -> tuple[FloatArray, FloatArray]:
         q, r = self.weights
         c, s = math.cos(heading), math.sin(heading)
         turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -51,7 +51,7 @@ changes is in the :class:`BlockState` that the engine owns.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -62,7 +62,7 @@ from blocks.core.declarations import BlockSpec, DeclarationError, Evaluation, In
 from blocks.core.params import ParameterError, hint, plain, show
 from blocks.core.reading import STATED, read_declarations
 from blocks.core.settings import SettingError
-from blocks.core.signals import SignalType
+from blocks.core.signals import PortType, SignalType
 
 __all__ = [
     "Block",
@@ -87,7 +87,8 @@ class BlockContext:
         (removing a block removes its wires).
     world : the :class:`blocks.World` of the graph's ``world:`` section; None without one.
     lengths : the lengths that are known, by symbol: of ports, and those that arrived with wires.
-    published : inputs whose wire comes from an output that publishes a description.
+    published : the block behind each input whose wire comes from an output that publishes a
+        description.
     until : the length of the run (s); None if it is not known.
     """
 
@@ -96,7 +97,7 @@ class BlockContext:
     terms: Mapping[str, tuple[bool, ...]] = field(default_factory=dict)
     world: object = None
     lengths: Mapping[str, int] = field(default_factory=dict)
-    published: frozenset[str] = frozenset()
+    published: Mapping[str, Block] = field(default_factory=dict)
     until: float | None = None
 
 
@@ -220,7 +221,7 @@ class Block:
         """Lengths that follow from others that are known, by symbol."""
         return {}
 
-    def why_open(self, published: frozenset[str]) -> str:
+    def why_open(self, published: Container[str]) -> str:
         """Why a length of this block may be open, and what to do; '' for the general message.
 
         ``published`` are the inputs that receive a published description.
@@ -263,6 +264,10 @@ class Block:
         """Type variables that the block's own parameters determine."""
         stated = self.__dict__.get(STATED)
         return {} if stated is None else {self.spec.generic: stated}
+
+    def port_type(self, name: str) -> PortType:
+        """The type of a port; parameters may determine another than the declared one."""
+        return self.spec.ports[name].type
 
     @property
     def indirect(self) -> tuple[str, ...]:

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import dis
+import inspect
+import types
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
 
 from blocks.core.params import Param
 from blocks.core.signals import PortType, Same, SignalType
@@ -101,15 +106,28 @@ class State:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """One call of the plan: a method, the ports it needs, and the outputs it computes.
-
-    ``timed`` tells whether the method reads its argument ``t``.
-    """
+    """One call of the plan: a method, the ports it needs, and the outputs it computes."""
 
     method: str
     needs: tuple[str, ...]
     outputs: tuple[str, ...] = ()
-    timed: bool = field(default=True, compare=False)
+    function: Callable[..., Any] | None = field(default=None, compare=False, repr=False)
+
+    @cached_property
+    def timed(self) -> bool:
+        """Whether the method, or a function inside it, reads ``t``; True if nobody can tell."""
+        code = getattr(inspect.unwrap(self.function), "__code__", None) if self.function else None
+        if code is None:
+            return True
+        waiting: list[types.CodeType] = [code]
+        while waiting:
+            code = waiting.pop()
+            for instruction in dis.get_instructions(code):
+                read = instruction.argval if isinstance(instruction.argval, tuple) else ()
+                if "LOAD" in instruction.opname and "t" in (instruction.argval, *read):
+                    return True
+            waiting += [each for each in code.co_consts if isinstance(each, types.CodeType)]
+        return False
 
 
 @dataclass(frozen=True)

@@ -92,7 +92,12 @@ class Param:
             return f"{self.setting.expected} {self.unit}".strip()
         if self.kind == "array":
             known: dict[Any, Any] = dict(sizes or {})
-            shapes = ["x".join(str(known.get(d, d or "n")) for d in s) for s in self.shapes if s]
+            # Two open lengths need not be equal.
+            shapes = [
+                "mxn" if s == (None, None) else "x".join(str(known.get(d, d or "n")) for d in s)
+                for s in self.shapes
+                if s
+            ]
             size = " or ".join(shapes)
             noun = f"an array of {size} numbers" if size else "an array of numbers"
             noun = f"a number or {noun}" if () in self.shapes else noun

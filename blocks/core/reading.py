@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dis
 import inspect
 import types
 import typing
@@ -280,25 +279,7 @@ def _optional(cls: type, method: str, ports: Mapping[str, Any]) -> Evaluation | 
 def _evaluation(
     cls: type, method: str, ports: Mapping[str, Any], outputs: tuple[str, ...] = ()
 ) -> Evaluation:
-    return Evaluation(
-        method, _needs(cls, method, ports), outputs, _reads_time(getattr(cls, method))
-    )
-
-
-def _reads_time(method: Any) -> bool:
-    """Whether a method's code, or a function inside it, reads ``t``; True if nobody can tell."""
-    code = getattr(inspect.unwrap(method), "__code__", None)
-    if code is None:
-        return True
-    waiting: list[types.CodeType] = [code]
-    while waiting:
-        code = waiting.pop()
-        for instruction in dis.get_instructions(code):
-            read = instruction.argval if isinstance(instruction.argval, tuple) else ()
-            if "LOAD" in instruction.opname and "t" in (instruction.argval, *read):
-                return True
-        waiting += [each for each in code.co_consts if isinstance(each, types.CodeType)]
-    return False
+    return Evaluation(method, _needs(cls, method, ports), outputs, getattr(cls, method))
 
 
 def _needs(cls: type, method: str, ports: Mapping[str, Any]) -> tuple[str, ...]:

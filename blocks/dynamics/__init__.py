@@ -6,7 +6,7 @@ from blocks.dynamics.extended_kalman import ExtendedKalmanFilter
 from blocks.dynamics.integrator import Integrator
 from blocks.dynamics.kalman import KalmanFilter
 from blocks.dynamics.linear import DiscreteStateSpace, StateSpace
-from blocks.dynamics.pid import PID
+from blocks.dynamics.pid import PID, DiscretePID
 from blocks.dynamics.system import DiscreteSystem, DynamicSystem
 from blocks.dynamics.transfer import (
     Butterworth,
@@ -17,7 +17,7 @@ from blocks.dynamics.transfer import (
 )
 
 __all__ = ["PID", "Butterworth", "DiscreteSystem"]
-__all__ += ["Delay", "Derivative", "DiscreteIntegrator", "DiscreteStateSpace"]
+__all__ += ["Delay", "Derivative", "DiscreteIntegrator", "DiscretePID", "DiscreteStateSpace"]
 __all__ += ["DiscreteTransferFunction", "DynamicSystem", "ExtendedKalmanFilter", "Hold"]
 __all__ += ["Integrator", "KalmanFilter", "MovingAverage", "SecondOrder", "StateSpace"]
 __all__ += ["TransferFunction", "ZeroPoleGain"]

@@ -1,4 +1,4 @@
-"""A PID controller in continuous time."""
+"""PID controllers, in continuous and in discrete time."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from blocks.core import (
     Block,
     BlockContext,
     BlockState,
+    FloatArray,
     Input,
     Output,
     ParameterError,
@@ -20,6 +21,7 @@ from blocks.core import (
     check_flat,
     param,
 )
+from blocks.dynamics.delays import Recalling
 
 
 class PID(Block):
@@ -53,9 +55,7 @@ class PID(Block):
     filtered = State(like="out", continuous=True, doc="the filtered error f")
 
     def validate(self) -> None:
-        if not self.lower < self.upper:
-            message = f"expected a limit above lower = {self.lower:g}, got {self.upper:g}"
-            raise ParameterError([("upper", message)])
+        check_limits(self.lower, self.upper)
 
     def validate_in(self, context: BlockContext) -> None:
         check_flat(context.types["out"], "error")
@@ -66,8 +66,7 @@ class PID(Block):
         state.size = kind.shape[0] if kind.shape else 1
         state.integral[...] = self.initial
         state.i, state.f = state.integral.reshape(-1), state.filtered.reshape(-1)
-        natural = self.ki / self.kp if self.kp > 0.0 and self.ki > 0.0 else 1.0
-        state.tracking = natural if self.tracking is None else self.tracking
+        state.tracking = tracking_of(self.tracking, self.kp, self.ki)
 
     def unlimited(self, state: BlockState, e: float, j: int) -> float:
         """One component before the limits."""
@@ -107,3 +106,101 @@ class PID(Block):
             integral[j] = self.rate(state, error[j], j)
             filtered[j] = self.n * (error[j] - state.f[j])
         return integral, filtered
+
+
+class DiscretePID(Recalling):
+    """A PID controller in discrete time for any signal, with limits and anti-windup.
+
+        error, reset ─▶ [ DiscretePID ] ─▶ out
+
+    Each component, h the block's own ``dt``: v = kp e_k + i_k + d_k, with the integral
+    i_k = i_k-1 + ki h e_k of the backward rule and the derivative d_k = kd (e_k - e_k-1) / h; with
+    a filter of bandwidth n, d_k = (d_k-1 + kd n (e_k - e_k-1)) / (1 + n h) (Astrom and Wittenmark,
+    Computer-Controlled Systems, 1997, section 8.5). out = min(max(v, lower), upper), and then
+    i_k += tracking h (out - v). Before the first tick the error was ``initial_error``. Where
+    ``reset`` is above 0.5, the controller begins anew at the next tick.
+    """
+
+    signal = Input(Same("T"), name="error", doc="reference minus measurement")
+    reset = Input(Scalar, default=0.0, doc="above 0.5: back to the initial states")
+    out = Output(Same("T", own_unit=True), doc="the control signal")
+
+    kp: float = param(1.0, doc="proportional gain")
+    ki: float = param(0.0, doc="integral gain, per second")
+    kd: float = param(0.0, doc="derivative gain, seconds")
+    n: float | None = param(
+        None, unit="1/s", above=0.0, doc="bandwidth of the derivative's filter; default no filter"
+    )
+    lower: float = param(-math.inf, finite=False, doc="lower limit of each component")
+    upper: float = param(math.inf, finite=False, doc="upper limit of each component")
+    tracking: float | None = param(
+        None, unit="1/s", at_least=0.0, doc="gain of the back-calculation; default ki / kp, or 1"
+    )
+    initial: FloatArray = param(0.0, shape=[(), (None,)], doc="integral at the start")
+    initial_error: float = param(0.0, doc="error before the first tick, each component")
+
+    integral = State(like="out", doc="the integral part i")
+    slope = State(like="out", doc="the derivative part d")
+    previous = State(like="out", doc="the error of the last tick")
+
+    def validate(self) -> None:
+        check_limits(self.lower, self.upper)
+
+    def start(self, state: BlockState) -> None:
+        super().start(state)
+        state.i, state.d = state.integral.reshape(-1), state.slope.reshape(-1)
+        state.e = state.previous.reshape(-1)
+        state.tracked = tracking_of(self.tracking, self.kp, self.ki) * state.dt
+        # Without a filter, n is infinite: nothing is left of the last slope.
+        bandwidth = math.inf if self.n is None else self.n
+        state.kept = 1.0 / (1.0 + bandwidth * state.dt)
+        state.rise = self.kd / (1.0 / bandwidth + state.dt)
+        self.begin(state)
+
+    def begin(self, state: BlockState) -> None:
+        """Set the initial states."""
+        for j in range(state.size):
+            state.i[j], state.d[j], state.e[j] = state.first[j], 0.0, self.initial_error
+
+    def unlimited(self, state: BlockState, e: float, j: int) -> float:
+        """One component before the limits."""
+        slope = state.kept * state.d[j] + state.rise * (e - state.e[j])
+        return float(self.kp * e + state.i[j] + self.ki * state.dt * e + slope)
+
+    def output(self, state: BlockState, t: float, error: Any) -> Any:
+        out = np.zeros(state.size)
+        self.store(state, out, error)
+        for j in range(state.size):
+            out[j] = min(max(self.unlimited(state, out[j], j), self.lower), self.upper)
+        return self.packed(state, out)
+
+    def update(self, state: BlockState, t: float, error: Any, reset: float, out: Any) -> None:
+        if reset > 0.5:
+            self.begin(state)
+            return
+        e, limited = np.zeros(state.size), np.zeros(state.size)
+        self.store(state, e, error)
+        self.store(state, limited, out)
+        for j in range(state.size):
+            excess = self.unlimited(state, e[j], j) - limited[j]
+            state.i[j] += self.ki * state.dt * e[j] - state.tracked * excess
+            state.d[j] = state.kept * state.d[j] + state.rise * (e[j] - state.e[j])
+            state.e[j] = e[j]
+
+
+def check_limits(lower: float, upper: float) -> None:
+    """Check that two limits leave a range.
+
+    Raises
+    ------
+    ParameterError : they do not.
+    """
+    if not lower < upper:
+        message = f"expected a limit above lower = {lower:g}, got {upper:g}"
+        raise ParameterError([("upper", message)])
+
+
+def tracking_of(tracking: float | None, kp: float, ki: float) -> float:
+    """The gain of the back-calculation (1/s); by default 1 / Ti = ki / kp."""
+    natural = ki / kp if kp > 0.0 and ki > 0.0 else 1.0
+    return natural if tracking is None else tracking

@@ -5,7 +5,7 @@ from blocks.generic.constraint import AlgebraicConstraint
 from blocks.generic.enabling import Enable, Trigger
 from blocks.generic.fourier import FourierTransform, InverseFourierTransform
 from blocks.generic.functions import Function
-from blocks.generic.mathematics import Compare, Logic, MatrixGain, Norm, Product, Wrap
+from blocks.generic.mathematics import Compare, Logic, Norm, Product, Wrap
 from blocks.generic.memory import Lowpass, UnitDelay
 from blocks.generic.routing import Concatenate, MultiportSwitch, Select
 
@@ -22,5 +22,5 @@ __all__ = [
     "Logic",
     "Lowpass",
 ]
-__all__ += ["MatrixGain", "MultiportSwitch", "Mux", "Norm", "Product", "Select", "Sum", "Switch"]
+__all__ += ["MultiportSwitch", "Mux", "Norm", "Product", "Select", "Sum", "Switch"]
 __all__ += ["Trigger", "UnitDelay", "Wrap", "added", "scaled"]

@@ -15,6 +15,7 @@ from blocks.core import (
     Input,
     Output,
     ParameterError,
+    PortType,
     Same,
     Scalar,
     SignalType,
@@ -23,6 +24,7 @@ from blocks.core import (
     Vector,
     kernel_of,
     param,
+    times,
 )
 
 
@@ -127,27 +129,36 @@ def scaled(value: Any, factor: float) -> Any:
 
 
 class Gain(Block):
-    """Multiply a signal by a number, or each of its components by its own.
+    """Multiply a signal by a number, each of its components by its own, or a vector by a matrix.
 
         input ─▶ [ Gain ] ─▶ out
 
-    out = gain * input, each component. The gain may have a unit, so that of ``out`` is free: a
-    Gain converts between units. A MatrixGain multiplies a vector by a matrix.
+    out = gain * input, each component; with a matrix of m rows and n columns, out = gain @ input,
+    a vector of m components from one of n. The gain may have a unit, so that of ``out`` is free: a
+    Gain converts between units.
     """
 
     signal = Input(Same("T"), name="input", doc="what to scale")
     out = Output(Same("T", own_unit=True), through="input", doc="gain times input")
 
-    gain: FloatArray = param(shape=[(), (None,)], doc="the factor, or one per component")
+    gain: FloatArray = param(
+        shape=[(), (None,), (None, None)], doc="the factor, one per component, or a matrix by rows"
+    )
 
     def validate(self) -> None:
-        if self.gain.ndim > 1:
-            message = "expected a number or one per component; a matrix belongs in a MatrixGain"
-            raise ParameterError([("gain", message)])
+        if self.gain.ndim == 2 and super().variables:
+            message = "a matrix gives the types of input and output; leave 'signal' out"
+            raise ParameterError([("signal", message)])
+
+    def port_type(self, name: str) -> PortType:
+        if self.gain.ndim < 2:
+            return super().port_type(name)
+        rows, columns = self.gain.shape
+        return Vector(columns if name == "input" else rows)
 
     def validate_in(self, context: BlockContext) -> None:
         kind = context.types["out"]
-        if self.gain.ndim and self.gain.shape != kind.shape:
+        if self.gain.ndim == 1 and self.gain.shape != kind.shape:
             expected = f"a number or {kind.numbers}" if kind.shape else "a number"
             message = f"expected {expected} for {kind}, got {self.gain.tolist()}"
             raise ParameterError([("gain", message)])
@@ -155,13 +166,16 @@ class Gain(Block):
     def start(self, state: BlockState) -> None:
         kind = state.context.types["out"]
         state.form, state.pack = kind.form, kind.pack
-        state.single = not self.gain.ndim
-        state.factor = float(self.gain) if state.single else 1.0
-        state.factors = np.atleast_1d(self.gain).copy()
+        state.by = ("number", "component", "matrix")[self.gain.ndim]
+        state.factor = float(self.gain) if state.by == "number" else 1.0
+        state.factors = np.ravel(self.gain).copy()
+        state.matrix = np.atleast_2d(self.gain).copy()
 
     def output(self, state: BlockState, t: float, input: Any) -> Any:
-        if state.single:
+        if state.by == "number":
             return scaled(input, state.factor)
+        if state.by == "matrix":
+            return times(state.matrix, input)
         out = np.empty(len(state.factors))
         for i in range(len(state.factors)):
             out[i] = state.factors[i] * input[i]

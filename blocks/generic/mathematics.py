@@ -1,4 +1,4 @@
-"""Arithmetic and logic without memory: products, matrices, norms, angles, comparisons."""
+"""Arithmetic and logic without memory: products, norms, angles, comparisons."""
 
 from __future__ import annotations
 
@@ -18,10 +18,8 @@ from blocks.core import (
     ParameterError,
     Same,
     Scalar,
-    Vector,
     modulo,
     param,
-    times,
 )
 
 COMPARISONS = ("<", "<=", ">", ">=", "==", "!=")
@@ -89,31 +87,6 @@ class Product(Block):
         if power > 0.0:
             return float(total) * float(factor)
         return float(total) / float(factor)
-
-
-class MatrixGain(Block):
-    """Multiply a vector by a matrix.
-
-        input ─▶ [ MatrixGain ] ─▶ out
-
-    out = matrix @ input, with m rows for n components.
-    """
-
-    signal = Input(Vector("n"), name="input", doc="a vector of n components")
-    out = Output(Vector("m"), doc="a vector of m components")
-
-    matrix: FloatArray = param(shape=(None, None), doc="m rows of n numbers")
-
-    def sizes(self) -> dict[str, int]:
-        if "matrix" not in self.__dict__ or self.matrix.ndim != 2:
-            return {}
-        return {"m": self.matrix.shape[0], "n": self.matrix.shape[1]}
-
-    def start(self, state: BlockState) -> None:
-        state.matrix = self.matrix.copy()
-
-    def output(self, state: BlockState, t: float, input: FloatArray) -> FloatArray:
-        return times(state.matrix, input)
 
 
 class Norm(Block):

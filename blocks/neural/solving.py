@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 
 import numpy as np
 
@@ -24,12 +24,12 @@ from blocks.core import (
     param,
 )
 from blocks.neural.distributions import Distribution
+from blocks.neural.ensemble import Ensemble
 from blocks.neural.functions import DecodedFunction, PointError
 from blocks.neural.solvers import SingularError, Solver, rmse
 from blocks.neural.tuning import Tuning
 
 LEAST_POINTS, MOST_POINTS, POINTS_PER_DIMENSION, MANY_POINTS = 750, 2500, 500, 4000
-TRIED = 100
 
 
 class Solved(Block, ABC):
@@ -108,11 +108,11 @@ class Solved(Block, ABC):
             elif self.transform.shape[1] != inside:
                 message = f"expected a matrix with {inside} columns, got {self.transform.shape}"
                 problems.append(("transform", message))
-        problems += self._unusable(d // groups)
+        problems += self._unusable(d // groups, context.published.get("spikes"))
         if problems:
             raise ParameterError(problems)
 
-    def why_open(self, published: frozenset[str]) -> str:
+    def why_open(self, published: Container[str]) -> str:
         if self.weights_given is not None or "spikes" in published:
             return ""
         return (
@@ -120,18 +120,24 @@ class Solved(Block, ABC):
             "wire the spikes of an Ensemble directly, or give 'weights'"
         )
 
-    def _unusable(self, d: int) -> list[tuple[str, str]]:
-        """What is wrong with the points, or with the function at some of them."""
+    def _unusable(self, d: int, source: Block | None) -> list[tuple[str, str]]:
+        """What is wrong with the points, or with the function at some of them.
+
+        Points that are drawn are others than those of a run, of the same distribution.
+        """
+        neurons, radius = 10, 1.0
+        if isinstance(source, Ensemble):
+            neurons, radius = source.neurons, source.radius
         try:
-            points = self._points(np.random.default_rng(0), 10, d, 1.0)
+            points = self._points(np.random.default_rng(0), neurons, d, radius)
         except ValueError as error:
             return [("eval_points", str(error))]
         try:
-            self._targets(points[:TRIED])
+            self._targets(points)
         except SettingError as error:
             return [("function", error.problems[0][1])]
-        except PointError:
-            pass  # with the radius of the ensemble, it may be defined
+        except PointError as error:
+            return [("function", str(error))]
         return []
 
     def _targets(self, points: FloatArray) -> FloatArray:

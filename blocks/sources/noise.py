@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC
 from typing import Any
 
@@ -123,3 +124,54 @@ class RandomWalk(_Random):
     def update(self, state: BlockState, t: float) -> None:
         for i in range(len(state.cells)):
             state.cells[i] += state.sigma[i] * state.rng.standard_normal()
+
+
+class PinkNoise(_Random):
+    """Pink noise: its power density falls as 1/f, from ``lowest`` to half the sampling rate.
+
+        [ PinkNoise ] ─▶ out
+
+    out = sum of x_j, relaxations of corner frequencies f_j = lowest * 2^j and of equal variance
+    s^2 = 2 ln(2) density: x_j' = -2 pi f_j x_j + white noise, sampled exactly. The sum of their
+    spectra 2 a_j s^2 / (a_j^2 + omega^2), a_j = 2 pi f_j, is ``density`` / f (Bernamont, 1937;
+    van der Ziel, 1950), the two-sided power spectral density at f between the ends, at 1 Hz
+    ``density`` itself. It begins in the stationary state.
+    """
+
+    density: FloatArray = param(
+        shape=[(), (None,)], at_least=0.0, doc="two-sided density at 1 Hz, per component"
+    )
+    lowest: float = param(0.01, unit="Hz", above=0.0, doc="frequency below which it is flat")
+
+    parts = State("corners", like="out", doc="the relaxations, one row each")
+
+    def sizes_in(self, context: BlockContext) -> dict[str, int]:
+        octaves = math.log2(max(0.5 / (context.dt * self.lowest), 1.0))
+        return {"corners": int(octaves) + 1}
+
+    def start(self, state: BlockState) -> None:
+        super().start(state)
+        rows = len(state.parts)
+        state.cells_of = state.parts.reshape(rows, -1)
+        state.keep = np.exp(-2.0 * math.pi * self.lowest * state.dt * 2.0 ** np.arange(rows))
+        state.renew = np.sqrt(1.0 - state.keep**2)
+        state.sigma = np.sqrt(2.0 * math.log(2.0) * self.numbers(state, self.density))
+        for j in range(rows):
+            for i in range(len(state.cells)):
+                state.cells_of[j, i] = state.sigma[i] * state.rng.standard_normal()
+        self.add_up(state)
+
+    def add_up(self, state: BlockState) -> None:
+        """The output is the sum of the relaxations."""
+        for i in range(len(state.cells)):
+            total = 0.0
+            for j in range(len(state.keep)):
+                total += state.cells_of[j, i]
+            state.cells[i] = total
+
+    def update(self, state: BlockState, t: float) -> None:
+        for j in range(len(state.keep)):
+            for i in range(len(state.cells)):
+                fresh = state.renew[j] * state.sigma[i] * state.rng.standard_normal()
+                state.cells_of[j, i] = state.keep[j] * state.cells_of[j, i] + fresh
+        self.add_up(state)

@@ -115,7 +115,7 @@ def settle(
                 hint(name, spec.inputs) or f"; its inputs: {', '.join(spec.inputs) or 'none'}"
             )
             raise ValueError(f"{type(block).__name__} has no input '{name}'{suggestion}")
-        declared = spec.inputs[name].type
+        declared = block.port_type(name)
         if isinstance(declared, Same):
             variables.setdefault(declared.variable, kind)
         elif declared.symbol and isinstance(kind.length, int):
@@ -133,7 +133,7 @@ def settle(
     for count in TERMS if variadic else (0,):
         lengths.update(dict.fromkeys(spread, count))
         _complete(block, lengths, resolve)
-        types = {name: resolve(port.type) for name, port in spec.ports.items()}
+        types = {name: resolve(block.port_type(name)) for name in spec.ports}
         for name, kind in given.items():
             if types[name] != (kind.sized(types[name].length) if kind.symbol else kind):
                 raise ValueError(f"{type(block).__name__}.{name} takes {types[name]}, not {kind}")

@@ -8,7 +8,7 @@ loops; local arrays come from an arena; there is no recursion.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from runtime.codegen.source import Entry, Function, RefusedError, Source, support
 from runtime.codegen.types import (
@@ -23,8 +23,10 @@ from runtime.codegen.types import (
     Type,
     leaves,
 )
+from runtime.lazy import importer
 
 if TYPE_CHECKING:
+    from runtime.codegen.names import unused
     from runtime.codegen.unit import Unit, Writer
 
 __all__ = [
@@ -45,13 +47,15 @@ __all__ = [
     "Writer",
     "leaves",
     "support",
+    "unused",
 ]
 
-
-def __getattr__(name: str) -> Any:
-    """``Writer`` and ``Unit`` are imported where something is written, not at every start."""
-    if name not in ("Unit", "Writer"):
-        raise AttributeError(f"module '{__name__}' has no attribute '{name}'")
-    from runtime.codegen import unit
-
-    return getattr(unit, name)
+# Imported where something is written, not at every start.
+__getattr__ = importer(
+    __name__,
+    {
+        "Unit": "runtime.codegen.unit",
+        "Writer": "runtime.codegen.unit",
+        "unused": "runtime.codegen.names",
+    },
+)

@@ -175,10 +175,14 @@ def local_name(name: str) -> str:
 
 def function_name(name: str, taken: set[str]) -> str:
     """A new C name for a function; names at file scope must not begin with an underscore."""
-    stem = local_name(name.strip("_") or "function")
-    made, number = stem, 1
+    return unused(local_name(name.strip("_") or "function"), taken)
+
+
+def unused(name: str, taken: set[str]) -> str:
+    """A name that is not taken yet: the given one, if need be with a number. It is taken then."""
+    made, number = name, 1
     while made in taken:
         number += 1
-        made = f"{stem}_{number}"
+        made = f"{name}_{number}"
     taken.add(made)
     return made

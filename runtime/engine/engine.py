@@ -49,7 +49,7 @@ from runtime.engine.solvers import (
 )
 from runtime.engine.values import NotFiniteError, OutputChecks, bad_slope, sealed, unreached
 from runtime.errors import SimulationError, UsageError
-from runtime.network import Network, columns, state_shape
+from runtime.network import Network, columns
 
 CHUNK_SECONDS = 0.1
 SMALL_STATE = 1024**2
@@ -356,18 +356,12 @@ class Engine:
         return block
 
     def _state(self, name: str) -> BlockState:
-        entry = self.network.entries[name]
-        context = self.network.context(name)
-        shapes = {
-            key: state_shape(entry.made, declared, context, entry.cls.spec)
-            for key, declared in entry.cls.spec.states.items()
-        }
-        arrays = {key: np.zeros(shape) for key, shape in shapes.items()}
+        arrays = {key: np.zeros(shape) for key, shape in self.program.shapes[name].items()}
         if self.plan.continuous is not None:
             for slot in self.plan.continuous.slots_of(name):
                 whole = self.continuous[slot.start : slot.stop]
                 arrays[slot.state] = whole.reshape(slot.shape)
-        return BlockState(context, seed_of(self.seed, name), arrays)
+        return BlockState(self.program.contexts[name], seed_of(self.seed, name), arrays)
 
     def _record_tuning(self, recording: RecordSlot) -> None:
         """Record what a block publishes about the neurons behind a signal."""

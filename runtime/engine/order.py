@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Any
+from heapq import heapify, heappop, heappush
 
 from runtime.engine.steps import Step, drivers
 from runtime.errors import NOWHERE, Problems, Where
 from runtime.network import Network
+
+Key = tuple[str, int]  # a block and the number of its evaluation
+Edges = Mapping[Key, Mapping[Key, tuple[str, Where]]]
 
 
 def ordered_steps(network: Network, enables: Mapping[str, Sequence[str]]) -> list[Step]:
@@ -21,12 +25,9 @@ def ordered_steps(network: Network, enables: Mapping[str, Sequence[str]]) -> lis
     ------
     GraphError : naming every algebraic loop.
     """
-    import networkx as nx
-
     wires = drivers(network)
-    makes: dict[tuple[str, str], tuple[str, int]] = {}
-    steps: dict[tuple[str, int], Step] = {}
-    graph = nx.DiGraph()
+    makes: dict[tuple[str, str], Key] = {}
+    steps: dict[Key, Step] = {}
     for name, entry in network.entries.items():
         spec = entry.cls.spec
         for i, evaluation in enumerate(entry.evaluations):
@@ -35,35 +36,52 @@ def ordered_steps(network: Network, enables: Mapping[str, Sequence[str]]) -> lis
             varies = bool(evaluation.needs) or evaluation.timed
             switched = tuple(enables.get(name, ())) if varies and not constant else ()
             steps[name, i] = Step(name, evaluation, entry.every, constant, switched)
-            graph.add_node((name, i))
             makes.update({(name, port): (name, i) for port in evaluation.outputs})
+    # Each producer with its consumers, and the wire between them in words, with its place.
+    edges: dict[Key, dict[Key, tuple[str, Where]]] = {key: {} for key in steps}
     for (name, i), step in steps.items():
         for enable in step.enables:
-            edge = (f"{enable}.on ▸ {name}", "")
-            graph.add_edge(makes[enable, "on"], (name, i), edge=edge)
+            edges[makes[enable, "on"]][name, i] = (f"{enable}.on ▸ {name}", NOWHERE)
         for port in step.evaluation.needs:
             for wire in wires.get((name, port), ()):
                 source = makes[wire.source.block, wire.source.port]
-                edge = (f"{wire.source} ▸ {wire.target}", wire.where.file)
-                graph.add_edge(source, (name, i), edge=edge)
-    if not nx.is_directed_acyclic_graph(graph):
-        _report_loops(graph)
-    ranked = {key: (step.every, *key) for key, step in steps.items()}
-    order = nx.lexicographical_topological_sort(graph, key=ranked.__getitem__)
+                edges[source][name, i] = (f"{wire.source} ▸ {wire.target}", wire.where)
+    order = _sorted(edges, {key: (step.every, *key) for key, step in steps.items()})
+    if len(order) < len(steps):
+        _report_loops(edges)
     return [steps[key] for key in order]
 
 
-def _report_loops(graph: Any) -> None:
-    import networkx as nx
+def _sorted(edges: Edges, rank: Mapping[Key, tuple[int, str, int]]) -> list[Key]:
+    """Producers before consumers, lowest rank first; what is in or behind a loop is left out."""
+    awaited = Counter(consumer for consumers in edges.values() for consumer in consumers)
+    ready = [(rank[key], key) for key in edges if not awaited[key]]
+    heapify(ready)
+    order = []
+    while ready:
+        _, key = heappop(ready)
+        order.append(key)
+        for consumer in edges[key]:
+            awaited[consumer] -= 1
+            if not awaited[consumer]:
+                heappush(ready, (rank[consumer], consumer))
+    return order
 
+
+def _report_loops(edges: Edges) -> None:
+    import networkx as nx  # slow to load, so for loops only
+
+    graph = nx.DiGraph()
+    for source, consumers in edges.items():
+        graph.add_edges_from((source, key, {"edge": edge}) for key, edge in consumers.items())
     problems = Problems()
     for component in nx.strongly_connected_components(graph):
         inside = graph.subgraph(sorted(component))
         if len(component) > 1 or inside.number_of_edges():
             cycle = nx.find_cycle(inside, source=min(component))
-            edges = [inside.edges[a, b]["edge"] for a, b in cycle]
-            path = " ▸ ".join(text for text, _ in edges)
+            found = [inside.edges[a, b]["edge"] for a, b in cycle]
+            path = " ▸ ".join(text for text, _ in found)
             message = f"algebraic loop: {path}; a UnitDelay on one of these wires breaks it"
-            file = next((file for _, file in edges if file), "")
-            problems.add(Where(file) if file else NOWHERE, "", message)
+            where = next((where for _, where in found if where.file), NOWHERE)
+            problems.add(where, "", message)
     problems.raise_any()

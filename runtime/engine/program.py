@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from types import CodeType, MappingProxyType
 
+from blocks.core import BlockContext
 from runtime.engine.profile import ProfilingEmitter
 from runtime.engine.recorder import buffer_rows, buffered
 from runtime.engine.schedule import Emitter, Plan, RecordSlot, make_plan
-from runtime.network import Network
+from runtime.network import Network, state_shape
 from runtime.observation import Observation
 
 FILENAME = "<the plan>"
@@ -57,6 +59,23 @@ class Program:
         object.__setattr__(self, "plan", make_plan(network))
         object.__setattr__(self, "gathered", gathered)
         object.__setattr__(self, "recordings", tuple(recordings(self.observation, gathered)))
+
+    @cached_property
+    def contexts(self) -> Mapping[str, BlockContext]:
+        """What each block knows about its place in the graph."""
+        return {name: self.network.context(name) for name in self.network.entries}
+
+    @cached_property
+    def shapes(self) -> Mapping[str, Mapping[str, tuple[int, ...]]]:
+        """The shapes of each block's states."""
+        found = {}
+        for name, entry in self.network.entries.items():
+            context, spec = self.contexts[name], entry.cls.spec
+            found[name] = {
+                key: state_shape(entry.made, declared, context, spec)
+                for key, declared in spec.states.items()
+            }
+        return found
 
     def emitter(self) -> Emitter:
         """A writer of the plan's function, for one text."""

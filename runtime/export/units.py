@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from blocks.core import BlockState
-from runtime.codegen import support
+from runtime.codegen import support, unused
 from runtime.engine.compiled import Kernel, fixed_sizes, make_kernels
 from runtime.errors import GraphError, Problem
 from runtime.export.selection import Selection
@@ -89,7 +89,7 @@ def write_units(selection: Selection, states: Mapping[str, BlockState]) -> Units
             continue
         key = (entry.cls.__name__, kernel.text)
         if key not in known:
-            prefix = _fresh(_snake(entry.cls.__name__), taken)
+            prefix = unused(_snake(entry.cls.__name__), taken)
             known[key] = prefix, len(units.failures)
             texts.append(_renamed(kernel, prefix))
             units.failures += [f"{prefix}: {message}" for _, message, *_ in kernel.failures]
@@ -149,12 +149,3 @@ def _renamed(kernel: Kernel, prefix: str) -> str:
 
 def _snake(name: str) -> str:
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
-
-
-def _fresh(name: str, taken: set[str]) -> str:
-    made, number = name, 1
-    while made in taken:
-        number += 1
-        made = f"{name}_{number}"
-    taken.add(made)
-    return made

@@ -78,14 +78,16 @@ def find(scope: Scope, text: str, depth: int = 0) -> ResolvedAddress:
     while len(names) > 1 and names[0] in scope.parts:
         scope = scope.parts[names.pop(0)]
     head, rest = names[0], names[1:]
-    if head in scope.blocks:
+    # From outside, 'part.k' and 'part.k[1]' are the output k, even if a block inside is named k.
+    given = scope is not start and head in scope.outputs
+    if head in scope.blocks and not (given and all(map(_INDEX.fullmatch, rest))):
         found = ResolvedAddress(Endpoint(scope.prefix + head, rest[0] if rest else ""))
         return _component(found, rest[1:], text)
     if head in scope.broken:
         raise ReportedError
     if head == "inputs" and scope is start and scope.parent is not None:
         return _from_outside(scope, rest, text, depth)
-    if scope is not start and head in scope.outputs:
+    if given:
         address = scope.path("outputs", head)
         return _component(_hop(scope, scope.outputs[head], address, depth), rest, text)
     if "blocks" in scope.unread or (scope is not start and "outputs" in scope.unread):

@@ -41,9 +41,9 @@ def infer_types(
     inference.report()
     types = {}
     for name, block in known.items():
-        spec = network.entries[name].cls.spec
-        for port in (*spec.inputs, *spec.outputs):
-            kind = _concrete(_resolved(spec.ports[port].type, block))
+        made = network.entries[name].made
+        for port in made.spec.ports:
+            kind = _concrete(_resolved(made.port_type(port), block))
             if kind is not None:
                 types[name, port] = kind
     return types, {name: block.lengths for name, block in known.items()}
@@ -115,10 +115,10 @@ class _Inference:
         return kind is None or component_type(kind, wire.source) is not None
 
     def out(self, wire: Wire) -> PortType:
-        return self.network.entries[wire.source.block].cls.spec.outputs[wire.source.port].type
+        return self.network.entries[wire.source.block].made.port_type(wire.source.port)
 
     def into(self, wire: Wire) -> PortType:
-        return self.network.entries[wire.block].cls.spec.inputs[wire.port].type
+        return self.network.entries[wire.block].made.port_type(wire.port)
 
     def spread(self, wire: Wire) -> str:
         """The length symbol of an input that takes components of any signals; '' for others."""

@@ -184,7 +184,9 @@ class Network:
             },
             world=self.world,
             lengths=self.lengths.get(name, {}),
-            published=frozenset(port for port, _ in self.publications(name)),
+            published={
+                port: self.entries[source.block].made for port, source in self.publications(name)
+            },
             until=self.until,
         )
 

@@ -29,8 +29,7 @@ _NAMES: dict[str, str] = {
     ),
     "Sum": "adder add subtract sumofelements difference plus minus",
     "Product": "prod mul multiply multiplier divide divider dotproduct",
-    "Gain": "amplifier amp scale slidergain",
-    "MatrixGain": "matrix matrixmultiply",
+    "Gain": "amplifier amp scale slidergain matrix matrixmultiply matrixgain",
     "FourierTransform": "fft rfft dft fouriertransform spectrum",
     "InverseFourierTransform": "ifft irfft idft",
     "Compare": (
@@ -46,6 +45,7 @@ _NAMES: dict[str, str] = {
     "Piecewise": "fromworkspace repeatingsequence signalbuilder timetable fromspreadsheet",
     "Clock": "time digitalclock",
     "WhiteNoise": "noise bandlimitedwhitenoise randomnumber gaussiannoise rng uniformrandomnumber",
+    "PinkNoise": "oneoverfnoise 1/fnoise flickernoise pink",
     "RandomWalk": "browniannoise wienerprocess brownian wiener",
     "TransferFunction": (
         "transferfcn transferfunctionnumden lti ltisiso lti_siso tf pt1 leadlag fopdt firstorder"
@@ -66,6 +66,7 @@ _NAMES: dict[str, str] = {
     "a part with a block Enable": "enabledsubsystem enableport",
     "a part with a block Trigger": "triggeredsubsystem triggerport",
     "PID": "pidcontroller antiwinduppid pidcontrol pi pd",
+    "DiscretePID": "pids pid_s discretepidcontroller digitalpid",
     "DiscreteTransferFunction": (
         "discretetransferfcn discretefilter fir filter iir ltisisos dtf digitalfilter lti_siso_s"
     ),

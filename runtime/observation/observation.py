@@ -23,7 +23,8 @@ class StopTest:
 class Observation:
     """What a run records, draws and measures, and what ends it early.
 
-    ``notes`` lists what was left out, and why.
+    ``notes`` lists what was left out, and why; ``defaults`` are the plots of a graph that says
+    nothing about plots.
     """
 
     probes: dict[str, Probe] = field(default_factory=dict)
@@ -31,6 +32,12 @@ class Observation:
     metrics: list[Metric] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     stop: StopTest | None = None
+    defaults: list[PlotSpec] = field(default_factory=list)
+
+    @property
+    def drawn(self) -> list[PlotSpec]:
+        """The plots of a run."""
+        return self.plots or self.defaults
 
     @property
     def metric_units(self) -> dict[str, str]:

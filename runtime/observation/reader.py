@@ -31,6 +31,7 @@ from runtime.network import (
     missing_block,
     whole_shape,
 )
+from runtime.observation.default_plots import default_plots
 from runtime.observation.metrics import METRIC_KINDS, Metric, ProbeInfo
 from runtime.observation.observation import Observation, StopTest
 from runtime.observation.plots import (
@@ -109,6 +110,8 @@ class _Reader:
         if document.get("plots") is None and "plots" not in misspelt(document, SECTIONS):
             self.seen.plots[:] = default_plots(self.seen.probes.values())
         self.seen.plots[:] = [self.with_band(plot) for plot in self.seen.plots]
+        if document.get("plots") is None:
+            self.seen.defaults[:] = default_plots(self.seen.probes.values())
 
     def stop(self) -> StopTest | None:
         """What ends the run early; None, with a note, if its block is removed."""

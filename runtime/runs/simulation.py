@@ -174,7 +174,7 @@ def _result(
         title=graph.network.title,
         probes=probes,
         metrics=metrics,
-        plots=graph.program.observation.plots,
+        plots=graph.program.observation.drawn,
         manifest=_manifest(graph, outcome, notes, began),
         origin=partial(_origin, graph, outcome.engine),
         notes=notes,

@@ -10,13 +10,14 @@ from runtime.toolchain.compilers import (
     find_compiler,
     install_command,
 )
-from runtime.toolchain.library import QUICK, BuildError, Library, Unit, build
+from runtime.toolchain.library import QUICK, Builder, BuildError, Library, Unit, build
 from runtime.toolchain.store import VARIABLE, digest, folder, read_record, write_record
 
 __all__ = [
     "QUICK",
     "VARIABLE",
     "BuildError",
+    "Builder",
     "Compiler",
     "Library",
     "MissingCompilerError",

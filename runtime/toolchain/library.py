@@ -5,15 +5,20 @@ from __future__ import annotations
 import ctypes
 import os
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from runtime.errors import SpikeblocksError
 from runtime.files import slug, system_errors
 from runtime.toolchain import store
 from runtime.toolchain.compilers import Compiler, environment, find_compiler, processor, tuning
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future, ThreadPoolExecutor
 
 # Functions of math.h whose results are rounded in one way by the C library and in another by a
 # compiler that computes them itself, as it does for arguments that it knows.
@@ -80,59 +85,109 @@ class Library:
     compiled: tuple[str, ...] = ()
 
 
-def build(
-    units: Sequence[Unit],
-    checked: bool = False,
-    note: Callable[[tuple[str, ...]], None] | None = None,
-) -> Library:
-    """Compile what is not in the cache, link, and load.
+class Builder:
+    """Compiles units while others are still being written, then links and loads them.
+
+    A context manager; at its end nothing is left of what was begun and not used.
 
     Parameters
     ----------
-    units : their texts include all that they need, and no symbol is defined twice.
     checked : define ``SPIKEBLOCKS_CHECKED``, under which a text checks its indices.
-    note : called with the names of units that are not in the cache, before they are compiled.
 
     Raises
     ------
     MissingCompilerError : there is no compiler.
-    BuildError : the compiler fails, or the library cannot be loaded.
-    UsageError : the cache cannot be written.
     """
-    compiler = find_compiler()
-    flags = (*FLAGS, f"-D{CHECKED}=1") if checked else FLAGS
-    tuned = tuning(compiler)
-    flags = (*flags, *tuned)
-    made_with = (compiler.identity, *compiler.command, *flags, processor() if tuned else "")
-    # One text is one object, however many units have it.
-    objects = {
-        f"unit_{store.digest(*made_with, unit.level, unit.text)}{OBJECT}": unit for unit in units
-    }
-    name = f"library_{store.digest(*LINK, *LIBRARIES, *objects)}{LIBRARY}"
-    path, compiled = store.verified(name), NOTHING
-    if path is None:
-        with system_errors(f"keep compiled code in '{store.folder()}'"):
-            path, compiled = _made(name, objects, compiler, flags, note)
-            store.bound()
-    try:
-        return Library(path, ctypes.CDLL(str(path)), compiled)
-    except OSError as error:
-        advice = f"does its folder forbid execution? {store.VARIABLE} names another one"
-        raise BuildError(f"cannot load compiled code ({advice}): {error}") from None
 
+    def __init__(self, checked: bool = False) -> None:
+        self.compiler = compiler = find_compiler()
+        tuned = tuning(compiler)
+        checks = (f"-D{CHECKED}=1",) if checked else ()
+        self.flags = (*FLAGS, *checks, *tuned)
+        kind = processor() if tuned else ""
+        self._made_with = (compiler.identity, *compiler.command, *self.flags, kind)
+        self._begun: dict[str, Future[None]] = {}
+        self._open = ExitStack()
 
-def _made(
-    name: str,
-    objects: dict[str, Unit],
-    compiler: Compiler,
-    flags: Sequence[str],
-    note: Callable[[tuple[str, ...]], None] | None,
-) -> tuple[Path, tuple[str, ...]]:
-    """Compile and link; returns the library and the names of the units that were compiled."""
-    with store.work_folder() as work:
-        missing = {}
+    def __enter__(self) -> Builder:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._open.close()
+
+    @cached_property
+    def _work(self) -> Path:
+        return self._open.enter_context(store.work_folder())
+
+    @cached_property
+    def _pool(self) -> ThreadPoolExecutor:
+        # Imported where something is compiled: a start from the cache takes a few ms.
+        from concurrent.futures import ThreadPoolExecutor
+
+        pool = ThreadPoolExecutor(processors())
+        self._open.callback(pool.shutdown, cancel_futures=True)
+        return pool
+
+    def begin(self, unit: Unit) -> None:
+        """Start to compile a unit that is not in the cache; an error is raised by :meth:`build`.
+
+        Raises
+        ------
+        UsageError : the cache cannot be written.
+        """
+        key = self._key(unit)
+        if key not in self._begun:
+            with self._writing():
+                work = self._work
+            self._begun[key] = self._pool.submit(
+                _compile, work, key, unit, self.compiler, self.flags
+            )
+
+    def build(
+        self, units: Sequence[Unit], note: Callable[[tuple[str, ...]], None] | None = None
+    ) -> Library:
+        """Compile what is not in the cache, link, and load.
+
+        Parameters
+        ----------
+        units : their texts include all that they need, and no symbol is defined twice.
+        note : called with the names of units that are not in the cache.
+
+        Raises
+        ------
+        BuildError : the compiler fails, or the library cannot be loaded.
+        UsageError : the cache cannot be written.
+        """
+        # One text is one object, however many units have it.
+        objects = {self._key(unit): unit for unit in units}
+        name = f"library_{store.digest(*LINK, *LIBRARIES, *objects)}{LIBRARY}"
+        path, compiled = store.verified(name), NOTHING
+        if path is None:
+            with self._writing():
+                path, compiled = self._linked(name, objects, note)
+                store.bound()
+        try:
+            return Library(path, ctypes.CDLL(str(path)), compiled)
+        except OSError as error:
+            advice = f"does its folder forbid execution? {store.VARIABLE} names another one"
+            raise BuildError(f"cannot load compiled code ({advice}): {error}") from None
+
+    def _key(self, unit: Unit) -> str:
+        return f"unit_{store.digest(*self._made_with, unit.level, unit.text)}{OBJECT}"
+
+    def _writing(self) -> AbstractContextManager[None]:
+        return system_errors(f"keep compiled code in '{store.folder()}'")
+
+    def _linked(
+        self,
+        name: str,
+        objects: dict[str, Unit],
+        note: Callable[[tuple[str, ...]], None] | None,
+    ) -> tuple[Path, tuple[str, ...]]:
+        """Compile and link; returns the library and the names of the units that were compiled."""
+        work, missing = self._work, {}
         for key, unit in objects.items():
-            content = store.read(key)
+            content = None if key in self._begun else store.read(key)
             if content is None:
                 missing[key] = unit
             else:
@@ -141,14 +196,24 @@ def _made(
         compiled = tuple(sorted({unit.name for unit in missing.values()}))
         if missing and note is not None:
             note(compiled)
-        _side_by_side(
-            partial(_compile, work, key, unit, compiler, flags) for key, unit in missing.items()
-        )
+        for unit in missing.values():
+            self.begin(unit)
         for key in missing:
+            self._begun[key].result()
             store.write(key, (work / key).read_bytes())
-        words = [*compiler.command, *LINK, *objects, *LIBRARIES, "-o", name]
+        words = [*self.compiler.command, *LINK, *objects, *LIBRARIES, "-o", name]
         _call(words, work, "cannot link the compiled units", "")
         return store.write(name, (work / name).read_bytes()), compiled
+
+
+def build(
+    units: Sequence[Unit],
+    checked: bool = False,
+    note: Callable[[tuple[str, ...]], None] | None = None,
+) -> Library:
+    """:meth:`Builder.build` of units that are all written."""
+    with Builder(checked) as builder:
+        return builder.build(units, note)
 
 
 def _compile(work: Path, key: str, unit: Unit, compiler: Compiler, flags: Sequence[str]) -> None:
@@ -180,21 +245,6 @@ def _call(words: Sequence[str], folder: Path, problem: str, unit: str) -> None:
     if done.returncode:
         output = done.stdout.decode("utf-8", "replace")
         raise BuildError(f"{problem} ({words[0]} ended with {done.returncode})", unit, output)
-
-
-def _side_by_side(calls: Iterable[Callable[[], None]]) -> None:
-    """Call functions, as many at a time as there are processors; the first error ends it."""
-    # Imported where something is compiled: a start from the cache takes a few ms.
-    from concurrent.futures import ThreadPoolExecutor
-
-    with ThreadPoolExecutor(processors()) as pool:
-        running = [pool.submit(call) for call in calls]
-        try:
-            for task in running:
-                task.result()
-        except BaseException:
-            pool.shutdown(wait=True, cancel_futures=True)
-            raise
 
 
 def processors() -> int:

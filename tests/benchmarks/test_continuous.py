@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from benchmarks import accuracy
 from benchmarks.continuous import DT, PEERS, STEPS, error_of, exact, ours
 
 
@@ -25,3 +26,21 @@ def test_errors_are_no_larger_than_those_of_other_packages(name: str) -> None:
     package = {"PathSim": "pathsim", "python-control": "control"}.get(name.split(",")[0], "bdsim")
     pytest.importorskip(package, reason=f"{package} is not installed")
     assert error_of(ours("python", solver, STEPS, DT)) <= 1.001 * error_of(peer(STEPS, DT))
+
+
+@pytest.mark.parametrize("title", accuracy.PROBLEMS)
+def test_the_problems_are_the_graphs(title: str) -> None:
+    """Our blocks and the equations that other packages get are the same: the error is small."""
+    problem = accuracy.PROBLEMS[title]
+    assert accuracy.error_of(problem, accuracy.ours(problem, "dopri5")) < 1e-5
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", accuracy.PEERS)
+@pytest.mark.parametrize("title", accuracy.PROBLEMS)
+def test_errors_on_other_loops_are_no_larger_either(title: str, name: str) -> None:
+    (peer, solver), problem = accuracy.PEERS[name], accuracy.PROBLEMS[title]
+    package = name.split(",")[0].lower()
+    pytest.importorskip(package, reason=f"{package} is not installed")
+    own = accuracy.error_of(problem, accuracy.ours(problem, solver))
+    assert own <= 1.001 * accuracy.error_of(problem, peer(problem))

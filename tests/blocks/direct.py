@@ -45,9 +45,9 @@ REQUIRED: dict[str, dict[str, Any]] = {
     "Function": {"expression": "sin(u[0]) + t"},
     "LookupTable": {"x": [-1, 0, 1], "y": [1, 0, 1]},
     "LookupTable2D": {"x": [-1, 1], "y": [-1, 1], "values": [[1, 2], [3, 4]]},
-    "MatrixGain": {"matrix": [[1, 2, 3], [4, 5, 6]]},
     "MovingAverage": {"samples": 3},
     "Piecewise": {"times": [0, 1, 2], "values": [1, 3, 2]},
+    "PinkNoise": {"density": 0.1},
     "Quantizer": {"step": 0.1},
     "RandomWalk": {"density": 0.1},
     "RateLimiter": {"rising": 1.0},
@@ -69,7 +69,7 @@ def state_of(
     terms: Mapping[str, tuple[bool, ...]] | None = None,
 ) -> BlockState:
     """A started state; the block's states must have shapes of numbers, or like a port's."""
-    kinds: dict[str, Any] = {name: port.type for name, port in block.spec.ports.items()}
+    kinds: dict[str, Any] = {name: block.port_type(name) for name in block.spec.ports}
     context = BlockContext(dt, {**kinds, **(types or {})}, terms or {})
     block.validate_in(context)
     arrays = {

@@ -100,15 +100,16 @@ class Grower:
         for port, declared in cls.spec.inputs.items():
             if declared.default is not None and self.draw(st.booleans()):
                 continue
-            if isinstance(declared.type, Same):
-                wanted = variables.setdefault(declared.type.variable, self.some_type())
-            elif declared.type.symbol in lengths:
-                wanted = declared.type.sized(lengths[str(declared.type.symbol)])
-            elif declared.type.symbol:
-                size = SIZES["samples"] if declared.type.name == "Path" else self.small()
-                wanted = declared.type.sized(lengths.setdefault(declared.type.symbol, size))
+            kind_of = declared.type if made is None else made.port_type(port)
+            if isinstance(kind_of, Same):
+                wanted = variables.setdefault(kind_of.variable, self.some_type())
+            elif kind_of.symbol in lengths:
+                wanted = kind_of.sized(lengths[str(kind_of.symbol)])
+            elif kind_of.symbol:
+                size = SIZES["samples"] if kind_of.name == "Path" else self.small()
+                wanted = kind_of.sized(lengths.setdefault(kind_of.symbol, size))
             else:
-                wanted = declared.type
+                wanted = kind_of
             if declared.variadic:
                 number = len(entry["signs"]) if "signs" in entry else self.draw(st.integers(1, 3))
                 wires[port] = [self.output_of(wanted) for _ in range(number)]
@@ -120,7 +121,7 @@ class Grower:
             self.wires[name] = wires
         lengths |= {} if made is None else made.infer(lengths)
         for port, out in cls.spec.outputs.items():
-            kind_of = out.type
+            kind_of = out.type if made is None else made.port_type(port)
             if isinstance(kind_of, Same):
                 kind_of = variables.setdefault(kind_of.variable, Scalar)
             self.outputs[f"{name}.{port}"] = (

@@ -1,15 +1,16 @@
 """Measure the paper's claims and write docs/reproduction.md.
 
-python -m tests.studies [seeds] [seeds of case C]
+python -m tests.studies [--seeds 10] [--folder DIR]
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
 from pathlib import Path
 
 from runtime.runs.simulation import versions
-from tests.studies import physics, rooms, walls
+from tests.studies import causes, kept, physics, rooms, walls
+from tests.studies.cases import FRESH
 from tests.studies.claims import Claim, beyond, case_a, case_b
 from tests.studies.following import ENGINE
 
@@ -20,11 +21,15 @@ HEAD = """# What of the paper is reproduced
 
 "Adaptive Wall-Following Control for Unmanned Ground Vehicles Using Spiking Neural Networks",
 Yang, Chen, Fan, Shao and Sun. Written by `python -m tests.studies`; every figure comes from a run
-of the shipped graphs over {seeds} seeds (0 to {last}), as mean ± standard deviation. A seed draws
-the neurons and, in case B, the noise; the LQR alone in case A has neither and is run once.
-Errors are the true pose's. The gains Q, R, the learning rate, the time constants and the window
-are not in the paper; the graphs give ours, which were chosen on seeds 0 to 9.
-Case C has seeds {first} to {final}; what was chosen on which seeds is described there.
+of the shipped graphs over {seeds} seeds, as mean ± standard deviation. A seed draws the neurons
+and, in case B, the noise; the LQR alone in case A has neither and is run once. Errors are the true
+pose's. **The benchmark LQR** is, in all cases, the LQR alone: without the adaptive part and without
+feedforward (alpha = 0); "LQR + feedforward" is a row of its own. "As printed" is the printed rule
+with the signed curvature, beside both. The gains Q, R, the learning rate, the time constants and
+the window are not in the paper; the graphs give ours, which were chosen on seeds 0 to 9. Cases A
+and B have seeds {begin} to {last}, on which nothing was chosen, case C seeds {first} to {final};
+what was chosen on which seeds is described there. `python examples/paper_figures.py` draws the
+paper's figures 1 to 9, the benchmark and the adaptive controller in each picture.
 
 Versions: {versions}.
 
@@ -96,17 +101,17 @@ def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def page(seeds: int, seeds_c: int) -> str:
+def page(seeds: int) -> str:
     """docs/reproduction.md, measured now."""
-    fresh = range(FIRST_SEED, FIRST_SEED + seeds_c)
+    fresh = range(FIRST_SEED, FIRST_SEED + seeds)
     followed, driven = walls.Walls(fresh), physics.Physics(fresh)
     claims = [*case_a(seeds), *case_b(seeds), *followed.claims()]
     installed = ", ".join(f"{name} {number}" for name, number in versions().items())
     rows = [(c.id, c.paper, c.rule, c.ours, c.verdict) for c in claims]
-    span = {"first": fresh[0], "final": fresh[-1]}
+    span = {"begin": FRESH, "first": fresh[0], "final": fresh[-1]}
     return "\n".join(
         (
-            HEAD.format(seeds=seeds, last=seeds - 1, versions=installed, **span),
+            HEAD.format(seeds=seeds, last=FRESH + seeds - 1, versions=installed, **span),
             table(("id", "the paper says", "our rule", "measured", "verdict"), rows),
             *(f"**{c.id}.** {c.why}\n" for c in claims if c.why),
             BEYOND,
@@ -124,12 +129,23 @@ def page(seeds: int, seeds_c: int) -> str:
             table(physics.COLUMNS, driven.rows()),
             AIMS,
             table(("aim", "measured", "verdict"), verdicts(driven.aims())),
+            causes.section(tuple(fresh)),
         )
     )
 
 
-if __name__ == "__main__":
-    numbers = [int(number) for number in sys.argv[1:]] or [10]
-    text = page(numbers[0], numbers[-1])
+def main() -> None:
+    """Run what the folder does not hold yet; write and print the page."""
+    parser = argparse.ArgumentParser(prog="python -m tests.studies", description=__doc__)
+    parser.add_argument("--seeds", type=int, default=10, help="of each case (10)")
+    parser.add_argument("--folder", type=Path, help="keeps runs, so that a second call continues")
+    options = parser.parse_args()
+    if options.folder is not None:
+        kept.use(options.folder)
+    text = page(options.seeds)
     PAGE.write_text(text, encoding="utf-8")
     print(text)
+
+
+if __name__ == "__main__":
+    main()

@@ -8,8 +8,9 @@ from functools import cache
 import numpy as np
 
 import runtime
+from tests.studies.following import ENGINE
 
-BAND = 0.1
+FRESH = 100  # the first seed; nothing was chosen on it and those that follow
 
 
 @dataclass(frozen=True)
@@ -31,19 +32,26 @@ def case(name: str, variant: str, seeds: int) -> Runs:
     Parameters
     ----------
     name : line_actuator_failure or sine_estimation_error.
-    variant : adaptive (as printed), robust or lqr; after a slash a value for every weight of Q,
-        and after another one for every weight of R.
-    seeds : run seeds 0 .. seeds - 1; without noise and neurons, one run says all.
+    variant : adaptive (as printed), robust, forward (LQR and feedforward) or lqr (the benchmark:
+        the LQR alone); after a slash a value for every weight of Q, and after another one for
+        every weight of R.
+    seeds : how many, from ``FRESH`` on; without noise and neurons, one run says all.
     """
     kind, *weights = variant.split("/")
     graph = runtime.load(f"{name}_robust" if kind == "robust" else name)
     for key, count, weight in zip(("q", "r"), (3, 2), weights, strict=False):
         graph = graph.set(f"blocks.lqr.{key}", [float(weight)] * count)
-    if kind == "lqr":
+    if kind in ("lqr", "forward"):
         graph = graph.without("adaptive")
+    if kind == "lqr":
+        graph = graph.set("match.alpha", 0.0)
     source = "miss" if name.startswith("sine") else "error"
-    graph = graph.set("plots", {}).probe("lateral", f"{source}.lateral", every=10)
-    results = [graph.run(seed=seed) for seed in range(seeds)]
+    graph = (
+        graph.set("plots", {})
+        .set("run.engine", ENGINE)
+        .probe("lateral", f"{source}.lateral", every=10)
+    )
+    results = [graph.run(seed=seed) for seed in range(FRESH, FRESH + seeds)]
     metrics = {
         key: np.array([np.nan if r.metrics[key] is None else r.metrics[key] for r in results])
         for key in results[0].metrics

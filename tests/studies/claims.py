@@ -6,9 +6,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
+import runtime
 from tests.studies.cases import Runs, after, case
 
 LINE, SINE = "line_actuator_failure", "sine_estimation_error"
+LEVEL = -0.07  # rad/s, of the adaptive turn rate at the end of case A in the paper
+NEAR = 0.02  # rad/s
+KINDS = {
+    "lqr": "LQR",
+    "forward": "LQR + feedforward",
+    "adaptive": "as printed",
+    "robust": "robust",
+}
 
 
 @dataclass(frozen=True)
@@ -86,13 +95,22 @@ def case_a(seeds: int) -> list[Claim]:
         Claim(
             "A5",
             "the adaptive turn rate rises first, then settles near -0.07 rad/s",
-            "its largest size in the first 5 s is above 0.1, its mean over the last 2 s below that",
+            "its largest size in the first 5 s is above 0.1, its mean over the last 2 s within "
+            f"{NEAR:g} of the paper's",
             f"{spread(first, 'rad/s')} first, {spread(last, 'rad/s', 3)} at the end",
-            float(((np.abs(first) > 0.1) & (np.abs(last) < 0.1)).mean()),
+            float(((np.abs(first) > 0.1) & (np.abs(last - LEVEL) <= NEAR)).mean()),
             "It rises against the heading error, so it is negative at first. The level at the end "
-            "depends on the network and is nearer to zero than the paper's.",
+            "depends on the network. The paper's cannot be that of a robot on the line with gains "
+            "this soft: the LQR balances the adaptive turn rate, which takes a lateral offset of "
+            f"{-LEVEL / _stiffness():.2f} m.",
         ),
     ]
+
+
+def _stiffness() -> float:
+    """The turn rate by which the LQR of case A answers a lateral error, in rad/s per metre."""
+    _, gain = runtime.load(LINE).network.entries["lqr"].made.solve(0.01, 0.0)
+    return abs(float(gain[1, 1]))
 
 
 def _columns(signals: list[np.ndarray], column: int) -> list[np.ndarray]:
@@ -103,6 +121,7 @@ def _columns(signals: list[np.ndarray], column: int) -> list[np.ndarray]:
 def case_b(seeds: int) -> list[Claim]:
     """B1 to B4."""
     adaptive, lqr = case(SINE, "adaptive", seeds), case(SINE, "lqr", seeds)
+    forward = case(SINE, "forward", seeds)
     stiff = case(SINE, "lqr/100/0.01", seeds)
     tuned, tuned_lqr = case(SINE, "adaptive/1", seeds), case(SINE, "lqr/1", seeds)
     early, late = (_mean_error(adaptive, *span) for span in ((10.0, 22.5), (22.5, 35.0)))
@@ -142,7 +161,9 @@ def case_b(seeds: int) -> list[Claim]:
             f"{spread(adaptive['position_mae'], 'm', 3)} against "
             f"{spread(lqr['position_mae'], 'm', 3)}, a factor of {spread(ratio)}",
             float((ratio > 1.0).mean()),
-            "Holds for the soft gains. With Q = 1 the two are at "
+            "With the feedforward, alpha = 0.06, and without the network the LQR is at "
+            f"{spread(forward['position_mae'], 'm', 3)}. Holds for the soft gains. With Q = 1 the "
+            "two are at "
             f"{spread(tuned['position_mae'], 'm', 3)} (adaptive) and "
             f"{spread(tuned_lqr['position_mae'], 'm', 3)} (LQR).",
         ),
@@ -162,13 +183,13 @@ def beyond(seeds: int) -> list[tuple[str, ...]]:
     rows = []
     for name, label in ((LINE, "A"), (SINE, "B")):
         for gains, text in (("", "of the graph"), ("/1", "Q = R = 1")):
-            for kind in ("lqr", "adaptive", "robust"):
-                lonely = kind == "lqr" and name == LINE
+            for kind, called in KINDS.items():
+                lonely = kind in ("lqr", "forward") and name == LINE
                 runs = case(name, kind + gains, 1 if lonely else seeds)
                 settled = np.isfinite(runs["converged_at"])
                 rows.append(
                     (
-                        *(label, text, {"lqr": "LQR", "adaptive": "as printed"}.get(kind, kind)),
+                        *(label, text, called),
                         f"{settled.sum()} of {len(settled)}",
                         spread(runs["converged_at"], "s", 1),
                         spread(runs["position_mae"], "m", 3),

@@ -16,6 +16,7 @@ import runtime
 from runtime.document.loader import SHIPPED
 from runtime.observation.wall_metrics import first_loop
 from runtime.toolchain import available
+from tests.studies import kept
 
 WORKERS = 2
 ENGINE = "compiled" if available() else "python"
@@ -92,9 +93,13 @@ def measure_all(jobs: Iterable[Job]) -> dict[Job, dict[str, float]]:
 
 
 def in_parallel(call: Callable[[J], R], jobs: Iterable[J]) -> dict[J, R]:
-    """What a function makes of each job, two at a time."""
+    """What a function makes of each job, two at a time, unless it is kept."""
     jobs = list(jobs)
+    keys = {job: f"{call.__module__}.{call.__name__} {job!r}" for job in jobs}
+    missing = [job for job in jobs if not kept.known(keys[job])]
     # The matrices are small: threads of the linear algebra would only fight over the cores.
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
     with ProcessPoolExecutor(WORKERS, get_context("spawn")) as pool:
-        return dict(zip(jobs, pool.map(call, jobs), strict=True))
+        for job, found in zip(missing, pool.map(call, missing), strict=True):
+            kept.add(keys[job], found)
+    return {job: kept.result(keys[job]) for job in jobs}

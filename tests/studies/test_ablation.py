@@ -30,7 +30,7 @@ from tests.studies.ablation.judge import (
     MORE,
     NOT_SIGNIFICANT,
     PARTS,
-    TUNED,
+    STIFFER,
     WORSE,
     Judged,
     controllers,
@@ -65,7 +65,7 @@ def test_every_experiment_is_part_of_the_study(file: Path) -> None:
 def test_all_variants_build_and_can_be_compared(configuration: Configuration, rule: str) -> None:
     experiment = runs.read(configuration, rule)
     graphs = {variant.name: variant.graph for variant in experiment.variants}
-    assert {ALONE, BARE, *PARTS, TUNED, TUNED + APART} <= set(graphs)
+    assert {ALONE, BARE, *PARTS, STIFFER, STIFFER + APART} <= set(graphs)
     for name, graph in graphs.items():
         network = graph.check().network
         assert network.entries, name

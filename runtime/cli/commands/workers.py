@@ -56,7 +56,7 @@ def chosen_seeds(options: Namespace) -> Seeds | None:
 def start_early(options: Namespace) -> None:
     """Start the fork server, so that it imports while the graph is read and checked."""
     if options.scheduler is None:
-        from runtime.experiments.execution import forkserver
+        from runtime.experiments.processes import forkserver
 
         forkserver.start_early()
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -14,7 +14,7 @@ from runtime.engine.continuous import slots
 from runtime.network import Network
 from runtime.toolchain import Unit, digest, read_record, write_record
 
-PROJECT = Evaluation("project", (), timed=False)
+PROJECT = Evaluation("project", ())
 Failure = tuple[str, str, str, int]
 Shapes = Sequence[tuple[int, ...]]
 
@@ -26,6 +26,7 @@ class Kernel:
     symbols, prototypes : the C name and declaration of each method.
     failures : what can go wrong while it runs, by number: exception, message, file, line.
     words : how many words its struct has.
+    is_new : it was written, not read from the cache.
     """
 
     inputs: Fields
@@ -35,6 +36,7 @@ class Kernel:
     prototypes: list[str]
     failures: list[Failure]
     words: int
+    is_new: bool = False
 
     @property
     def unit(self) -> Unit:
@@ -70,7 +72,10 @@ class Kernels:
 
 
 def make_kernels(
-    network: Network, states: Mapping[str, BlockState], checked: bool = False
+    network: Network,
+    states: Mapping[str, BlockState],
+    checked: bool = False,
+    begin: Callable[[Unit], None] = lambda _: None,
 ) -> Kernels:
     """Write every block that is evaluated or updated in a tick.
 
@@ -78,6 +83,7 @@ def make_kernels(
     ----------
     states : after ``start``.
     checked : with a check of every index that may be outside of its array.
+    begin : called with each unit that was written and not read from the cache.
     """
     kernels = Kernels()
     shapes: dict[str, list[tuple[int, ...]]] = {}
@@ -97,9 +103,11 @@ def make_kernels(
         }
         kinds = {port: kind for (block, port), kind in network.types.items() if block == name}
         try:
-            kernels.compiled[name] = make_kernel(
+            kernel = kernels.compiled[name] = make_kernel(
                 entry.made, states[name], terms, kinds, calls, checked, shapes.get(name, [])
             )
+            if kernel.is_new:
+                begin(kernel.unit)
         except NotCompilableError as error:
             kernels.refuse(name, entry.cls, str(error))
     return kernels
@@ -135,6 +143,7 @@ def make_kernel(
     entries = [_entry(found.methods, call, kinds, terms, rates) for call in calls]
     key = digest(salt(), found.key, repr(entries), title, repr(checked))
     record = read_record(f"block_{key}.json")
+    is_new = record is None
     if record is None:
         record = _written(source_of(made, state, terms), entries, key, title, checked)
         write_record(f"block_{key}.json", record)
@@ -144,7 +153,8 @@ def make_kernel(
     symbols = {c.method: _symbol(key, e) for c, e in zip(calls, entries, strict=True)}
     prototypes, words = record["prototypes"], len(record["words"])
     name = cls.__name__
-    return Kernel(found.fields, name, record["text"], symbols, prototypes, failures, words)
+    text = record["text"]
+    return Kernel(found.fields, name, text, symbols, prototypes, failures, words, is_new)
 
 
 def _written(

@@ -28,7 +28,7 @@ from runtime.engine.compiled.memory import Context, Words
 from runtime.engine.compiled.structs import PlanText
 from runtime.engine.program import Program
 from runtime.engine.runners import Held, RunContext
-from runtime.toolchain import QUICK, BuildError, Unit, build, folder
+from runtime.toolchain import QUICK, Builder, BuildError, Unit, folder
 
 DRIVER = "<the loop around the compiled plan>"
 PLAN = "the plan"
@@ -69,15 +69,18 @@ def template(
         for name, kernel in known.kernels.compiled.items()
     ):
         return known
-    kernels = make_kernels(program.network, states, checked)
-    for name in sorted(kernels.broken):
-        note(f"block '{name}' is called from Python: {kernels.refused[name]}")
-    made = _built(program, kernels, note)
+    with Builder() as builder:
+        kernels = make_kernels(program.network, states, checked, builder.begin)
+        for name in sorted(kernels.broken):
+            note(f"block '{name}' is called from Python: {kernels.refused[name]}")
+        made = _built(program, kernels, builder, note)
     _latest[program][checked] = made
     return made
 
 
-def _built(program: Program, kernels: Kernels, note: Callable[[str], None]) -> Template:
+def _built(
+    program: Program, kernels: Kernels, builder: Builder, note: Callable[[str], None]
+) -> Template:
     """Compile and load; a unit that the C compiler does not accept is called from Python."""
 
     def tell(names: tuple[str, ...]) -> None:
@@ -94,7 +97,7 @@ def _built(program: Program, kernels: Kernels, note: Callable[[str], None]) -> T
         units = {kernel.text: kernel.unit for kernel in kernels.compiled.values()}
         try:
             solver = [text.solver] if text.solver is not None else []
-            library = build([plan, *solver, *units.values()], note=tell)
+            library = builder.build([plan, *solver, *units.values()], tell)
         except BuildError as error:
             bad = [n for n, kernel in kernels.compiled.items() if kernel.name == error.unit]
             if not bad:

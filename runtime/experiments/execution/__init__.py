@@ -1,6 +1,5 @@
 """Running trials: the plan, its folder and index, worker pools, and which runs are kept."""
 
-from runtime.experiments.execution import forkserver
 from runtime.experiments.execution.index import Columns, Index, Row, read_rows, remaining
 from runtime.experiments.execution.plan import (
     DIAGRAMS,
@@ -61,7 +60,6 @@ __all__ = [
     "chosen_pool",
     "create",
     "engine_for",
-    "forkserver",
     "metrics_of",
     "read_plan",
     "read_rows",

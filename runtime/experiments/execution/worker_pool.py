@@ -9,7 +9,7 @@ from concurrent.futures import CancelledError, Executor
 from dataclasses import dataclass
 
 from runtime.errors import MissingExtraError, UsageError
-from runtime.experiments.execution.process_executor import ProcessExecutor, WorkerDied
+from runtime.experiments.processes import ProcessExecutor, WorkerDied
 
 CONNECT_TIMEOUT = 10.0  # s; time limit for a cluster's scheduler to answer
 
@@ -43,7 +43,8 @@ def local_pool(jobs: int, timeout: float | None) -> WorkerPool:
         else:
             executor.kill()
 
-    return WorkerPool(executor, lambda: jobs, leave, (WorkerDied,))
+    # As many calls again wait, so that no worker waits for this process to record a result.
+    return WorkerPool(executor, lambda: 2 * jobs, leave, (WorkerDied,))
 
 
 def chosen_pool(

@@ -5,13 +5,15 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from runtime.document import dump_yaml
 from runtime.errors import UsageError
 from runtime.experiments.execution import (
     INDEX,
+    PLAN,
     Index,
     Row,
     Task,
@@ -19,11 +21,13 @@ from runtime.experiments.execution import (
     WorkerPool,
     check_same,
     create,
+    read_plan,
     run_trials,
 )
 from runtime.experiments.tuning.optimizer import Optimizer, Suggestion
 from runtime.experiments.tuning.plan import BASELINE, HELD_OUT, TuningPlan
 from runtime.experiments.tuning.scores import Scorer, Tried, front
+from runtime.files import system_errors
 from runtime.terminal import Progress
 
 WINNERS = 5  # of a front, that are run on the held-out runs
@@ -103,6 +107,8 @@ def run_tuning(plan: TuningPlan, options: TuningOptions, progress: Progress) -> 
 def _open_folder(plan: TuningPlan, options: TuningOptions) -> None:
     folder = options.folder
     if folder.exists():
+        if options.resume:
+            _extend(plan, folder)
         check_same(plan, folder)
         if not options.resume:
             raise UsageError(
@@ -112,6 +118,26 @@ def _open_folder(plan: TuningPlan, options: TuningOptions) -> None:
         create(plan, folder)
     if not (folder / HELD_OUT).exists():
         Index.create(folder / HELD_OUT, plan.held_out_columns)
+
+
+def _extend(plan: TuningPlan, folder: Path) -> None:
+    """Give a folder the plan of more trials if that is all that differs.
+
+    Which configurations are tried first does not depend on how many follow, so that its training
+    runs stay. Its winners are judged anew. The population of NSGA-II depends on the trials.
+    """
+    fewer = read_plan(folder).get("trials")
+    tuning = plan.tuning
+    if not isinstance(fewer, int) or fewer >= tuning.trials or tuning.sampler == "nsga2":
+        return
+    shorter = replace(plan, tuning=replace(tuning, trials=fewer))
+    if read_plan(folder).get("digest") != shorter.digest:
+        return
+    with system_errors(f"write '{folder}'"):
+        (folder / HELD_OUT).unlink(missing_ok=True)
+        partial = folder / f".{PLAN}.partial"
+        partial.write_text(dump_yaml(plan.to_dict()), encoding="utf-8")
+        partial.replace(folder / PLAN)
 
 
 class _Runner:

@@ -135,3 +135,32 @@ def test_a_loop_through_blocks_without_feedthrough_runs() -> None:
 )
 def test_a_wrong_block_is_refused(entry: dict[str, Any], part: str) -> None:
     assert part in problems(entry, ["Scalar"])
+
+
+@pytest.mark.parametrize("n", [None, 20.0])
+def test_a_discrete_pid_is_its_transfer_function(n: float | None) -> None:
+    """kp + ki h / (1 - w) + kd (1 - w) / h, or kd n (1 - w) / (1 + n h - w) filtered; w = 1/z."""
+    h, (kp, ki, kd) = 0.01, (1.5, 4.0, 0.2)
+    entry = {"type": "DiscretePID", "kp": kp, "ki": ki, "kd": kd}
+    error = np.random.default_rng(3).standard_normal((60, 3))
+    found = respond(entry | ({} if n is None else {"n": n}), {"error": error})
+    slope, lag = ([kd / h, -kd / h], [1.0]) if n is None else ([kd * n, -kd * n], [1 + n * h, -1.0])
+    parts = [([kp], [1.0]), ([ki * h], [1.0, -1.0]), (slope, lag)]
+    expected = sum(signal.lfilter(b, a, error, axis=0) for b, a in parts)
+    np.testing.assert_allclose(found, expected, rtol=1e-11)
+
+
+def test_a_discrete_pid_within_limits_leaves_them_at_once() -> None:
+    """Back-calculation holds the integral at what the limits allow; reset begins anew."""
+    error = np.concatenate([np.full(300, 2.0), np.full(50, -0.1)])
+    base = {"type": "DiscretePID", "kp": 0.5, "ki": 2.0, "upper": 1.2}
+    free = respond({**base, "tracking": 0.0}, {"error": error})
+    held = respond({**base, "tracking": 100.0}, {"error": error})
+    assert free[300:].min() == 1.2
+    # with tracking = 1 / h, the integral returns to the limit within one tick
+    np.testing.assert_allclose(
+        held[300], 1.2 - 0.5 * 2.0 - 0.5 * 0.1 - 0.002 + 0.04 - 0.04, atol=1e-9
+    )
+    reset = (np.arange(350) == 200).astype(float)
+    again = respond({**base, "tracking": 0.0}, {"error": error, "reset": reset})
+    np.testing.assert_array_equal(again[201:250], free[:49])

@@ -69,8 +69,26 @@ def test_arithmetic() -> None:
         respond({"type": "Gain", "gain": [1, 2, -3]}, {"input": ROWS}), ROWS * [1, 2, -3]
     )
     matrix = [[1, 2, 3], [0, -1, 4]]
-    found = respond({"type": "MatrixGain", "matrix": matrix}, {"input": ROWS})
+    found = respond({"type": "Gain", "gain": matrix}, {"input": ROWS})
     np.testing.assert_allclose(found, ROWS @ np.transpose(matrix), rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("gain", "message"),
+    [
+        ({"gain": [[1, 2], [3, 4]]}, r"input: expected Vector\(2\), got Vector\(3\)"),
+        ({"gain": [1, 2]}, "gain: expected a number or 3 numbers"),
+        ({"gain": [[1, 2, 3]], "signal": "Pose"}, "leave 'signal' out"),
+    ],
+)
+def test_a_gain_that_does_not_fit_its_signal(gain: dict[str, Any], message: str) -> None:
+    with pytest.raises(runtime.GraphError, match=message):
+        respond({"type": "Gain", **gain}, {"input": ROWS})
+
+
+def test_the_former_matrix_gain_is_a_gain() -> None:
+    with pytest.raises(runtime.GraphError, match="no block type 'MatrixGain'; here: Gain"):
+        respond({"type": "MatrixGain", "matrix": [[1.0]]}, {"input": ROWS})
 
 
 @pytest.mark.parametrize("n", [2, 5, 8, 31])

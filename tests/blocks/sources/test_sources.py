@@ -83,6 +83,18 @@ def test_the_power_of_noise_does_not_depend_on_the_step(dt: float) -> None:
     assert abs(np.corrcoef(noise[1:], noise[:-1])[0, 1]) < 4.0 / math.sqrt(n)
 
 
+def test_the_density_of_pink_noise_falls_with_the_frequency() -> None:
+    dt, n = 0.01, 100_000
+    entry = {"type": "PinkNoise", "density": [0.3, 1.2], "lowest": 0.01}
+    noise = respond(entry, ticks=n, dt=dt)
+    f, density = signal.welch(noise, 1.0 / dt, nperseg=2048, axis=0, return_onesided=False)
+    for low, high in ((0.2, 1.6), (1.6, 12.8)):
+        inside = (f > low) & (f < high)
+        scaled = (density[inside] * f[inside, None]).mean(axis=0)
+        np.testing.assert_allclose(scaled, [0.3, 1.2], rtol=0.12)
+    assert abs(np.corrcoef(np.diff(noise, axis=0).T)[0, 1]) < 0.02
+
+
 def test_a_random_walk_spreads_with_the_root_of_time() -> None:
     found = respond({"type": "RandomWalk", "density": 0.5, "initial": 3.0}, ticks=20_000)
     steps = np.diff(found)

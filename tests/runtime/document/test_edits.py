@@ -130,8 +130,8 @@ def test_a_wrong_value_is_told_where_it_was_given(graph: runtime.Graph) -> None:
     with pytest.raises(GraphError) as caught:
         changed.check()
     assert str(caught.value) == (
-        "--set double.gain=x: blocks.double.gain: expected a number or an array of n numbers, "
-        "got the text 'x'"
+        "--set double.gain=x: blocks.double.gain: expected a number or an array of n or mxn "
+        "numbers, got the text 'x'"
     )
 
 

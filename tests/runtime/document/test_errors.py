@@ -170,8 +170,8 @@ CASES = {
     "parameter required": [
         ("  plant: {type", "  g: {type: Gain}\n  plant: {type"),
         ("wires:\n", "wires:\n  g: {input: lqr.command}\n"),
-        "g.yaml:9:3: blocks.g.gain: missing; expected a number or an array of n numbers: "
-        "the factor, or one per component",
+        "g.yaml:9:3: blocks.g.gain: missing; expected a number or an array of n or mxn numbers: "
+        "the factor, one per component, or a matrix by rows",
     ],
     "decimal comma": [
         ("{type: LinePath}", "{type: LinePath, y: 3,5}"),
@@ -347,8 +347,8 @@ CASES = {
     ],
     "loop": [
         ("[lqr.command, match", "[total.out, match"),
-        "g.yaml: algebraic loop: total.out ▸ total.terms[0]; a UnitDelay on one of these wires "
-        "breaks it",
+        "g.yaml:14:19: algebraic loop: total.out ▸ total.terms[0]; a UnitDelay on one of these "
+        "wires breaks it",
     ],
     # -- removing
     "without nothing": [
@@ -461,7 +461,7 @@ PARTS = {
     "param of the wrong kind": [
         with_part(("{graph: p.yaml}", "{graph: p.yaml, params: {k: x}}")),
         PART,
-        "g.yaml:9:34: blocks.p.blocks.g.gain: expected a number or an array of n numbers, "
+        "g.yaml:9:34: blocks.p.blocks.g.gain: expected a number or an array of n or mxn numbers, "
         "got the text 'x'",
     ],
     "param beside params": [
@@ -677,7 +677,7 @@ def test_every_loop_is_reported(tmp_path: Path) -> None:
         "b.out ▸ a.terms[0] ▸ a.out ▸ b.terms[0]",
     )
     suggestion = "; a UnitDelay on one of these wires breaks it"
-    assert second == f"g.yaml: algebraic loop: e.out ▸ e.terms[1]{suggestion}"
+    assert second == f"g.yaml:17:24: algebraic loop: e.out ▸ e.terms[1]{suggestion}"
 
 
 OWN = """\

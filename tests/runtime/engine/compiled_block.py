@@ -59,9 +59,9 @@ class CompiledBlock:
         self.rates = [getattr(state, name).shape for name in spec.continuous]
         self.kernel = make_kernel(made, state, terms, self.kinds, calls, checked, self.rates)
         adapters = "\n".join(map(self._adapter, self.calls))
-        declared = "\n".join(f"{prototype};" for prototype in self.kernel.prototypes)
-        text = f"{CALLER}\nstruct context;\n{declared}\n{adapters}"
-        self.library = build([self.kernel.unit, Unit("caller", text)]).functions
+        unit = self.kernel.unit
+        text = f"{unit.text}\n{CALLER}\n{adapters}"
+        self.library = build([Unit(unit.name, text, unit.level)]).functions
         self.memory = Context()
         self.fields(made, state)
 

@@ -247,13 +247,13 @@ CASES: dict[str, list[Case]] = {
         *generic(blocks.Gain(gain=-0.7)),
         Case(blocks.Gain(gain=[2, -3]), {"input": Twist}),
         Case(blocks.Gain(gain=[2, -3]), {"input": Vector(2)}),
+        Case(blocks.Gain(gain=[[1, 2, 3], [4, 5, 6]])),
     ],
     "FourierTransform": [Case(blocks.FourierTransform(), {"input": Vector(n)}) for n in (1, 6, 7)],
     "InverseFourierTransform": [
         Case(blocks.InverseFourierTransform(odd=odd), {"re": Vector(4), "im": Vector(4)})
         for odd in (False, True)
     ],
-    "MatrixGain": [Case(blocks.MatrixGain(matrix=[[1, 2, 3], [4, 5, 6]]))],
     "Product": [
         Case(blocks.Product(powers=[1, -1])),
         Case(blocks.Product(), {"factors": Twist}),
@@ -309,6 +309,10 @@ CASES: dict[str, list[Case]] = {
         Case(blocks.WhiteNoise(density=0.1)),
         Case(blocks.WhiteNoise(density=[0.1, 0.2], mean=1.0, signal="Twist")),
     ],
+    "PinkNoise": [
+        Case(blocks.PinkNoise(density=0.1)),
+        Case(blocks.PinkNoise(density=[0.1, 0.2], lowest=1.0, signal="Twist")),
+    ],
     "RandomWalk": [Case(blocks.RandomWalk(density=0.1, initial=[1, 2], signal="Vector(2)"))],
     "Clip": [
         *elementwise(blocks.Clip(low=-0.5)),
@@ -360,6 +364,10 @@ CASES: dict[str, list[Case]] = {
             free=("integral", "filtered"),
         )
         for kind in (Scalar, Pose, Vector(4))
+    ],
+    "DiscretePID": [
+        Case(blocks.DiscretePID(ki=2.0, kd=0.1, n=n, upper=0.5, lower=-1.0), {"error": kind})
+        for kind, n in ((Scalar, None), (Pose, 20.0), (Vector(4), 5.0))
     ],
     "AlgebraicConstraint": [
         Case(blocks.AlgebraicConstraint(**REQUIRED["AlgebraicConstraint"])),

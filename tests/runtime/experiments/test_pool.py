@@ -18,13 +18,13 @@ from typing import Any
 import pytest
 
 from runtime.errors import UsageError
-from runtime.experiments.execution import forkserver, messages, process_executor
-from runtime.experiments.execution.forkserver import THREADS
-from runtime.experiments.execution.process_executor import ProcessExecutor, WorkerDied
 from runtime.experiments.execution.runner import run_trials
 from runtime.experiments.execution.trials import Configuration, GraphBundle, Trial
 from runtime.experiments.execution.worker import Task, TrialResult
 from runtime.experiments.execution.worker_pool import WorkerPool, local_pool
+from runtime.experiments.processes import forkserver, messages, process_executor
+from runtime.experiments.processes.forkserver import THREADS
+from runtime.experiments.processes.process_executor import ProcessExecutor, WorkerDied
 
 LARGE = 8_000_000  # bytes; more than a socket buffer
 

@@ -209,9 +209,21 @@ class TestSurvival:
         assert here(*TUNE, "--trials", "4", *QUIET).returncode == 0
         again = here(*TUNE, "--trials", "4", *QUIET)
         assert again.returncode == 2 and "--resume continues it" in again.stderr
-        other = here(*TUNE, "--trials", "5", *QUIET, "--resume")
-        assert other.returncode == 2 and "trials: 4 there, 5 here" in other.stderr
+        other = here(*TUNE, "--trials", "3", *QUIET, "--resume")
+        assert other.returncode == 2 and "trials: 4 there, 3 here" in other.stderr
         assert here(*TUNE, "--trials", "4", *QUIET, "--resume").returncode == 0
+
+    def test_more_trials_continue_fewer(self, here: Run, draw: Path, tmp_path: Path) -> None:
+        folder, whole = (tmp_path / "tunings" / name for name in ("draw", "whole"))
+        assert here(*TUNE, "--trials", "6", *QUIET).returncode == 0
+        few = (folder / "index.csv").read_text()
+        more = here(*TUNE, "--trials", "12", *QUIET, "--resume")
+        assert more.returncode == 0, more.stderr
+        assert (folder / "index.csv").read_text().startswith(few)
+        assert here(*TUNE, "--trials", "12", *QUIET, "--name", "whole").returncode == 0
+        for name in ("index.csv", "held_out.csv"):
+            assert rows(folder, name) == rows(whole, name)
+        assert stored(folder)["table"] == stored(whole)["table"]
 
 
 class TestWriting:

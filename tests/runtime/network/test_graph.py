@@ -230,3 +230,26 @@ def test_a_world_is_exchanged_whole_by_its_file() -> None:
         assert len(world.room) == 6
     with pytest.raises(runtime.GraphError, match="no such"):
         graph.set("world", "worlds/nowhere.yaml")
+
+
+def test_a_part_may_have_an_output_with_the_name_of_an_inner_block() -> None:
+    inner = {
+        "outputs": {"k": "twice.out", "v": "v.out"},
+        "blocks": {
+            "k": {"type": "Constant", "value": 3.0},
+            "twice": {"type": "Gain", "gain": 2.0},
+            "v": {"type": "Function", "expression": ["7", "8"]},
+        },
+        "wires": {"twice": {"input": "k.value"}},
+    }
+    graph = runtime.load(
+        {
+            "run": {"dt": 0.1, "until": 0.1},
+            "blocks": {"p": inner, "after": {"type": "Gain", "gain": 1.0}},
+            "wires": {"after": {"input": "p.k"}},
+            "probes": {"o": "p.k", "b": "p.k.value", "after": "after.out", "v": "p.v[1]"},
+        }
+    )
+    result = graph.run()
+    assert [float(np.ravel(result[name])[0]) for name in "obv"] == [6.0, 3.0, 8.0]
+    assert result["after"][0] == 6.0

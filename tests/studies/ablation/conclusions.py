@@ -17,8 +17,8 @@ from tests.studies.ablation.judge import (
     FAST_INTEGRATOR,
     HELPS,
     HURTS,
+    STIFFER,
     TRACKERS,
-    TUNED,
     Effect,
     Judged,
 )
@@ -59,7 +59,7 @@ def _both(title: str, variant: str, against: str, word: Word = verdict) -> list[
 
 
 ADDED = _both("SNN", BASELINE, ALONE)
-TUNED_TOO = _both("SNN beside a well-tuned LQR", TUNED, TUNED + APART)
+STIFFER_TOO = _both("SNN beside a stiffer LQR", STIFFER, STIFFER + APART)
 UNAIDED = _both("SNN without feedforward", BLIND, BARE)
 UNSPIKED = _both("rate neurons for spikes", RATES, BASELINE, stands_in)
 INTEGRATED = _both("integrator for the SNN", INTEGRATOR, BASELINE, stands_in)
@@ -73,10 +73,10 @@ EXACTLY = Question("exact feedforward, no SNN", PRINTED, EXACT, BARE)
 WITH_EXACT = _both("SNN beside exact feedforward", EXACT.removesuffix(APART), EXACT)
 INSTEAD = [
     Question(f"{name} for LQR with SNN, our rule", ROBUST, name + APART, BASELINE, stands_in)
-    for name in (TUNED, *TRACKERS)
+    for name in (STIFFER, *TRACKERS)
 ]
 ALL = [
-    *(*ADDED, *TUNED_TOO, *UNAIDED, *WITH_EXACT, FORWARD, EXACTLY),
+    *(*ADDED, *STIFFER_TOO, *UNAIDED, *WITH_EXACT, FORWARD, EXACTLY),
     *(*UNSPIKED, *INTEGRATED, *FASTER, *OUTRUN, *HASTY),
     *(*STILL, *UNTURNED, *INSTEAD),
 ]
@@ -108,7 +108,7 @@ def opening(judged: Judged) -> str:
         f"In the {len(CONFIGURATIONS)} configurations above the spiking term as printed "
         f"{times(ADDED[0])}; with our rule it {times(ADDED[1])}. In its place, rate neurons "
         f"do at least as well in {count(UNSPIKED, *least)} of {both} comparisons, a plain "
-        f"integrator in {count(INTEGRATED, *least)}. In place of learning by our rule, well-tuned "
+        f"integrator in {count(INTEGRATED, *least)}. In place of learning by our rule, stiffer "
         f"gains do at least as well in {count(INSTEAD[:1], *least)} of {len(CONFIGURATIONS)}.\n"
     )
 
@@ -126,7 +126,7 @@ def conclusions(judged: Judged) -> list[str]:
         f"**The printed rule**, beside the graph's LQR and feedforward: "
         f"{ADDED[0].message(judged, numbers=True)}.",
         f"**Our rule**, likewise: {ADDED[1].message(judged, numbers=True)}.",
-        f"**Beside a well-tuned LQR**: {sentence(TUNED_TOO)}.",
+        f"**Beside a stiffer LQR**: {sentence(STIFFER_TOO)}.",
         f"**Beside PID, PurePursuit and Stanley**: {_trackers(judged)}.",
         f"**Do spikes matter?** Rate neurons in their place: {sentence(UNSPIKED)}.",
         f"**Does a network matter?** A plain integrator in its place: {sentence(INTEGRATED)}. Both "
@@ -138,7 +138,7 @@ def conclusions(judged: Judged) -> list[str]:
         f"without it: {sentence(UNAIDED)}.",
         f"**Exact feedforward alone** (alpha = v_r where the graph has less): "
         f"{EXACTLY.message(judged, numbers=True)}. The network beside it: {sentence(WITH_EXACT)}.",
-        f"**In place of learning**, against the graph's LQR with our rule. A well-tuned LQR: "
+        f"**In place of learning**, against the graph's LQR with our rule. A stiffer LQR: "
         f"{INSTEAD[0].message(judged)}. PID, PurePursuit and Stanley: "
         f"{_tally(judged, INSTEAD[1:])}.",
     ]

@@ -21,7 +21,7 @@ from tests.studies.ablation.runs import CONFIGURATIONS, PRINTED, RULES, Configur
 
 ALONE, APART = "no adaptive part", ", not adaptive"
 BARE, EXACT = f"no feedforward{APART}", f"exact feedforward{APART}"
-TUNED, TRACKERS = "well-tuned LQR", ("PID", "PurePursuit", "Stanley")
+STIFFER, TRACKERS = "stiffer LQR", ("PID", "PurePursuit", "Stanley")
 PARTS = ("no adaptive speed", "no adaptive turn rate", "rate neurons", "integrator")
 FAST, FAST_INTEGRATOR = "SNN, twice as fast", "integrator, twice as fast"
 MARGIN = 0.1  # a stand-in does as well if it is within this part of the error

@@ -19,7 +19,7 @@ experiments is `runtime ablate experiments/walls --with conditions/mixed.yaml`.
   **C**: along the walls of the paper's room; *turn loss*: half of the turn rate lost; *turn bias*:
   0.15 rad/s; *mixed*: 30 % of the turn rate lost, lag, delay, slip and noise.
 * **As printed** is the paper's learning rule, **our rule** that of `graphs/*_robust.yaml`.
-* Gains and rivals are **not tuned alike** here: the gains called well-tuned are ones that we chose,
+* Gains and rivals are **not tuned alike** here: the stiffer gains are ones that we chose,
   the other trackers have their defaults, and the learning rules had more tries. So this page does
   not say that a network is needed: [comparison.md](comparison.md) tunes all of them with the same
   budget and limit of effort.

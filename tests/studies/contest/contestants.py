@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +12,10 @@ from tests.studies.contest import rooms
 
 HERE = Path(__file__).parent
 EXPERIMENTS = HERE / "experiments"
-# What a command may change by from one record (50 ms) to the next, root of the mean square (rad/s).
-LIMITS = {"gentle": 0.2, "stiff": 0.3}
+TRIALS = 40
+# Whose front of error against effort is sought, below a limit beyond which none is of use.
+FRONT, WIDEST = "front", 0.5
+FRONTS = ("LQR", "robust rule", "our rule", "PurePursuit")
 
 WEIGHTS = {"params.q_y": "log(1..100000)", "params.q_theta": "log(0.001..1000)"}
 LEARN = {"lqr.learn": "learning.out"}
@@ -63,7 +67,7 @@ CONTESTANTS: dict[str, dict[str, Any]] = {
         "graph": "../../robust.yaml",
         "vary": {
             **WEIGHTS,
-            "adaptive.params.rate_omega": "log(1e-6..1e-3)",
+            "adaptive.params.rate_omega": "log(1e-6..1e-1)",
             "adaptive.params.leak": "log(1e-3..5)",
             "lateral.gain": "log(0.3..20)",
         },
@@ -145,18 +149,119 @@ HELD_OUT = {
 }
 
 
+RATE = {
+    "adaptive.params.rate_omega": "log(1e-7..1e-2)",
+    "adaptive.params.leak": "log(1e-3..5)",
+}
+
+
+FED = "LQR, feedforward tuned"
+
+
+def _on_track(graph: str, overlay: str) -> dict[str, dict[str, Any]]:
+    """Who takes part in the cases A and B, with the paper's feedforward, alpha = 0.06."""
+    own = {"graph": graph, "with": f"../../{overlay}.yaml"}
+    course = {"graph": graph, "with": ["rules/course.yaml", f"../../{overlay}.yaml"]}
+    return {
+        "LQR": {**own, "without": "adaptive", "vary": WEIGHTS},
+        FED: {
+            **own,
+            "without": "adaptive",
+            "vary": {**WEIGHTS, "match.alpha": "log(0.01..5)"},
+        },
+        "our rule": {**course, "vary": {**WEIGHTS, **STEPS}},
+        "our rule, one setting": {**course, "vary": WEIGHTS},
+        "SNN as printed": {**own, "vary": {**WEIGHTS, **RATE}},
+        "robust rule": {
+            **own,
+            "graph": f"{graph}_robust",
+            "vary": {**WEIGHTS, **RATE, "lateral.gain": "log(0.1..20)"},
+        },
+        "Stanley": {**own, **_tracker("Stanley", STANLEY)},
+        "PathPID": {**own, **_tracker("PathPID", PID)},
+        "PurePursuit": {**own, **_tracker("PurePursuit", {"lqr.lookahead_time": "log(0.2..4)"})},
+    }
+
+
+LINE = {
+    "training": {
+        "half of the turn rate lost": {},
+        "the same from the other side": {"set": {"plant.x0": [1.0, 0.0, -0.6]}},
+        "turn bias 0.15 rad/s": {"set": {"fault.gain": [1.0, 1.0], **BIAS}},
+    },
+    "held_out": {
+        "from the left": {"set": {"plant.x0": [0.5, 2.5, 0.8]}},
+        "from the right": {"set": {"plant.x0": [2.5, -0.5, 1.2]}},
+        "no fault": {"set": {"fault.gain": [1.0, 1.0]}},
+        "30 % lost": {"set": {"fault.gain": [1.0, 0.7]}},
+        "80 % lost": {"set": {"fault.gain": [1.0, 0.2]}},
+        "bias the other way": {"set": {"fault.gain": [1.0, 1.0], "fault.bias": [0.0, -0.2]}},
+        "half lost at 0.6 m/s": {"set": {"params.v_r": 0.6}},
+    },
+}
+SINE = {
+    "training": {
+        "the paper's": {},
+        "a longer wave": {"set": {"track.wavelength": 8.0}},
+        "another start": {"set": {"plant.x0": [1.0, 0.0, -0.6]}},
+    },
+    "held_out": {
+        "a flat wave": {"set": {"track.amplitude": 0.6, "track.wavelength": 5.0}},
+        "a high wave": {"set": {"track.amplitude": 1.4, "track.wavelength": 8.5}},
+        "from the left": {"set": {"plant.x0": [0.5, 2.5, 0.8]}},
+        "no noise": {"set": {"noise.sigma_position": 0.0, "noise.sigma_heading": 0.0}},
+        "half of the noise": {"set": {"noise.sigma_position": 0.025, "noise.sigma_heading": 0.05}},
+        "at 0.6 m/s": {"set": {"params.v_r": 0.6}},
+    },
+}
+
+
+@dataclass(frozen=True)
+class Task:
+    """What contestants are tuned on: a case of the paper under a limit of effort.
+
+    ``limit`` is what a command may change by from one record (50 ms) to the next, root of the mean
+    square (rad/s), ``counts`` (m) the smallest difference of the error that counts.
+    """
+
+    case: str
+    limit: float
+    contestants: Mapping[str, dict[str, Any]]
+    runs: Mapping[str, Mapping[str, dict[str, Any]]]
+    counts: float
+
+    @property
+    def held_out(self) -> list[str]:
+        """The names of the held-out conditions."""
+        return list(self.runs["held_out"])
+
+
+ON_LINE = _on_track("line_actuator_failure", "tuned_line")
+ON_LINE.pop(FED)  # a line has no curvature
+WALLS = {"training": TRAINING, "held_out": HELD_OUT}
+TASKS = {
+    "gentle": Task("C", 0.2, CONTESTANTS, WALLS, 1e-3),
+    "stiff": Task("C", 0.3, CONTESTANTS, WALLS, 1e-3),
+    "line": Task("A", 0.03, ON_LINE, LINE, 5e-3),
+    "sine": Task("B", 0.25, _on_track("sine_estimation_error", "tuned_sine"), SINE, 5e-3),
+    FRONT: Task("C", WIDEST, {name: CONTESTANTS[name] for name in FRONTS}, WALLS, 1e-3),
+}
+LIMITS = tuple(name for name in TASKS if name != FRONT)
+
+
 def experiment(name: str, limit: str) -> dict[str, Any]:
-    """The contents of a contestant's experiment file, under a limit of effort."""
+    """The contents of a contestant's experiment file, in a task."""
+    task = TASKS[limit]
     return {
         "experiment": f"{limit}_{name_of(name)}",
         "graph": "../../walls.yaml",
-        **CONTESTANTS[name],
-        "minimize": "error",
-        "constraints": {"effort_change": {"below": LIMITS[limit]}},
-        "trials": 40,
+        **task.contestants[name],
+        "minimize": ["error", "effort_change"] if limit == FRONT else "error",
+        "constraints": {"effort_change": {"below": task.limit}},
+        "trials": TRIALS,
         "sampler": "tpe",
-        "training": {"seeds": "0..1", "conditions": TRAINING},
-        "held_out": {"seeds": "100..102", "conditions": HELD_OUT},
+        "training": {"seeds": "0..1", "conditions": dict(task.runs["training"])},
+        "held_out": {"seeds": "100..102", "conditions": dict(task.runs["held_out"])},
     }
 
 
@@ -172,9 +277,9 @@ def file_of(name: str, limit: str) -> Path:
 
 def write() -> None:
     """Write all experiment files."""
-    for limit in LIMITS:
+    for limit, task in TASKS.items():
         (EXPERIMENTS / limit).mkdir(parents=True, exist_ok=True)
-        for name in CONTESTANTS:
+        for name in task.contestants:
             comment = f"# {name}: a contestant of the comparison at equal budget and effort.\n"
             comment += "# Written by python -m tests.studies.contest --files\n"
             text = comment + dump_yaml(experiment(name, limit))

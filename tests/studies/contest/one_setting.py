@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from runtime.cli import run
-from runtime.experiments.analysis import Estimate, difference, estimate
+from runtime.experiments.analysis import difference, estimate
 from runtime.experiments.design import read_experiment
+from tests.studies.contest.words import interval, table
 
 FILE = Path(__file__).with_suffix(".yaml")
 NAME = "one_setting"
 ALONE = "lqr_alone.json"
-MM = 1e3
 TEXT = """## One setting for the cases A, B and C
 
 `runtime tune {file}` found one setting of our rule for
@@ -56,9 +56,13 @@ def section(out: Path) -> str:
         own, without = ([found[run] for run in runs] for found in (errors, alone))
         rows.append((condition, without, own))
     rows.append(("all", list(alone.values()), [errors[run] for run in alone]))
-    lines = [("held-out condition", "LQR alone", "our rule", "difference"), ("---",) * 4]
-    lines += [
-        (name, _mm(estimate(without)), _mm(estimate(own)), _mm(difference(own, without), "+"))
+    lines = [
+        (
+            name,
+            interval(estimate(without)),
+            interval(estimate(own)),
+            interval(difference(own, without), "+"),
+        )
         for name, without, own in rows
     ]
     text = TEXT.format(
@@ -66,7 +70,8 @@ def section(out: Path) -> str:
         trials=stored["trials"],
         values=", ".join(f"`{path}` = {value:g}" for path, value in values.items()),
     )
-    return text + "\n" + "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
+    header = ("held-out condition", "LQR alone", "our rule", "difference")
+    return f"{text}\n{table(header, lines)}"
 
 
 def _errors(path: Path, winner: str) -> dict[str, float]:
@@ -76,8 +81,3 @@ def _errors(path: Path, winner: str) -> dict[str, float]:
             for row in csv.DictReader(lines)
             if row["configuration"] == winner
         }
-
-
-def _mm(found: Estimate, sign: str = "") -> str:
-    low, high = (f"{MM * end:{sign}.1f}" for end in (found.low, found.high))
-    return f"{MM * found.mean:{sign}.1f} [{low}, {high}]"

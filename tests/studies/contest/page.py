@@ -3,37 +3,38 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
-from runtime.experiments.analysis import Estimate
-from tests.studies.contest.contestants import CONTESTANTS, HELD_OUT, LIMITS
+from tests.studies.contest import budgets, fronts, one_setting, weaknesses
+from tests.studies.contest.contestants import CONTESTANTS, TASKS, Task
+from tests.studies.contest.opening import SPIKES, sentences
 from tests.studies.contest.results import (
     CHANGE,
-    COUNTS,
     ERROR,
     RIVAL,
+    SATURATION,
     UNLEARNT,
+    Contest,
     Contestant,
+    Infeasible,
     Verdict,
+    rival_of,
     verdicts,
 )
+from tests.studies.contest.words import MM, interval, mm, table
 
-MM = 1e3
-SPIKES = ("our rule", "robust rule", "SNN as printed")
-HEALS = [name for name in HELD_OUT if "heals" in name]
 SOON = 10.0  # s
-PLENTY = 100  # trials, below which a budget is called small
-SMALL = ": a small budget, whose verdicts are provisional"
 
 INTRODUCTION = """# Controllers at equal budget and effort
 
-Written by `python -m tests.studies.contest`; every number is from its runs. Case C: the contestants
-follow the walls of the paper's room. Each was tuned by the same optimiser on the same training
-runs, with the same number of trials, for the smallest mean error under a limit of effort, of which
-there are a low one ("gentle") and a high one ("stiff"); its winner was then run on held-out seeds
-and conditions. The last line says who has not been run. The experiment files are in
-`tests/studies/contest/experiments`: `runtime tune FILE` runs one of them again.
+Written by `python -m tests.studies.contest`; every number is from its runs. In case C the
+contestants follow the walls of the paper's room, under a low limit of effort ("gentle") and a high
+one ("stiff"); in the cases A ("line") and B ("sine") they follow the paper's paths. Each was tuned
+by the same optimiser on the same training runs, with the same number of trials, for the smallest
+mean error under the limit; its winner was then run on held-out seeds and conditions. The last
+lines say who has not been run. The experiment files are in `tests/studies/contest/experiments`:
+`runtime tune FILE` runs one of them again.
 """
 
 READING = """## How to read this
@@ -41,16 +42,21 @@ READING = """## How to read this
 * **Error**: mean distance from the contour 180 mm from the walls, in mm, from when it is first
   reached. The floor of a robot with a turning radius of 0.2 m is 4.4 mm in the paper's room.
 * **Effort**: root of the mean square of the change of the commanded turn rate from one record to
-  the next (50 ms), in rad/s. In training its mean must be below {limits}; held out
-  it is only reported.
-* **Training**: {training}. **Held out**: {held_out}.
-* All faults set in at 60 s and end at 90 s; those that "heal" name it because it is what they test.
+  the next (50 ms), in rad/s. In training its mean must be below {limits}; held out it is only
+  reported.
+* **Worst condition**: the largest mean error over the seeds of a held-out condition, in mm.
+  **Saturated**: the share of the time in which the command is at its limit, held out.
+{training}
+* In case C all faults set in at 60 s and end at 90 s; those that "heal" name it because it is what
+  they test. In the cases A and B the error is that of docs/reproduction.md, and the feedforward
+  the paper's, alpha = 0.06.
 * **Optimism**: training minus held-out, of the mean error. It contains that some held-out
   conditions are harder.
 * **Against the tuned {rival}**, on the same held-out runs: *better* or *worse* where the difference
-  is significant (paired t, Benjamini-Hochberg) and at least {counts:g} mm; *equivalent* where it is
-  significantly smaller than that (two one-sided tests, corrected likewise); else *undecided*. The
-  runs of a condition are not independent of each other, so the intervals are rather too narrow.
+  is significant (paired t, Benjamini-Hochberg) and at least so many mm: {counts}; *equivalent*
+  where it is significantly smaller than that (two one-sided tests, corrected likewise); else
+  *undecided*. The seeds of a condition resemble each other, so that the mean of a condition counts
+  as one value, in intervals and tests.
 * **Edge**: parameters whose value is within 2 % of an end of its range; a wider range may give
   better values.
 """
@@ -65,113 +71,97 @@ number of trials that is given; nothing was chosen by hand but the ranges.
 """
 
 
-def page(found: Mapping[str, Sequence[Contestant]], one_setting: str) -> str:
-    """The whole page; ``one_setting`` is the section about all cases."""
-    sections = [_Section(limit, who) for limit, who in found.items() if who]
-    texts = [text for section in sections for text in section.short()]
+def page(contest: Contest) -> str:
+    """The whole page."""
+    sections = [
+        _Section(limit, who, contest.infeasible[limit])
+        for limit, who in contest.limits.items()
+        if rival_of(who)
+    ]
+    numbered = (f"{i}. {text}" for i, text in enumerate(sentences(contest), start=1))
     parts = [
         INTRODUCTION,
         "## In short\n",
-        "\n".join(f"{i}. {text}" for i, text in enumerate(_opening(sections) + texts, start=1)),
+        "\n".join(numbered),
         "\n![Error against effort](images/comparison.png)\n",
         *(part for section in sections for part in section.tables()),
-        one_setting,
+        budgets.section(contest),
+        fronts.section(contest, SPIKES),
+        one_setting.section(contest.folder),
+        weaknesses.section(contest.folder),
         "## What was found\n",
         FOUND,
-        _table(
+        table(
             ("contestant", "limit", "trials", "training runs", "values"),
             (_found(one, each.limit) for each in sections for one in each.ordered),
         ),
         READING.format(
-            limits=" or ".join(f"{value:g} ({name})" for name, value in LIMITS.items()),
-            counts=MM * COUNTS,
+            limits=", ".join(f"{TASKS[each.limit].limit:g} ({each.limit})" for each in sections),
+            counts=", ".join(
+                f"{MM * TASKS[each.limit].counts:g} ({each.limit})" for each in sections
+            ),
             rival=RIVAL,
-            training=_runs(sections[0].ordered[0], "training"),
-            held_out=_runs(sections[0].ordered[0], "held_out"),
+            training="\n".join(_trained(each) for each in sections),
         ),
+        _missing(contest),
     ]
+    return "\n".join(part for part in parts if part)
+
+
+def _missing(contest: Contest) -> str:
     missing = [
         f"{name} ({limit})"
-        for limit, who in found.items()
-        for name in CONTESTANTS
-        if name not in {one.name for one in who}
+        for limit, who in contest.limits.items()
+        for name in TASKS[limit].contestants
+        if name not in {one.name for one in (*who, *contest.infeasible[limit])}
     ]
-    if missing:
-        parts.append(f"Without a result in this budget: {'; '.join(missing)}.\n")
-    return "\n".join(parts)
-
-
-def _opening(sections: Sequence[_Section]) -> list[str]:
-    everyone = [one for section in sections for one in section.ordered]
-    trials = {one.stored["trials"] for one in everyone}
-    budget = " or ".join(map(str, sorted(trials)))
-    first = everyone[0]
-    limits = "one limit" if len(sections) == 1 else f"each of {len(sections)} limits"
-    return [
-        f"{len({one.name for one in everyone})} controllers were tuned with {budget} trials each "
-        f"under {limits} of effort, on at most {_count(first, 'training')} "
-        f"training runs a trial, and judged on {len(first.runs)} "
-        f"held-out runs{SMALL if max(trials) < PLENTY else ''}."
-    ]
+    return f"Not run within this budget: {'; '.join(missing)}.\n" if missing else ""
 
 
 class _Section:
     """The contestants under one limit of effort, the smallest held-out error first."""
 
-    def __init__(self, limit: str, found: Sequence[Contestant]) -> None:
-        self.limit = limit
-        self.against = verdicts(found)
+    def __init__(
+        self, limit: str, found: Sequence[Contestant], infeasible: Sequence[Infeasible]
+    ) -> None:
+        rival = rival_of(found)
+        if rival is None:
+            raise ValueError(f"{limit}: the {RIVAL} has not been run")
+        self.limit, self.infeasible, self.task = limit, infeasible, TASKS[limit]
+        self.against = verdicts(found, rival, self.task.counts)
         self.ordered = sorted(found, key=lambda one: one.held_out(ERROR).mean)
-        self.rival = next(one for one in found if one.name == RIVAL)
-
-    def short(self) -> list[str]:
-        """What the page begins with, chosen by rules from the numbers."""
-        first = self.ordered[0]
-        words = {
-            word: [name for name, verdict in self.against.items() if verdict.word == word]
-            for word in ("better", "equivalent", "worse", "undecided")
-        }
-        told = "; ".join(f"{word}: {' / '.join(names)}" for word, names in words.items() if names)
-        spikes = [one for one in self.ordered if one.name in SPIKES]
-        beside = "; ".join(
-            f"{one.name} {_mm(one.held_out(ERROR).mean)} mm ({self.against[one.name].word})"
-            for one in spikes
-        )
-        optimism = [one.line(ERROR)["optimism"] for one in self.ordered]
-        edges = [one.name for one in self.ordered if one.edges]
-        at_edge = f"; a value lies at the edge of its range for {', '.join(edges)}" if edges else ""
-        return [
-            f"**{self.limit.capitalize()}** (effort below {LIMITS[self.limit]:g} rad/s in "
-            f"training): the smallest held-out error has {first.name}, "
-            f"{_interval(first.held_out(ERROR))} mm; the tuned {RIVAL} without any adaptation has "
-            f"{_interval(self.rival.held_out(ERROR))} mm. Against it on the same runs, with "
-            f"{MM * COUNTS:g} mm as what counts: {told}.",
-            f"{self.limit.capitalize()}: spiking adaptation beside an LQR that is tuned with it: "
-            f"{beside}{_without_spikes(self.ordered)}. On the training runs errors are "
-            f"{-MM * max(optimism):.1f} to {-MM * min(optimism):.1f} mm smaller than on the "
-            f"held-out ones{at_edge}.",
-        ]
 
     def tables(self) -> list[str]:
-        title = f"{self.limit.capitalize()}: effort below {LIMITS[self.limit]:g} rad/s"
-        return [
-            f"## {title}\n",
-            _table(HEADER, (_row(one, self.against) for one in self.ordered)),
+        task = self.task
+        parts = [
+            f"## {_title(self.limit)}\n",
+            table(HEADER, (_row(one, self.against) for one in self.ordered)),
+            *(_out_of_reach(one, task) for one in self.infeasible),
             f"### Held-out error by condition, mm ({self.limit})\n",
-            _table(
-                ("contestant", *HELD_OUT),
+            table(
+                ("contestant", *task.held_out),
                 (
-                    (one.name, *(_mm(one.held_out(ERROR, name).mean) for name in HELD_OUT))
+                    (one.name, *(mm(one.held_out(ERROR, name).mean) for name in task.held_out))
                     for one in self.ordered
                 ),
             ),
-            f"### After a fault has healed ({self.limit})\n",
-            HEALING,
-            _table(
-                ("contestant", "within 10 s", "mean time"),
-                (_healed(one) for one in self.ordered),
-            ),
         ]
+        heals = [name for name in task.held_out if "heals" in name]
+        if heals:
+            parts += [
+                f"### After a fault has healed ({self.limit})\n",
+                HEALING,
+                table(
+                    ("contestant", "within 10 s", "mean time"),
+                    (_healed(one, heals) for one in self.ordered),
+                ),
+            ]
+        return parts
+
+
+def _title(limit: str) -> str:
+    task = TASKS[limit]
+    return f"Case {task.case}, {limit}: effort below {task.limit:g} rad/s"
 
 
 HEADER = (
@@ -181,34 +171,34 @@ HEADER = (
     "optimism",
     f"against {RIVAL}",
     "",
+    "worst condition",
     "effort, training",
     "effort, held out",
+    "saturated",
     "lost runs",
     "edge",
 )
 
 
-def _runs(one: Contestant, key: str) -> str:
-    runs = one.stored[key]
-    return f"seeds {runs['seeds']}, conditions {'; '.join(runs['conditions'])}"
-
-
-def _without_spikes(ordered: Sequence[Contestant]) -> str:
-    others = [one for one in ordered if one.name.startswith("our rule, ")]
-    return "".join(
-        f"; {one.name.removeprefix('our rule, ')} {_mm(one.held_out(ERROR).mean)} mm"
-        for one in others
+def _trained(section: _Section) -> str:
+    first = section.ordered[0]
+    return (
+        f"* **{section.limit.capitalize()}**: trained on {_runs(first, 'training')}; held out "
+        f"{_runs(first, 'held_out')}."
     )
 
 
-def _count(one: Contestant, key: str) -> int:
+def _runs(one: Contestant, key: str) -> str:
     runs = one.stored[key]
-    return sum(_length(part) for part in runs["seeds"].split(",")) * len(runs["conditions"])
+    return f"seeds {runs['seeds']} under {'; '.join(runs['conditions'])}"
 
 
-def _length(part: str) -> int:
-    first, _, last = part.partition("..")
-    return int(last or first) - int(first) + 1
+def _out_of_reach(one: Infeasible, task: Task) -> str:
+    return (
+        f"No setting of {one.name} within the limit of {task.limit:g} rad/s was found over "
+        f"{one.trials} trials: the smallest effort in training was {one.effort:.3f} rad/s, with an "
+        f"error of {mm(one.error)} mm.\n"
+    )
 
 
 def _row(one: Contestant, against: dict[str, Verdict]) -> tuple[str, ...]:
@@ -216,20 +206,22 @@ def _row(one: Contestant, against: dict[str, Verdict]) -> tuple[str, ...]:
     error, change = one.line(ERROR), one.line(CHANGE)
     return (
         one.name,
-        _mm(error["training"]["mean"]),
-        _interval(one.held_out(ERROR)),
+        mm(error["training"]["mean"]),
+        interval(one.held_out(ERROR)),
         f"{MM * error['optimism']:+.1f}",
-        "" if verdict is None else _signed(verdict.difference),
+        "" if verdict is None else interval(verdict.difference, "+"),
         "" if verdict is None else verdict.word,
+        mm(one.worst(ERROR)),
         f"{change['training']['mean']:.3f}",
         f"{one.held_out(CHANGE).mean:.3f}",
+        f"{one.held_out(SATURATION).mean:.1%}",
         str(one.lost),
         ", ".join(one.edges),
     )
 
 
-def _healed(one: Contestant) -> tuple[str, ...]:
-    times = [run[UNLEARNT] for (name, _), run in one.runs.items() if name in HEALS]
+def _healed(one: Contestant, heals: Sequence[str]) -> tuple[str, ...]:
+    times = [run[UNLEARNT] for (name, _), run in one.runs.items() if name in heals]
     known = [time for time in times if not math.isnan(time)]
     soon = sum(time <= SOON for time in known)
     mean = f"{sum(known) / len(known):.1f}" if known else "-"
@@ -241,24 +233,7 @@ def _found(one: Contestant, limit: str) -> tuple[str, ...]:
     return one.name, limit, str(one.stored["trials"]), str(one.stored["runs"]), values
 
 
-def _mm(value: float) -> str:
-    return "-" if math.isnan(value) else f"{MM * value:.1f}"
-
-
-def _interval(found: Estimate) -> str:
-    return f"{_mm(found.mean)} [{_mm(found.low)}, {_mm(found.high)}]"
-
-
-def _signed(found: Estimate) -> str:
-    return f"{MM * found.mean:+.1f} [{MM * found.low:+.1f}, {MM * found.high:+.1f}]"
-
-
-def _table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines) + "\n"
-
-
-def draw(found: Mapping[str, Sequence[Contestant]], path: Path) -> None:
+def draw(contest: Contest, path: Path) -> None:
     """Held-out error against effort: each contestant's winners, with their intervals."""
     from matplotlib import colormaps
     from matplotlib.figure import Figure
@@ -269,7 +244,12 @@ def draw(found: Mapping[str, Sequence[Contestant]], path: Path) -> None:
     figure = Figure(figsize=(9.0, 5.5), layout="constrained")
     axes = figure.subplots()
     for number, name in enumerate(CONTESTANTS):
-        winners = [one for who in found.values() for one in who if one.name == name]
+        winners = [
+            one
+            for limit, who in contest.limits.items()
+            for one in who
+            if one.name == name and TASKS[limit].case == "C"
+        ]
         if not winners:
             continue
         color = colormaps["tab20"](number % 20)
@@ -282,6 +262,14 @@ def draw(found: Mapping[str, Sequence[Contestant]], path: Path) -> None:
             color=color,
             label=name,
         )
+        front = [
+            (one.held_out(CHANGE).mean, one.held_out(ERROR).mean)
+            for one in contest.fronts.get(name, ())
+        ]
+        if front:
+            axes.plot(
+                *zip(*((e, MM * m) for e, m in sorted(front)), strict=True), ":.", color=color
+            )
         for effort, error in zip(efforts, errors, strict=True):
             axes.plot([effort] * 2, [MM * error.low, MM * error.high], color=color, alpha=0.5)
     axes.set_yscale("log")

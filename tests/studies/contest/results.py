@@ -14,44 +14,59 @@ from typing import Any
 import numpy as np
 
 from runtime.experiments.analysis import Difference, Estimate, adjusted, difference, estimate
-from tests.studies.contest.contestants import CONTESTANTS, name_of
+from tests.studies.contest.contestants import FRONT, FRONTS, LIMITS, TASKS, name_of
 
-ERROR, CHANGE, UNLEARNT, EFFORT = "error", "effort_change", "unlearnt", "effort"
-COUNTS = 1e-3  # m; a difference of the mean error that counts
+ERROR, CHANGE, UNLEARNT, SATURATION = "error", "effort_change", "unlearnt", "saturation"
 RIVAL = "LQR"
 LEVEL = 0.05
+DOUBLED = "doubled"
 Run = tuple[str, int]  # a condition and a seed
 
 
 @dataclass(frozen=True)
 class Contestant:
-    """One contestant's tuning, complete. ``runs`` are the winner's held-out runs."""
+    """A winner of one contestant's tuning, which is complete, and its held-out runs."""
 
     name: str
     stored: dict[str, Any]
+    winner: int
     runs: dict[Run, dict[str, float]]
-
-    @property
-    def winner(self) -> int:
-        return int(self.stored["front"][0])
 
     @property
     def values(self) -> dict[str, Any]:
         values: dict[str, Any] = self.stored["configurations"][self.winner]["values"]
         return values
 
-    def line(self, metric: str) -> dict[str, Any]:
-        """The winner's line of the table."""
+    def line(self, metric: str, configuration: int | None = None) -> dict[str, Any]:
+        """The winner's line of the table, or that of another configuration; 0 is the graph's."""
+        wanted = self.winner if configuration is None else configuration
         for line in self.stored["table"]:
-            if line["metric"] == metric and line["configuration"] == self.winner:
+            if line["metric"] == metric and line["configuration"] == wanted:
                 found: dict[str, Any] = line
                 return found
         raise KeyError(metric)
 
     def held_out(self, metric: str, condition: str | None = None) -> Estimate:
-        """A metric over the held-out runs, or over those of one condition; NaN does not count."""
-        values = [run[metric] for (name, _), run in self.runs.items() if condition in (None, name)]
-        return estimate([value for value in values if not math.isnan(value)])
+        """A metric over the held-out conditions, or over the seeds of one; NaN does not count.
+
+        The runs of a condition resemble each other, so that its mean counts as one value.
+        """
+        runs = {run: values[metric] for run, values in self.runs.items()}
+        if condition is None:
+            return estimate(list(by_condition(runs).values()))
+        known = [value for run, value in runs.items() if run[0] == condition]
+        return estimate([value for value in known if not math.isnan(value)])
+
+    def worst(self, metric: str) -> float:
+        """The largest mean over the seeds of a condition."""
+        runs = {run: values[metric] for run, values in self.runs.items()}
+        return max(by_condition(runs).values())
+
+    def against(self, other: Contestant) -> dict[str, float]:
+        """By how much the error (m) is larger than another's, on the same runs, by condition."""
+        return by_condition(
+            {run: own[ERROR] - other.runs[run][ERROR] for run, own in self.runs.items()}
+        )
 
     @property
     def lost(self) -> int:
@@ -74,10 +89,11 @@ class Contestant:
 class Verdict:
     """A contestant against the tuned LQR on the same held-out runs.
 
-    ``word`` is better or worse by a significant difference of at least ``COUNTS``, equivalent if
-    the difference is significantly smaller than that, else undecided.
+    ``word`` is better or worse by a significant difference of at least ``counts`` (m), equivalent
+    if the difference is significantly smaller than that, else undecided.
     """
 
+    counts: float
     difference: Difference
     p: float
     p_equivalent: float
@@ -86,21 +102,76 @@ class Verdict:
     def word(self) -> str:
         if self.p_equivalent < LEVEL:
             return "equivalent"
-        if self.p < LEVEL and abs(self.difference.mean) >= COUNTS:
+        if self.p < LEVEL and abs(self.difference.mean) >= self.counts:
             return "better" if self.difference.mean < 0.0 else "worse"
         return "undecided"
 
 
-def read(folder: Path, limit: str) -> list[Contestant]:
-    """The contestants whose tuning under that limit is complete, in the order of the list."""
+@dataclass(frozen=True)
+class Infeasible:
+    """A contestant for which no setting within the limit of effort was found.
+
+    ``error`` (m) and ``effort`` (rad/s) are those of the setting with the smallest effort, in
+    training.
+    """
+
+    name: str
+    trials: int
+    error: float
+    effort: float
+
+
+class Contest:
+    """All that a folder holds.
+
+    ``limits`` are the contestants under each limit at the budget of all, ``doubled`` those at twice
+    that budget, ``infeasible`` those without a winner, and ``fronts`` the winners by contestant.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.limits = {limit: _winners(folder, limit) for limit in LIMITS}
+        self.doubled = {limit: _winners(folder / DOUBLED, limit) for limit in LIMITS}
+        self.infeasible = {limit: _infeasible(folder, limit) for limit in LIMITS}
+        self.fronts = {name: _read(folder, FRONT, name) for name in FRONTS}
+
+
+def _stored(folder: Path, limit: str, name: str) -> dict[str, Any] | None:
+    """A tuning, if it is complete."""
+    path = folder / f"{limit}_{name_of(name)}" / "tuning.json"
+    if not path.exists():
+        return None
+    stored: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return stored if stored["status"] == "complete" else None
+
+
+def _read(folder: Path, limit: str, name: str) -> list[Contestant]:
+    """The winners of a tuning, the one with the smallest error first."""
+    stored = _stored(folder, limit, name)
+    if stored is None:
+        return []
+    own = folder / f"{limit}_{name_of(name)}"
+    found = [
+        Contestant(name, stored, number, _runs(own, str(number))) for number in stored["front"]
+    ]
+    return [one for one in found if one.runs]
+
+
+def _winners(folder: Path, limit: str) -> list[Contestant]:
+    return [one for name in TASKS[limit].contestants for one in _read(folder, limit, name)]
+
+
+def _infeasible(folder: Path, limit: str) -> list[Infeasible]:
     found = []
-    for name in CONTESTANTS:
-        own = folder / f"{limit}_{name_of(name)}"
-        if not (own / "tuning.json").exists():
+    for name in TASKS[limit].contestants:
+        stored = _stored(folder, limit, name)
+        if stored is None or stored["front"]:
             continue
-        stored = json.loads((own / "tuning.json").read_text(encoding="utf-8"))
-        if stored["status"] == "complete" and stored["front"]:
-            found.append(Contestant(name, stored, _runs(own, str(stored["front"][0]))))
+        metrics = [
+            one["metrics"] for one in stored["configurations"] if one["status"] == "complete"
+        ]
+        least = min(metrics, key=lambda one: float(one[CHANGE]))
+        found.append(Infeasible(name, stored["trials"], least[ERROR], least[CHANGE]))
     return found
 
 
@@ -108,46 +179,49 @@ def _runs(folder: Path, winner: str) -> dict[Run, dict[str, float]]:
     with (folder / "held_out.csv").open(encoding="utf-8", newline="") as lines:
         return {
             (row["condition"], int(row["seed"])): {
-                key: float(row[key]) if row[key] else math.nan
-                for key in (ERROR, EFFORT, CHANGE, UNLEARNT)
+                key: float(row[key]) if row.get(key) else math.nan
+                for key in (ERROR, CHANGE, UNLEARNT, SATURATION)
             }
             for row in csv.DictReader(lines)
             if row["configuration"] == winner
         }
 
 
-def verdicts(found: Sequence[Contestant]) -> dict[str, Verdict]:
+def rival_of(found: Sequence[Contestant]) -> Contestant | None:
+    """The tuned LQR among some contestants."""
+    return next((one for one in found if one.name == RIVAL), None)
+
+
+def verdicts(found: Sequence[Contestant], rival: Contestant, counts: float) -> dict[str, Verdict]:
     """Every contestant but the tuned LQR, p values corrected over all of them."""
-    rival = next(one for one in found if one.name == RIVAL)
-    others = [one for one in found if one is not rival]
+    others = [one for one in found if one.name != RIVAL]
     apart = [_apart(one, rival) for one in others]
     p = adjusted([each.p for each in apart])
-    same = adjusted([_equivalence(one, rival) for one in others])
-    return {one.name: Verdict(*each) for one, *each in zip(others, apart, p, same, strict=True)}
+    same = adjusted([_equivalence(one, rival, counts) for one in others])
+    return {
+        one.name: Verdict(counts, *each) for one, *each in zip(others, apart, p, same, strict=True)
+    }
 
 
-def _pairs(one: Contestant, rival: Contestant) -> tuple[list[float | None], list[float | None]]:
-    runs = sorted(rival.runs)
-    mine, theirs = ([who.runs[run][ERROR] for run in runs] for who in (one, rival))
-    return [_known(v) for v in mine], [_known(v) for v in theirs]
-
-
-def _known(value: float) -> float | None:
-    return None if math.isnan(value) else value
+def by_condition(runs: dict[Run, float]) -> dict[str, float]:
+    """The mean over the seeds of each condition, of the runs that have a value."""
+    found: dict[str, list[float]] = {}
+    for (condition, _), value in runs.items():
+        if not math.isnan(value):
+            found.setdefault(condition, []).append(value)
+    return {condition: float(np.mean(values)) for condition, values in found.items()}
 
 
 def _apart(one: Contestant, rival: Contestant) -> Difference:
-    return difference(*_pairs(one, rival))
+    apart = list(one.against(rival).values())
+    return difference(apart, [0.0] * len(apart))
 
 
-def _equivalence(one: Contestant, rival: Contestant) -> float:
-    """p of two one-sided t tests that the mean difference is within +-COUNTS."""
+def _equivalence(one: Contestant, rival: Contestant, counts: float) -> float:
+    """p of two one-sided t tests that the mean difference is within +-``counts``."""
     from scipy import stats
 
-    mine, theirs = _pairs(one, rival)
-    apart = np.array(
-        [a - b for a, b in zip(mine, theirs, strict=True) if a is not None and b is not None]
-    )
-    low = stats.ttest_1samp(apart, -COUNTS, alternative="greater").pvalue
-    high = stats.ttest_1samp(apart, COUNTS, alternative="less").pvalue
+    apart = np.array(list(one.against(rival).values()))
+    low = stats.ttest_1samp(apart, -counts, alternative="greater").pvalue
+    high = stats.ttest_1samp(apart, counts, alternative="less").pvalue
     return float(max(low, high))

@@ -25,18 +25,18 @@ from pathlib import Path
 from typing import NoReturn
 
 from runtime.errors import UsageError
-from runtime.experiments.execution.messages import serve_calls
+from runtime.experiments.processes.messages import serve_calls
 
 THREADS = tuple(
     f"{library}_NUM_THREADS"
     for library in ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM", "NUMEXPR", "NUMBA")
 )
-# networkx is only needed by the first trial.
-PRELOADED = ("runtime.experiments.execution.worker", "networkx")
+# SciPy's functions are needed by the first trial of most graphs.
+PRELOADED = ("runtime.experiments.execution.worker", "scipy.special")
 # It imports only what this process could import, and nothing from the current folder.
 PROGRAM = (
     "import sys; del sys.path[0]; import json; sys.path[:] = json.loads(sys.argv[2]); "
-    "from runtime.experiments.execution.forkserver import serve; "
+    "from runtime.experiments.processes.forkserver import serve; "
     "serve(int(sys.argv[1]), sys.argv[3])"
 )
 _REQUEST = struct.Struct("<cq")  # a command, and the process that it concerns

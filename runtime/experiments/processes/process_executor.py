@@ -27,9 +27,9 @@ from functools import partial
 from typing import Any, Literal, ParamSpec, TypeVar
 
 from runtime.errors import UsageError
-from runtime.experiments.execution import forkserver
-from runtime.experiments.execution.forkserver import ForkServer
-from runtime.experiments.execution.messages import Channel
+from runtime.experiments.processes import forkserver
+from runtime.experiments.processes.forkserver import ForkServer
+from runtime.experiments.processes.messages import Channel
 
 P = ParamSpec("P")
 T = TypeVar("T")

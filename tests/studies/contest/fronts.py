@@ -1,0 +1,102 @@
+"""Fronts of error against effort: tunings with both as objectives, and condition by condition."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from tests.studies.contest.contestants import FRONT, TASKS, WIDEST
+from tests.studies.contest.results import CHANGE, ERROR, Contest, Contestant
+from tests.studies.contest.words import interval, mm, table
+
+TEXT = """## Fronts of error against effort
+
+Tunings with two objectives, error and effort, with the same budget, for {names}. Of each front at
+most five settings, its ends included, were run on the held-out runs; settings with an effort above
+{widest:g} rad/s in training do not count. "Beaten by" are the contestants with a setting that has
+both a smaller error and a smaller effort on the held-out runs.
+"""
+HEADER = ("contestant", "error, mm", "effort, rad/s", "beaten by")
+FAULTS = """### Who is on the front, condition by condition
+
+Of all settings of case C on this page, for each held-out condition: those that no other one beats
+in both the mean error and the mean effort over the seeds, the smallest effort first, with error
+(mm) and effort (rad/s); those with spikes in bold. Three seeds a condition: neighbours may change
+places.
+"""
+
+
+@dataclass(frozen=True)
+class Point:
+    """A setting of a contestant, by its error (m) and effort (rad/s)."""
+
+    name: str
+    error: float
+    effort: float
+
+    def beats(self, other: Point) -> bool:
+        """Whether it is better in one and not worse in the other."""
+        mine, theirs = (self.error, self.effort), (other.error, other.effort)
+        return mine != theirs and all(a <= b for a, b in zip(mine, theirs, strict=True))
+
+
+def front(points: Sequence[Point]) -> list[Point]:
+    """The points that no other one beats, the smallest effort first."""
+    kept = {one for one in points if not any(other.beats(one) for other in points)}
+    return sorted(kept, key=lambda one: one.effort)
+
+
+def section(contest: Contest, spikes: Sequence[str]) -> str:
+    """The section of docs/comparison.md; ``spikes`` are the contestants that have some."""
+    found = [one for members in contest.fronts.values() for one in members]
+    text = ""
+    if found:
+        names = ", ".join(name for name, members in contest.fronts.items() if members)
+        head = TEXT.format(names=names, widest=WIDEST)
+        text = f"{head}\n{table(HEADER, _settings(found))}\n"
+    rows = ((name, _told(members, spikes)) for name, members in by_condition(contest).items())
+    return f"{text}{FAULTS}\n{table(('condition', 'on the front'), rows)}"
+
+
+def by_condition(contest: Contest) -> dict[str, list[Point]]:
+    """The front of all settings for each held-out condition."""
+    task = TASKS[FRONT]
+    everyone = [
+        one
+        for limit, who in contest.limits.items()
+        if TASKS[limit].case == task.case
+        for one in who
+    ]
+    everyone += [one for members in contest.fronts.values() for one in members]
+    return {name: front(_points(everyone, name)) for name in task.held_out}
+
+
+def _settings(found: Sequence[Contestant]) -> Iterator[tuple[str, ...]]:
+    points = [(one, one.held_out(ERROR), one.held_out(CHANGE)) for one in found]
+    for one, error, effort in points:
+        beaten = {
+            other.name for other, e, c in points if e.mean < error.mean and c.mean < effort.mean
+        }
+        spread = f"{effort.mean:.3f} [{effort.low:.3f}, {effort.high:.3f}]"
+        yield one.name, interval(error), spread, ", ".join(sorted(beaten))
+
+
+def _points(found: Sequence[Contestant], condition: str) -> list[Point]:
+    points = (
+        Point(
+            one.name,
+            one.held_out(ERROR, condition).mean,
+            one.held_out(CHANGE, condition).mean,
+        )
+        for one in found
+    )
+    return [point for point in points if not math.isnan(point.error)]
+
+
+def _told(members: Sequence[Point], spikes: Sequence[str]) -> str:
+    return ", ".join(
+        f"{f'**{one.name}**' if one.name in spikes else one.name} {mm(one.error)} at "
+        f"{one.effort:.3f}"
+        for one in members
+    )
