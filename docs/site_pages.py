@@ -134,4 +134,4 @@ def _thumbnail(folder: Path, page: str, name: str, graph: runtime.Graph) -> tupl
 
 
 def _plots(graph: runtime.Graph) -> list[str]:
-    return [plot.name for plot in graph.observation.plots]
+    return [plot.name for plot in graph.observation.drawn]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -25,7 +25,6 @@ from runtime.observation.plot_options import (
 from runtime.observation.probes import Probe
 
 COMMON = ("kind", "of", "title", "labels")
-MOST_LINES = 20  # of a figure that was not asked for
 SCANNED = ("Pose", "Scan", "PointCloud", "Path")
 
 
@@ -141,23 +140,6 @@ def title_of(name: str) -> str:
     """A plot's title if it gives none: its name, as in ``Turn rate`` for turn_rate."""
     words = name.replace("_", " ")
     return words[:1].upper() + words[1:]
-
-
-def default_plots(probes: Iterable[Probe]) -> list[PlotSpec]:
-    """A figure of each probe that a graph without the section ``plots`` records over time."""
-    kinds = {probe.name: _default_kind(probe) for probe in probes if not probe.auto}
-    return [PlotSpec(name, kind, (name,), title_of(name)) for name, kind in kinds.items() if kind]
-
-
-def _default_kind(probe: Probe) -> str:
-    """The kind of plot that shows a probe; '' if it is recorded once, or is a table."""
-    if probe.constant or len(probe.shape) > 1:
-        return ""
-    if not _spikes(probe):
-        return "raster"
-    if _alone(probe) == "Pose":
-        return "trajectory"
-    return "timeseries" if math.prod(probe.shape) <= MOST_LINES else "heatmap"
 
 
 def unfit(

@@ -38,7 +38,6 @@ from runtime.observation.plots import (
     COMMON,
     PLOT_KINDS,
     check_options,
-    default_plots,
     offered,
     plot_keys,
     source_options,
@@ -107,8 +106,6 @@ class _Reader:
                     message = f"{expected(kind)}, got {node.describe()}"
                     self.problems.add(node.where, address, message)
         self.seen.stop = self.stop()
-        if document.get("plots") is None and "plots" not in misspelt(document, SECTIONS):
-            self.seen.plots[:] = default_plots(self.seen.probes.values())
         self.seen.plots[:] = [self.with_band(plot) for plot in self.seen.plots]
         if document.get("plots") is None:
             self.seen.defaults[:] = default_plots(self.seen.probes.values())

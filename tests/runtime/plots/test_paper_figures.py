@@ -48,14 +48,6 @@ def bands(axes: Axes) -> list[list[float]]:
     ]
 
 
-def test_a_graph_without_plots_draws_each_probe() -> None:
-    made = graph()
-    bare = runtime.load({k: v for k, v in made.to_dict().items() if k != "plots"})
-    found = [(plot.name, plot.kind, plot.title) for plot in bare.run().plots]
-    assert found == [("turn", "timeseries", "Turn"), ("pose", "trajectory", "Pose")]
-    assert made.run().plots == []
-
-
 def test_limits_of_axes_and_size_are_as_written() -> None:
     plot = {"kind": "timeseries", "of": "turn", "xlim": [0.5, 1.5], "ylim": [-2, 3], "size": [3, 2]}
     figure = drawn(**plot)
