@@ -141,6 +141,7 @@ class DynamicSystem(_System):
     x' = derivative(x, u, t), x(0) = initial; out = x, or the expressions of ``output``. States are
     x[0], x[1], ..., or have the names that ``states`` gives. With ``when``, an event: at each tick
     at which that condition holds, the states become the values of ``then``, as when a ball bounces.
+    Events are not located between ticks: one acts up to a step late, so ``run.dt`` is its accuracy.
     ``out`` depends on inputs directly only if an expression of ``output`` names u.
     """
 

@@ -23,6 +23,7 @@ from blocks.core import (
     check_flat,
     check_sized,
     param,
+    portable,
 )
 
 
@@ -153,8 +154,9 @@ class PinkNoise(_Random):
         super().start(state)
         rows = len(state.parts)
         state.cells_of = state.parts.reshape(rows, -1)
-        state.keep = np.exp(-2.0 * math.pi * self.lowest * state.dt * 2.0 ** np.arange(rows))
-        state.renew = np.sqrt(1.0 - state.keep**2)
+        octaves = np.array([2.0**j for j in range(rows)])
+        state.keep = portable.exp(-2.0 * math.pi * self.lowest * state.dt * octaves)
+        state.renew = np.sqrt(1.0 - state.keep * state.keep)
         state.sigma = np.sqrt(2.0 * math.log(2.0) * self.numbers(state, self.density))
         for j in range(rows):
             for i in range(len(state.cells)):
@@ -175,3 +177,60 @@ class PinkNoise(_Random):
                 fresh = state.renew[j] * state.sigma[i] * state.rng.standard_normal()
                 state.cells_of[j, i] = state.keep[j] * state.cells_of[j, i] + fresh
         self.add_up(state)
+
+
+class WhiteSignal(_Random):
+    """A random signal without power above a frequency; its spectrum is even below, and it repeats.
+
+        [ WhiteSignal ] ─▶ out
+
+    out(t) = rms / sqrt(m) * sum over k = 1, ..., m of a_k cos(2 pi k t / period) +
+    b_k sin(2 pi k t / period), with independent normal a_k and b_k, and m = high * period whole
+    oscillations in a period, at most half the sampling rate: a Gaussian process whose root mean
+    square is ``rms`` in expectation. Held between ticks.
+    """
+
+    period: float = param(unit="s", above=0.0, doc="after which it repeats, in whole steps")
+    high: float = param(unit="Hz", above=0.0, doc="highest frequency")
+    rms: FloatArray = param(
+        0.5, shape=[(), (None,)], at_least=0.0, doc="root mean square, per component"
+    )
+
+    table = State("rows", like="out", doc="one period, a row per tick")
+    place = State(doc="the row of this tick")
+
+    def rows(self, dt: float) -> int:
+        """The ticks in a period."""
+        return max(round(self.period / dt), 1)
+
+    def sizes_in(self, context: BlockContext) -> dict[str, int]:
+        return {"rows": self.rows(context.dt)}
+
+    def validate_in(self, context: BlockContext) -> None:
+        super().validate_in(context)
+        if self.high * self.rows(context.dt) * context.dt < 1.0:
+            message = f"expected at least 1 / period = {1.0 / self.period:g} Hz, got {self.high:g}"
+            raise ParameterError([("high", message)])
+
+    def start(self, state: BlockState) -> None:
+        super().start(state)
+        rows = self.rows(state.dt)
+        state.cells_of = state.table.reshape(rows, -1)
+        count = min(int(self.high * rows * state.dt + 1e-9), (rows - 1) // 2)
+        turn = 2.0 * math.pi / rows
+        scale = self.numbers(state, self.rms) / math.sqrt(max(count, 1))
+        for k in range(1, count + 1):
+            a = scale * state.rng.standard_normal(len(state.cells))
+            b = scale * state.rng.standard_normal(len(state.cells))
+            angle = turn * np.asarray((k * np.arange(rows)) % rows, dtype=np.float64)
+            state.cells_of += portable.cos(angle)[:, None] * a
+            state.cells_of += portable.sin(angle)[:, None] * b
+        state.cells[:] = state.cells_of[0]
+
+    def update(self, state: BlockState, t: float) -> None:
+        row = int(state.place) + 1
+        if row == len(state.cells_of):
+            row = 0
+        state.place[...] = row
+        for i in range(len(state.cells)):
+            state.cells[i] = state.cells_of[row, i]

@@ -11,6 +11,7 @@ from runtime.errors import Problem, Where
 
 _ILLEGAL = re.compile("[^\t\n\r\x20-\x7e\x85\xa0-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
+_SLICED = re.compile(r"[^\s:,{}[\]\"'][^:,{}[\]\"']*(?:\[[0-9: ]*\][^,{}[\]\"']*)+")
 _SUGGESTIONS = {
     "mapping values are not allowed in this context": (
         "an unexpected ':'; quote a text that contains ': ', or check the indentation"
@@ -46,7 +47,9 @@ def explain(error: yaml.YAMLError | UnicodeError, text: str, file: str) -> Probl
         message = _stray(text, mark.line, mark.column) or message
     elif "unexpected end of stream" in message and context is not None:
         mark, message = context, "the quote that opens here is never closed"
-    elif mark is not None and (unquoted := _unquoted(text, mark, message)):
+    elif mark is not None and (
+        unquoted := _unquoted(text, mark, message) or _bracketed(text, mark, message)
+    ):
         message = unquoted
     elif message.startswith("did not find expected ','") and context is not None:
         opened = message[-2:].strip("'").translate(str.maketrans("]}", "[{"))
@@ -103,6 +106,17 @@ def _unquoted(text: str, mark: Any, message: str) -> str:
     name = re.split(r"[{,\s]", key)[-1]
     quoted = f"a text that contains ': ' needs quotes: {name}: \"{value}\""
     return f"expected ',' or '}}'; {quoted}" if "','" in message else quoted
+
+
+def _bracketed(text: str, mark: Any, message: str) -> str:
+    """What to write where an address inside of braces has brackets; '' if that is not wrong."""
+    line = [*_BREAK.split(text), ""][mark.line]
+    match = _SLICED.search(line, 0, len(line))
+    while match is not None and not match.start() < mark.column <= match.end():
+        match = _SLICED.search(line, match.end())
+    if match is None or "','" not in message:
+        return ""
+    return f'inside of braces, a text with brackets needs quotes: "{match[0]}"'
 
 
 def _stray(text: str, line: int, column: int) -> str:

@@ -12,7 +12,7 @@ _NAMES: dict[str, str] = {
     "DeadZone": "deadband deadzone dead_zone",
     "RateLimiter": "ratelimit slewrate slew rate_limiter",
     "Relay": "hysteresis schmitttrigger thermostat bangbang",
-    "Quantizer": "quantize quantise quantiser adc",
+    "Quantizer": "quantize quantise quantiser adc dac",
     "LookupTable": "lut lut1d lookup lookuptable1d interpolate interp 1dlookuptable",
     "LookupTable2D": "lut2d lookup2d 2dlookuptable",
     "Hold": "zoh zeroorderhold samplehold sampleandhold sampler",
@@ -25,7 +25,8 @@ _NAMES: dict[str, str] = {
     "MultiportSwitch": "multiswitch multiport multiplexer indexswitch",
     "Function": (
         "fcn math expression matlabfunction interpretedfunction pow power sqrt abs sin cos tan exp "
-        "log mod atan atan2 polynomial lambda polyval sign square trigonometricfunction"
+        "log mod atan atan2 polynomial lambda polyval sign square trigonometricfunction cosh sinh "
+        "tanh log10 powprod source rescale gaussianpulsesource"
     ),
     "Sum": "adder add subtract sumofelements difference plus minus",
     "Product": "prod mul multiply multiplier divide divider dotproduct",
@@ -39,23 +40,31 @@ _NAMES: dict[str, str] = {
     "Sine": "sinewave sinusoidalsource cosine waveform sinusoid signalgenerator",
     "Step": "stepsource heaviside",
     "Pulse": (
-        "squarewave squarewavesource pulsegenerator pulsesource trianglewavesource sawtooth pwm"
+        "squarewave squarewavesource pulsegenerator pulsesource trianglewavesource sawtooth pwm "
+        "clocksource"
     ),
-    "Chirp": "chirpsource sweepsource chirpsignal",
+    "Chirp": "chirpsource sweepsource chirpsignal chirpphasenoisesource",
     "Piecewise": "fromworkspace repeatingsequence signalbuilder timetable fromspreadsheet",
     "Clock": "time digitalclock",
-    "WhiteNoise": "noise bandlimitedwhitenoise randomnumber gaussiannoise rng uniformrandomnumber",
+    "WhiteNoise": (
+        "noise bandlimitedwhitenoise randomnumber gaussiannoise rng uniformrandomnumber "
+        "randomnumbergenerator"
+    ),
+    "WhiteSignal": "bandlimitedsignal bandlimitedrandom",
     "PinkNoise": "oneoverfnoise 1/fnoise flickernoise pink",
     "RandomWalk": "browniannoise wienerprocess brownian wiener",
     "TransferFunction": (
-        "transferfcn transferfunctionnumden lti ltisiso lti_siso tf pt1 leadlag fopdt firstorder"
+        "transferfcn transferfunctionnumden lti ltisiso lti_siso tf pt1 leadlag fopdt firstorder "
+        "transferfunctionprc allpassfilter"
     ),
     "ZeroPoleGain": "zpk zeropole transferfunctionzpg zerospolesgain polezero",
     "StateSpace": "ltiss lti_ss ss statespacemodel",
     "SecondOrder": "pt2 secondordersystem sopdt",
-    "Derivative": "deriv differentiator derivativefilter differentiate",
+    "Derivative": "deriv differentiator derivativefilter differentiate deriv2",
     "DynamicSystem": "ode dynamicalsystem dynamicalfunction odeblock",
-    "DiscreteSystem": "counter statemachine differenceequation discretefunction",
+    "DiscreteSystem": (
+        "counter statemachine differenceequation discretefunction counterup counterdown"
+    ),
     "AlgebraicConstraint": "algebraicloop solve root constraint",
     "Butterworth": (
         "butterworthlowpassfilter butterworthhighpassfilter butterworthbandpassfilter "
@@ -63,12 +72,16 @@ _NAMES: dict[str, str] = {
     ),
     "FromFile": "fromcsv timeseriessource readfile csv",
     "ExtendedKalmanFilter": "ekf",
+    "'run: {stop: {when: a.out, above: 1}}' ends a run": "stop stopsimulation",
+    "DynamicSystem with 'when' and 'then'": "event zerocrossing zerocrossingup zerocrossingdown",
+    "a Function of t with a RandomWalk in its phase": "sinusoidalphasenoisesource",
     "a part with a block Enable": "enabledsubsystem enableport",
     "a part with a block Trigger": "triggeredsubsystem triggerport",
     "PID": "pidcontroller antiwinduppid pidcontrol pi pd",
     "DiscretePID": "pids pid_s discretepidcontroller digitalpid",
     "DiscreteTransferFunction": (
-        "discretetransferfcn discretefilter fir filter iir ltisisos dtf digitalfilter lti_siso_s"
+        "discretetransferfcn discretefilter fir filter iir ltisisos dtf digitalfilter lti_siso_s "
+        "derivs discretederivative"
     ),
     "DiscreteStateSpace": "discretess ltisss lti_ss_s dss",
     "DiscreteIntegrator": "dintegrator integrators discretetimeintegrator accumulator integrator_s",

@@ -53,6 +53,7 @@ REQUIRED: dict[str, dict[str, Any]] = {
     "RateLimiter": {"rising": 1.0},
     "Select": {"indices": [0]},
     "WhiteNoise": {"density": 0.1},
+    "WhiteSignal": {"period": 1.0, "high": 5.0},
     "Saturator": {"omega_max": 1.0},
     "ActuatorLag": {"tau": 0.1},
     "ActuatorDelay": {"delay": 0.03},

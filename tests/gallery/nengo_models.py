@@ -361,3 +361,30 @@ def basal_ganglia() -> nengo.Probe:
     network = nengo.networks.BasalGanglia(3)
     nengo.Connection(nengo.Node(utilities), network.input, synapse=None)
     return nengo.Probe(network.output, synapse=0.008)
+
+
+@model
+def rectified_linear() -> nengo.Probe:
+    neurons = nengo.Ensemble(
+        60, 1, neuron_type=nengo.SpikingRectifiedLinear(), max_rates=Uniform(250, 300)
+    )
+    nengo.Connection(sine(), neurons, synapse=None)
+    return decoded(neurons, 0.02)
+
+
+@model
+def processes() -> nengo.Probe:
+    signal = nengo.Node(nengo.processes.WhiteSignal(2.0, high=5.0, rms=0.5))
+    neurons, error = nengo.Ensemble(100, 1), nengo.Node(lambda t, x: x**2, size_in=1)
+    nengo.Connection(signal, neurons, synapse=None)
+    nengo.Connection(neurons, error, synapse=0.01)
+    nengo.Connection(signal, error, synapse=0.01, transform=-1)
+    return nengo.Probe(error)
+
+
+@model
+def tuning_curves() -> nengo.Probe:
+    circle = nengo.Node(lambda t: [np.sin(8 * t), np.cos(8 * t)])
+    two = nengo.Ensemble(100, 2, intercepts=Uniform(-0.3, 0.3))
+    nengo.Connection(circle, two, synapse=None)
+    return decoded(two, 0.02)

@@ -210,8 +210,33 @@ def test_an_error_that_nothing_learns_from_is_an_error() -> None:
         learner(0.1, drawn(N, 2, 1), weights(2, N, 2)).check()
 
 
-def test_a_function_that_fails_at_a_point_says_where() -> None:
-    made = graph(0.1).add("x", Wave(size=2)).add("snn", blocks.Ensemble(neurons=9))
-    made = made.add("out", blocks.Decoder(function="log(x[0])")).connect("x.out", "snn.input")
-    with pytest.raises(runtime.SimulationError, match=r"(?s)out.*function fails at x = \["):
-        made.connect("snn.spikes", "out.spikes").run()
+@pytest.mark.parametrize(
+    ("function", "radius", "fails"),
+    [
+        ("log(x[0])", 1.0, True),
+        # defined within a circle of 1.5
+        ("sqrt(2.25 - x[0]**2 - x[1]**2)", 1.4, False),
+        ("sqrt(2.25 - x[0]**2 - x[1]**2)", 1.8, True),
+    ],
+)
+def test_a_function_that_fails_within_the_radius_is_an_error_before_the_run(
+    function: str, radius: float, fails: bool
+) -> None:
+    made = graph(0.1).add("x", Wave(size=2))
+    made = made.add("snn", blocks.Ensemble(neurons=9, radius=radius)).connect("x.out", "snn.input")
+    made = made.add("out", blocks.Decoder(function=function)).connect("snn.spikes", "out.spikes")
+    if fails:
+        message = r"blocks.out.function: the function fails at x = \[.*inside the radius"
+        with pytest.raises(runtime.GraphError, match=message):
+            made.check()
+    else:
+        made.check()
+
+
+def test_a_function_that_fails_at_a_given_point_says_where() -> None:
+    made = graph(0.1).add("x", Wave(size=1)).add("snn", blocks.Ensemble(neurons=9))
+    points = np.linspace(-1, 1, 20)[:, None].tolist()
+    given = blocks.Decoder(function="1/(x + 1)", eval_points=points)
+    made = made.add("out", given).connect("x.out", "snn.input").connect("snn.spikes", "out.spikes")
+    with pytest.raises(runtime.GraphError, match=r"function fails at x = \[-1\]"):
+        made.check()

@@ -95,6 +95,23 @@ def test_the_density_of_pink_noise_falls_with_the_frequency() -> None:
     assert abs(np.corrcoef(np.diff(noise, axis=0).T)[0, 1]) < 0.02
 
 
+def test_a_white_signal_is_even_below_its_highest_frequency() -> None:
+    entry = {"type": "WhiteSignal", "period": 20.0, "high": 10.0, "rms": [0.5, 2.0]}
+    found = respond(entry, ticks=5000, dt=0.01)
+    np.testing.assert_array_equal(found[2000:4000], found[:2000])
+    spectrum = np.abs(np.fft.rfft(found[:2000], axis=0) / 2000) ** 2
+    assert spectrum[201:].max() < 1e-25
+    assert spectrum[0].max() < 1e-25
+    # Each of the 200 lines has a power of (a^2 + b^2) / 2, chi-squared with two degrees.
+    for column, rms in ((0, 0.5), (1, 2.0)):
+        powers = 2 * spectrum[1:201, column] / (rms**2 / 200 / 2)
+        assert stats.kstest(powers, stats.chi2(2).cdf).pvalue > 1e-3
+        low, high = stats.chi2.ppf([1e-4, 1 - 1e-4], 400) / 400
+        assert low < np.mean(found[:2000, column] ** 2) / rms**2 < high
+    message = problems({"type": "WhiteSignal", "period": 0.1, "high": 5.0})
+    assert "high: expected at least 1 / period = 10 Hz, got 5" in message
+
+
 def test_a_random_walk_spreads_with_the_root_of_time() -> None:
     found = respond({"type": "RandomWalk", "density": 0.5, "initial": 3.0}, ticks=20_000)
     steps = np.diff(found)

@@ -313,6 +313,10 @@ CASES: dict[str, list[Case]] = {
         Case(blocks.PinkNoise(density=0.1)),
         Case(blocks.PinkNoise(density=[0.1, 0.2], lowest=1.0, signal="Twist")),
     ],
+    "WhiteSignal": [
+        Case(blocks.WhiteSignal(period=0.1, high=30.0)),
+        Case(blocks.WhiteSignal(period=0.2, high=10.0, rms=[0.1, 0.2], signal="Twist")),
+    ],
     "RandomWalk": [Case(blocks.RandomWalk(density=0.1, initial=[1, 2], signal="Vector(2)"))],
     "Clip": [
         *elementwise(blocks.Clip(low=-0.5)),
