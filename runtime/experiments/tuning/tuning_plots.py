@@ -16,7 +16,7 @@ from matplotlib.ticker import MaxNLocator
 
 from blocks.core import FloatArray
 from runtime.errors import UsageError
-from runtime.experiments.tuning.output import TUNING
+from runtime.experiments.tuning.plan import TUNING
 from runtime.files import own_folder, system_errors
 from runtime.plots import COLOURS, GREY, STYLE, headline, save_figure
 from runtime.terminal import with_unit
