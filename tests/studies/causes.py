@@ -7,14 +7,12 @@ from functools import cache
 import numpy as np
 
 import runtime
-from tests.studies import variations
 from tests.studies.claims import spread
 from tests.studies.contest import weaknesses
 from tests.studies.following import ENGINE, SHIPPED
 from tests.studies.kept import kept
 
 MM = 1e3
-VARIED = range(100, 120)
 CASES = {
     "A": "line_actuator_failure",
     "B": "sine_estimation_error",
@@ -58,7 +56,11 @@ CONSTANTS = (
     ("course.lookahead_time", "lookahead time of the course, s", SEARCHED),
     ("adaptive.snn_omega.e_leak", "leak per rad of the course error, 1/s", SEARCHED),
 )
-START = "## Every constant that is not in the paper"
+START = """## Every constant that is not in the paper
+
+How many values were tried for those that were chosen by hand was not recorded, except where the
+table gives it.
+"""
 DEVIATIONS = """
 ## Where we deviate from the paper, or decide what it leaves open
 
@@ -108,12 +110,12 @@ def error(case: str, seeds: tuple[int, ...], changes: tuple[tuple[str, str], ...
             graph = graph.set(kind, float(value) if value[0].isdigit() else value)
     metric = "distance_mae" if case == "C" else "position_mae"
 
-    def measured(seed: int) -> float | None:
+    def of(seed: int) -> float | None:
         value = graph.run(seed=seed).metrics[metric]
         return None if value is None else float(value)
 
     name = f"causes {case} {changes}"
-    found = [kept(f"{name} {seed}", lambda s=seed: measured(s)) for seed in seeds]
+    found = [kept(f"{name} {seed}", lambda s=seed: of(s)) for seed in seeds]
     return np.array(found, dtype=float)
 
 
@@ -193,7 +195,7 @@ def constants() -> list[tuple[str, ...]]:
         for case, name in CASES.items()
         for rule, ending in (("", ""), (" robust", "_robust"))
     }
-    graphs["A, B, C, one setting"] = weaknesses.walls(weaknesses.COURSE, {})
+    graphs["one setting (as in C)"] = weaknesses.walls(weaknesses.COURSE, {})
     found = []
     for address, what, how in CONSTANTS:
         block, _, key = address.rpartition(".")
@@ -212,21 +214,16 @@ def _written(entry: object, key: str) -> str:
     return ", ".join(f"{v:g}" for v in value.ravel().tolist())
 
 
-def section(seeds: tuple[int, ...]) -> str:
-    """The section of docs/reproduction.md."""
+def measured(seeds: tuple[int, ...]) -> str:
+    """The section about causes."""
+    head = HEAD.format(first=seeds[0], last=seeds[-1])
+    return f"{head}\n{_table(('case', 'what', 'measured'), rows(seeds))}{told(seeds)}"
+
+
+def chosen() -> str:
+    """The section about constants."""
     header, *lines = constants()
-    return "\n".join(
-        (
-            HEAD.format(first=seeds[0], last=seeds[-1]),
-            _table(("case", "what", "measured"), rows(seeds)) + told(seeds),
-            variations.section(VARIED),
-            f"{START}\n",
-            "How many values were tried for those that were chosen by hand was not recorded, "
-            "except where the table gives it.\n",
-            _table(header, lines),
-            DEVIATIONS,
-        )
-    )
+    return f"{START}\n{_table(header, lines)}"
 
 
 def _table(header: tuple[str, ...], found: list[tuple[str, ...]]) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from tests.studies.claims import Claim, spread
@@ -23,13 +25,13 @@ PAPER_LQR, PAPER_SNN, PART = 110.0, 60.0, 0.1
 
 
 class Walls:
-    """All controllers under all conditions over the same seeds."""
+    """All controllers under some conditions, all if not given, over the same seeds."""
 
-    def __init__(self, seeds: range) -> None:
+    def __init__(self, seeds: range, conditions: Iterable[str] = CONDITIONS) -> None:
         self.seeds = seeds
         self.results = measure_all(
             Job(controller, condition, seed)
-            for condition in CONDITIONS
+            for condition in conditions
             for controller in CONTROLLERS
             for seed in seeds
         )

@@ -9,13 +9,11 @@ from typing import Any
 from runtime.experiments.analysis import CONFIDENCE, CORRECTION, is_significant
 from runtime.experiments.execution import SCHEMA_VERSION
 from runtime.experiments.tuning.judging import Judged, Judgement, judge
-from runtime.experiments.tuning.plan import BASELINE, TuningPlan
+from runtime.experiments.tuning.plan import BASELINE, TUNING, TuningPlan
 from runtime.experiments.tuning.running import TuningResult
 from runtime.experiments.tuning.scores import Tried
 from runtime.files import write_json
 from runtime.terminal import number, table, with_unit
-
-TUNING = "tuning.json"
 
 
 def to_dict(result: TuningResult) -> dict[str, Any]:

@@ -27,7 +27,7 @@ from runtime.experiments.execution import (
 from runtime.experiments.tuning.optimizer import optimizer_version
 from runtime.graph import Graph
 
-HELD_OUT = "held_out.csv"
+HELD_OUT, TUNING = "held_out.csv", "tuning.json"
 CONDITION, CONFIGURATION = "condition", "configuration"
 BASELINE = 0  # the number of the graph's own values among the configurations
 

@@ -25,7 +25,7 @@ from runtime.experiments.execution import (
     run_trials,
 )
 from runtime.experiments.tuning.optimizer import Optimizer, Suggestion
-from runtime.experiments.tuning.plan import BASELINE, HELD_OUT, TuningPlan
+from runtime.experiments.tuning.plan import BASELINE, HELD_OUT, TUNING, TuningPlan
 from runtime.experiments.tuning.scores import Scorer, Tried, front
 from runtime.files import system_errors
 from runtime.terminal import Progress
@@ -134,7 +134,8 @@ def _extend(plan: TuningPlan, folder: Path) -> None:
     if read_plan(folder).get("digest") != shorter.digest:
         return
     with system_errors(f"write '{folder}'"):
-        (folder / HELD_OUT).unlink(missing_ok=True)
+        for judged in (HELD_OUT, TUNING):
+            (folder / judged).unlink(missing_ok=True)
         partial = folder / f".{PLAN}.partial"
         partial.write_text(dump_yaml(plan.to_dict()), encoding="utf-8")
         partial.replace(folder / PLAN)

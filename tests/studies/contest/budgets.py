@@ -43,13 +43,18 @@ def _survives(row: Row) -> bool:
     return all(other is None or other.word == row[2].word for other in row[3:])
 
 
+def names(contest: Contest) -> str:
+    """Whose budget was doubled."""
+    found = [f"{one.name} ({limit})" for limit, who in contest.doubled.items() for one in who]
+    return ", ".join(found)
+
+
 def section(contest: Contest) -> str:
     """The section of docs/comparison.md; empty if nothing was doubled."""
     found = list(rows(contest))
     if not found:
         return ""
-    names = [f"{one.name} ({limit})" for limit, who in contest.doubled.items() for one in who]
-    text = TEXT.format(names=", ".join(names), trials=2 * TRIALS, rival=RIVAL)
+    text = TEXT.format(names=names(contest), trials=2 * TRIALS, rival=RIVAL)
     lines = (
         (*row[:2], *map(_told, row[2:]), "yes" if _survives(row) else "**no**") for row in found
     )

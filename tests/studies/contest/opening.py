@@ -61,10 +61,10 @@ def _protocol(limits: Sequence[_Limit]) -> str:
     )
     judged = listed([f"{len(limit.rival.runs)} ({limit.name})" for limit in limits])
     return (
-        f"{len(names)} controllers got the same {rival.stored['trials']} trials of the same "
-        f"optimiser on the same training runs under each limit of effort, {told}, and were then "
-        f"judged on held-out runs, {judged}, with other seeds, starts, faults, paths and speeds, "
-        "in case C with other rooms, more noise and a rigid-body plant, too."
+        f"Each of {len(names)} controllers got the same {rival.stored['trials']} trials of one "
+        f"optimiser on the same training runs, under one limit of effort or more, {told}, and was "
+        f"then judged on held-out runs, {judged}, with other seeds, starts, faults, paths and "
+        "speeds, in case C with other rooms, more noise and a rigid-body plant, too."
     )
 
 
@@ -142,7 +142,11 @@ def _without_spikes(limits: Sequence[_Limit], contest: Contest) -> str:
                 what = one.name.removeprefix(OTHERS).removesuffix(" for spikes")
                 parts.append(f"an {what} for the neurons of our rule {apart} ({limit.name})")
     changed, count = budgets.changed(contest)
-    told = f"; doubling budgets changes {changed} of {count} verdicts" if count else ""
+    told = (
+        f"; doubling the budget of {budgets.names(contest)} changes {changed} of {count} verdicts"
+        if count
+        else ""
+    )
     return f"What else the error depends on, in mm: {', '.join(parts)}{told}."
 
 

@@ -115,6 +115,7 @@ def _missing(contest: Contest) -> str:
         for name in TASKS[limit].contestants
         if name not in {one.name for one in (*who, *contest.infeasible[limit])}
     ]
+    missing += [f"{name} (front)" for name, found in contest.fronts.items() if not found]
     return f"Not run within this budget: {'; '.join(missing)}.\n" if missing else ""
 
 
