@@ -112,11 +112,20 @@ class Tree:
         return found
 
     def sweep(self, seeds: int, until: float) -> float:
-        """Wall seconds of a whole sweep of case A under the compiled engine."""
+        """Wall seconds of a whole sweep of case A under the compiled engine, without figures."""
         with tempfile.TemporaryDirectory() as folder:
             arguments = (
                 *("sweep", CASES["A"][0], "--seeds", f"0..{seeds - 1}", "--engine", "compiled"),
-                *("--until", str(until), "--jobs", str(cores()), "--json", "--out", folder),
+                *(
+                    "--until",
+                    str(until),
+                    "--jobs",
+                    str(cores()),
+                    "--json",
+                    "--no-plots",
+                    "--out",
+                    folder,
+                ),
             )
             took, answer = self.run(CLI, *arguments)
         counts = json.loads(answer)["counts"]

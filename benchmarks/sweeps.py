@@ -42,7 +42,7 @@ def sweep_seconds(engine: str, seeds: int, until: float) -> float:
         command = [
             *(sys.executable, "-c", CLI, "sweep", GRAPH, "--seeds", f"0..{seeds - 1}"),
             *("--engine", engine, "--until", str(until), "--jobs", str(cores())),
-            *("--json", "--out", folder),
+            *("--json", "--no-plots", "--out", folder),
         ]
         began = time.perf_counter()
         done = subprocess.run(command, check=True, capture_output=True, text=True)
@@ -78,7 +78,8 @@ def section(seeds: int, until: float, rounds: int) -> str:
     return (
         f"\n## What a sweep adds\n\nCase A over {until:g} s. 'One run' is warm and alone in its "
         f"process; the sweep is the whole command on {cores()} workers, from its start to its last "
-        f"row. Ideal: the runs side by side and nothing else.\n\n{table(head, rows)}{goals(wanted)}"
+        f"row, without figures. Ideal: the runs side by side and nothing else.\n\n"
+        f"{table(head, rows)}{goals(wanted)}"
     )
 
 

@@ -51,12 +51,13 @@ from blocks.neural import *
 from blocks.nonlinear import *
 from blocks.plants import *
 from blocks.sources import *
-from blocks.testing import CheckError, check_block
+from blocks.testing import CheckError, NotCompiledWarning, check_block
 from blocks.vehicle import *
 from blocks.wall_fitting import *
 from blocks.world import *
 
 __all__ = ["Block", "BlockContext", "BlockState", "CheckError", "DeclarationError", "FloatArray"]
+__all__ += ["NotCompiledWarning"]
 __all__ += ["Input", "Output", "ParameterError", "Path", "PointCloud", "Pose", "Same", "Scalar"]
 __all__ += ["Scan", "SignalType", "Spikes", "State", "TrackingState", "Twist", "Vector"]
 __all__ += ["WheelSpeeds", "check_block", "kernel_of", "param"]

@@ -52,7 +52,7 @@ changes is in the :class:`BlockState` that the engine owns.
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -268,6 +268,17 @@ class Block:
     def port_type(self, name: str) -> PortType:
         """The type of a port; parameters may determine another than the declared one."""
         return self.spec.ports[name].type
+
+    @property
+    def evaluations(self) -> tuple[Evaluation, ...]:
+        """The calls of output methods, without the inputs that are :attr:`indirect`."""
+        left = self.indirect
+        if not left:
+            return self.spec.evaluations
+        return tuple(
+            replace(each, needs=tuple(port for port in each.needs if port not in left))
+            for each in self.spec.evaluations
+        )
 
     @property
     def indirect(self) -> tuple[str, ...]:

@@ -43,8 +43,7 @@ class Bench:
         spec, block = self.block.spec, self.block
         draw = np.random.default_rng(stream)
         self.attributes = attributes(block)
-        state = self._state(seed)
-        self._guard("start", functools.partial(block.start, state))
+        state = self.started(seed)
         started = {name: getattr(state, name).copy() for name in spec.states}
         constant: dict[str, Any] = {}
         for k in range(self.ticks):
@@ -69,9 +68,14 @@ class Bench:
             if resumed:
                 state = self._resumed(state, seed)
 
-    def _resumed(self, old: BlockState, seed: int) -> BlockState:
+    def started(self, seed: int = 0) -> BlockState:
+        """A state after ``start``."""
         state = self._state(seed)
         self._guard("start", functools.partial(self.block.start, state))
+        return state
+
+    def _resumed(self, old: BlockState, seed: int) -> BlockState:
+        state = self.started(seed)
         for name in self.block.spec.states:
             getattr(state, name)[...] = getattr(old, name)
         state.rng.bit_generator.state = old.rng.bit_generator.state

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import importlib
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -21,7 +23,7 @@ from blocks.testing.bench import OUTSIDE, Bench, CheckError
 if TYPE_CHECKING:
     from blocks.world import World
 
-__all__ = ["CheckError", "check_block"]
+__all__ = ["CheckError", "NotCompiledWarning", "check_block"]
 
 LENGTH = 3
 TERMS = (2, 1, *range(3, 10), 0)
@@ -40,6 +42,9 @@ def check_block(
     return the same values when called twice. Everything that changes is in a declared
     :class:`State`, so that two runs with one seed are equal, simultaneous runs do not affect each
     other, and a run that resumes from its declared states continues identically.
+
+    What the compiled engine cannot compile is no broken rule, since it calls it from Python, which
+    is slower: a :class:`NotCompiledWarning` lists it with file, line and a suggestion.
 
     Parameters
     ----------
@@ -69,6 +74,14 @@ def check_block(
     _compare(first, resumed, f"{name}: a run that resumes from its declared states differs")
     if any(port.optional for port in block.spec.inputs.values()) and _may_be_open(bench):
         list(replace(bench, ticks=1, open_inputs=True).run(seed=0, careful=True))
+    # By name, since blocks know no engine.
+    refusals = importlib.import_module("runtime.engine.compiled").refusals
+    for reason in refusals(block, bench.started(), bench.context):
+        warnings.warn(f"{name}.{reason}", NotCompiledWarning, stacklevel=2)
+
+
+class NotCompiledWarning(UserWarning):
+    """A method of a block cannot be compiled."""
 
 
 def _may_be_open(bench: Bench) -> bool:

@@ -22,6 +22,7 @@ from runtime.codegen.types import (
     Tuple,
     Type,
     leaves,
+    unknown_call,
 )
 from runtime.lazy import importer
 
@@ -47,6 +48,7 @@ __all__ = [
     "Writer",
     "leaves",
     "support",
+    "unknown_call",
     "unused",
 ]
 

@@ -22,6 +22,7 @@ from runtime.codegen.types import (
     Type,
     join,
     leaves,
+    unknown_call,
 )
 from runtime.codegen.values import (
     UNKNOWN,
@@ -371,7 +372,7 @@ class Expressions(Body, ast.NodeVisitor):
             if function.attr in KINDS:
                 return builtins.BUILTINS[function.attr.rstrip("_64")](self, values)
             return library.numpy(self, function.attr, values, options)
-        raise NotTypedError(f"calls '{ast.unparse(function)}'")
+        raise NotTypedError(unknown_call(ast.unparse(function)))
 
     def called(self, node: ast.Call, name: str) -> Value:
         """A call of a function of the unit, or of one that Python has."""
@@ -386,7 +387,7 @@ class Expressions(Body, ast.NodeVisitor):
             return self.as_tuple(node.args[0])
         function = builtins.BUILTINS.get(name)
         if function is None or node.keywords:
-            raise NotTypedError(f"calls '{ast.unparse(node)}'")
+            raise NotTypedError(unknown_call(ast.unparse(node)))
         return function(self, self.each(node.args))
 
     def as_tuple(self, node: ast.expr) -> Value:

@@ -19,6 +19,11 @@ class NotTypedError(Exception):
     """Text that is outside the compiled subset: the reason, with a suggestion."""
 
 
+def unknown_call(text: str) -> str:
+    """The reason and the suggestion for a call of a function that has no form in C."""
+    return f"calls '{text}', which is not compiled; write it with math, arrays and loops"
+
+
 @dataclass(frozen=True)
 class Number:
     """A bool, an int64 or a float64."""

@@ -58,13 +58,7 @@ class Entry:
     @property
     def evaluations(self) -> tuple[Evaluation, ...]:
         """The calls of output methods, without the inputs that the block declares indirect."""
-        indirect = () if self.block is None else self.block.indirect
-        if not indirect:
-            return self.cls.spec.evaluations
-        return tuple(
-            replace(each, needs=tuple(port for port in each.needs if port not in indirect))
-            for each in self.cls.spec.evaluations
-        )
+        return self.cls.spec.evaluations if self.block is None else self.block.evaluations
 
     @property
     def made(self) -> Block:

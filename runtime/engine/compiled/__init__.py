@@ -5,7 +5,7 @@ plan that calls them, ``memory`` what both languages share, and ``runner`` runs 
 """
 
 from runtime.engine.compiled.entries import fixed_sizes
-from runtime.engine.compiled.kernels import Kernel, make_kernels
+from runtime.engine.compiled.kernels import Kernel, make_kernels, refusals
 from runtime.engine.compiled.runner import CheckedRunner, CompiledRunner
 
-__all__ = ["CheckedRunner", "CompiledRunner", "Kernel", "fixed_sizes", "make_kernels"]
+__all__ = ["CheckedRunner", "CompiledRunner", "Kernel", "fixed_sizes", "make_kernels", "refusals"]

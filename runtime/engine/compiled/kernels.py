@@ -6,7 +6,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from blocks.core import Block, BlockState, Evaluation, SignalType, has_kernels
+from blocks.core import (
+    Block,
+    BlockContext,
+    BlockSpec,
+    BlockState,
+    Evaluation,
+    SignalType,
+    has_kernels,
+)
 from runtime.codegen import FLOAT, Array, Entry, RefusedError, Source, Tuple, Type
 from runtime.engine.compiled.entries import Fields, NotCompilableError, written
 from runtime.engine.compiled.translations import is_built_in, salt, source_of, translation
@@ -91,9 +99,7 @@ def make_kernels(
         shapes.setdefault(slot.block, []).append(slot.shape)
     for name, entry in sorted(network.entries.items()):
         spec = entry.cls.spec
-        calls = [e for e in entry.evaluations if not spec.is_constant(e)]
-        calls += [each for each in (spec.update, spec.derivative) if each is not None]
-        calls += [PROJECT] if spec.projects else []
+        calls = _calls(spec, entry.evaluations)
         if not calls:
             continue
         terms = {
@@ -111,6 +117,33 @@ def make_kernels(
         except NotCompilableError as error:
             kernels.refuse(name, entry.cls, str(error))
     return kernels
+
+
+def _calls(spec: BlockSpec, evaluations: Sequence[Evaluation]) -> list[Evaluation]:
+    """The methods of a block that are called in a tick."""
+    calls = [each for each in evaluations if not spec.is_constant(each)]
+    calls += [each for each in (spec.update, spec.derivative) if each is not None]
+    return calls + ([PROJECT] if spec.projects else [])
+
+
+def refusals(made: Block, state: BlockState, context: BlockContext) -> list[str]:
+    """What of a block by itself cannot be compiled: each method, with the reason and its place.
+
+    Parameters
+    ----------
+    made, state : the block, and its state after ``start``.
+    context : its place in a graph.
+    """
+    spec = type(made).spec
+    found: dict[str, str] = {}
+    terms = {port: sum(flags) for port, flags in context.terms.items()}
+    rates = [getattr(state, name).shape for name in spec.continuous]
+    for call in _calls(spec, made.evaluations):
+        try:
+            make_kernel(made, state, terms, context.types, [call], rates=rates)
+        except NotCompilableError as error:
+            found.setdefault(str(error), call.method)
+    return [f"{method} is not compiled: {reason}" for reason, method in found.items()]
 
 
 def make_kernel(

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from blocks.core import Block, BlockState, SignalType, function_kernel, kernel_for, parsed
-from runtime.codegen import Function, Source
+from runtime.codegen import Function, Source, unknown_call
 from runtime.engine.compiled.entries import (
     Attribute,
     Fields,
@@ -216,7 +216,7 @@ class Writer(Folding):
             return self.packed(method.__self__, node.args[0])
         own = method.__self__ is self.owner.made
         if not own or getattr(type(self.owner.made), attribute) is not method.__func__:
-            raise self.refuse(node, f"calls '{ast.unparse(node.func)}'")
+            raise self.refuse(node, unknown_call(ast.unparse(node.func)))
         arguments = [
             self.visit(a) for a in node.args if not (isinstance(a, ast.Name) and a.id == "state")
         ]

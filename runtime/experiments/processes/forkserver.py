@@ -31,8 +31,8 @@ THREADS = tuple(
     f"{library}_NUM_THREADS"
     for library in ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM", "NUMEXPR", "NUMBA")
 )
-# SciPy's functions are needed by the first trial of most graphs.
-PRELOADED = ("runtime.experiments.execution.worker", "scipy.special")
+# What the first trial of most graphs imports.
+PRELOADED = ("runtime.experiments.execution.worker", "runtime.engine.compiled", "scipy.special")
 # It imports only what this process could import, and nothing from the current folder.
 PROGRAM = (
     "import sys; del sys.path[0]; import json; sys.path[:] = json.loads(sys.argv[2]); "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import random
+import warnings
 from functools import cached_property
 from pathlib import Path as FilePath
 from typing import Any
@@ -17,6 +18,7 @@ from blocks import (
     CheckError,
     FloatArray,
     Input,
+    NotCompiledWarning,
     Output,
     Path,
     Pose,
@@ -665,3 +667,41 @@ def test_the_inputs_are_of_their_types() -> None:
 
     check_block(Watch())
     assert spikes == {0.0, 100.0}
+
+
+def test_it_lists_what_cannot_be_compiled_with_its_place_and_a_suggestion() -> None:
+    class Sorted(Block):
+        """Sorts a vector, and adds one to it."""
+
+        u = Input(Vector(3))
+        y = Output(Vector(3))
+        last = State(3)
+
+        def output(self, state: Any, t: float, u: FloatArray) -> FloatArray:
+            y = np.empty(3)
+            np.add(u, 1.0, out=y)  # the first line that is named
+            return y
+
+        def update(self, state: Any, t: float, u: FloatArray) -> None:
+            state.last[:] = sorted(u)  # the second
+
+    with pytest.warns(NotCompiledWarning) as seen:
+        check_block(Sorted())
+    lines = FilePath(__file__).read_text(encoding="utf-8").splitlines()
+    first, second = (
+        next(i for i, line in enumerate(lines, 1) if f"  # {text}" in line)
+        for text in ("the first line that is named", "the second")
+    )
+    assert [str(each.message) for each in seen] == [
+        "Sorted.output is not compiled: np.add with the keyword out= is not compiled; "
+        f"write the loop ({__file__}:{first})",
+        "Sorted.update is not compiled: calls 'sorted(u)', which is not compiled; "
+        f"write it with math, arrays and loops ({__file__}:{second})",
+    ]
+
+
+@pytest.mark.parametrize("block", [blocks.Saturator(omega_max=1.0), blocks.Lowpass(tau=0.1)])
+def test_it_says_nothing_of_a_block_that_compiles(block: Block) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_block(block)
