@@ -209,7 +209,14 @@ MISTAKES = {
         "--set",
         "omega_max=2",
     ): "there is no 'omega_max' in the graph, did you mean 'limit.omega_max'?",
-    ("--with", "conditions/turn_loss"): "conditions/turn_loss_35, conditions/turn_loss_50\n",
+    (
+        "--with",
+        "turn_loss_5",
+    ): "no such graph, did you mean 'conditions/turn_loss_50'?",
+    (
+        "--with",
+        "conditions/turn_los",
+    ): "did you mean 'conditions/turn_loss_35' or 'conditions/turn_loss_50'?\n",
     ("--with", "conditions/zzz"): "shipped conditions: conditions/delay, conditions/lag, ",
 }
 
@@ -248,6 +255,19 @@ def test_a_folder_of_the_users_own_that_hides_ours_is_named(hidden: str, tmp_pat
     last = done.stderr.splitlines()[-1]
     assert last.startswith("ImportError: your own '")
     assert f"hides the package '{hidden}' of spikeblocks; rename it, or start Python in" in last
+
+
+@pytest.mark.parametrize("hidden", ["blocks/__init__.py", "blocks/mine.py", "runtime.py"])
+def test_the_command_reports_what_hides_ours_in_one_sentence(hidden: str, tmp_path: Path) -> None:
+    (tmp_path / hidden).parent.mkdir(exist_ok=True)
+    (tmp_path / hidden).write_text("")
+    command = [sys.executable, "-m", "spikeblocks_command", "--version"]
+    found = {**os.environ, "PYTHONPATH": str(runtime.PACKAGE)}
+    done = subprocess.run(command, cwd=tmp_path, env=found, capture_output=True, text=True)
+    is_hidden = hidden != "blocks/mine.py"  # Python prefers a package to a folder without one
+    assert done.returncode == (2 if is_hidden else 0)
+    assert len(done.stderr.splitlines()) == is_hidden
+    assert ("hides the package" in done.stderr) == is_hidden
 
 
 def test_a_part_in_place_of_a_graph_is_one_problem(cli: Run) -> None:
