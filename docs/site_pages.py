@@ -24,7 +24,6 @@ from runtime.engine import python_seconds
 
 DPI = 80
 MAX_SECONDS = 10.0  # estimated time of a run; a longer one is cut
-MAX_SIGNALS = 3  # of a picture of a graph without plots
 STILLS = {"wall_following_mujoco_robust": "physics.png", "wall_following_robust": "room.png"}
 PHYSICS = "MujocoVacuum"
 GROUPS = {
@@ -117,7 +116,6 @@ def _thumbnail(folder: Path, page: str, name: str, graph: runtime.Graph) -> tupl
         network = graph.network
     except runtime.MissingExtraError:
         return "", 0.0
-    graph = _with_plot(graph)
     if not _plots(graph) or any(e.cls.__name__ == PHYSICS for e in network.entries.values()):
         return "", 0.0
     share = MAX_SECONDS / max(python_seconds(network), MAX_SECONDS)
@@ -135,18 +133,5 @@ def _thumbnail(folder: Path, page: str, name: str, graph: runtime.Graph) -> tupl
     return target.name, end
 
 
-def _with_plot(graph: runtime.Graph) -> runtime.Graph:
-    """The graph; if it has no plot, with one of the first probes that can be shown over time."""
-    probes = list(graph.observation.probes)
-    for count in range(min(MAX_SIGNALS, len(probes)), 0, -1) if not _plots(graph) else ():
-        drawn = graph.plot("signals", "timeseries", *probes[:count])
-        try:
-            drawn.check()
-        except runtime.GraphError:
-            continue
-        return drawn
-    return graph
-
-
 def _plots(graph: runtime.Graph) -> list[str]:
-    return [plot.name for plot in graph.observation.plots]
+    return [plot.name for plot in graph.observation.drawn]

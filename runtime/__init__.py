@@ -36,7 +36,9 @@ PACKAGE = str(Path(__file__).parents[1])
 def _check_blocks() -> None:
     """Report a folder or file of the user's own that Python finds instead of our ``blocks``."""
     found = importlib.util.find_spec("blocks")
-    own = "" if found is None or found.origin is None else found.origin
+    # A folder without __init__.py has no origin.
+    places = [] if found is None else [found.origin, *(found.submodule_search_locations or ())]
+    own = next(filter(None, places), "")
     ours = Path(PACKAGE, "blocks", "__init__.py")
     if ours.is_file() and not (own and Path(own).exists() and ours.samefile(own)):
         raise ImportError(

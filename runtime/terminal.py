@@ -17,6 +17,8 @@ from typing import Any, TextIO
 
 from runtime.files import json_text
 
+ROUNDING = 1e-12
+
 
 def printable(text: str) -> str:
     r"""A text that holds only line feeds and printable characters.
@@ -69,9 +71,12 @@ def _write(stream: TextIO, text: str) -> None:
 def number(value: float | None, sign: str = "") -> str:
     """A number in four significant digits, or a dash where there is no value.
 
+    What is smaller than :data:`ROUNDING` is the rounding error of a zero, and written as one.
     ``sign`` is that of a format specification: ``+`` shows the sign of positive numbers too.
     """
-    return "-" if value is None or math.isnan(value) else f"{value:{sign}.4g}"
+    if value is None or math.isnan(value):
+        return "-"
+    return f"{0.0 if abs(value) < ROUNDING else value:{sign}.4g}"
 
 
 def with_unit(name: str, units: Mapping[str, str]) -> str:

@@ -18,7 +18,7 @@ import runtime
 
 if not hasattr(runtime, "PACKAGE") or Path(runtime.PACKAGE) != Path(__file__).parents[1]:
     raise ImportError(
-        f"your own '{getattr(runtime, '__path__', ['runtime'])[0]}' hides the package 'runtime' of "
+        f"your own '{runtime.__file__ or runtime.__path__[0]}' hides the package 'runtime' of "
         "spikeblocks; rename it, or start Python in another folder"
     )
 

@@ -34,6 +34,7 @@ KINDS: dict[object, Kind] = {
     Mapping[str, float]: "numbers",
 }
 _DEGREES = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?) ?(?:deg|°)(.*)", re.ASCII)
+_WITH_UNIT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?) ?([^\W\d]\S*)", re.ASCII)
 _COMMA = re.compile(r"([-+]?\d+),(\d+)", re.ASCII)
 # Suggestions: the least similarity (0 to 1), the number of names that are compared in full, the
 # length that is compared, and the number of classes in which letters are counted.
@@ -150,9 +151,8 @@ class Param:
         except (TypeError, ValueError, OverflowError) as error:
             if self.kind == "signal" and isinstance(value, str):
                 raise ValueError(f"{error}{hint(value, TYPES)}") from None
-            found = _COMMA.fullmatch(value) if isinstance(value, str) else None
-            point = f"; a decimal point is a dot: {found[1]}.{found[2]}" if found else ""
-            raise ValueError(f"expected {self.describe()}, got {show(value)}{point}") from None
+            text = f"expected {self.describe()}, got {show(value)}{self._number_hint(value)}"
+            raise ValueError(text) from None
         if self.choices and converted not in self.choices:
             raise ValueError(
                 f"expected {self.describe()}, got {show(value)}{hint(value, self.choices)}"
@@ -164,6 +164,19 @@ class Param:
         if isinstance(converted, np.ndarray):
             converted.setflags(write=False)
         return converted
+
+    def _number_hint(self, value: Any) -> str:
+        """How to write the number that a text seems to mean."""
+        if not isinstance(value, str):
+            return ""
+        if found := _COMMA.fullmatch(value):
+            return f"; a decimal point is a dot: {found[1]}.{found[2]}"
+        found = _WITH_UNIT.fullmatch(value.strip())
+        if not found or self.kind not in ("float", "int", "array") or not self.unit:
+            return ""
+        if len(self.units) == 1 and self.unit.startswith("rad") and found[2].startswith("deg"):
+            return f"; in degrees, it is {found[1]}deg{self.unit.removeprefix('rad')}"
+        return f"; write the number alone, in {self.unit}"
 
     def _within(self, numbers: FloatArray) -> bool:
         if np.isnan(numbers).any() or (self.finite and not np.isfinite(numbers).all()):

@@ -12,23 +12,42 @@ from runtime.cli.shipped import shipped
 from runtime.descriptions import describe_markdown, option_text
 from runtime.document import SHIPPED
 from runtime.language import json_schema
-from runtime.observation import METRIC_KINDS, PLOT_KINDS, MetricKind, MetricOptions, PlotKind
+from runtime.observation import (
+    METRIC_KINDS,
+    PLOT_KINDS,
+    Figure,
+    MetricKind,
+    MetricOptions,
+    PlotKind,
+)
 
 HEADER = """# Blocks
 
-Made from the blocks' own declarations by `python -m runtime.cli.describe`; do not edit.
+<!-- Made from the blocks' own declarations by `python -m runtime.cli.describe`; do not edit. -->
+
 Every block also takes `dt` (s), its step: a whole multiple of `run.dt`, which is the default.
 """
 
 OBSERVING = """# Plots and metrics
 
-Made from their own declarations by `python -m runtime.cli.describe`; do not edit.
+<!-- Made from their own declarations by `python -m runtime.cli.describe`; do not edit. -->
+
 `of` names probes or addresses. Angles may be written in degrees, as in `90deg`.
 """
 
+EVERY_PLOT = """A graph without the section `plots` draws each probe that changes: a `trajectory` of
+a pose, a `raster` of spikes, a `heatmap` of many columns, and a `timeseries` of others.
+`plots: {}` draws nothing. Every plot takes, besides its own options:
+"""
+COMMON_DOC = {
+    "title": "`title` (a text): default: the name of the plot",
+    "labels": "`labels` (texts): names of the lines, in their order",
+}
+
 GALLERY = """# Gallery
 
-Made from the graphs' own first sentences by `python -m runtime.cli.describe`; do not edit.
+<!-- Made from the graphs' own first sentences by `python -m runtime.cli.describe`; do not edit. -->
+
 Each is a file in `graphs/gallery/`; run one, or draw it:
 
     runtime run gallery/van_der_pol
@@ -74,7 +93,10 @@ def blocks_page() -> str:
 
 def observing_page() -> str:
     """The text of docs/observing.md."""
-    lines = [OBSERVING, "## Plots", "", *_kinds_table(PLOT_KINDS, "plot")]
+    figure = {**COMMON_DOC, **{k: option_text(k, d) for k, d in Figure.declared.items()}}
+    lines = [OBSERVING, "## Plots", "", EVERY_PLOT]
+    lines += [f"* {text}" for text in figure.values()]
+    lines += ["", *_kinds_table(PLOT_KINDS, "plot", hidden=figure)]
     common = list(MetricOptions.declared.items())
     lines += ["", "## Metrics", "", "Every metric takes, besides its own options:", ""]
     lines += [f"* {option_text(name, declared)}" for name, declared in common]

@@ -27,7 +27,9 @@ from runtime.plots import (
     display_names,
     draw,
     draw_trajectory,
+    draw_wall_distance,
     equal_scales,
+    facts,
     fit,
     layers,
     line_style,
@@ -36,6 +38,7 @@ from runtime.plots import (
     row_spacing,
     run_end,
     save_figure,
+    separate_notes,
     stacked_axes,
     thin,
     time_axis,
@@ -87,13 +90,15 @@ def overlays(runs: Sequence[Run], probes: Sequence[str]) -> Iterator[tuple[str, 
 def versus(runs: Sequence[Run], plot: PlotSpec, look: str = "screen") -> Figure:
     """Draw a plot of the first run with the other runs in it, as far as its kind can show them.
 
-    Trajectories and maps show the path of each run, time series an axes for each column; of any
-    other kind the first run alone is shown.
+    Trajectories and maps show the path of each run, wall distances the error of each, time series
+    an axes for each column; of any other kind the first run alone is shown.
     """
     first = runs[0].result
     figure: Figure | None = None
     if plot.kind in ("trajectory", "map"):
         figure = _plane(runs, plot, list(first.probes), look)
+    elif plot.kind == "wall_distance":
+        figure = _wall_distance(runs, plot, look)
     elif plot.kind == "timeseries":
         panels: dict[str, Sequence[_Line]] = {}
         shown: list[Recording] = []
@@ -119,10 +124,11 @@ def save_overlays(runs: Sequence[Run], probes: Sequence[str], folder: Path) -> l
 
 
 def _subtitle(runs: Sequence[Run]) -> str:
+    """The graphs, and what all runs have in common: conditions, seed."""
     titles = list(dict.fromkeys(run.result.title for run in runs))
     text = " and ".join(titles) if len(titles) <= 2 else f"{titles[0]} and {len(titles) - 1} more"
-    seeds = {run.result.manifest.get("seed") for run in runs}
-    return f"{text}  ·  seed {seeds.pop()}" if len(seeds) == 1 and None not in seeds else text
+    first, *others = ([*facts(run.result)][1:] for run in runs)
+    return "  ·  ".join([text, *(fact for fact in first if all(fact in o for o in others))])
 
 
 def _over_time(runs: Sequence[Run], name: str, recorded: Mapping[str, Recording]) -> Figure:
@@ -157,6 +163,7 @@ def _columns(
         write_title(column[0], title, _subtitle(runs))
         disable_math(figure)
         fit(figure, LOOKS[look])
+        separate_notes(figure)
     return figure
 
 
@@ -176,7 +183,7 @@ def _draw(axes: Axes, lines: Sequence[_Line]) -> None:
             t,
             y,
             label=line.label,
-            linewidth=LATER if i else FIRST,
+            linewidth=LATER if i or len(lines) == 1 else FIRST,
             zorder=order[i],
             **line_style(i),
         )
@@ -235,14 +242,36 @@ def _plane(
             top = _map(figure, runs[0], plot, poses)
         else:
             first = runs[0].result.probes
-            paths = [first[n] for n in plot.of if n in first and first[n].kinds == ("Path",)]
+            labels = dict(zip(plot.of, plot.options.get("labels", ()), strict=False))
+            paths = [
+                _called(first[n], labels.get(n, ""))
+                for n in plot.of
+                if n in first and first[n].kinds == ("Path",)
+            ]
             top = draw_trajectory(figure, [*poses, *paths], run_end(runs[0].result))
         arrange(figure, top, replace(plot, options={**plot.options, "labels": ()}))
         write_title(top, plot.title, _subtitle(runs))
         disable_math(figure)
         fit(figure, LOOKS[look])
+        separate_notes(figure)
         if plot.kind == "trajectory" and not {"xlim", "ylim"} & plot.options.keys():
             equal_scales(figure, top)
+    return figure
+
+
+def _wall_distance(runs: Sequence[Run], plot: PlotSpec, look: str) -> Figure | None:
+    """The wall distances of all runs; None where fewer than two recorded their pose."""
+    shown = {run.label: run.result for run in runs if plot.of[0] in run.result.probes}
+    if len(shown) < 2:
+        return None
+    with matplotlib.rc_context({**STYLE, **LOOKS[look].settings}):
+        figure = Figure(layout="constrained")
+        top = draw_wall_distance(figure, plot, runs[0].result, shown)
+        arrange(figure, top, replace(plot, options={**plot.options, "labels": ()}))
+        write_title(top, plot.title, _subtitle(runs))
+        disable_math(figure)
+        fit(figure, LOOKS[look])
+        separate_notes(figure)
     return figure
 
 
@@ -250,6 +279,12 @@ def _poses(run: Run, plot: PlotSpec) -> list[str]:
     """The probes of a plot that hold one pose each."""
     known = run.result.probes
     return [name for name in plot.of if name in known and known[name].kinds == ("Pose",)]
+
+
+def _called(recorded: Recording, name: str) -> Recording:
+    """A recorded path with the name that the plot gives it, if any."""
+    names = tuple(f"{name}.{label.rpartition('.')[2]}" for label in recorded.labels)
+    return replace(recorded, names=names) if name else recorded
 
 
 def _named(recorded: Recording, label: str) -> Recording:

@@ -3,6 +3,6 @@
 from runtime.diagrams.formats import diagram
 from runtime.diagrams.paint import draw
 from runtime.diagrams.stored import TOO_LARGE, read_picture, stored_picture
-from runtime.diagrams.svg import to_svg
+from runtime.diagrams.svg import SvgText, to_svg
 
-__all__ = ["TOO_LARGE", "diagram", "draw", "read_picture", "stored_picture", "to_svg"]
+__all__ = ["TOO_LARGE", "SvgText", "diagram", "draw", "read_picture", "stored_picture", "to_svg"]

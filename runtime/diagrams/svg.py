@@ -11,7 +11,16 @@ FONTS = (
 DASHES = ' stroke-dasharray="5 3.5"'
 
 
-def to_svg(drawing: Drawing) -> str:
+class SvgText(str):
+    """The text of an SVG file, which a notebook shows as a picture that fits its cell."""
+
+    __slots__ = ()
+
+    def _repr_svg_(self) -> str:
+        return self.replace("<svg ", '<svg style="max-width: 100%; height: auto" ', 1)
+
+
+def to_svg(drawing: Drawing) -> SvgText:
     """The drawing as the text of an SVG file."""
     width, height = _number(drawing.width), _number(drawing.height)
     margin, top = _number(drawing.margin), _number(drawing.margin + drawing.top)
@@ -24,7 +33,7 @@ def to_svg(drawing: Drawing) -> str:
     ]
     for group in drawing.groups:
         lines += _group(group)
-    return "\n".join([*lines, "</g>", "</svg>", ""])
+    return SvgText("\n".join([*lines, "</g>", "</svg>", ""]))
 
 
 def _group(group: Group) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ RUNNABLE = ("plan.yaml", "graph.resolved.yaml")
 SUFFIX = ".yaml"
 MAX_BYTES = 32 * 2**20  # of one file: enough for a million values
 TYPED = ("blocks", "plots", "metrics")
+MOST_SIMILAR = 3  # names that an error message suggests
 Parse = Callable[[str, str], Node]
 
 
@@ -135,10 +136,30 @@ def _is_another(base: Node, top: Node) -> bool:
 
 def _shipped_beside(written: Path) -> list[str]:
     """The shipped files in the folder that a name such as ``conditions/lag`` has."""
-    if written.is_absolute() or len(written.parts) != 2 or ".." in written.parts:
+    if written.is_absolute() or len(written.parts) < 2 or ".." in written.parts:
         return []
-    found = (SHIPPED / written).parent.glob(f"*{SUFFIX}")
-    return sorted(str(path.relative_to(SHIPPED).with_suffix("")) for path in found)
+    return _names((SHIPPED / written).parent.glob(f"*{SUFFIX}"))
+
+
+def _names(paths: Iterable[Path]) -> list[str]:
+    return sorted(path.relative_to(SHIPPED).with_suffix("").as_posix() for path in paths)
+
+
+def _similar(written: Path, near: list[str], shipped: list[str]) -> list[str]:
+    """The files beside a misspelt name, or else the shipped ones, that may be meant.
+
+    Compared are names without folders and suffixes, which would make any two files look alike.
+    """
+    known = {Path(name).stem: str(written.parent / name) for name in near}
+    if close := closest(written.stem, known):
+        return [known[close]]
+    stems = {name: Path(name).stem for name in shipped}
+    begin = [name for name, stem in stems.items() if written.stem and stem.startswith(written.stem)]
+    exact = [name for name in begin if stems[name] == written.stem]
+    if 0 < len(exact or begin) <= MOST_SIMILAR:
+        return exact or begin
+    close = closest(written.stem, stems.values())
+    return [name for name, stem in stems.items() if stem == close][:MOST_SIMILAR]
 
 
 def find_file(name: str, at: Location, folder: Path, noun: str = "graph") -> Path:
@@ -164,16 +185,15 @@ def find_file(name: str, at: Location, folder: Path, noun: str = "graph") -> Pat
         beside = _shipped_beside(written)
     except OSError as error:
         raise GraphError([Problem(*at, f"'{name[:60]}': {error.strerror}")]) from None
-    worlds = [str(path.relative_to(SHIPPED)) for path in SHIPPED.glob(f"worlds/*{SUFFIX}")]
-    shipped = shipped_graphs() if noun == "graph" else sorted(worlds)
-    # Compared without suffixes, which would make any two files look alike.
-    known = {Path(n).stem: n for n in shipped}
-    known |= {Path(n).stem: str(written.parent / n) for n in near if n != Path(at[0].file).name}
-    close = closest(written.stem, known)
+    worlds = sorted(str(path.relative_to(SHIPPED)) for path in SHIPPED.glob(f"worlds/*{SUFFIX}"))
+    shipped = shipped_graphs() if noun == "graph" else worlds
+    everywhere = _names(SHIPPED.rglob(f"*{SUFFIX}")) if noun == "graph" else worlds
+    near = [file for file in near if file != Path(at[0].file).name]
+    candidates = [str(written / n) for n in inside]
+    candidates = candidates or _similar(written, near, beside or everywhere)
     suggestion = f"; shipped {noun}s: {', '.join(shipped)}"
     if beside:
-        suggestion = f"; shipped {written.parts[0]}: {', '.join(beside)}"
-    candidates = [str(written / n) for n in inside] or ([known[close]] if close else [])
+        suggestion = f"; shipped {written.parent.as_posix()}: {', '.join(beside)}"
     if candidates:
         suggestion = f", did you mean {' or '.join(map(repr, candidates))}?"
     message = "is a folder" if is_folder else f"no such {noun}"

@@ -429,7 +429,7 @@ class Graph:
     def _repr_svg_(self) -> str | None:
         """The diagram for a notebook; None, for which it shows the text, if there is none."""
         try:
-            return str(self.diagram("svg"))
+            return str(self.diagram("svg")._repr_svg_())  # type: ignore[union-attr]
         except Exception:  # noqa: BLE001 -- a display hook must not raise
             return None
 

@@ -225,7 +225,10 @@ def _constructed(
     unknown = [key for key in values if key not in known]
     for key in unknown:
         suggestion = hint(key, known) or f"; it has {', '.join(known) or 'none'}"
-        if key.isdecimal() and values[key].value is None and key != next(iter(values)):
+        base, bracket, rest = key.partition("[")
+        if bracket and base in known and rest.removesuffix("]").isdecimal():
+            suggestion = f"; one of its numbers is named {base}.{rest.removesuffix(']')}"
+        if key[:1].isdecimal() and values[key].value is None and key != next(iter(values)):
             before = list(values)[list(values).index(key) - 1]
             whole = values[before].plain()
             suggestion = f"; a decimal point is a dot, as in {before}: {whole}.{key}"

@@ -23,6 +23,9 @@ class _Block:
     why: dict[str, str] = field(default_factory=dict)
 
 
+MOST_FITTING = 4  # outputs that an error message names
+
+
 def infer_types(
     network: Network, problems: Problems
 ) -> tuple[dict[tuple[str, str], SignalType], dict[str, dict[str, int]]]:
@@ -296,7 +299,22 @@ class _Inference:
         if target.form == "scalar" and coming.form == "record":
             fitting = ", ".join(f"{wire.source_text}.{c}" for c in coming.components)
             message += f"; one of its components fits: {fitting}"
+        elif not because:
+            message += self.fitting(wire, target)
         self.problems.add(wire.where, wire.address, message)
+
+    def fitting(self, wire: Wire, target: SignalType) -> str:
+        """The outputs beside a block that have the type of its input, if the type is a rare one."""
+        scope = wire.block.rpartition(".")[0]
+        names = [
+            f"{name.removeprefix(f'{scope}.')}.{port}"
+            for name, block in self.known.items()
+            if name != wire.block and name.rpartition(".")[0] == scope
+            for port, declared in self.network.entries[name].cls.spec.outputs.items()
+            if (kind := _resolved(declared.type, block)) is not None and kind.name == target.name
+        ]
+        is_rare = target.name not in ("Scalar", "Vector") and len(names) <= MOST_FITTING
+        return f"; outputs of that type: {', '.join(names)}" if names and is_rare else ""
 
 
 def _bind(declared: PortType, block: _Block, kind: SignalType, why: str) -> bool:

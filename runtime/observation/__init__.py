@@ -7,7 +7,8 @@
 from runtime.observation.metric_kinds import MetricKind, MetricOptions
 from runtime.observation.metrics import METRIC_KINDS, STOP_TIME, Metric, Series
 from runtime.observation.observation import Observation, StopTest
-from runtime.observation.plots import CHANGES, PLOT_KINDS, PlotKind, offered, plot_keys
+from runtime.observation.plot_options import CHANGES, Figure
+from runtime.observation.plots import PLOT_KINDS, PlotKind, offered, plot_keys
 from runtime.observation.probes import PROBE_KEYS
 from runtime.observation.reader import PlotSpec, Probe, observe
 from runtime.observation.run_data import Recording, RunData
@@ -19,6 +20,7 @@ __all__ = [
     "PLOT_KINDS",
     "PROBE_KEYS",
     "STOP_TIME",
+    "Figure",
     "Metric",
     "MetricKind",
     "MetricOptions",

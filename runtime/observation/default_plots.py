@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from runtime.observation.plots import PLOT_KINDS, PlotSpec
+from runtime.observation.plots import PLOT_KINDS, PlotSpec, title_of
 from runtime.observation.probes import Probe
 
 # So many figures are drawn within some seconds, and so many lines can be told apart.
@@ -16,7 +16,7 @@ def default_plots(probes: Iterable[Probe]) -> list[PlotSpec]:
     """A plot for each probe that changes, of the kind that fits what it records."""
     shown = [probe for probe in probes if not probe.auto and not probe.constant and probe.labels]
     return [
-        PlotSpec(probe.name, _kind(probe), (probe.name,), probe.name.replace("_", " "))
+        PlotSpec(probe.name, _kind(probe), (probe.name,), title_of(probe.name))
         for probe in shown[:MOST_PLOTS]
     ]
 

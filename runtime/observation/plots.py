@@ -3,18 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from blocks.core import FloatArray, Options, param, plain, show
+from blocks.core import Options, plain
 from runtime.network import Network
+from runtime.observation.plot_options import (
+    Averaged,
+    Checks,
+    Distance,
+    Figure,
+    Levels,
+    Map,
+    Overlaid,
+    Raster,
+    Scans,
+    moments,
+    ordered,
+)
 from runtime.observation.probes import Probe
 
-CHANGES = ("without", "bypass", "replace", "with", "set", "wire")
 COMMON = ("kind", "of", "title", "labels")
 SCANNED = ("Pose", "Scan", "PointCloud", "Path")
-Checks = Iterable[tuple[str, str]]
 
 
 @dataclass(frozen=True)
@@ -37,17 +48,6 @@ class PlotSpec:
         """The names of all probes that it needs."""
         named = (self.options.get(key) for key in PLOT_KINDS[self.kind].signals)
         return (*self.of, *(name for name in named if name))
-
-
-class Figure(Options):
-    """What every figure takes."""
-
-    xlim: FloatArray | None = param(None, shape=(2,), doc="ends of the horizontal axis")
-    ylim: FloatArray | None = param(None, shape=(2,), doc="likewise, of the upper axes")
-    size: FloatArray | None = param(
-        None, unit="in", above=0.0, at_most=40.0, shape=(2,), doc="width and height in inches"
-    )
-    legend: bool = param(True, doc="whether the lines are named")
 
 
 @dataclass(frozen=True)
@@ -134,6 +134,12 @@ def source_options(kind: str, probes: Sequence[Probe], network: Network) -> dict
         if signal.kind == "Pose" and "body_radius" in takes and radius:
             found.setdefault("body_radius", float(radius))
     return found
+
+
+def title_of(name: str) -> str:
+    """A plot's title if it gives none: its name, as in ``Turn rate`` for turn_rate."""
+    words = name.replace("_", " ")
+    return words[:1].upper() + words[1:]
 
 
 def unfit(
@@ -249,99 +255,6 @@ def _one_of_each(probes: Sequence[Probe]) -> str:
     return f"expected one {twice[0]}, got {kinds.count(twice[0])}" if twice else ""
 
 
-class Overlaid(Figure):
-    """Another run in the same figure."""
-
-    compare: str = param(
-        "",
-        doc="a change, as without=adaptive: `runtime run` also runs the graph with it, and draws "
-        "both in this figure",
-    )
-
-
-class Levels(Overlaid):
-    """Marked levels of the vertical axis."""
-
-    limits: FloatArray | None = param(
-        None, shape=[(), (None,)], doc="levels that are drawn as dashed lines on the upper axes"
-    )
-    band: float | None = param(
-        None, at_least=0.0, doc="shade from -band to band; default: that of a settling_time of `of`"
-    )
-
-
-class Raster(Figure):
-    """The order of the neurons."""
-
-    sort: str = param(
-        "activity",
-        choices=("activity", "direction"),
-        doc="order of the neurons: by the first principal component of their rates, or by the "
-        "preferred direction (in one dimension by intercept) of those of an Ensemble",
-    )
-
-
-class Averaged(Figure):
-    """The mean of a noisy signal, and its scatter."""
-
-    window: float = param(
-        0.05, unit="s", above=0.0, doc="the mean and the deviation are taken over so long a time"
-    )
-    after: float = param(0.0, unit="s", at_least=0.0, doc="rows before this time are not shown")
-
-
-class Distance(Levels):
-    """The distance to follow."""
-
-    distance: float = param(unit="m", above=0.0, doc="the distance from the walls to follow")
-
-
-class Map(Overlaid):
-    """What a map shows, apart from the trajectory."""
-
-    distance: float | None = param(
-        None, unit="m", above=0.0, doc="draw the contour that far from the walls"
-    )
-    body_radius: float | None = param(
-        None, unit="m", above=0.0, doc="size of the robot; default: that of its block"
-    )
-
-
-class Scans(Map):
-    """The times of a run, and the bearings of a scan."""
-
-    at: FloatArray | None = param(
-        None, unit="s", at_least=0.0, shape=[(), (None,)], doc="the times; default: four"
-    )
-    angles: FloatArray | None = param(
-        None, unit="rad", shape=(2,), doc="bearings of the scan's ends; default: the sensor's"
-    )
-
-
-def ordered(options: Mapping[str, Any]) -> Checks:
-    """Errors in the ends of axes, and in a change to compare with."""
-    kind, equals, what = str(options.get("compare", "")).partition("=")
-    if "compare" in options and not (kind in CHANGES and equals and what):
-        message = f"expected a change, as in without=adaptive ({', '.join(CHANGES)}), got "
-        yield "compare", message + show(options["compare"])
-    for key in ("xlim", "ylim"):
-        low, high = Figure.read(options)[key] if key in options else (0.0, 1.0)
-        if low >= high:
-            yield key, f"expected the lower end first, as in [0, 1], got {show(options[key])}"
-
-
-def _moments(options: Mapping[str, Any]) -> Checks:
-    yield from ordered(options)
-    if options.get("at") == []:
-        yield "at", f"expected {Scans.declared['at'].describe()}, got {show([])}"
-    low, high = Scans.read(options)["angles"] if "angles" in options else (0.0, 1.0)
-    if low >= high:
-        message = (
-            "expected the scan's first bearing below its last (rad), as in [-1.57, 1.57], got "
-        )
-        yield "angles", message + show(options["angles"])
-
-
 PLOT_KINDS: Mapping[str, PlotKind] = {
     "timeseries": PlotKind(
         "columns over time, one axis per unit",
@@ -434,7 +347,7 @@ PLOT_KINDS: Mapping[str, PlotKind] = {
         "`at` or four after `engaged`",
         "runtime.plots.scans:draw_scans",
         options=Scans,
-        agrees=_moments,
+        agrees=moments,
         signals=("engaged",),
         in_world=True,
         each=_scanned,

@@ -41,6 +41,7 @@ from runtime.observation.plots import (
     offered,
     plot_keys,
     source_options,
+    title_of,
     unfit,
     used_options,
 )
@@ -362,7 +363,7 @@ class _Reader:
             if key in options:
                 options[key] = self.measured(node, key, keys, address)
         if kind and of:
-            text = str(title.value) if title is not None else name.replace("_", " ")
+            text = str(title.value) if title is not None else title_of(name)
             options |= used_options(kind, options)
             found = source_options(kind, [self.seen.probes[p] for p in of], self.network)
             plot = PlotSpec(name, kind, tuple(of), text, {**found, **options})

@@ -10,7 +10,7 @@ from runtime.plots.figures import (
     save_plots,
 )
 from runtime.plots.linear import draw_linear
-from runtime.plots.map import draw_world, map_axes, view_limits
+from runtime.plots.map import draw_wall_distance, draw_world, map_axes, view_limits
 from runtime.plots.raster import mean_rate
 from runtime.plots.scans import animate, animated
 from runtime.plots.style import (
@@ -25,6 +25,7 @@ from runtime.plots.style import (
     display_names,
     explain_empty,
     fit,
+    headline,
     layers,
     line_style,
     row_spacing,
@@ -35,7 +36,7 @@ from runtime.plots.style import (
     thin,
     time_axis,
 )
-from runtime.plots.titles import write_title
+from runtime.plots.titles import facts, separate_notes, write_title
 from runtime.plots.trajectory import draw_trajectory, equal_scales
 
 __all__ = [
@@ -57,10 +58,13 @@ __all__ = [
     "draw",
     "draw_linear",
     "draw_trajectory",
+    "draw_wall_distance",
     "draw_world",
     "equal_scales",
     "explain_empty",
+    "facts",
     "fit",
+    "headline",
     "layers",
     "line_style",
     "map_axes",
@@ -69,6 +73,7 @@ __all__ = [
     "run_end",
     "save_figure",
     "save_plots",
+    "separate_notes",
     "short_labels",
     "stacked_axes",
     "symbol",

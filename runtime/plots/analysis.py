@@ -69,7 +69,7 @@ def draw_spectrum(figure: Figure, recordings: Sequence[Recording], end: float) -
             style.explain_empty(axes, "constant, or too few rows")
         else:
             style.add_legend(axes)
-        squared = f"({unit})^2/Hz" if unit else "1/Hz"
+        squared = (f"({unit})²/Hz" if "/" in unit else f"{unit}²/Hz") if unit else "1/Hz"
         axes.set_ylabel(f"power density [{squared}]")
     column[-1].set_xlabel("frequency [Hz]")
     return column[0]

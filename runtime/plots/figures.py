@@ -27,12 +27,22 @@ from runtime.plots import style, titles
 from runtime.plots.trajectory import equal_scales
 
 DPI = 150
+NOTEBOOK_DPI = 110
 FORMATS = ("png", "pdf", "svg")
 MANY_LINES = 10
 THIN_ABOVE, THIN_TO = 20_000, 4_000  # rows
 LINE_POINTS = 200_000
 HEAT_ROWS = 1_000
 FEW_ROWS = 12
+
+
+class ShownFigure(Figure):
+    """A figure that a notebook shows, also where matplotlib's inline mode is not switched on."""
+
+    def _repr_png_(self) -> bytes:
+        content = BytesIO()
+        self.savefig(content, dpi=NOTEBOOK_DPI, format="png")
+        return content.getvalue()
 
 
 def draw(plot: PlotSpec, result: RunData, look: str = "screen") -> Figure:
@@ -59,7 +69,7 @@ def draw(plot: PlotSpec, result: RunData, look: str = "screen") -> Figure:
     if missing:
         raise UsageError(f"plot '{plot.name}' shows '{missing[0]}', which was not recorded")
     with matplotlib.rc_context({**style.STYLE, **style.LOOKS[look].settings}):
-        figure = Figure(layout="constrained")
+        figure = ShownFigure(layout="constrained")
         module, _, function = PLOT_KINDS[plot.kind].painter.partition(":")
         painter = getattr(import_module(module), function)
         if PLOT_KINDS[plot.kind].in_world or PLOT_KINDS[plot.kind].with_options:
@@ -72,6 +82,7 @@ def draw(plot: PlotSpec, result: RunData, look: str = "screen") -> Figure:
         style.disable_math(figure)
         if "size" not in plot.options:
             style.fit(figure, style.LOOKS[look])
+        titles.separate_notes(figure)
         if plot.kind == "trajectory" and not {"xlim", "ylim"} & plot.options.keys():
             equal_scales(figure, top)
     return figure

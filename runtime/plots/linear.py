@@ -5,13 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import matplotlib
 import numpy as np
+import numpy.typing as npt
 from matplotlib.figure import Figure
 
 from blocks.core import FloatArray
+from runtime.plots.style import STYLE, WIDTH, headline, line_style
 
 MAX_LINES = 12
 POINTS = 400
+ROUNDING = 1e-12  # a gain below is that of a signal without effect
 
 
 def draw_linear(
@@ -25,10 +29,19 @@ def draw_linear(
 
     Every pair of an input and an output is a line, up to twelve of them.
     """
+    with matplotlib.rc_context(STYLE):
+        figure = Figure(figsize=(WIDTH, 0.8 * WIDTH), layout="constrained")
+        _draw(figure, matrices, inputs, outputs)
+        headline(figure, title)
+    return figure
+
+
+def _draw(
+    figure: Figure, matrices: Sequence[FloatArray], inputs: Sequence[str], outputs: Sequence[str]
+) -> None:
     from scipy import signal
 
     a, b, c, d = matrices
-    figure = Figure(figsize=(9.0, 6.5), layout="constrained")
     axes: Any = figure.subplots(2, 2)
     (plane, step), (gain, phase) = axes
     poles: Any = np.linalg.eigvals(a)
@@ -36,29 +49,36 @@ def draw_linear(
     t = np.linspace(0.0, _duration(poles), POINTS)
     frequencies = _frequencies(poles)
     pairs = [(j, i) for j in range(len(inputs)) for i in range(len(outputs))]
-    for j, i in pairs[:MAX_LINES]:
+    for k, (j, i) in enumerate(pairs[:MAX_LINES]):
         system = signal.StateSpace(a, b[:, [j]], c[[i]], d[[i]][:, [j]])
-        label = f"{inputs[j]} to {outputs[i]}"
-        step.plot(t, signal.step(system, T=t)[1], label=label)
-        response = signal.freqresp(system, frequencies)[1]
-        with np.errstate(divide="ignore"):
-            gain.semilogx(frequencies, 20.0 * np.log10(np.abs(response)), label=label)
-        phase.semilogx(frequencies, np.degrees(np.unwrap(np.angle(response))), label=label)
-    step.set(title="step response", xlabel="time, s", ylabel="output per unit of input")
-    gain.set(title="gain", xlabel="frequency, rad/s", ylabel="gain, dB")
-    phase.set(title="phase", xlabel="frequency, rad/s", ylabel="phase, deg")
+        response = _response(a, b[:, j], c[i], d[i, j], frequencies)
+        response[np.abs(response) < ROUNDING] = np.nan
+        none = "" if np.isfinite(response).any() else " (no effect)"
+        how = {"label": f"{inputs[j]} to {outputs[i]}{none}", **line_style(k)}
+        step.plot(t, signal.step(system, T=t)[1], **how)
+        gain.semilogx(frequencies, 20.0 * np.log10(np.abs(response)), **how)
+        phase.semilogx(frequencies, np.degrees(np.unwrap(np.angle(response))), **how)
+    step.set(title="Step response", xlabel="time [s]", ylabel="output per unit of input")
+    gain.set(title="Gain", xlabel="frequency [rad/s]", ylabel="gain [dB]")
+    phase.set(title="Phase", xlabel="frequency [rad/s]", ylabel="phase [deg]")
     if len(pairs) > 1:
-        step.legend(fontsize="small")
-    for each in axes.flat:
-        each.grid(visible=True, alpha=0.3)
-    figure.suptitle(title)
-    return figure
+        figure.legend(*step.get_legend_handles_labels(), loc="outside lower center", ncols=2)
 
 
 def _poles(plane: Any, poles: Any) -> None:
     plane.axvline(0.0, color="0.6", linewidth=0.8)
-    plane.plot(poles.real, poles.imag, "x", markersize=8)
-    plane.set(title="poles", xlabel="real part, 1/s", ylabel="imaginary part, rad/s")
+    plane.plot(poles.real, poles.imag, "x", markersize=6)
+    plane.set(title="Poles", xlabel="real part [1/s]", ylabel="imaginary part [rad/s]")
+
+
+def _response(
+    a: FloatArray, b: FloatArray, c: FloatArray, d: float, frequencies: FloatArray
+) -> npt.NDArray[np.complex128]:
+    """c (jw - A)^-1 b + d at each frequency (rad/s)."""
+    resolvent = 1j * frequencies[:, None, None] * np.eye(len(a)) - a
+    states = np.linalg.solve(resolvent, np.broadcast_to(b[:, None], (len(frequencies), len(a), 1)))
+    response: npt.NDArray[np.complex128] = states[..., 0] @ c + d
+    return response
 
 
 def _duration(poles: Any) -> float:

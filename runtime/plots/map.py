@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -259,7 +260,9 @@ def _dot(axes: Axes, xy: FloatArray, label: str, colour: str, edge: str = "white
     return dot
 
 
-def draw_wall_distance(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
+def draw_wall_distance(
+    figure: Figure, plot: PlotSpec, result: RunData, others: Mapping[str, RunData] | None = None
+) -> Axes:
     """Draw the distance to the nearest wall minus ``distance``, over time.
 
     Parameters
@@ -267,6 +270,7 @@ def draw_wall_distance(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
     figure : what to draw on.
     plot : its options: ``distance`` (m), and ``engaged`` as for a map.
     result : the run, with its world.
+    others : all runs by label, this one first, if several are drawn.
 
     Returns
     -------
@@ -283,17 +287,21 @@ def draw_wall_distance(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
     axes = style.stacked_axes(figure, 1)[0]
     axes.set_ylabel("distance to wall\nminus reference [mm]")
     style.time_axis([axes], [recorded], style.run_end(result))
-    xy = recorded.values[:, :2]
-    if not len(xy):
+    if not len(recorded.t):
         style.explain_empty(axes)
         return axes
-    error = 1e3 * (np.abs(world.distance(xy)) - d)
     axes.axhline(0.0, color="0.4", linewidth=0.8, linestyle=(0, (4, 2.5)), zorder=1.5)
-    axes.plot(recorded.t, error, color=TRAJECTORY, label="error", zorder=2.5)
+    late = []
+    for i, (label, run) in enumerate((others or {"error": result}).items()):
+        shown = run.probes[plot.of[0]]
+        error = 1e3 * (np.abs(world.distance(shown.values[:, :2])) - d)
+        how = style.line_style(i) if others else {"color": TRAJECTORY}
+        axes.plot(shown.t, error, label=label, zorder=2.5, **how)
+        late.append(_late(plot, run, world, error, d))
+    _limit(axes, late)
     since = engagement_time(plot, result)
-    following = recorded.t >= (since or 0.0) - 1e-9
-    _limit(axes, world, xy[following], error[following], d)
-    _shade(axes, world, xy, recorded.t, since or 0.0)
+    if not others:
+        _shade(axes, world, recorded.values[:, :2], recorded.t, since or 0.0)
     if since is not None:
         axes.axvline(since, color=FOLLOWING, linewidth=1.0, linestyle=":", label="following begins")
     handles, labels = axes.get_legend_handles_labels()
@@ -301,17 +309,24 @@ def draw_wall_distance(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
     return axes
 
 
-def _limit(axes: Axes, world: World, xy: FloatArray, error: FloatArray, d: float) -> None:
-    """Fit the axis to the error after the contour was reached; before, it is metres."""
-    reached = len(since_reached(world, xy, d))
-    if not reached:
+def _late(plot: PlotSpec, result: RunData, world: World, error: FloatArray, d: float) -> FloatArray:
+    """The error after the contour was reached; before, it is metres."""
+    recorded = result.probes[plot.of[0]]
+    following = recorded.t >= (engagement_time(plot, result) or 0.0) - 1e-9
+    reached = len(since_reached(world, recorded.values[following, :2], d))
+    return error[len(error) - reached :]
+
+
+def _limit(axes: Axes, late: Sequence[FloatArray]) -> None:
+    """Fit the axis to the runs' errors after they reached the contour, and note the means."""
+    if not any(map(len, late)):
         return
-    late = error[-reached:]
-    low, high = min(0.0, float(late.min())), max(0.0, float(late.max()))
+    low = min(0.0, *(float(error.min(initial=0.0)) for error in late))
+    high = max(0.0, *(float(error.max(initial=0.0)) for error in late))
     margin = 0.08 * (high - low) or 1.0
     axes.set_ylim(low - margin, high + margin)
-    mean = f"{np.abs(late).mean():.1f} mm"
-    style.write_note(axes, f"mean absolute error since the contour was reached: {mean}")
+    means = " and ".join(f"{np.abs(e).mean():.1f}" if len(e) else "-" for e in late)
+    style.write_note(axes, f"mean absolute error since the contour was reached: {means} mm")
 
 
 def _shade(axes: Axes, world: World, xy: FloatArray, t: FloatArray, since: float) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 
 WIDTH = 6.5  # inches, the text width of a one-column paper
 GREY = "0.4"
+TITLE_SIZE = 10.0  # points
+LETTER = 0.55  # mean width of a letter, as a share of the font's size
 NARROW = 16  # characters of a legend's entry, of which three fit into a column
 NOISY = 0.3  # share of steps that go back
 LONG_NAME = 20  # characters, about what fits beside the lowest axes
@@ -292,6 +295,7 @@ def write_note(axes: Axes, text: str) -> None:
         ha="right",
         fontsize=7.0,
         color=GREY,
+        gid="note",
     )
 
 
@@ -312,6 +316,12 @@ def stacked_axes(figure: Figure, count: int, ratios: Sequence[float] | None = No
         # The axis' power of ten is placed left of the subtitle, which it would overlap.
         axes.yaxis.get_offset_text().set(x=-0.01, horizontalalignment="right")
     return list(column)
+
+
+def headline(figure: Figure, text: str) -> None:
+    """Write a title above all axes of a figure, in as many lines as its width needs."""
+    room = int(72.0 * float(figure.get_size_inches()[0]) / (LETTER * TITLE_SIZE))
+    figure.suptitle(textwrap.fill(text, room), fontsize=TITLE_SIZE)
 
 
 def signal_of(label: str) -> str:
@@ -353,7 +363,7 @@ def axis_label(labels: Sequence[str], unit: str) -> str:
     names = list(dict.fromkeys(labels))
     text = ", ".join(names)
     if len(names) > 3 or (len(names) > 1 and len(text) > LONG_NAME):
-        text = signal_name(names)
+        text = signal_name(names) or ("" if unit else "value")
     gap = "\n" if len(text) + len(unit) > LONG_NAME else " "
     return f"{text}{gap}[{unit}]".strip() if unit else text
 

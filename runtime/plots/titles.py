@@ -8,12 +8,17 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from runtime.document import Override
-from runtime.plots.style import GREY, run_end
+from runtime.plots.style import GREY, LETTER, run_end
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from runtime.observation import RunData
+
+
+TITLE_HEIGHT = 17.0  # points above an axes
+LEFT_OF_AXES = 0.9  # inches, for the vertical axis' numbers and label
 
 
 def set_title(axes: Axes, title: str, result: RunData) -> None:
@@ -23,7 +28,7 @@ def set_title(axes: Axes, title: str, result: RunData) -> None:
 
 def write_title(axes: Axes, title: str, subtitle: str) -> None:
     """Write a title and a subtitle above an axes."""
-    axes.set_title(title, pad=17.0)
+    axes.set_title(title, pad=TITLE_HEIGHT)
     axes.annotate(
         subtitle,
         xy=(0.0, 1.0),
@@ -36,8 +41,27 @@ def write_title(axes: Axes, title: str, subtitle: str) -> None:
     )
 
 
+def separate_notes(figure: Figure) -> None:
+    """Raise a note beside a subtitle to the height of the title, if the two may overlap.
+
+    Widths are estimated, since measuring them would lay the figure out twice.
+    """
+    room = 72.0 * (float(figure.get_size_inches()[0]) - LEFT_OF_AXES)
+    for axes in figure.axes:
+        shown = [text for text in axes.texts if text.get_gid() and text.get_visible()]
+        width = sum(LETTER * float(text.get_fontsize()) * len(text.get_text()) for text in shown)
+        for note in shown if width > room and len(shown) > 1 else ():
+            if note.get_gid() == "note":
+                note.set_position((0.0, TITLE_HEIGHT))
+
+
 def subtitle(result: RunData) -> str:
-    """One line on the run: the graph, its changes, its seed, and where it ended if early."""
+    """One line on the run: what :func:`facts` lists."""
+    return "  ·  ".join(facts(result))
+
+
+def facts(result: RunData) -> list[str]:
+    """What was run: the graph, its changes, its seed, and where it ended if early."""
     removed: dict[str, str] = result.manifest.get("removed", {})
     overrides = [Override.parse(str(text)) for text in result.manifest.get("overrides", [])]
     parts = [result.title]
@@ -52,7 +76,7 @@ def subtitle(result: RunData) -> str:
     status = result.manifest.get("status", "complete")
     if status != "complete":
         parts.append(f"{status} at {run_end(result):.4g} s")
-    return "  ·  ".join(parts)
+    return parts
 
 
 def _laid(overrides: Sequence[Override]) -> list[Override]:

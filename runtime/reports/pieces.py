@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from runtime import terminal
 from runtime.diagrams import TOO_LARGE, draw, read_picture, to_svg
 from runtime.files import read_text, slug
 from runtime.reports.html import Html, element, facts, join, scrolling, table
@@ -32,7 +33,7 @@ def number(value: float | None, *, signed: bool = False) -> Html:
 
 def _digits(value: float, signed: bool) -> str:
     sign = "+" if signed and value else ""
-    return f"{value:{sign}.4g}".replace("-", "−")
+    return terminal.number(value, sign).replace("-", "−")
 
 
 def interval(low: float | None, high: float | None, *, signed: bool = False) -> str:

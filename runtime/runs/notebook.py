@@ -35,7 +35,7 @@ def shown_in_notebook(result: RunData) -> str:
     ]
     rows = "".join(
         f"<tr><td style='text-align: left'>{escape(name)}</td>"
-        f"<td>{number(value)} {escape(result.units.get(name, ''))}</td></tr>"
+        f"<td>{_measured(value, result.units.get(name, ''))}</td></tr>"
         for name, value in result.metrics.items()
     )
     parts += [f"<table>{rows}</table>"] * bool(rows)
@@ -46,6 +46,11 @@ def shown_in_notebook(result: RunData) -> str:
         except Exception as error:  # noqa: BLE001 -- a display hook must not raise
             parts.append(f"<div>plot {escape(plot.name)} is not drawn: {escape(str(error))}</div>")
     return "\n".join(parts)
+
+
+def _measured(value: float | None, unit: str) -> str:
+    """A value with its unit; a dash alone where there is none."""
+    return escape(f"{number(value)} {unit}".strip() if value is not None else number(value))
 
 
 def _picture(name: str, figure: Figure) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -141,8 +142,13 @@ def _print(result: SweepResult, pictures: list[Path]) -> None:
             found = ranked.objective
             ends = f"  {interval(found)}" if found.n > 1 else ""
             values = zip(plan.columns.factors, ranked.cells, strict=True)
-            configuration = ", ".join(f"{factor}={value}" for factor, value in values)
+            configuration = ", ".join(f"{factor}={_short(value)}" for factor, value in values)
             show(f"  {found.mean:<10.4g}{ends}  {configuration}".rstrip())
     for reason in tally.top_reasons():
         tell(f"  {reason['count']} x {reason['reason']}")
     show_folder("sweep", result.folder, pictures)
+
+
+def _short(cell: str) -> str:
+    """A value as written in the table; a number with many digits to six of them."""
+    return f"{float(cell):.6g}" if re.fullmatch(r"-?\d*\.\d{7,}(e[-+]?\d+)?", cell) else cell

@@ -35,6 +35,7 @@ from runtime.plots import (
     STYLE,
     draw_world,
     explain_empty,
+    headline,
     save_figure,
     view_limits,
 )
@@ -85,11 +86,11 @@ def ablation_figure(folder: Path) -> Figure:
         seeds = f"{len(facts['seeds'])} seeds: means, 95 % intervals, a dot for each seed"
         hollow = "hollow: no significant difference to the baseline"
         message = f"{facts['experiment']}  ·  {seeds}; {hollow}"
-        figure.suptitle(message, fontsize=10.0)
+        headline(figure, message)
         if trajectories:
             top, bottom = figure.subfigures(2, 1, height_ratios=[above, below], squeeze=False)[:, 0]
             _metrics(top, folder, facts, rows)
-            _plane(bottom, trajectories, f"trajectories with seed {facts['seeds'][0]}")
+            _plane(bottom, trajectories, f"Trajectories with seed {facts['seeds'][0]}")
         else:
             _metrics(figure, folder, facts, rows)
     return figure
@@ -193,18 +194,19 @@ def _trajectories(
     for i, variant in enumerate(variants):
         kept = folder / RUNS / str(variant["slug"])
         result = read_run(kept) if kept.is_dir() else None
-        pose = None if result is None else next(_shown(result, "Pose"), None)
-        if result is not None and pose is not None:
-            yield i, str(variant["name"]), result, pose.values[:, :2]
+        shown = None if result is None else next(_shown(result, "Pose"), None)
+        if result is not None and shown is not None:
+            yield i, str(variant["name"]), result, shown[1].values[:, :2]
 
 
-def _shown(result: RunData, kind: str) -> Iterator[Recording]:
-    """The recordings of a kind in a run's trajectory plots."""
+def _shown(result: RunData, kind: str) -> Iterator[tuple[str, Recording]]:
+    """The recordings of a kind in a run's trajectory plots, with what the plots call them."""
     for plot in result.plots:
-        for name in plot.of if plot.kind in TRAJECTORY_PLOTS else ():
-            recorded = result.probes.get(name)
+        labels = [*plot.options.get("labels", ()), *plot.of[len(plot.options.get("labels", ())) :]]
+        for name, label in zip(plot.of, labels, strict=False):
+            recorded = result.probes.get(name) if plot.kind in TRAJECTORY_PLOTS else None
             if recorded is not None and recorded.kinds == (kind,) and len(recorded.t):
-                yield recorded
+                yield label, recorded
 
 
 def _plane_extent(
@@ -247,8 +249,8 @@ def _plane(
         look: dict[str, Any] = {"color": _colour(i), "linewidth": 1.2 if i else 2.8}
         look["linestyle"] = _dashes(i)
         handles += axes.plot(*xy.T, label=name, **look)
-    for path in _shown(result, "Path"):
-        handles += axes.plot(*path.values[-1][:, :2].T, label=path.name, **PATH)
+    for label, path in _shown(result, "Path"):
+        handles += axes.plot(*path.values[-1][:, :2].T, label=label, **PATH)
     axes.set(xlabel="x [m]", ylabel="y [m]", title=title)
     axes.set_xlim(low[0], high[0])
     axes.set_ylim(low[1], high[1])

@@ -20,7 +20,7 @@ from blocks.core import FloatArray
 from runtime.experiments.analysis.sweep_data import Axis, SweepData, read_sweep, spread
 from runtime.experiments.design import Objective
 from runtime.files import own_folder, system_errors
-from runtime.plots import COLOURS, GREY, STYLE, save_figure
+from runtime.plots import COLOURS, GREY, STYLE, headline, save_figure
 
 WIDTH = 9.0  # inches
 COLUMNS = 2
@@ -77,7 +77,7 @@ def _panels(data: SweepData, metrics: list[str], painter: Any) -> Figure:
     columns = min(COLUMNS, len(metrics))
     rows = math.ceil(len(metrics) / columns)
     figure = Figure(figsize=(WIDTH / COLUMNS * columns, 0.5 + 3.0 * rows), layout="constrained")
-    figure.suptitle(_title(data, metrics), fontsize=10.0)
+    headline(figure, _title(data, metrics))
     for i, axes in enumerate(figure.subplots(rows, columns, squeeze=False).flat):
         if i < len(metrics):
             axes.set_title(data.label(metrics[i]))

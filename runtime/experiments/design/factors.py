@@ -131,7 +131,8 @@ def _range(path: str, text: str) -> Factor | str:
     inner = (match["inner"] if match["scale"] else match["plain"]) if match else ""
     low_text, dots, high_text = (inner or "").partition("..")
     if match is None or not dots:
-        return f"{EXPECTED}, got the text '{text[:40]}'"
+        listed = f"; a list needs brackets: [{text}]" if "," in text and len(text) < 40 else ""
+        return f"{EXPECTED}, got the text '{text[:40]}'{listed}"
     scale, steps = match["scale"] or "", int(match["count"] or 0)
     try:
         low, high = (parse_scalar(end.strip()) for end in (low_text, high_text))

@@ -12,16 +12,18 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from blocks.core import FloatArray
 from runtime.errors import UsageError
 from runtime.experiments.tuning.plan import TUNING
 from runtime.files import own_folder, system_errors
-from runtime.plots import COLOURS, GREY, STYLE, save_figure
+from runtime.plots import COLOURS, GREY, STYLE, headline, save_figure
 from runtime.terminal import with_unit
 
 WIDTH, COLUMNS = 9.0, 3
 BINS = 5
+NOTE: Any = {"ha": "center", "va": "center", "color": GREY, "style": "italic"}
 MARKS = {"complete": "o", "stopped": "x", "no value": "1"}
 
 
@@ -108,7 +110,7 @@ def _panels(count: int, title: str) -> tuple[Figure, list[Any]]:
     rows = math.ceil(count / columns)
     figure = Figure(figsize=(WIDTH / COLUMNS * max(2, columns), 0.5 + 2.6 * rows))
     figure.set_layout_engine("constrained")
-    figure.suptitle(title, fontsize=10.0)
+    headline(figure, title)
     axes = list(figure.subplots(rows, columns, squeeze=False).flat)
     for unused in axes[count:]:
         unused.set_visible(False)
@@ -144,6 +146,7 @@ def _history(data: _Data) -> Figure:
         axes.step(numbers, best, where="post", color=COLOURS[1], label="best so far")
         if math.isfinite(data.baseline(metric)):
             axes.axhline(data.baseline(metric), color=GREY, linestyle=":", label="own values")
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.set_xlabel("configuration")
         axes.set_ylabel(data.label(metric))
     _legend(figure, panels)
@@ -185,9 +188,10 @@ def _importance(data: _Data) -> Figure:
     figure, panels = _panels(len(data.metrics), f"{data.name}: which factors matter")
     for axes, metric in zip(panels, data.metrics, strict=True):
         shares = [importance(data.positions(f)[0], data.values(metric)) for f in data.factors]
-        axes.barh(data.factors[::-1], shares[::-1], color=COLOURS[0])
-        axes.set_xlim(0.0, 1.0)
-        axes.set_xlabel(f"share of the variance of the rank of {metric}")
+        axes.barh(data.factors[::-1], shares[::-1], color=COLOURS[0], height=0.5)
+        axes.set(xlim=(0.0, 1.0), title=metric, xlabel="share of the variance of the rank")
+        if not any(shares):
+            axes.text(0.5, 0.5, "none beyond chance", transform=axes.transAxes, **NOTE)
     return figure
 
 
@@ -218,7 +222,7 @@ def _front(data: _Data) -> Figure:
 def _slices(data: _Data) -> Figure:
     """The first objective along each factor."""
     metric = data.metrics[0]
-    figure, panels = _panels(len(data.factors), f"{data.name}: {data.label(metric)}")
+    figure, panels = _panels(len(data.factors), f"{data.name}: each factor (training runs)")
     for axes, factor in zip(panels, data.factors, strict=True):
         positions, names = data.positions(factor)
         _scatter(axes, data, positions, data.values(metric))
@@ -228,5 +232,6 @@ def _slices(data: _Data) -> Figure:
         if names:
             axes.set_xticks(range(len(names)), names, rotation=30, ha="right")
         axes.set_xlabel(factor)
+        axes.set_ylabel(data.label(metric))
     _legend(figure, panels)
     return figure

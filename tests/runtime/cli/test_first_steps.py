@@ -209,7 +209,14 @@ MISTAKES = {
         "--set",
         "omega_max=2",
     ): "there is no 'omega_max' in the graph, did you mean 'limit.omega_max'?",
-    ("--with", "conditions/turn_loss"): "conditions/turn_loss_35, conditions/turn_loss_50\n",
+    (
+        "--with",
+        "turn_loss_5",
+    ): "no such graph, did you mean 'conditions/turn_loss_50'?",
+    (
+        "--with",
+        "conditions/turn_los",
+    ): "did you mean 'conditions/turn_loss_35' or 'conditions/turn_loss_50'?\n",
     ("--with", "conditions/zzz"): "shipped conditions: conditions/delay, conditions/lag, ",
 }
 
@@ -225,6 +232,21 @@ def test_a_factor_without_its_section_is_answered(cli: Run) -> None:
     done = cli("sweep", "line_actuator_failure", "--vary", "v_r=1..2:2")
     assert done.returncode == 2
     assert "did you mean 'params.v_r'" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--until", "5s"], "argument --until: expected a number, got '5s'"),
+        (["--seed", "x"], "argument --seed: expected an integer, got 'x'"),
+    ],
+)
+def test_an_option_that_is_not_a_number_is_answered(
+    options: list[str], message: str, cli: Run
+) -> None:
+    done = cli("run", "line_actuator_failure", *options)
+    assert done.returncode == 2
+    assert message in done.stderr
 
 
 # -- imports
@@ -248,6 +270,19 @@ def test_a_folder_of_the_users_own_that_hides_ours_is_named(hidden: str, tmp_pat
     last = done.stderr.splitlines()[-1]
     assert last.startswith("ImportError: your own '")
     assert f"hides the package '{hidden}' of spikeblocks; rename it, or start Python in" in last
+
+
+@pytest.mark.parametrize("hidden", ["blocks/__init__.py", "blocks/mine.py", "runtime.py"])
+def test_the_command_reports_what_hides_ours_in_one_sentence(hidden: str, tmp_path: Path) -> None:
+    (tmp_path / hidden).parent.mkdir(exist_ok=True)
+    (tmp_path / hidden).write_text("")
+    command = [sys.executable, "-m", "spikeblocks_command", "--version"]
+    found = {**os.environ, "PYTHONPATH": str(runtime.PACKAGE)}
+    done = subprocess.run(command, cwd=tmp_path, env=found, capture_output=True, text=True)
+    is_hidden = hidden != "blocks/mine.py"  # Python prefers a package to a folder without one
+    assert done.returncode == (2 if is_hidden else 0)
+    assert len(done.stderr.splitlines()) == is_hidden
+    assert ("hides the package" in done.stderr) == is_hidden
 
 
 def test_a_part_in_place_of_a_graph_is_one_problem(cli: Run) -> None:

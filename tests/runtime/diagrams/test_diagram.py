@@ -212,7 +212,9 @@ def test_svg_is_self_contained() -> None:
     # Nothing is loaded, and no id or class clashes with those of a page around it.
     for word in ("href", "url(", "<style", "<script", " id=", " class="):
         assert word not in text
-    assert str(runtime.load(NESTED)._repr_svg_()) == text
+    shown = runtime.load(NESTED).diagram()._repr_svg_()
+    assert shown == runtime.load(NESTED)._repr_svg_()
+    assert shown.replace(' style="max-width: 100%; height: auto"', "") == text
 
 
 def test_a_signal_type_is_written_once_per_output() -> None:

@@ -177,6 +177,22 @@ CASES = {
         ("{type: LinePath}", "{type: LinePath, y: 3,5}"),
         "g.yaml:4:32: blocks.track.5: unknown parameter; a decimal point is a dot, as in y: 3.5",
     ],
+    "decimal comma with an exponent": [
+        ("{type: LinePath}", "{type: LinePath, y: 3,5e-6}"),
+        "g.yaml:4:32: blocks.track.5e-6: unknown parameter; a decimal point is a dot, as in y: "
+        "3.5e-6",
+    ],
+    "degrees where degrees per second are meant": [
+        ("  plant: {type", "  limit: {type: Saturator, omega_max: 60 deg}\n  plant: {type"),
+        ("wires:\n", "wires:\n  limit: {command: lqr.command}\n"),
+        "g.yaml:9:39: blocks.limit.omega_max: expected a number above 0 rad/s, got the text "
+        "'60 deg'; in degrees, it is 60deg/s",
+    ],
+    "number with its unit": [
+        ("{type: LinePath}", "{type: LinePath, y: 3 m}"),
+        "g.yaml:4:30: blocks.track.y: expected a number m, got the text '3 m'; write the number "
+        "alone, in m",
+    ],
     "decimal comma in a block of lines": [
         ("{type: LinePath}", "\n    type: LinePath\n    y: -3,5"),
         "g.yaml:6:8: blocks.track.y: expected a number m, got the text '-3,5'; a decimal point is "
@@ -311,7 +327,8 @@ CASES = {
     # -- types
     "type clash": [
         ("pose: plant.pose, path", "pose: plant.wheels, path"),
-        "g.yaml:11:17: wires.match.pose: expected Pose, got WheelSpeeds from 'plant.wheels'",
+        "g.yaml:11:17: wires.match.pose: expected Pose, got WheelSpeeds from 'plant.wheels'; "
+        "outputs of that type: plant.pose",
     ],
     "component": [
         ("pose: plant.pose, path", "pose: plant.pose.z, path"),
@@ -505,7 +522,8 @@ PARTS = {
     "wire of the wrong type": [
         with_part(("{a: total.out}", "{a: plant.pose}")),
         PART,
-        "g.yaml:12:10: wires.p.a: expected Twist, got Pose from 'plant.pose'",
+        "g.yaml:12:10: wires.p.a: expected Twist, got Pose from 'plant.pose'; outputs of that "
+        "type: match.feedforward, lqr.command, total.out",
     ],
     "wire of the wrong type into any": [
         with_part(("{a: total.out}", "{a: plant.pose}")),

@@ -203,6 +203,17 @@ REFUSED: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
         {"g.yaml": "extends: nowhere\n"},
         [f"g.yaml:1:10: extends: 'nowhere': no such graph; {NO_GRAPHS}"],
     ),
+    "misspelt, and shipped": (
+        {"g.yaml": "extends: [conditions/turn_los, lorenz, gallery/pendulm]\n"},
+        [
+            "g.yaml:1:11: extends: 'conditions/turn_los': no such graph, did you mean "
+            "'conditions/turn_loss_35' or 'conditions/turn_loss_50'?",
+            "g.yaml:1:32: extends: 'lorenz': no such graph, did you mean "
+            "'gallery/published/lorenz'?",
+            "g.yaml:1:40: extends: 'gallery/pendulm': no such graph, did you mean "
+            "'gallery/pendulum'?",
+        ],
+    ),
     "all that are missing": (
         {
             "g.yaml": "extends: [qqqqq, b.yaml]\nblocks: {p: {graph: 3}, q: {graph: zzzzz.yaml}}\n",

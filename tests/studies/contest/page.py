@@ -116,7 +116,11 @@ def _missing(contest: Contest) -> str:
         if name not in {one.name for one in (*who, *contest.infeasible[limit])}
     ]
     missing += [f"{name} (front)" for name, found in contest.fronts.items() if not found]
-    return f"Not run within this budget: {'; '.join(missing)}.\n" if missing else ""
+    return (
+        f"Not run within this budget, or without anyone to compare with: {'; '.join(missing)}.\n"
+        if missing
+        else ""
+    )
 
 
 class _Section:

@@ -124,13 +124,15 @@ class Infeasible:
 class Contest:
     """All that a folder holds.
 
-    ``limits`` are the contestants under each limit at the budget of all, ``doubled`` those at twice
-    that budget, ``infeasible`` those without a winner, and ``fronts`` the winners by contestant.
+    ``limits`` are the contestants under each limit at the budget of all, if there are two or more,
+    ``doubled`` those at twice that budget, ``infeasible`` those without a winner, and ``fronts``
+    the winners by contestant.
     """
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.limits = {limit: _winners(folder, limit) for limit in LIMITS}
+        found = {limit: _winners(folder, limit) for limit in LIMITS}
+        self.limits = {limit: who if len(who) > 1 else [] for limit, who in found.items()}
         self.doubled = {limit: _winners(folder / DOUBLED, limit) for limit in LIMITS}
         self.infeasible = {limit: _infeasible(folder, limit) for limit in LIMITS}
         self.fronts = {name: _read(folder, FRONT, name) for name in FRONTS}

@@ -1,0 +1,24 @@
+"""The command ``runtime``, in a module of its own, which nothing of a user's can hide."""
+
+from __future__ import annotations
+
+import sys
+from typing import NoReturn
+
+
+def main() -> NoReturn:
+    """Run the command line; packages that are hidden are reported in one sentence."""
+    try:
+        import spikeblocks  # noqa: F401 -- reports a hidden package
+    except ImportError as error:
+        if "hides the package" not in str(error):
+            raise
+        print(error, file=sys.stderr)
+        sys.exit(2)
+    from runtime.cli import main as run
+
+    run()
+
+
+if __name__ == "__main__":
+    main()
