@@ -1,8 +1,8 @@
 """All measurements in one run:  python -m benchmarks [rounds] [--quick] [--against TREE]
 
 ``--only`` measures one section alone (``language``: the language server; ``continuous``: a loop of
-continuous blocks; ``compiling``: start and speed of the compiled engine), and replaces it in the
-page.
+continuous blocks; ``accuracy``: errors on closed loops; ``compiling``: start and speed of the
+compiled engine), and replaces it in the page.
 
 Writes docs/performance.md. First every implementation of a diagram must agree with the others to
 1e-9; where one does not, nothing is timed and nothing is written. ``--quick`` tries everything on
@@ -22,6 +22,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from benchmarks import (
+    accuracy,
     compiling,
     continuous,
     language,
@@ -148,6 +149,7 @@ def page(rounds: int, sizes: Sizes, against: Path | None = None) -> str:
         lambda: sweeps.section(min(sizes.seeds, sweeps.SEEDS), sizes.until, 1),
         lambda: start_up.section(rounds),
         lambda: continuous.section(rounds, quick=sizes is QUICK),
+        accuracy.section,
         lambda: language.section(rounds),
         lambda: compiling.section(rounds, against, quick=sizes is QUICK),
     )
@@ -174,9 +176,26 @@ def case_a_alone(rounds: int) -> str:
     return per_tick.case_a_section(found, rounds)
 
 
+def tracking_alone(rounds: int) -> str:
+    """The control part, after all implementations went the same way."""
+    found = {dt: tracking_contest(dt, ticks)[0] for dt, ticks in FULL.tracking.items()}
+    return per_tick.tracking_section(found, rounds)
+
+
+def monte_carlo_alone(rounds: int) -> str:
+    return monte_carlo.section(FULL.seeds, FULL.nengo_seeds, FULL.until, rounds)
+
+
 # What ``--only`` measures, of the number of rounds.
 ALONE: dict[str, Callable[[int], str]] = {
+    "accuracy": accuracy.section,
     "case_a": case_a_alone,
+    "tracking": tracking_alone,
+    "case_c": lambda rounds: whole_loop.planar(FULL.following).section(rounds),
+    "case_c_with_physics": lambda rounds: whole_loop.physics(FULL.following).section(rounds),
+    "populations": populations.section,
+    "monte_carlo": monte_carlo_alone,
+    "sweeps": lambda rounds: sweeps.section(sweeps.SEEDS, FULL.until, rounds),
     "compiling": compiling.section,
     "continuous": continuous.section,
     "language": language.section,

@@ -19,7 +19,6 @@ from itertools import pairwise
 import numpy as np
 from scipy.linalg import expm
 
-from benchmarks import accuracy
 from benchmarks.tables import Goal, faster, goals, microseconds, table
 from benchmarks.timing import machine, take_turns
 from blocks.core.signals import FloatArray
@@ -201,7 +200,7 @@ def section(rounds: int, quick: bool = False) -> str:
         ratio = errors[name_of("python", solver)] / errors[name] if name in errors else None
         text = f"our error over that of {name}, at most 1.001"
         wanted.append(Goal(text, ratio, most=1.001))
-    return f"{TEXT}{table(['', 'per step', 'error'], rows)}{goals(wanted)}{accuracy.part()}"
+    return f"{TEXT}{table(['', 'per step', 'error'], rows)}{goals(wanted)}"
 
 
 if __name__ == "__main__":

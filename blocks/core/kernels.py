@@ -1,15 +1,16 @@
 """Kernels: a method's arithmetic written as loops, for the compiled engine.
 
-Array expressions are fast in Python, but slow to compile or to run once compiled. A method that
-uses them has a kernel declared beside it::
+Array expressions of one shape compile to loops as they are. A method that is fast in Python by
+means which are not compiled, or which loops do better, has a kernel declared beside it::
 
-    def update(self, state, t, command):
-        state.reached -= state.share * (state.reached - command)
+    def update(self, state, t, error):
+        np.multiply(state.activity, self.gamma * error, out=state.step)
+        state.weights -= state.step
 
     @kernel_of(update)
-    def _update_kernel(self, state, t, command):
-        for i in range(2):
-            state.reached[i] -= state.share * (state.reached[i] - command[i])
+    def _update_kernel(self, state, t, error):
+        for i in range(len(state.weights)):
+            state.weights[i] -= self.gamma * error * state.activity[i]
 
 The kernel replaces exactly that function object. A class that overrides ``update`` has another
 function, without a kernel. A class that overrides something that only one of the two depends on

@@ -22,7 +22,6 @@ from blocks.core import (
     Twist,
     TwistValue,
     Vector,
-    kernel_of,
     param,
     times,
 )
@@ -102,15 +101,6 @@ class Sum(Block):
         total = terms[0]
         for term in terms[1:]:
             total = added(total, term)
-        return total
-
-    @kernel_of(output)
-    def _output_kernel(self, state: BlockState, t: float, terms: tuple[Any, ...]) -> Any:
-        if len(terms) == 0:
-            return state.zero
-        total = state.zero
-        for sign, term in zip(state.signs, terms, strict=True):
-            total = added(total, scaled(term, sign))
         return total
 
 

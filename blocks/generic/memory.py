@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
+from abc import ABC
 from typing import Any
 
 from blocks.core import (
@@ -16,7 +16,6 @@ from blocks.core import (
     Same,
     State,
     check_sized,
-    kernel_of,
     param,
 )
 
@@ -37,28 +36,10 @@ class _Memory(Block, ABC):
     def start(self, state: BlockState) -> None:
         if self.initial is not None:
             state.memory[...] = self.initial
-        kind = state.context.types["out"]
-        state.pack, state.form = kind.pack, kind.form
-        state.cells = state.memory.reshape(-1)
+        state.pack = state.context.types["out"].pack
 
     def output(self, state: BlockState, t: float) -> Any:
         return state.pack(state.memory)
-
-    def _update_each(self, state: BlockState, input: Any) -> None:
-        """Update the memory component by component, as kernels do."""
-        cells = state.cells
-        if state.form == "scalar":
-            cells[0] = self._updated(state, cells[0], input)
-        elif state.form == "record":
-            for i in range(len(input)):
-                cells[i] = self._updated(state, cells[i], input[i])
-        else:
-            for i, value in enumerate(input.flat):
-                cells[i] = self._updated(state, cells[i], value)
-
-    @abstractmethod
-    def _updated(self, state: BlockState, old: float, new: float) -> float:
-        """One component of the memory after this tick."""
 
 
 class UnitDelay(_Memory):
@@ -71,13 +52,6 @@ class UnitDelay(_Memory):
 
     def update(self, state: BlockState, t: float, input: Any) -> None:
         state.memory[...] = input
-
-    @kernel_of(update)
-    def _update_kernel(self, state: BlockState, t: float, input: Any) -> None:
-        self._update_each(state, input)
-
-    def _updated(self, state: BlockState, old: float, new: float) -> float:
-        return new
 
 
 class Lowpass(_Memory):
@@ -96,12 +70,4 @@ class Lowpass(_Memory):
         state.share = -math.expm1(-state.dt / self.tau)
 
     def update(self, state: BlockState, t: float, input: Any) -> None:
-        state.memory -= state.share * (state.memory - input)
-
-    @kernel_of(update)
-    def _update_kernel(self, state: BlockState, t: float, input: Any) -> None:
-        self._update_each(state, input)
-
-    def _updated(self, state: BlockState, old: float, new: float) -> float:
-        updated: float = old - state.share * (old - new)
-        return updated
+        state.memory[...] = state.memory - state.share * (state.memory - input)

@@ -17,7 +17,6 @@ from blocks.core import (
     Same,
     Scalar,
     Vector,
-    kernel_of,
     nearest,
     param,
 )
@@ -126,12 +125,3 @@ class Concatenate(Block):
 
     def output(self, state: BlockState, t: float, inputs: tuple[float, ...]) -> FloatArray:
         return np.array(inputs) if inputs else np.zeros(state.n)
-
-    @kernel_of(output)
-    def _output_kernel(self, state: BlockState, t: float, inputs: tuple[float, ...]) -> FloatArray:
-        out = np.zeros(state.n)
-        if len(inputs) == 0:
-            return out
-        for i in range(len(inputs)):
-            out[i] = inputs[i]
-        return out

@@ -23,24 +23,7 @@ def spiking_relu_step(
     voltage += dt * np.maximum(current, 0.0)
     whole = np.floor(voltage)
     voltage -= whole
-    np.divide(whole, dt, out=spikes)
-
-
-@kernel_of(spiking_relu_step)
-def _spiking_relu_kernel(
-    dt: float,
-    current: FloatArray,
-    spikes: FloatArray,
-    voltage: FloatArray,
-    refractory: FloatArray,
-    recovery: FloatArray,
-    constants: FloatArray,
-) -> None:
-    for i in range(len(voltage)):
-        voltage[i] += dt * max(current[i], 0.0)
-        whole = math.floor(voltage[i])
-        voltage[i] -= whole
-        spikes[i] = whole / dt
+    spikes[...] = whole / dt
 
 
 class _Linear(NeuronModel, abstract=True):
@@ -72,21 +55,7 @@ def relu_step(
     constants: FloatArray,
 ) -> None:
     """The current where it is positive."""
-    np.maximum(current, 0.0, out=spikes)
-
-
-@kernel_of(relu_step)
-def _relu_kernel(
-    dt: float,
-    current: FloatArray,
-    spikes: FloatArray,
-    voltage: FloatArray,
-    refractory: FloatArray,
-    recovery: FloatArray,
-    constants: FloatArray,
-) -> None:
-    for i in range(len(current)):
-        spikes[i] = max(current[i], 0.0)
+    spikes[...] = np.maximum(current, 0.0)
 
 
 class ReLU(_Linear):

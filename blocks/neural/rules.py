@@ -85,12 +85,6 @@ def follow(activity: FloatArray, spikes: FloatArray, share: float) -> None:
     activity += share * (spikes - activity)
 
 
-@kernel_of(follow)
-def _follow_kernel(activity: FloatArray, spikes: FloatArray, share: float) -> None:
-    for i in range(len(activity)):
-        activity[i] += share * (spikes[i] - activity[i])
-
-
 def pes_step(
     weights: FloatArray, activity: FloatArray, error: FloatArray, gamma: float, groups: int
 ) -> None:

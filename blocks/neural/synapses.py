@@ -18,7 +18,6 @@ from blocks.core import (
     SettingError,
     Variant,
     hint,
-    kernel_of,
     param,
     portable,
     show,
@@ -162,20 +161,6 @@ def passed(memory: FloatArray, a: FloatArray, b: FloatArray, value: FloatArray) 
     return np.asarray(a[1, 0] * memory[0] + a[1, 1] * memory[1] + b[1] * value)
 
 
-@kernel_of(passed)
-def _passed_kernel(
-    memory: FloatArray, a: FloatArray, b: FloatArray, value: FloatArray
-) -> FloatArray:
-    found = value.copy()
-    if len(b) == 1:
-        for i in range(len(found)):
-            found[i] = memory[0, i] + b[0] * (found[i] - memory[0, i])
-    if len(b) == 2:
-        for i in range(len(found)):
-            found[i] = a[1, 0] * memory[0, i] + a[1, 1] * memory[1, i] + b[1] * found[i]
-    return found
-
-
 def remember(
     memory: FloatArray, a: FloatArray, b: FloatArray, value: FloatArray, found: FloatArray
 ) -> None:
@@ -185,16 +170,3 @@ def remember(
     elif len(b) == 2:
         memory[0] = a[0, 0] * memory[0] + a[0, 1] * memory[1] + b[0] * value
         memory[1] = found
-
-
-@kernel_of(remember)
-def _remember_kernel(
-    memory: FloatArray, a: FloatArray, b: FloatArray, value: FloatArray, found: FloatArray
-) -> None:
-    if len(b) == 1:
-        for i in range(len(found)):
-            memory[0, i] = found[i]
-    if len(b) == 2:
-        for i in range(len(found)):
-            memory[0, i] = a[0, 0] * memory[0, i] + a[0, 1] * memory[1, i] + b[0] * value[i]
-            memory[1, i] = found[i]

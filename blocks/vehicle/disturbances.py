@@ -123,12 +123,7 @@ class ActuatorLag(Block):
         return v, omega
 
     def update(self, state: BlockState, t: float, command: TwistValue) -> None:
-        state.reached -= state.share * (state.reached - command)
-
-    @kernel_of(update)
-    def _update_kernel(self, state: BlockState, t: float, command: TwistValue) -> None:
-        for i in range(2):
-            state.reached[i] -= state.share * (state.reached[i] - command[i])
+        state.reached[...] = state.reached - state.share * (state.reached - command)
 
 
 class ActuatorDelay(Block):
@@ -172,12 +167,6 @@ class ActuatorDelay(Block):
     def update(self, state: BlockState, t: float, command: TwistValue) -> None:
         row = int(state.head[0])
         state.ring[row] = command
-        state.head[0] = (row + 1) % state.steps
-
-    @kernel_of(update)
-    def _update_kernel(self, state: BlockState, t: float, command: TwistValue) -> None:
-        row = int(state.head[0])
-        state.ring[row, 0], state.ring[row, 1] = command
         state.head[0] = (row + 1) % state.steps
 
 

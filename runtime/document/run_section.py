@@ -15,8 +15,8 @@ DEFAULT_UNTIL = 10.0
 MAX_TICKS = 10**12
 ENGINES = ("auto", "python", "compiled", "checked")
 KEPT = ("small", "all", "none")
-SOLVERS = ("euler", "heun", "rk4", "dopri5")
-ADAPTIVE = ("dopri5",)
+SOLVERS = ("euler", "heun", "rk4", "dopri5", "rodas4")
+ADAPTIVE = ("dopri5", "rodas4")
 STOP_DOCS = {
     "when": "a scalar signal",
     "above": "the level that ends the run when the signal is above it",
@@ -140,7 +140,7 @@ def _solver(run: dict[str, Node], problems: Problems) -> Solver:
         value = node.value
         good = isinstance(value, (int, float)) and not isinstance(value, bool)
         if name not in ADAPTIVE:
-            message = f"solver: {name} takes one step per tick; {key} is for solver: dopri5"
+            message = f"solver: {name} takes one step per tick; {key} is for dopri5 and rodas4"
             problems.add(node.key, f"run.{key}", message)
         elif not good or not 0.0 < value < math.inf:
             message = f"expected a number above 0, got {node.describe()}"

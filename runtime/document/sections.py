@@ -69,9 +69,9 @@ RUN_DOCS = {
     "memory": "memory for recordings, as in 512M; larger ones are written to disk",
     "states": "final states that the run folder keeps: small (up to 1 MB each), all, none",
     "solver": "how continuous states are integrated between two ticks",
-    "rtol": "dopri5: largest error of a step, relative to the state",
-    "atol": "dopri5: largest error of a step of a state near 0",
-    "max_step": "dopri5: the largest step, s",
+    "rtol": "dopri5, rodas4: largest error of a step, relative to the state",
+    "atol": "dopri5, rodas4: largest error of a step of a state near 0",
+    "max_step": "dopri5, rodas4: the largest step, s",
     "stop": "ends the run early, as in {when: plant.contact, above: 0.5}; or below, or crosses",
 }
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,99}")

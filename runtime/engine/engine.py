@@ -37,13 +37,14 @@ from runtime.engine.schedule import Plan, RecordSlot
 from runtime.engine.solvers import (
     BEFORE,
     FOUND,
-    METHODS,
     TICK,
     TIME,
     blend,
     controls,
+    implicit,
     joined,
     judged,
+    method_of,
     narrowed,
     substep,
 )
@@ -290,7 +291,7 @@ class Engine:
         part = self.plan.continuous
         if part is None:
             return {}
-        method = METHODS[self.network.solver.name]
+        method = method_of(self.network.solver.name, part.size)
         slopes = np.zeros((method.stages, part.size))
         solver, dt = self.network.solver, self.network.dt
         control = controls(
@@ -302,9 +303,9 @@ class Engine:
             "origin": np.zeros(part.size),
             "slopes": slopes,
             "nodes": method.nodes,
-            "weights": method.terms,
+            "weights": method.table if method.is_implicit else method.terms,
             "table": method.table,
-            "blend": blend,
+            "blend": implicit if method.is_implicit else blend,
             "joined": joined,
             "rates": self.checks.rates,
             "bad_slope": partial(bad_slope, part, slopes),
@@ -312,7 +313,7 @@ class Engine:
             "control": control,
             "substep": substep,
             "judged": judged,
-            "unreached": partial(unreached, part, control),
+            "unreached": partial(unreached, part, solver.name, control),
         }
 
     def _guard(self, block: str, call: Callable[[], Any]) -> Any:

@@ -11,7 +11,7 @@ from blocks.core import Evaluation, Input, SignalType
 from runtime.engine.continuous import Continuous, continuous_part, needed
 from runtime.engine.naming import CONTINUOUS_NAMES, identifiers
 from runtime.engine.order import ordered_steps
-from runtime.engine.solvers import METHODS
+from runtime.engine.solvers import method_of
 from runtime.engine.steps import Step, drivers
 from runtime.engine.terms import absent_value, finite_test
 from runtime.network import Endpoint, Network, columns, component_type, enables_of, resets
@@ -200,7 +200,7 @@ class Emitter:
     def integrate(self, part: Continuous, span: str, checked: bool = False) -> None:
         """Integrate the continuous states over a span from the tick."""
         name, dt = self.network.solver.name, self.dt
-        method = METHODS[name]
+        method = method_of(name, part.size)
         h, since = span, f"nodes[stage] * {span}"
         if method.errors:
             h, since = "h", "(done + nodes[stage] * h)"

@@ -6,8 +6,8 @@ import math
 from collections.abc import Callable
 
 from blocks.core import Same
-from runtime.engine.continuous import is_memoryless
-from runtime.engine.solvers import METHODS
+from runtime.engine.continuous import is_memoryless, slots
+from runtime.engine.solvers import method_of
 from runtime.network import Network, state_shape
 from runtime.toolchain import available, find_compiler, install_command
 
@@ -73,7 +73,8 @@ def _stages(network: Network) -> float:
         return 0.0
     again = [entry for entry in entries if is_memoryless(entry) or entry.cls.spec.continuous]
     calls = sum(len(entry.evaluations) + len(entry.cls.spec.continuous) for entry in again)
-    return METHODS[network.solver.name].stages * CALL * (STAGE + calls)
+    size = slots(network)[-1].stop
+    return method_of(network.solver.name, size).stages * CALL * (STAGE + calls)
 
 
 def _computed(network: Network, block: str, port: str) -> int:

@@ -13,19 +13,22 @@ from blocks.core import FloatArray
 
 @dataclass(frozen=True)
 class Method:
-    """An explicit Runge-Kutta method (Hairer, Norsett, Wanner, Solving ODEs I, section II.1).
+    """An explicit Runge-Kutta method (Hairer, Norsett, Wanner, Solving ODEs I, section II.1), or
+    a linearly implicit one.
 
     nodes : the time of each stage as a share of the step.
     rows : how the slopes of the stages so far are weighted to reach the next stage; the last row
-        gives the end of the step.
+        gives the end of the step. For an implicit method see :func:`implicit`.
     order : the error of a whole run is proportional to this power of the step.
     errors : weights of the slopes in the estimated error of a step; none for a fixed step.
+    is_implicit : whether :func:`implicit` moves the states from stage to stage.
     """
 
     nodes: tuple[float, ...]
     rows: tuple[tuple[float, ...], ...]
     order: int
     errors: tuple[float, ...] = ()
+    is_implicit: bool = False
 
     @property
     def stages(self) -> int:
@@ -38,11 +41,11 @@ class Method:
 
     @property
     def table(self) -> FloatArray:
-        """The rows as an array of one row per stage; the last column holds the nodes."""
-        table = np.zeros((self.stages, self.stages + 1))
+        """The rows as an array, at least one per stage; the last column holds the nodes."""
+        table = np.zeros((max(self.stages, len(self.rows)), self.stages + 1))
         for i, row in enumerate(self.rows):
             table[i, : len(row)] = row
-        table[:, -1] = self.nodes
+        table[: self.stages, -1] = self.nodes
         return table
 
 
@@ -70,11 +73,54 @@ METHODS = {
         (71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40),
     ),
 }
+# RODAS (Hairer and Wanner, Solving ODEs II, 1996, section IV.7): for each implicit stage how the
+# increments so far are weighted to reach the next one, how they enter its equation, the weight of
+# the derivative by time there, and its node.
+GAMMA = 0.25
+_FIFTH = (1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 1.0)
+_REACH = (
+    (1.544,),
+    (0.9466785280815826, 0.2557011698983284),
+    (3.314825187068521, 2.896124015972201, 0.9986419139977817),
+    _FIFTH[:4],
+    _FIFTH,
+    (*_FIFTH, 1.0),
+)
+_ENTER: tuple[tuple[float, ...], ...] = (
+    (),
+    (-5.6688,),
+    (-2.430093356833875, -0.2063599157091915),
+    (-0.1073529058151375, -9.594562251023355, -20.47028614809616),
+    (7.496443313967647, -10.24680431464352, -33.99990352819905, 11.70890893206160),
+    (
+        *(8.083246795921522, -7.981132988064893, -31.52159432874371, 16.31930543123136),
+        -6.058818238834054,
+    ),
+)
+_BY_TIME = (0.25, -0.1043, 0.1035, -0.03620000000000023, 0.0, 0.0)
+_NODES = (0.0, 0.386, 0.21, 0.63, 1.0, 1.0)
+# The share of the step after which the derivative by time is estimated.
+SHIFT = 1e-5
+
+
+def method_of(name: str, size: int) -> Method:
+    """The method of a name, for so many states: an implicit one has a stage for each."""
+    if name in METHODS:
+        return METHODS[name]
+    rows: list[tuple[float, ...]] = [()] * (size + 1)
+    rows += _REACH
+    rows += [(*row, *[0.0] * (5 - len(row)), d) for row, d in zip(_ENTER, _BY_TIME, strict=True)]
+    nodes = (0.0,) * (size + 1) + (SHIFT, *_NODES[1:])
+    return Method(nodes, tuple(rows), 4, (0.0,) * (size + 6) + (1.0,), True)
+
+
 # The entries of ``control``, the memory of a solver that chooses its own steps: the next step (s),
 # tolerances, the largest and the smallest step, whether the last step was rejected, and the steps
 # since the last tick.
 STEP, RTOL, ATOL, LARGEST, SMALLEST, REJECTED, COUNT = range(7)
 MAX_SUBSTEPS = 100_000
+# The rounding of a float64, of which the root is the best step of a difference.
+DIFFERENCE = 2.220446049250313e-16
 
 
 def controls(rtol: float, atol: float, max_step: float, until: float) -> FloatArray:
@@ -139,6 +185,88 @@ def moved(
         for j in range(stage + 1):
             total += slopes[j, i] * (h * table[stage, j])
         states[i] = start[i] + total
+
+
+def implicit(
+    states: FloatArray,
+    start: FloatArray,
+    slopes: FloatArray,
+    table: FloatArray,
+    stage: int,
+    h: float,
+) -> None:
+    """Move the states to the next stage of a linearly implicit method (Rosenbrock).
+
+    Of n states, stages 1 to n give the columns of the Jacobian J by differences, and stage n + 1
+    the derivative by time f_t. The increments k_i solve (1 / (gamma h) - J) k_i = f_i +
+    sum C_ij k_j / h + h d_i f_t, and replace the slopes f_i of their stages. The last is the
+    estimated error of the step; it is kept as a slope, k / h.
+    """
+    n = len(states)
+    i = stage - n - 1
+    if 0 < stage <= n:
+        moved_by = states[stage - 1] - start[stage - 1]
+        for r in range(n):
+            slopes[stage, r] = (slopes[stage, r] - slopes[0, r]) / moved_by
+    for r in range(n):
+        states[r] = start[r]
+    if stage < n:
+        states[stage] += math.sqrt(DIFFERENCE * max(1e-5, abs(start[stage])))
+    if i >= 0:
+        row = 0 if i == 0 else stage
+        if i == 0:
+            for r in range(n):
+                slopes[stage, r] = (slopes[stage, r] - slopes[0, r]) / (SHIFT * h)
+        matrix, right = np.zeros((n, n)), np.zeros(n)
+        rows = len(slopes)
+        for r in range(n):
+            for c in range(n):
+                matrix[r, c] = -slopes[c + 1, r]
+            matrix[r, r] += 1.0 / (GAMMA * h)
+            total = slopes[row, r] + table[rows + i, 5] * h * slopes[n + 1, r]
+            for m in range(i):
+                total += table[rows + i, m] / h * slopes[0 if m == 0 else n + 1 + m, r]
+            right[r] = total
+        eliminate(matrix, right)
+        for r in range(n):
+            slopes[row, r] = right[r]
+        for r in range(n):
+            for m in range(i + 1):
+                states[r] += table[stage, m] * slopes[0 if m == 0 else n + 1 + m, r]
+            if i == 5:
+                slopes[stage, r] = right[r] / h
+
+
+def eliminate(matrix: FloatArray, right: FloatArray) -> None:
+    """Solve a system in place by elimination with partial pivoting."""
+    n = len(right)
+    for k in range(n):
+        best = k
+        for r in range(k + 1, n):
+            if abs(matrix[r, k]) > abs(matrix[best, k]):
+                best = r
+        if best != k:
+            for c in range(k, n):
+                kept = matrix[k, c]
+                matrix[k, c] = matrix[best, c]
+                matrix[best, c] = kept
+            last = right[k]
+            right[k] = right[best]
+            right[best] = last
+        if matrix[k, k] == 0.0:
+            # The step is far too long, and rejected for its large increments.
+            matrix[k, k] = 1e-30
+        for r in range(k + 1, n):
+            factor = matrix[r, k] / matrix[k, k]
+            if factor != 0.0:
+                for c in range(k + 1, n):
+                    matrix[r, c] -= factor * matrix[k, c]
+                right[r] -= factor * right[k]
+    for k in range(n - 1, -1, -1):
+        total = right[k]
+        for c in range(k + 1, n):
+            total -= matrix[k, c] * right[c]
+        right[k] = total / matrix[k, k]
 
 
 # The entries of ``stop``, the search for the time at which a run stops: bounds (s since the tick),

@@ -117,15 +117,20 @@ def bad_slope(part: Continuous, slopes: FloatArray, stage: int, t: float) -> Non
             )
 
 
-def unreached(part: Continuous, control: FloatArray, done: float, t: float) -> NoReturn:
+STIFF = ", or changes much faster than the others (a stiff system, for which there is rodas4)"
+
+
+def unreached(
+    part: Continuous, solver: str, control: FloatArray, done: float, t: float
+) -> NoReturn:
     """Raise the error of a solver that cannot meet its tolerances; called by the plan."""
     column = round(-1.0 - done)
     slot = part.at(column)
     tolerance = f"rtol = {control[RTOL]:g} and atol = {control[ATOL]:g}"
     raise NotFiniteError(
-        f"dopri5 cannot integrate state '{slot.component(column)}' with {tolerance}: "
+        f"{solver} cannot integrate state '{slot.component(column)}' with {tolerance}: "
         f"step {control[COUNT]:.0f} since the tick is {control[STEP]:.3g} s at t = {t:g} s; the "
-        "state jumps, runs away, or changes much faster than the others (a stiff system)",
+        f"state jumps or runs away{STIFF if solver == 'dopri5' else ''}",
         slot.block,
     )
 

@@ -42,9 +42,8 @@ TOLERANCE = 1e-12
 DT = 0.01
 ROOM = {"room": [[-3, -3], [3, -3], [3, 3], [-3, 3]], "circles": [[1.5, 1.0, 0.3]]}
 # Called from Python under either engine, with seconds of physics: nothing to compare.
-# A Decoder and Weights need a population, which their drawn wires do not lead to; an Enable and a
-# Trigger need a part around them. tests/runtime/engine has cases of them.
-LEFT_OUT = {"MujocoVacuum", "Decoder", "InverseFourierTransform", "Weights", "Enable", "Trigger"}
+LEFT_OUT = {"MujocoVacuum"}
+SWITCHES = ("Enable", "Trigger")  # they need a part around them
 SIZES: dict[str, int] = {"samples": 150, "beams": 24, "neurons": 8, "wall_points": 20}
 # Blocks that give a signal of a type from nothing, or from what can be had from nothing.
 SOURCES: dict[str, tuple[str, str]] = {
@@ -82,9 +81,33 @@ class Grower:
         self.wires: dict[str, dict[str, Any]] = {}
         self.outputs: dict[str, SignalType] = {}
         self.loops: dict[str, SignalType] = {}
+        self.dimensions: dict[str, int] = {}  # of each Ensemble
+
+    def switched(self, kind: str) -> str:
+        """A part with one block that an Enable or a Trigger switches."""
+        name = f"b{len(self.blocks)}"
+        held = ["UnitDelay", "Gain", "DiscreteIntegrator"]
+        # A Trigger runs single ticks, between which nothing is integrated.
+        flowing = ["Integrator", "Derivative"] if kind == "Enable" else []
+        inside = self.draw(st.sampled_from([*held, *flowing]))
+        needed = {"Gain": {"gain": 2.0}, "Derivative": {"tau": 0.05}}.get(inside, {})
+        entry: dict[str, Any] = {"type": kind}
+        for parameter, declared in BUILTIN[kind].spec.params.items():
+            entry[parameter] = self.draw(st.sampled_from(declared.choices))
+        self.blocks[name] = {
+            "inputs": {"gate": "Scalar", "x": "Scalar"},
+            "outputs": {"out": "inner.out"},
+            "blocks": {"switch": entry, "inner": {"type": inside, **needed}},
+            "wires": {"switch": {"input": "inputs.gate"}, "inner": {"input": "inputs.x"}},
+        }
+        self.wires[name] = {"gate": self.output_of(Scalar), "x": self.output_of(Scalar)}
+        self.outputs[f"{name}.out"] = Scalar
+        return name
 
     def add(self, kind: str, **given: SignalType) -> str:
         """A block with all its inputs wired; ``given`` settles type variables."""
+        if kind in SWITCHES:
+            return self.switched(kind)
         cls = BUILTIN[kind]
         name = f"b{len(self.blocks)}"
         entry: dict[str, Any] = {"type": kind, **self.parameters(cls, given)}
@@ -96,11 +119,21 @@ class Grower:
         variables = given | {key: kind for key, kind in own.items() if not kind.symbol}
         # What the parameters settle, as those of a linear system.
         lengths = SIZES | ({} if made is None else made.sizes())
+        if kind == "InverseFourierTransform":
+            lengths["m"] = 1 + self.small()
         wires: dict[str, Any] = {}
         for port, declared in cls.spec.inputs.items():
             if declared.default is not None and self.draw(st.booleans()):
                 continue
             kind_of = declared.type if made is None else made.port_type(port)
+            if port == "spikes":  # what an Ensemble publishes with them is needed, too
+                population = self.add("Ensemble")
+                wires[port] = f"{population}.spikes"
+                lengths |= {"n": SIZES["neurons"], "k": self.dimensions[population]}
+                lengths["m"] = len(entry.get("weights", ()))
+                continue
+            if port in ("error", "post") and "learning" not in entry:
+                continue
             if isinstance(kind_of, Same):
                 wanted = variables.setdefault(kind_of.variable, self.some_type())
             elif kind_of.symbol in lengths:
@@ -120,6 +153,8 @@ class Grower:
         if wires:
             self.wires[name] = wires
         lengths |= {} if made is None else made.infer(lengths)
+        if kind == "Ensemble":
+            self.dimensions[name] = lengths["d"]
         for port, out in cls.spec.outputs.items():
             kind_of = out.type if made is None else made.port_type(port)
             if isinstance(kind_of, Same):
@@ -173,6 +208,13 @@ class Grower:
             found.update(tau_ref=0.06, max_rates=[5.0, 12.0])
         if cls.__name__ == "AlgebraicConstraint":
             found.update(low=-1e3, high=1e3)
+        if cls.__name__ == "Decoder" and self.draw(st.booleans()):
+            found["learning"] = {"rule": "pes", "learning_rate": 1e-3}
+        if cls.__name__ == "Weights":
+            rows, columns = self.small(), SIZES["neurons"]
+            found["weights"] = [
+                [0.1 * ((i + j) % 5 - 2) for j in range(columns)] for i in range(rows)
+            ]
         if cls.__name__ == "Ensemble":
             found.update(neuron={"type": "LIF", "tau_ref": 0.06}, max_rates="uniform(5, 12)")
         if cls.__name__ == "Constant":

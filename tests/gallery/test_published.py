@@ -115,8 +115,8 @@ def nerve(t: float, x: Any) -> list[float]:
 
 MODELS = {
     "nerve_impulse": Model(nerve, [0, 0], 100.0),
-    "van_der_pol_stiff": Model(stiff, [2, 0], 2.0, method="Radau", shown=(0,)),
-    "nested_subsystems": Model(stiff, [2, 0], 2.0, method="Radau", shown=(0,)),
+    "van_der_pol_stiff": Model(stiff, [2, 0], 900.0, 2e-4, method="Radau", shown=(0,)),
+    "nested_subsystems": Model(stiff, [2, 0], 100.0, method="Radau", shown=(0,)),
     "glycolysis": Model(glycolysis, [0, 0], 40.0),
     "chlorine_dioxide": Model(iodine, [0, 0], 20.0),
     "bacterial_respiration": Model(respiration, [0, 0], 40.0),
@@ -124,8 +124,8 @@ MODELS = {
         lambda t, x: [math.sin(x[(i + 1) % 3]) - 0.2 * x[i] for i in range(3)], [1, 1, -3], 30.0
     ),
     "morse": Model(morse, [2, 3], 10.0),
-    "flame": Model(lambda t, x: [x[0] ** 2 - x[0] ** 3], [0.001], 1200.0, 1e-3, "Radau"),
-    "robertson": Model(robertson, [1, 0, 0], 1.0, method="Radau"),
+    "flame": Model(lambda t, x: [x[0] ** 2 - x[0] ** 3], [0.0001], 12000.0, 1e-3, "Radau"),
+    "robertson": Model(robertson, [1, 0, 0], 100.0, method="Radau"),
     "reactor": Model(reactor, [1, 0, 300], 10.0),
     "lorenz": Model(lorenz, [1, 1, 1], 5.0, 1e-4),
     "phase_locked_loop": Model(locked, [0, 0, 0, 0], 5.0, 1e-4, shown=(2,)),

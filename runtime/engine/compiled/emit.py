@@ -28,7 +28,7 @@ from runtime.engine.compiled.stages import (
 from runtime.engine.compiled.structs import PlanText, StructEmitter
 from runtime.engine.continuous import Continuous
 from runtime.engine.schedule import RecordSlot
-from runtime.engine.solvers import METHODS
+from runtime.engine.solvers import method_of
 from runtime.engine.steps import Step
 from runtime.network import Endpoint, resets
 from runtime.observation import StopTest
@@ -229,7 +229,7 @@ class CompiledEmitter(StructEmitter):
     def continue_states(self, part: Continuous) -> None:
         """Integrate to the next tick, or to the time in between at which the run stops."""
         searched = self.is_searched(part)
-        method = METHODS[self.network.solver.name]
+        method = method_of(self.network.solver.name, part.size)
         self.made.solver, prototypes = solver_unit(part, method, searched)
         self.own |= set(prototypes)
         self.member("report", 2)
@@ -262,7 +262,7 @@ class CompiledEmitter(StructEmitter):
     def stages(self, part: Continuous, span: str) -> None:
         """Integrate the continuous states over a span from the tick."""
         name = self.network.solver.name
-        method = METHODS[name]
+        method = method_of(name, part.size)
         arrays = [self.solver(each) for each in SOLVER]
         self.codes(before_stage(method, arrays, name, span))
         inner = 2 + bool(method.errors)

@@ -10,7 +10,17 @@ from runtime.engine.compiled.entries import written
 from runtime.engine.compiled.translations import salt
 from runtime.engine.continuous import Continuous, Slot
 from runtime.engine.schedule import CONDITIONS
-from runtime.engine.solvers import Method, first_bad, judged, keep, moved, narrowed, substep
+from runtime.engine.solvers import (
+    Method,
+    eliminate,
+    first_bad,
+    implicit,
+    judged,
+    keep,
+    moved,
+    narrowed,
+    substep,
+)
 from runtime.toolchain import Unit, digest, read_record, write_record
 
 ROWS = ("states", "start")
@@ -35,11 +45,12 @@ def solver_unit(part: Continuous, method: Method, searched: bool) -> tuple[Unit,
         Entry("solver_first_bad", "first_bad", [("slopes", slopes), ("stage", INT)], [FLOAT]),
         Entry(
             "solver_moved",
-            "moved",
+            "implicit" if method.is_implicit else "moved",
             [*rows, ("slopes", slopes), ("table", table), ("stage", INT), ("h", FLOAT)],
         ),
     ]
-    functions: list[Any] = [keep, first_bad, moved]
+    functions: list[Any] = [keep, first_bad]
+    functions += [eliminate, implicit] if method.is_implicit else [moved]
     if method.errors:
         taken: list[tuple[str, Type]] = [("control", control), ("done", FLOAT), ("dt", FLOAT)]
         entries.append(Entry("solver_substep", "substep", taken, [FLOAT]))

@@ -164,3 +164,51 @@ def test_dopri5_is_as_accurate_as_scipys_solver_of_that_order(loop: str) -> None
     peer = solve_ivp(rates, (0.0, UNTIL), start, "RK45", t, rtol=1e-8, atol=1e-10)
     error = abs(found - exact(loop, 0.25)).max()
     assert error < max(1e-8, 2.0 * abs(peer.y.T[:, :columns] - exact(loop, 0.25)).max())
+
+
+def forced(t: float, x: Any) -> list[float]:
+    return [x[1], MU * (1.0 - x[0] ** 2) * x[1] - x[0] + math.sin(3.0 * t)]
+
+
+def driven_oscillator() -> Graph:
+    """Van der Pol's equation with a force: its right side depends on the time."""
+    graph = van_der_pol()
+    force = "mu*(1 - x*x)*v - x + sin(3*t)"
+    return graph.set("blocks.bend.expression", force).set("probes.x", ["x.out", "v.out"])
+
+
+def against(rates: Any, start: list[float], found: np.ndarray, dt: float) -> float:
+    t = dt * np.arange(len(found))
+    made = solve_ivp(rates, (0.0, t[-1]), start, "Radau", t, rtol=1e-12, atol=1e-13)
+    return float(abs(found - made.y.T).max())
+
+
+def test_rodas4_is_of_order_4() -> None:
+    errors = []
+    for step in (0.025, 0.0125):
+        loose = {"solver": "rodas4", "rtol": 10.0, "atol": 10.0, "max_step": step}
+        found = recorded(driven_oscillator(), 0.1, **loose)
+        errors.append(against(forced, [2.0, 0.0], found, 0.1))
+    assert abs(math.log2(errors[0] / errors[1]) - 4.0) < 0.2, errors
+
+
+@pytest.mark.parametrize("engine", ["python", "compiled"])
+def test_rodas4_meets_its_tolerance_on_a_stiff_system(engine: str) -> None:
+    """Rates of 1 and 1e6 per second, and a slow input: an explicit method needs 1e6 steps."""
+    matrix = [[-1e6, 1e6 - 2.0], [0.0, -1.0]]
+    graph = runtime.load(
+        {
+            "blocks": {
+                "input": {"type": "Function", "expression": "cos(t)"},
+                "plant": {"type": "StateSpace", "A": matrix, "B": [0, 1], "C": [[1, 0], [0, 1]]},
+            },
+            "wires": {"plant": {"input": "input.out"}},
+            "probes": {"x": "plant.out"},
+        }
+    )
+    found = recorded(graph, 0.1, solver="rodas4", rtol=1e-8, atol=1e-10, engine=engine)
+
+    def rates(t: float, x: Any) -> Any:
+        return np.array(matrix) @ x + [0.0, math.cos(t)]
+
+    assert against(rates, [0.0, 0.0], found, 0.1) < 1e-7
