@@ -18,6 +18,7 @@ project = "spikeblocks"
 author = "the authors of spikeblocks"
 html_title = "spikeblocks"
 html_theme = "furo"
+html_show_copyright = False
 html_static_path: list[str] = []
 exclude_patterns = ["_build"]
 extensions = ["myst_parser", "sphinx.ext.autodoc"]

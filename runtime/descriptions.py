@@ -36,15 +36,19 @@ def families(known: Mapping[str, type[Block]]) -> dict[str, list[str]]:
     for name, cls in known.items():
         top, *rest = cls.__module__.split(".")
         room = sys.modules.get(f"blocks.{rest[0]}") if top == "blocks" and rest else None
-        about = (room.__doc__ or "").strip().split("\n")[0].rstrip(".") if room is not None else ""
+        about = _first_line(room.__doc__).rstrip(".") if room is not None else ""
         family = f"{rest[0]}: {about}" if about else top
         found.setdefault("your own" if family.startswith("_") else family, []).append(name)
     return found
 
 
 def summary(cls: type[Block]) -> str:
-    """The first line of a block's documentation."""
-    return (cls.__doc__ or "").strip().split("\n")[0]
+    """The first line of a block's documentation, without the marks of code."""
+    return _first_line(cls.__doc__)
+
+
+def _first_line(text: str | None) -> str:
+    return (text or "").strip().split("\n")[0].replace("``", "")
 
 
 def describe_text(cls: type[Block]) -> str:

@@ -32,6 +32,9 @@ class _Parser(argparse.ArgumentParser):
     """Reports a usage error in one line, with exit code 2."""
 
     def error(self, message: str) -> NoReturn:
+        kinds = {"float": "a number", "int": "an integer"}
+        if wrong := re.fullmatch(r"(argument .*: )invalid (float|int) value: ('.*')", message):
+            message = f"{wrong[1]}expected {kinds[wrong[2]]}, got {wrong[3]}"
         message = f"{self.prog}: {message}{self._suggestion(message)}"
         self.exit(2, printable(f"{message}; '{self.prog} --help' shows the usage\n"))
 

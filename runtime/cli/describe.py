@@ -23,19 +23,21 @@ from runtime.observation import (
 
 HEADER = """# Blocks
 
-Made from the blocks' own declarations by `python -m runtime.cli.describe`; do not edit.
+<!-- Made from the blocks' own declarations by `python -m runtime.cli.describe`; do not edit. -->
+
 Every block also takes `dt` (s), its step: a whole multiple of `run.dt`, which is the default.
 """
 
 OBSERVING = """# Plots and metrics
 
-Made from their own declarations by `python -m runtime.cli.describe`; do not edit.
+<!-- Made from their own declarations by `python -m runtime.cli.describe`; do not edit. -->
+
 `of` names probes or addresses. Angles may be written in degrees, as in `90deg`.
 """
 
-EVERY_PLOT = """A graph without the section `plots` draws each probe that is recorded over time: a
-`trajectory` of a pose, a `raster` of spikes, and a `timeseries` of others. `plots: {}` draws
-nothing. Every plot takes, besides its own options:
+EVERY_PLOT = """A graph without the section `plots` draws each probe that changes: a `trajectory` of
+a pose, a `raster` of spikes, a `heatmap` of many columns, and a `timeseries` of others.
+`plots: {}` draws nothing. Every plot takes, besides its own options:
 """
 COMMON_DOC = {
     "title": "`title` (a text): default: the name of the plot",
@@ -44,7 +46,8 @@ COMMON_DOC = {
 
 GALLERY = """# Gallery
 
-Made from the graphs' own first sentences by `python -m runtime.cli.describe`; do not edit.
+<!-- Made from the graphs' own first sentences by `python -m runtime.cli.describe`; do not edit. -->
+
 Each is a file in `graphs/gallery/`; run one, or draw it:
 
     runtime run gallery/van_der_pol

@@ -234,6 +234,21 @@ def test_a_factor_without_its_section_is_answered(cli: Run) -> None:
     assert "did you mean 'params.v_r'" in done.stderr
 
 
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--until", "5s"], "argument --until: expected a number, got '5s'"),
+        (["--seed", "x"], "argument --seed: expected an integer, got 'x'"),
+    ],
+)
+def test_an_option_that_is_not_a_number_is_answered(
+    options: list[str], message: str, cli: Run
+) -> None:
+    done = cli("run", "line_actuator_failure", *options)
+    assert done.returncode == 2
+    assert message in done.stderr
+
+
 # -- imports
 
 
