@@ -113,6 +113,10 @@ class Evaluation:
     outputs: tuple[str, ...] = ()
     function: Callable[..., Any] | None = field(default=None, compare=False, repr=False)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the function, which another process may not be able to import."""
+        return {**self.__dict__, "timed": self.timed, "function": None}
+
     @cached_property
     def timed(self) -> bool:
         """Whether the method, or a function inside it, reads ``t``; True if nobody can tell."""
