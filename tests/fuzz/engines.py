@@ -132,7 +132,7 @@ class Grower:
                 lengths |= {"n": SIZES["neurons"], "k": self.dimensions[population]}
                 lengths["m"] = len(entry.get("weights", ()))
                 continue
-            if port in ("error", "post") and "learning" not in entry:
+            if declared.optional and port in ("error", "post") and "learning" not in entry:
                 continue
             if isinstance(kind_of, Same):
                 wanted = variables.setdefault(kind_of.variable, self.some_type())
@@ -202,7 +202,9 @@ class Grower:
             elif declared.required and declared.kind == "float":
                 found[name] = self.draw(st.sampled_from([0.05, 0.3, 2.0]))
         for name, value in REQUIRED.get(cls.__name__, {}).items():
-            if cls.spec.params[name].required and name not in found:
+            # The functions of a filter may come from a subclass, and are not required.
+            needed = cls.spec.params[name].required or cls.__name__ == "ExtendedKalmanFilter"
+            if needed and name not in found:
                 found[name] = value
         if "tau_ref" in cls.spec.params:  # spikes need a step below it, and rates below its inverse
             found.update(tau_ref=0.06, max_rates=[5.0, 12.0])
@@ -210,6 +212,10 @@ class Grower:
             found.update(low=-1e3, high=1e3)
         if cls.__name__ == "Decoder" and self.draw(st.booleans()):
             found["learning"] = {"rule": "pes", "learning_rate": 1e-3}
+        if "low" in found and "high" in found:
+            found["low"], found["high"] = sorted((found["low"], found["high"]))
+        if cls.__name__ == "WhiteSignal":
+            found.update(period=1.0, high=5.0)
         if cls.__name__ == "Weights":
             rows, columns = self.small(), SIZES["neurons"]
             found["weights"] = [
