@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import doctest
+import importlib
 import json
 import math
 import os
@@ -112,6 +114,21 @@ def test_the_readme_errors_are_real(written: Path, monkeypatch: pytest.MonkeyPat
         runtime.load("my.yaml").check()
     assert ERRORS is not None
     assert str(caught.value) == ERRORS[1].strip()
+
+
+WITH_EXAMPLES = [
+    ".".join(path.relative_to(ROOT).with_suffix("").parts)
+    for room in ("blocks", "runtime")
+    for path in sorted((ROOT / room).rglob("*.py"))
+    if ">>> " in path.read_text(encoding="utf-8")
+]
+
+
+@pytest.mark.parametrize("module", WITH_EXAMPLES)
+def test_examples_of_docstrings(module: str) -> None:
+    found = doctest.testmod(importlib.import_module(module))
+    assert found.attempted > 0
+    assert found.failed == 0
 
 
 def test_the_readme_is_short_and_its_first_command_shows_both_runs() -> None:

@@ -76,6 +76,18 @@ def sweep(
     GraphError, UsageError : the graph, a factor or an option is invalid, or the folder belongs to
         another experiment. Trials that fail are rows of the table.
     KeyboardInterrupt : it was interrupted; with a ``folder``, the same call continues it.
+
+    Examples
+    --------
+    >>> import runtime
+    >>> graph = runtime.load("starters/adaptive").set("run.until", 0.2)
+    >>> table = runtime.sweep(graph, {"params.v_r": [0.5, 1.0]}, seeds=range(2), jobs=1)
+    >>> for trial in table.trials:
+    ...     print(trial.values, trial.seed, trial.status)
+    {'params.v_r': 0.5} 0 ok
+    {'params.v_r': 0.5} 1 ok
+    {'params.v_r': 1.0} 0 ok
+    {'params.v_r': 1.0} 1 ok
     """
     experiment = experiment_of(graph)
     own = experiment.graph.check().network.seed
@@ -125,6 +137,15 @@ def ablate(
     GraphError, UsageError : a graph or an option is invalid, the graph has no metrics, or the
         folder belongs to another experiment. Trials that fail are rows of the table.
     KeyboardInterrupt : it was interrupted; with a ``folder``, the same call continues it.
+
+    Examples
+    --------
+    >>> import runtime
+    >>> graph = runtime.load("starters/adaptive").set("run.until", 0.2)
+    >>> table = runtime.ablate(graph, {"alone": graph.without("adaptive")}, seeds="0..3", jobs=1)
+    >>> line = table.line("alone", "mean_error")
+    >>> line.runs, line.difference.mean > 0
+    (4, True)
     """
     experiment = experiment_of(graph)
     baseline = experiment.graph.check()
