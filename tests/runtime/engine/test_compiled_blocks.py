@@ -653,7 +653,7 @@ def compiled() -> Iterator[Any]:
 
 
 @needs_compiler
-@pytest.mark.parametrize("form", [CompiledRun, CheckedRun])
+@pytest.mark.parametrize("form", [CompiledRun, pytest.param(CheckedRun, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("case", list(compiled()))
 def test_the_compiled_block_computes_what_the_block_computes(case: Case, form: type[Run]) -> None:
     check_equal(case, form, STREAMS)
