@@ -154,6 +154,8 @@ def _of_value(model: Model, scope: Scope | None, path: tuple[str, ...], item: It
     if value.startswith("$"):
         return _param(model, scope, value[1:])
     names = [name for name in path if name != ITEM]
+    if not names:  # an item of a list in place of a graph's sections
+        return ""
     section, last = names[0], names[-1]
     if last == "type" and section == "blocks" and len(names) == 3:
         cls = class_of(model, scope, names[1]) or known_types(model).get(value)

@@ -229,6 +229,8 @@ def _files(
 def _of_experiment(model: Model, path: tuple[str, ...]) -> Iterator[Offer]:
     """Values in an experiment, from the graph that it names."""
     keys = [name for name in path if name != ITEM]
+    if not keys:  # an item of a list in place of the sections
+        return
     graph = model.baseline
     document = graph.document if graph is not None else None
     if keys[-1] == "graph":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from runtime.language import hover, signature
+from runtime.language import Model, Surroundings, hover, signature
 from tests.runtime.language.texts import GRAPHS, edited
 
 
@@ -52,6 +52,11 @@ def test_cards(old: str, new: str, parts: list[str]) -> None:
 def test_nothing_to_say() -> None:
     assert card("# Case C", "# Ca¦se C") == ""
     assert card("until: 130", "until: 1¦30") == ""
+
+
+def test_a_list_in_place_of_sections() -> None:
+    model = Model("[blocks, wires]\n", GRAPHS / "list.yaml", Surroundings())
+    assert all(hover(model, offset) is None for offset in range(16))
 
 
 def test_inside_a_structured_parameter() -> None:
