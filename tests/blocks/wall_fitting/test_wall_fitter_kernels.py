@@ -136,6 +136,7 @@ def untied(block: WallFitter, line: np.ndarray) -> bspline.Samples | None:
 REFERENCE = WallFitter.reference
 
 
+@pytest.mark.slow  # the compiler sees a new text for each degree and form of scan
 @settings(max_examples=300)
 @given(
     scan=scans(),
