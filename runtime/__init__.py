@@ -6,6 +6,24 @@
     result = graph.without("adaptive").run(seed=1)
     result["plant.pose"], result.metrics
 
+A step through a first-order lag with a time constant of 0.1 s:
+
+>>> import blocks, runtime
+>>> graph = runtime.Graph("lag", dt=0.01, until=0.5)
+>>> graph = graph.add("one", blocks.Constant(value=1.0)).add("lag", blocks.Lowpass(tau=0.1))
+>>> graph = graph.connect("one.value", "lag.input").probe("lag.out")
+>>> result = graph.run()
+>>> result.status, round(float(result["lag.out"][-1]), 3)
+('complete', 0.993)
+
+A variant, and what is wrong with another one:
+
+>>> graph.set("lag.tau", 0.2).run()["lag.out"].shape
+(50,)
+>>> graph.without("lagg")
+Traceback (most recent call last):
+runtime.errors.GraphError: without: without[0]: there is no block 'lagg', did you mean 'lag'?
+
 Names are imported when they are first used, so that ``import runtime`` costs next to nothing.
 """
 

@@ -117,7 +117,7 @@ def test_the_readme_errors_are_real(written: Path, monkeypatch: pytest.MonkeyPat
 
 
 WITH_EXAMPLES = [
-    ".".join(path.relative_to(ROOT).with_suffix("").parts)
+    ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
     for room in ("blocks", "runtime")
     for path in sorted((ROOT / room).rglob("*.py"))
     if ">>> " in path.read_text(encoding="utf-8")

@@ -46,26 +46,6 @@ class Graph:
     until : length of a run (s).
     seed : of all noise and neurons.
     title : shown in plots and reports.
-
-    Examples
-    --------
-    A step through a first-order lag with a time constant of 0.1 s:
-
-    >>> import blocks, runtime
-    >>> graph = runtime.Graph("lag", dt=0.01, until=0.5)
-    >>> graph = graph.add("one", blocks.Constant(value=1.0)).add("lag", blocks.Lowpass(tau=0.1))
-    >>> graph = graph.connect("one.value", "lag.input").probe("lag.out")
-    >>> result = graph.run()
-    >>> result.status, round(float(result["lag.out"][-1]), 3)
-    ('complete', 0.993)
-
-    A variant, and what is wrong with another one:
-
-    >>> graph.set("lag.tau", 0.2).run()["lag.out"].shape
-    (50,)
-    >>> graph.without("lagg")
-    Traceback (most recent call last):
-    runtime.errors.GraphError: without: without[0]: there is no block 'lagg', did you mean 'lag'?
     """
 
     _content: Content
@@ -404,9 +384,6 @@ class Graph:
 
     def to_dict(self) -> dict[str, Value]:
         """The graph as plain values, sections in their usual order."""
-        return self._plain()
-
-    def _plain(self) -> dict[str, Any]:
         return in_order(self.document.plain())
 
     @property
@@ -422,7 +399,7 @@ class Graph:
 
     def to_yaml(self) -> str:
         """The graph as a text from which :func:`runtime.load` reads an equal graph."""
-        plain = self._plain()
+        plain: dict[str, Any] = self.to_dict()
         for entry in plain.get("blocks", {}).values():
             cls = self._content.classes.get(entry.get("type", ""))
             if cls is not None and "module" not in entry:
@@ -433,7 +410,7 @@ class Graph:
         return isinstance(other, Graph) and self._comparable() == other._comparable()
 
     def _comparable(self) -> dict[str, Any]:
-        plain = self._plain()
+        plain: dict[str, Any] = self.to_dict()
         for entry in plain.get("blocks", {}).values():
             entry.pop("module", None)
         return plain
@@ -466,13 +443,6 @@ def load(source: str | Path | Mapping[str, Value], *, modules: bool = True) -> G
     Raises
     ------
     GraphError : the text cannot be read. Use :meth:`Graph.check` for the graph itself.
-
-    Examples
-    --------
-    >>> import runtime
-    >>> graph = runtime.load("line_actuator_failure")
-    >>> graph.title, graph.names[:3]
-    ('line_actuator_failure', ['track', 'match', 'error'])
     """
     document, read = read_graph(source)
     path = None if isinstance(source, Mapping) else Path(document.where.file)
