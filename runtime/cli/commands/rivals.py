@@ -59,8 +59,22 @@ def _rival(graph: Graph, quiet: bool, out: Path) -> Result:
     return result
 
 
-def names(change: str) -> tuple[str, str]:
-    """Short names of two runs that differ in one change: 'with snn', 'without snn'."""
+def names(change: str, labels: str = "") -> tuple[str, str]:
+    """Short names of two runs that differ in one change: 'with snn', 'without snn'.
+
+    Parameters
+    ----------
+    labels : names in their place, separated by a comma.
+
+    Raises
+    ------
+    UsageError : there are not two labels.
+    """
+    if labels:
+        first, comma, second = (text.strip() for text in labels.partition(","))
+        if not (first and comma and second) or "," in second:
+            raise UsageError(f"--labels {labels}: expected two names for --vs, as in 'mine,theirs'")
+        return first, second
     kind, _, text = change.partition("=")
     if kind == "with":
         return "as written", f"with {Path(text).stem}"
@@ -73,6 +87,7 @@ def painter(
     folder: Path,
     look: str,
     vs: str | None,
+    labels: str = "",
     before: Result | None = None,
 ) -> Callable[[PlotSpec], Figure] | None:
     """A function that draws a plot with another run in it; None if there is no other run.
@@ -81,6 +96,7 @@ def painter(
     ----------
     others : runs by the change that made them.
     vs : the change that all plots show; without it, each shows the one that it names itself.
+    labels : names of both runs, separated by a comma.
     before : a run from before the graph was edited, for plots that show no other.
     """
     if not others and before is None:
@@ -92,7 +108,7 @@ def painter(
     def drawn(plot: PlotSpec) -> Figure:
         change = vs or str(plot.options.get("compare", ""))
         if change in others:
-            shown, other = names(change), others[change]
+            shown, other = names(change, labels), others[change]
         elif before is not None:
             shown, other = ("now", "before"), before
         else:
