@@ -97,9 +97,7 @@ def _once(options: Namespace, before: Result | None) -> Done:
         try:
             if failure is None and not (options.no_plots and options.vs is None):
                 others = run_rivals(compared, quiet, Path(options.out))
-            drawn = painter(
-                result, others, folder, options.style, options.vs, options.labels, before
-            )
+            drawn = painter(result, others, folder, options, before)
             pictures = _pictures(result, folder, options, formats, drawn)
             pictures += [_diagram(graph, folder)] if options.watch else []
         except KeyboardInterrupt:
