@@ -286,11 +286,14 @@ class AdaptiveEnsemble(LearningEnsemble):
             voltage[i] = max(voltage[i] - (current[i] - voltage[i]) * rise, 0.0)
             activity[i] *= state.fade
             state.spikes[i] = 0.0
-        # Then the few that wake up or spike in it, also listed without a branch.
+        # Then the few that wake up or spike in it: marked, then listed, also without a branch.
         few, count = state.few, 0
         for i in range(len(voltage)):
+            few[i] = (voltage[i] > 1.0) | ((refractory[i] > 0.0) & (refractory[i] < dt))
+        for i in range(len(voltage)):
+            marked = few[i]
             few[count] = i
-            count += (voltage[i] > 1.0) | ((refractory[i] > 0.0) & (refractory[i] < dt))
+            count += marked
         for i in few[:count]:
             left = refractory[i]
             if 0.0 < left < dt:

@@ -274,10 +274,11 @@ class Ensemble(Block):
                 if len(input) > 0:
                     for term in input:
                         point[g, j] += term[g * len(rows) + j]
-        for i in range(len(drive)):
-            drive[i] = state.bias[i]
         for g in range(len(point)):
-            for j in range(len(rows)):
+            row, value = rows[0], point[g, 0]
+            for i in range(g * self.neurons, (g + 1) * self.neurons):
+                drive[i] = state.bias[i] + row[i] * value
+            for j in range(1, len(rows)):
                 row, value = rows[j], point[g, j]
                 for i in range(g * self.neurons, (g + 1) * self.neurons):
                     drive[i] += row[i] * value

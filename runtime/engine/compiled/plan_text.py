@@ -8,18 +8,25 @@ from blocks.core import SignalType
 from runtime.engine.compiled.entries import written
 
 RUN = """
-static bool all_finite(const double *a, int64_t n)
+/* The plan is compiled with little optimisation; loops over long signals are worth more. */
+#if defined(__GNUC__) && !defined(__clang__)
+#define THOROUGH __attribute__((optimize("O3")))
+#else
+#define THOROUGH
+#endif
+
+static THOROUGH bool all_finite(const double *a, int64_t n)
 {
-    for (int64_t i = 0; i < n; i++)
-        if (!isfinite(a[i])) return false;
-    return true;
+    int64_t wrong = 0;
+    for (int64_t i = 0; i < n; i++) wrong += !isfinite(a[i]);
+    return !wrong;
 }
 
-static bool no_nan(const double *a, int64_t n)
+static THOROUGH bool no_nan(const double *a, int64_t n)
 {
-    for (int64_t i = 0; i < n; i++)
-        if (isnan(a[i])) return false;
-    return true;
+    int64_t wrong = 0;
+    for (int64_t i = 0; i < n; i++) wrong += isnan(a[i]);
+    return !wrong;
 }
 
 static void set_zero(double *a, int64_t n)
