@@ -15,8 +15,6 @@ from runtime.engine.compiled import Kernel, fixed_sizes, make_kernels
 from runtime.errors import GraphError, Problem
 from runtime.export.selection import Selection
 
-FUNCTION = re.compile(r"^(?:static )?(?:const )?(?:struct )?\w+ \**(\w+)\(.*\)$", re.MULTILINE)
-STRUCT = re.compile(r"^struct (\w+) \{$", re.MULTILINE)
 ENTRIES = re.compile(r"^struct entries \{\n(.*?)^\};", re.MULTILINE | re.DOTALL)
 MEMBER = re.compile(r"^    (.*?)(\w+);$", re.MULTILINE)
 TAKEN = re.compile(r"\btake\(ctx, ([^,]*), \d+\)")
@@ -91,7 +89,7 @@ def write_units(selection: Selection, states: Mapping[str, BlockState]) -> Units
         if key not in known:
             prefix = unused(_snake(entry.cls.__name__), taken)
             known[key] = prefix, len(units.failures)
-            texts.append(_renamed(kernel, prefix))
+            texts.append(kernel.enclosed(prefix).text)
             units.failures += [f"{prefix}: {message}" for _, message, *_ in kernel.failures]
             _measure(units, kernel.text.replace(support(), ""))
         words = _words(kernel.text)
@@ -132,19 +130,6 @@ def _measure(units: Units, text: str) -> None:
     units.arena = max(units.arena, sum(fixed))
     units.largest = max([units.largest, *fixed])
     units.jumps |= len(fixed) < len(sizes) or "same_size(" in text
-
-
-def _renamed(kernel: Kernel, prefix: str) -> str:
-    """A unit whose functions and structs have a prefix, and are seen in this file only."""
-    text = kernel.text.replace(support(), "")
-    for symbol in kernel.symbols.values():
-        text = re.sub(rf"^void {symbol}\(.*\);\n\n", "", text, flags=re.MULTILINE)
-        text = re.sub(rf"^void {symbol}\(", f"static void {symbol}(", text, flags=re.MULTILINE)
-    for name in {*FUNCTION.findall(text), *STRUCT.findall(text)}:
-        method = next((m for m, symbol in kernel.symbols.items() if symbol == name), None)
-        made = f"{prefix}_{name}" if method is None else f"{prefix}__{method}"
-        text = re.sub(rf"\b{name}\b", made, text)
-    return text
 
 
 def _snake(name: str) -> str:

@@ -10,11 +10,12 @@ from runtime.toolchain.compilers import (
     find_compiler,
     install_command,
 )
-from runtime.toolchain.library import QUICK, Builder, BuildError, Library, Unit, build
+from runtime.toolchain.library import QUICK, THOROUGH, Builder, BuildError, Library, Unit, build
 from runtime.toolchain.store import VARIABLE, digest, folder, read_record, write_record
 
 __all__ = [
     "QUICK",
+    "THOROUGH",
     "VARIABLE",
     "BuildError",
     "Builder",

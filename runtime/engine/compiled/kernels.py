@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from blocks.core import (
@@ -15,7 +16,7 @@ from blocks.core import (
     SignalType,
     has_kernels,
 )
-from runtime.codegen import FLOAT, Array, Entry, RefusedError, Source, Tuple, Type
+from runtime.codegen import FLOAT, Array, Entry, RefusedError, Source, Tuple, Type, support
 from runtime.engine.compiled.entries import Fields, NotCompilableError, written
 from runtime.engine.compiled.translations import is_built_in, salt, source_of, translation
 from runtime.engine.continuous import slots
@@ -23,6 +24,14 @@ from runtime.network import Network
 from runtime.toolchain import Unit, digest, read_record, write_record
 
 PROJECT = Evaluation("project", ())
+# A text of at most this many characters, apart from what all units share, can be part of the plan's
+# unit, where its calls are inlined: it is compiled again with every edit of the graph.
+SMALL = 5000
+FUNCTION = re.compile(r"^(?:static )?(?:const )?(?:struct )?\w+ \**(\w+)\(.*\)$", re.MULTILINE)
+STRUCT = re.compile(r"^struct (\w+) \{$", re.MULTILINE)
+PROTOTYPE = re.compile(r"^void \w+\(.*\);\n\n", re.MULTILINE)
+METHOD = re.compile(r"^void (?=\w+\()", re.MULTILINE)
+CALL, TAG = re.compile(r"\b(\w+)\("), re.compile(r"\bstruct (\w+)\b")
 Failure = tuple[str, str, str, int]
 Shapes = Sequence[tuple[int, ...]]
 
@@ -50,6 +59,23 @@ class Kernel:
     def unit(self) -> Unit:
         """The unit for the C compiler."""
         return Unit(self.name, self.text)
+
+    @property
+    def is_small(self) -> bool:
+        """Whether it can be part of the plan's unit."""
+        return len(self.text) - len(support()) <= SMALL
+
+    def enclosed(self, prefix: str) -> Kernel:
+        """The same for a unit with other blocks: without the support that a unit begins with, and
+        with static functions ``<prefix>_...``, of which the methods are ``<prefix>__...``."""
+        text = METHOD.sub("static void ", PROTOTYPE.sub("", self.text.replace(support(), "")))
+        calls = {name: f"{prefix}_{name}" for name in FUNCTION.findall(text)}
+        symbols = {method: f"{prefix}__{method}" for method in self.symbols}
+        calls |= {symbol: symbols[method] for method, symbol in self.symbols.items()}
+        tags = {name: f"{prefix}_{name}" for name in STRUCT.findall(text)}
+        text = CALL.sub(lambda found: f"{calls.get(found[1], found[1])}(", text)
+        text = TAG.sub(lambda found: f"struct {tags.get(found[1], found[1])}", text)
+        return replace(self, text=text, symbols=symbols, prototypes=[])
 
     def fields(self, block: Block, state: BlockState) -> tuple[Any, ...]:
         """The values of the struct in one run."""
@@ -83,7 +109,7 @@ def make_kernels(
     network: Network,
     states: Mapping[str, BlockState],
     checked: bool = False,
-    begin: Callable[[Unit], None] = lambda _: None,
+    begin: Callable[[Kernel], None] = lambda _: None,
 ) -> Kernels:
     """Write every block that is evaluated or updated in a tick.
 
@@ -91,7 +117,7 @@ def make_kernels(
     ----------
     states : after ``start``.
     checked : with a check of every index that may be outside of its array.
-    begin : called with each unit that was written and not read from the cache.
+    begin : called with each block that was written and not read from the cache.
     """
     kernels = Kernels()
     shapes: dict[str, list[tuple[int, ...]]] = {}
@@ -113,7 +139,7 @@ def make_kernels(
                 entry.made, states[name], terms, kinds, calls, checked, shapes.get(name, [])
             )
             if kernel.is_new:
-                begin(kernel.unit)
+                begin(kernel)
         except NotCompilableError as error:
             kernels.refuse(name, entry.cls, str(error))
     return kernels

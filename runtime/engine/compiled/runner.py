@@ -23,15 +23,18 @@ from runtime.engine.compiled.emit import (
     CompiledEmitter,
 )
 from runtime.engine.compiled.entries import plain
-from runtime.engine.compiled.kernels import Kernels, make_kernels
+from runtime.engine.compiled.kernels import Kernel, Kernels, make_kernels
 from runtime.engine.compiled.memory import Context, Words
 from runtime.engine.compiled.structs import PlanText
 from runtime.engine.program import Program
 from runtime.engine.runners import Held, RunContext
-from runtime.toolchain import QUICK, Builder, BuildError, Unit, folder
+from runtime.toolchain import QUICK, THOROUGH, Builder, BuildError, Unit, folder
 
 DRIVER = "<the loop around the compiled plan>"
 PLAN = "the plan"
+# A plan of at most this many evaluations contains its small blocks. In chains of Gain, a tick then
+# takes half as long; of more evaluations, the compiler takes seconds.
+INLINED = 200
 
 
 @dataclass(frozen=True)
@@ -70,7 +73,12 @@ def template(
     ):
         return known
     with Builder() as builder:
-        kernels = make_kernels(program.network, states, checked, builder.begin)
+
+        def begin(kernel: Kernel) -> None:
+            if not (kernel.is_small and _is_inlined(program)):
+                builder.begin(kernel.unit)
+
+        kernels = make_kernels(program.network, states, checked, begin)
         for name in sorted(kernels.broken):
             note(f"block '{name}' is called from Python: {kernels.refused[name]}")
         made = _built(program, kernels, builder, note)
@@ -86,19 +94,21 @@ def _built(
     def tell(names: tuple[str, ...]) -> None:
         note(f"compiling {', '.join(names)} (once: kept in {folder()})")
 
-    probes = program.observation.probes.values()
-    widths = {f"probe_{i}": int(np.prod(probe.shape)) for i, probe in enumerate(probes)}
+    inside = _is_inlined(program)
     while True:
-        recordings = list(program.recordings)
-        stop = program.observation.stop
-        emitter = CompiledEmitter(program.plan, recordings, kernels.compiled, widths, stop)
-        text = emitter.compiled()
-        plan = Unit(PLAN, f"{support()}\n{text.text}", QUICK)
-        units = {kernel.text: kernel.unit for kernel in kernels.compiled.values()}
+        small, others = _divided(kernels) if inside else ({}, kernels.compiled)
+        text = _plan(program, {**others, **small})
+        texts = dict.fromkeys(kernel.text for kernel in small.values())
+        level = THOROUGH if small else QUICK
+        plan = Unit(PLAN, "\n".join([support(), *texts, text.text]), level)
+        units = {kernel.text: kernel.unit for kernel in others.values()}
         try:
             solver = [text.solver] if text.solver is not None else []
             library = builder.build([plan, *solver, *units.values()], tell)
         except BuildError as error:
+            if error.unit == PLAN and small:
+                inside = False  # compiled one by one, errors name their block
+                continue
             bad = [n for n, kernel in kernels.compiled.items() if kernel.name == error.unit]
             if not bad:
                 raise
@@ -109,6 +119,33 @@ def _built(
         function.argtypes = [ctypes.c_void_p, ctypes.c_void_p, *[ctypes.c_int64] * 4]
         function.restype = ctypes.c_int64
         return Template(kernels, text, function, library.compiled)
+
+
+def _is_inlined(program: Program) -> bool:
+    """Whether small blocks are part of the plan's unit."""
+    updates = sum(entry.cls.spec.update is not None for entry in program.network.entries.values())
+    return len(program.plan.steps) + updates <= INLINED
+
+
+def _divided(kernels: Kernels) -> tuple[dict[str, Kernel], dict[str, Kernel]]:
+    """The small blocks as the plan's unit contains them, and the others."""
+    prefixes: dict[str, str] = {}
+    small, others = {}, {}
+    for name, kernel in kernels.compiled.items():
+        if kernel.is_small:
+            prefix = prefixes.setdefault(kernel.text, f"block_{len(prefixes)}")
+            small[name] = kernel.enclosed(prefix)
+        else:
+            others[name] = kernel
+    return small, others
+
+
+def _plan(program: Program, kernels: dict[str, Kernel]) -> PlanText:
+    """The plan that calls these kernels."""
+    probes = program.observation.probes.values()
+    widths = {f"probe_{i}": int(np.prod(probe.shape)) for i, probe in enumerate(probes)}
+    recordings, stop = list(program.recordings), program.observation.stop
+    return CompiledEmitter(program.plan, recordings, kernels, widths, stop).compiled()
 
 
 class CompiledRunner:

@@ -17,7 +17,7 @@ CHANGES = {
     "parts/adaptive_snn.yaml": ("v: snn_v.output", "v: snn_v.outptu"),
     "worlds/paper_room.yaml": ("[0.3, -1.5, 0.5]", "[0.3, -1.5, -0.5]"),
     "conditions/lag.yaml": ("tau: 0.1", "tua: 0.1"),
-    "experiments/walls.yaml": ("lqr.q: [50, 50, 20]", "lqr.qq: [50, 50, 20]"),
+    "experiments/walls.yaml": ("lqr.q: [113.8", "lqr.qq: [113.8"),
 }
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from tests.studies.contest import budgets, fronts, one_setting, weaknesses
 from tests.studies.contest.contestants import CONTESTANTS, TASKS, Task
-from tests.studies.contest.opening import SPIKES, sentences
+from tests.studies.contest.opening import SPIKES, sentences, verdict_table
 from tests.studies.contest.results import (
     CHANGE,
     ERROR,
@@ -82,8 +82,9 @@ def page(contest: Contest) -> str:
     parts = [
         INTRODUCTION,
         "## In short\n",
-        "\n".join(numbered),
-        "\n![Error against effort](images/comparison.png)\n",
+        "\n".join(numbered) + "\n",
+        verdict_table(contest),
+        "![Error against effort](images/comparison.png)\n",
         *(part for section in sections for part in section.tables()),
         budgets.section(contest),
         fronts.section(contest, SPIKES),
