@@ -18,7 +18,7 @@ from pathlib import Path
 from runtime.cli import run
 
 HERE = Path(__file__).parent
-LQR_ALONE = ("--vs", f"with={HERE / 'paper_lqr.yaml'}")
+LQR_ALONE = ("--vs", f"with={HERE / 'paper_lqr.yaml'}", "--labels", "LQR and SNN,LQR alone")
 LOSS = ("--with", "conditions/turn_loss_50.yaml")
 DIAGRAMS = {
     "figure_1_framework": "line_actuator_failure",

@@ -13,7 +13,7 @@ from runtime.document import Node, is_part
 from runtime.errors import GraphError, Problem, Problems, UsageError, Where
 from runtime.network.block_types import block_class
 
-SIGNAL_FREE = ("kind", "title", "label", "labels")
+SIGNAL_FREE = ("kind", "title", "label", "labels", "unit")
 _REFERENCE = re.compile(r"\$([A-Za-z_]\w*)")
 IsGone = Callable[[str], bool]
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
 
 from blocks.core import SignalType, Vector
 from blocks.neural import Synapse, table_shape
+from runtime.document import Node, texts
+from runtime.errors import Problems
 from runtime.network import (
     Endpoint,
     Network,
@@ -23,7 +26,8 @@ PROBE_KEYS = {
     "of": "an address, or several side by side",
     "every": "base ticks between two rows",
     "synapse": "filter of the values: a time constant in s, or alpha(tau), second_order(...)",
-    "label": "what figures call it",
+    "label": "what figures call it: a text for each signal, or for each column",
+    "unit": "of signals that have none: a text for each signal, or for each column",
 }
 
 
@@ -32,8 +36,9 @@ class Signal:
     """A recorded output or state: its source, its shape, the names of its columns.
 
     ``address`` is written in the graph, ``end`` is its source once removed blocks are bypassed.
-    ``name`` is what figures call it, '' for its address. ``publisher`` is the method of the block
-    that describes the neurons behind a signal, if it is their tuning that is recorded.
+    ``name`` is what figures call it, '' for its address, and ``given`` what they call each column.
+    ``publisher`` is the method of the block that describes the neurons behind a signal, if it is
+    their tuning that is recorded.
     """
 
     address: str
@@ -47,11 +52,14 @@ class Signal:
     is_event: bool = False
     constant: bool = False
     name: str = ""
+    given: tuple[str, ...] = ()
     publisher: str = ""
 
     @property
     def names(self) -> tuple[str, ...]:
         """What figures call each column; '' for its label."""
+        if self.given:
+            return self.given
         if not self.name or len(self.labels) < 2:
             return (self.name,) * len(self.labels)
         return tuple(f"{self.name}{label[len(self.address) :]}" for label in self.labels)
@@ -60,6 +68,9 @@ class Signal:
     def width(self) -> int:
         """Number of columns in a probe of several signals."""
         return self.shape[0] if self.shape else 1
+
+
+Describe = Callable[[Sequence[Signal], Sequence[str]], Sequence[Signal]]
 
 
 @dataclass(frozen=True)
@@ -142,6 +153,73 @@ class Probe:
 def own_rate(signals: Sequence[Signal]) -> int:
     """Ticks between two new values of the fastest of some signals."""
     return min(signal.every for signal in signals)
+
+
+def described(
+    signals: list[Signal | None],
+    node: Node | None,
+    address: str,
+    describe: Describe,
+    problems: Problems,
+) -> list[Signal | None]:
+    """The signals of a probe, None for one of a removed block, with the names or units written.
+
+    How many columns a removed block had is not known: a list by column is then left out.
+    """
+    if node is None:
+        return signals
+    found = [item.value for item, _ in texts(node, address, "a text", problems)]
+    if not found or (None in signals and len(found) != len(signals)):
+        return signals
+    kept = [signal for signal in signals if signal is not None]
+    if len(kept) < len(signals):
+        found = [text for text, signal in zip(found, signals, strict=True) if signal]
+    try:
+        return list(describe(kept, found)) if kept else signals
+    except ValueError as error:
+        problems.add(node.where, address, str(error))
+        return signals
+
+
+def named(signals: Sequence[Signal], names: Sequence[str]) -> list[Signal]:
+    """Signals with names for figures: one for each signal, or one for each column.
+
+    Raises
+    ------
+    ValueError : another number of names.
+    """
+    if len(names) == len(signals):
+        return [replace(each, name=name) for each, name in zip(signals, names, strict=True)]
+    given = _by_column(signals, names)
+    return [replace(each, given=row) for each, row in zip(signals, given, strict=True)]
+
+
+def in_units(signals: Sequence[Signal], units: Sequence[str]) -> list[Signal]:
+    """Signals with units: one for each signal, or one for each column.
+
+    Raises
+    ------
+    ValueError : another number of units, or a signal has a unit of its own.
+    """
+    if len(units) == len(signals):
+        units = [u for u, each in zip(units, signals, strict=True) for _ in each.labels]
+    given = _by_column(signals, units)
+    for each, row in zip(signals, given, strict=True):
+        if any(each.units) and each.units != row:
+            own = ", ".join(unit or "none" for unit in dict.fromkeys(each.units))
+            raise ValueError(f"'{each.address}' has a unit of its own: {own}")
+    return [replace(each, units=row) for each, row in zip(signals, given, strict=True)]
+
+
+def _by_column(signals: Sequence[Signal], given: Sequence[str]) -> list[tuple[str, ...]]:
+    """The texts of each signal's columns."""
+    counts = [len(signal.labels) for signal in signals]
+    if len(given) != sum(counts):
+        each = f"each of the {len(signals)} signals" if len(signals) > 1 else "the signal"
+        columns = f", or for each of the {sum(counts)} columns" if sum(counts) > len(counts) else ""
+        raise ValueError(f"expected a text for {each}{columns}; got {len(given)}")
+    left = iter(given)
+    return [tuple(islice(left, count)) for count in counts]
 
 
 def no_component(network: Network, end: Endpoint) -> str:

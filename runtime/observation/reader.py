@@ -50,8 +50,11 @@ from runtime.observation.probes import (
     MAX_RECORDING,
     PROBE_KEYS,
     Signal,
+    described,
+    in_units,
     make_signal,
     make_tuning,
+    named,
     no_component,
     own_rate,
 )
@@ -167,29 +170,17 @@ class _Reader:
         place = address if of is node else f"{address}.of"
         items = texts(of, place, "an address, as in plant.pose", self.problems)
         signals = [self.signal(item, where) for item, where in items]
-        names = self.names(node.get("label"), len(items), f"{address}.label")
-        if names:
-            signals = [s and replace(s, name=n) for s, n in zip(signals, names, strict=True)]
         written = node.get("every")
         every = self.every(written, f"{address}.every")
         synapse = self.synapse(node.get("synapse"), f"{address}.synapse")
+        signals = described(signals, node.get("label"), f"{address}.label", named, self.problems)
+        signals = described(signals, node.get("unit"), f"{address}.unit", in_units, self.problems)
         kept = tuple(signal for signal in signals if signal is not None)
         probe = Probe(name, kept, every, synapse=synapse)
         if written is not None and every and probe.missed():
             self.problems.add(written.where, f"{address}.every", probe.missed())
         else:
             self.add(probe, of.where, place)
-
-    def names(self, node: Node | None, count: int, address: str) -> list[str]:
-        """What figures call the signals of a probe; [] if nothing usable is written."""
-        if node is None:
-            return []
-        found = [item.value for item, _ in texts(node, address, "a text", self.problems)]
-        if found and len(found) != count:
-            message = f"expected a text for each of the {count} signals, got {len(found)}"
-            self.problems.add(node.where, address, message)
-            return []
-        return found
 
     def synapse(self, node: Node | None, address: str) -> Synapse | None:
         """The filter of a probe; None for none."""

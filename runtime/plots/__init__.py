@@ -10,6 +10,7 @@ from runtime.plots.figures import (
     save_plots,
 )
 from runtime.plots.linear import draw_linear
+from runtime.plots.looks import LOOKS, fit
 from runtime.plots.map import draw_wall_distance, draw_world, map_axes, view_limits
 from runtime.plots.raster import mean_rate
 from runtime.plots.scans import animate, animated
@@ -17,14 +18,12 @@ from runtime.plots.style import (
     COLOURS,
     GREY,
     LINESTYLES,
-    LOOKS,
     STYLE,
     WIDTH,
     axis_label,
     disable_math,
     display_names,
     explain_empty,
-    fit,
     headline,
     layers,
     line_style,

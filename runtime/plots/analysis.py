@@ -23,6 +23,7 @@ def draw_xy(figure: Figure, recordings: Sequence[Recording], end: float) -> Axes
     """
     figure.set_size_inches(style.WIDTH, 0.75 * style.WIDTH)
     axes = figure.add_subplot()
+    style.place_power(axes)
     columns = list(_columns(recordings))
     names = style.short_labels([label for label, *_ in columns])
     pairs = list(zip(columns[::2], columns[1::2], names[::2], names[1::2], strict=False))

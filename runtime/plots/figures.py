@@ -23,7 +23,7 @@ from blocks.core import FloatArray
 from runtime.errors import UsageError, one_line
 from runtime.files import slug, write_whole
 from runtime.observation import PLOT_KINDS, PlotSpec, Recording, RunData, offered
-from runtime.plots import style, titles
+from runtime.plots import looks, style, titles
 from runtime.plots.trajectory import equal_scales
 
 DPI = 150
@@ -68,7 +68,7 @@ def draw(plot: PlotSpec, result: RunData, look: str = "screen") -> Figure:
     missing = [name for name in plot.of if name not in result.probes]
     if missing:
         raise UsageError(f"plot '{plot.name}' shows '{missing[0]}', which was not recorded")
-    with matplotlib.rc_context({**style.STYLE, **style.LOOKS[look].settings}):
+    with matplotlib.rc_context({**style.STYLE, **looks.LOOKS[look].settings}):
         figure = ShownFigure(layout="constrained")
         module, _, function = PLOT_KINDS[plot.kind].painter.partition(":")
         painter = getattr(import_module(module), function)
@@ -81,7 +81,7 @@ def draw(plot: PlotSpec, result: RunData, look: str = "screen") -> Figure:
         titles.set_title(top, plot.title, result)
         style.disable_math(figure)
         if "size" not in plot.options:
-            style.fit(figure, style.LOOKS[look])
+            looks.fit(figure, looks.LOOKS[look])
         titles.separate_notes(figure)
         if plot.kind == "trajectory" and not {"xlim", "ylim"} & plot.options.keys():
             equal_scales(figure, top)
@@ -97,11 +97,19 @@ def arrange(figure: Figure, top: Axes, plot: PlotSpec) -> None:
         style.mark_levels(top, np.atleast_1d(options["limits"]))
     if "xlim" in options:
         top.set_xlim(*options["xlim"])
+        for axes in figure.axes if plot.kind in ("timeseries", "spectrum") else ():
+            style.rescale(axes)
     if "ylim" in options:
         top.set_ylim(*options["ylim"])
     if "size" in options:
         figure.set_size_inches(*options["size"])
-    style.name_lines(figure, options.get("labels", ()), bool(options.get("legend", True)))
+    labels = options.get("labels", ())
+    if plot.kind == "xy" and len(labels) == len(plot.of) == 2:
+        style.name_axes(top, *labels)
+        labels = ()
+    if plot.kind == "spectrum" and len(top.lines) == 1:
+        labels = ()  # one curve has no legend, and its axis is called power density
+    style.name_lines(figure, labels, bool(options.get("legend", True)))
 
 
 def save_plots(
@@ -228,11 +236,14 @@ def _lines(figure: Figure, axes: Axes, lines: list[_Column], names: list[str], e
     colours = ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0.0, 0.9, len(lines))))
     low = high = 0.0
     layers = style.layers([line.y for line in lines])
+    covered = [0] * len(lines) if many else style.coincident([line.y for line in lines])
     for i, (line, name) in enumerate(zip(lines, names, strict=True)):
         t, y = _thinned(line, len(lines))
         how: dict[str, Any] = (
             {"color": colours(i), "linewidth": 0.5} if many else style.line_style(i)
         )
+        if covered[i]:
+            how["linestyle"] = (0.0, (4.0, 3.0) if covered[i] == 1 else (1.5, 5.5))
         how["zorder"] = layers[i]
         if len(y) == 1:
             # A single row is a constant, or a probe slower than the run: it is marked by a dot.

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import math
 import re
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.mathtext import MathTextParser
 from matplotlib.text import Text
-from matplotlib.ticker import MaxNLocator, ScalarFormatter
+from matplotlib.ticker import LogFormatter, MaxNLocator, ScalarFormatter
 
 from blocks.core import FloatArray
 
@@ -27,8 +25,9 @@ WIDTH = 6.5  # inches, the text width of a one-column paper
 GREY = "0.4"
 TITLE_SIZE = 10.0  # points
 LETTER = 0.55  # mean width of a letter, as a share of the font's size
-NARROW = 16  # characters of a legend's entry, of which three fit into a column
 NOISY = 0.3  # share of steps that go back
+MARGIN = 0.05  # of an axis, above and below what it shows
+COINCIDENT = 0.01  # of a line's range
 LONG_NAME = 20  # characters, about what fits beside the lowest axes
 # Okabe and Ito's palette for colour-blind readers, without its yellow, too pale for lines.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
@@ -71,70 +70,6 @@ STYLE: Any = {
 }
 
 
-@dataclass(frozen=True)
-class Look:
-    """A size of paper: the width of its figures (in), their largest height, and their fonts."""
-
-    width: float | None = None
-    height: float = 9.0
-    settings: Any = field(default_factory=dict)
-
-
-_SMALL: dict[str, Any] = {
-    "font.size": 8.0,
-    "axes.labelsize": 8.0,
-    "axes.titlesize": 8.0,
-    "legend.fontsize": 7.0,
-}
-_SMALL |= {"xtick.labelsize": 7.0, "ytick.labelsize": 7.0, "legend.fontsize": 7.0}
-_SERIF: dict[str, Any] = {"font.family": "serif", "mathtext.fontset": "dejavuserif"}
-_SERIF |= {"font.serif": ["Times New Roman", "Nimbus Roman", "Liberation Serif", "DejaVu Serif"]}
-# The columns of an IEEE page are 3.5 in wide, and 7.16 in together.
-LOOKS: Mapping[str, Look] = {
-    "screen": Look(),
-    "paper": Look(3.5, 4.0, {**_SMALL, **_SERIF}),
-    "paper2": Look(7.16, 6.0, {**_SMALL, **_SERIF}),
-}
-
-
-def fit(figure: Figure, look: Look) -> None:
-    """Give a figure the width of a column; its height keeps the proportions up to a limit.
-
-    Titles are left to the caption; the subtitle stays, in small print.
-    """
-    if look.width is None:
-        return
-    width, height = figure.get_size_inches()
-    share = look.width / width
-    # Fonts do not shrink with the figure, so its height shrinks less than its width.
-    figure.set_size_inches(look.width, min(look.height, height * min(1.0, math.sqrt(share))))
-    for axes in figure.axes:
-        if axes.get_title(loc="left"):
-            axes.set_title("", loc="left")
-        for text in axes.texts:
-            if text.get_gid() == "subtitle":
-                text.set_visible(False)
-    if look.width < WIDTH:
-        _narrow_legends(figure)
-
-
-def _narrow_legends(figure: Figure) -> None:
-    """Place the legends of axes inside them, and those of the figure below it, a few in a row."""
-    for legend in list(figure.legends):
-        labels = [text.get_text() for text in legend.get_texts()]
-        legend.remove()
-        columns = 3 if max(map(len, labels)) <= NARROW else 2
-        shown = [handle for handle in legend.legend_handles if handle is not None]
-        figure.legend(shown, labels, loc="outside lower center", ncols=columns)
-    for axes in figure.axes:
-        beside = axes.get_legend()
-        if beside is not None:
-            handles, _ = axes.get_legend_handles_labels()
-            labels = [text.get_text() for text in beside.get_texts()]
-            over: dict[str, Any] = {"frameon": True, "framealpha": 0.85, "edgecolor": "none"}
-            axes.legend(handles, labels, loc="best", **over)
-
-
 def shade_band(figure: Figure, band: float) -> None:
     """Shade the range from -band to band on all axes that show lines, and say so."""
     shown = [axes for axes in figure.axes if axes.lines]
@@ -158,14 +93,45 @@ def name_lines(figure: Figure, labels: Sequence[str], wanted: bool) -> None:
     for axes in figure.axes:
         lines = axes.get_legend_handles_labels()[0]
         if (beside := axes.get_legend()) is not None:
+            old = [text.get_text() for text in beside.get_texts()]
             _rename(beside, left)
+            new = [text.get_text() for text in beside.get_texts()]
+            if axes.get_ylabel() == _renamed(axes.get_ylabel(), *old):
+                axes.set_ylabel(_renamed(axes.get_ylabel(), *new))
         elif len(lines) == 1 and not figure.legends and (name := next(left, "")):
-            unit = re.search(r"\[[^\[\]]*\]$", axes.get_ylabel())
-            axes.set_ylabel(axis_label([name], unit[0][1:-1] if unit else ""))
+            axes.set_ylabel(_renamed(axes.get_ylabel(), name))
     if not wanted:
         for each in [*figure.legends, *(axes.get_legend() for axes in figure.axes)]:
             if each is not None:
                 each.remove()
+
+
+def name_axes(axes: Axes, across: str, up: str) -> None:
+    """Give both axes other names, and keep their units."""
+    axes.set_xlabel(_renamed(axes.get_xlabel(), across))
+    axes.set_ylabel(_renamed(axes.get_ylabel(), up))
+
+
+def _renamed(label: str, *names: str) -> str:
+    """The label of an axis with other names and the same unit."""
+    unit = re.search(r"(?:^|\s)\[([^\[\]]*)\]$", label)
+    return axis_label(names, unit[1] if unit else "")
+
+
+def rescale(axes: Axes) -> None:
+    """Fit the vertical axis to the parts of its lines that the horizontal axis shows."""
+    low, high = axes.get_xlim()
+    named = [line for line in axes.get_lines() if not str(line.get_label()).startswith("_")]
+    lines = named or axes.get_lines()
+    points = [np.column_stack(np.broadcast_arrays(*line.get_data())) for line in lines]
+    shown = [y[(low <= x) & (x <= high) & np.isfinite(y)] for x, y in (p.T for p in points)]
+    values = np.concatenate(shown) if shown else np.empty(0)
+    if values.size and values.max() > values.min():
+        # The margins are equal on the screen, also of a logarithmic axis.
+        ends = axes.transData.transform([(low, values.min()), (low, values.max())])
+        margin = MARGIN * float(np.ptp(ends[:, 1]))
+        ends[:, 1] += (-margin, margin)
+        axes.set_ylim(*axes.transData.inverted().transform(ends)[:, 1])
 
 
 def _rename(legend: Legend, labels: Iterator[str]) -> None:
@@ -216,6 +182,22 @@ def _roughness(values: FloatArray) -> float:
     return float(np.mean((steps[1:] * steps[:-1]).sum(axis=1) < 0.0))
 
 
+def coincident(lines: Sequence[FloatArray]) -> list[int]:
+    """How many earlier lines each one covers: those that differ by less than a hundredth.
+
+    Parameters
+    ----------
+    lines : values over time, or points (rows, columns).
+    """
+    counts = []
+    for i, values in enumerate(lines):
+        finite = values[np.isfinite(values)]
+        close = COINCIDENT * float(np.ptp(finite)) if finite.size else 0.0
+        earlier = [other for other in lines[:i] if other.shape == values.shape and close > 0.0]
+        counts.append(sum(np.allclose(other, values, 0.0, close, True) for other in earlier))
+    return counts
+
+
 def line_style(i: int) -> dict[str, Any]:
     """Colour and dashes of the i-th line of an axes."""
     dashes = LINESTYLES[i // len(COLOURS) % len(LINESTYLES)]
@@ -244,7 +226,7 @@ def disable_math(figure: Figure) -> None:
         text.set_parse_math(is_formula(text.get_text()))
     for axes in figure.axes:
         for axis in (axes.xaxis, axes.yaxis):
-            is_number = isinstance(axis.get_major_formatter(), ScalarFormatter)
+            is_number = isinstance(axis.get_major_formatter(), ScalarFormatter | LogFormatter)
             axis.get_offset_text().set_parse_math(True)
             for tick in axis.get_major_ticks():
                 for label in (tick.label1, tick.label2):
@@ -313,9 +295,13 @@ def stacked_axes(figure: Figure, count: int, ratios: Sequence[float] | None = No
     count = max(1, count)
     column = figure.subplots(count, sharex=True, squeeze=False, height_ratios=ratios)[:, 0]
     for axes in column:
-        # The axis' power of ten is placed left of the subtitle, which it would overlap.
-        axes.yaxis.get_offset_text().set(x=-0.01, horizontalalignment="right")
+        place_power(axes)
     return list(column)
+
+
+def place_power(axes: Axes) -> None:
+    """Place the vertical axis' power of ten left of the subtitle, which it would overlap."""
+    axes.yaxis.get_offset_text().set(x=-0.01, horizontalalignment="right")
 
 
 def headline(figure: Figure, text: str) -> None:

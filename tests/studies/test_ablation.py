@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Callable
 from functools import cache
@@ -15,7 +16,7 @@ from runtime.document.loader import SHIPPED
 from runtime.experiments.design.seeds import Seeds
 from runtime.experiments.design.variants import BASELINE
 from tests.studies.ablation import runs
-from tests.studies.ablation.conclusions import ALL, INTEGRATOR, SPEED
+from tests.studies.ablation.conclusions import ALL, FED, INTEGRATOR, SPEED, TURN
 from tests.studies.ablation.judge import (
     ALONE,
     APART,
@@ -30,7 +31,7 @@ from tests.studies.ablation.judge import (
     MORE,
     NOT_SIGNIFICANT,
     PARTS,
-    STIFFER,
+    TUNED,
     WORSE,
     Judged,
     controllers,
@@ -38,8 +39,8 @@ from tests.studies.ablation.judge import (
 from tests.studies.ablation.page import page
 from tests.studies.ablation.runs import (
     CONFIGURATIONS,
+    COURSE,
     PRINTED,
-    ROBUST,
     RULES,
     Configuration,
     Measured,
@@ -65,7 +66,8 @@ def test_every_experiment_is_part_of_the_study(file: Path) -> None:
 def test_all_variants_build_and_can_be_compared(configuration: Configuration, rule: str) -> None:
     experiment = runs.read(configuration, rule)
     graphs = {variant.name: variant.graph for variant in experiment.variants}
-    assert {ALONE, BARE, *PARTS, STIFFER, STIFFER + APART} <= set(graphs)
+    parts = set(PARTS) if rule == PRINTED else {*PARTS} - {SPEED, TURN}
+    assert {ALONE, BARE, *parts, TUNED, TUNED + APART} <= set(graphs)
     for name, graph in graphs.items():
         network = graph.check().network
         assert network.entries, name
@@ -75,9 +77,9 @@ def test_all_variants_build_and_can_be_compared(configuration: Configuration, ru
             assert name.removesuffix(APART) in graphs
     rates = {
         name: graphs[name].network.entries["adaptive.snn_omega"].made.learning_rate
-        for name in (SPEED, INTEGRATOR, FAST, FAST_INTEGRATOR)
+        for name in (BARE.removesuffix(APART), INTEGRATOR, FAST, FAST_INTEGRATOR)
     }
-    assert rates[SPEED] == rates[INTEGRATOR]
+    assert rates[BARE.removesuffix(APART)] == rates[INTEGRATOR]
     assert rates[FAST] == rates[FAST_INTEGRATOR] == pytest.approx(2.0 * rates[INTEGRATOR])
     # The gains of the graphs were chosen on seeds 0 to 9.
     assert experiment.seeds is not None
@@ -87,6 +89,34 @@ def test_all_variants_build_and_can_be_compared(configuration: Configuration, ru
         plain = runs.read(Configuration(configuration.case, "", configuration.experiment), rule)
         found = {v.name: v.graph.to_dict() for v in plain.variants}
         assert all(graph.to_dict() != found[name] for name, graph in graphs.items())
+
+
+# A contestant of docs/comparison.md with its task, and the variant that has its settings.
+COMPARED = {
+    "LQR": TUNED,
+    "LQR, feedforward tuned": FED,
+    "PathPID": "PID",
+    "PurePursuit": "PurePursuit",
+    "Stanley": "Stanley",
+}
+PLACES = {"params.q_y": "lqr.0", "params.q_theta": "lqr.2"}
+
+
+def test_settings_of_the_trackers_are_those_that_were_found() -> None:
+    text = (SHIPPED.parent / "docs" / "comparison.md").read_text(encoding="utf-8")
+    tasks = {"line": LINE, "sine": SINE, "gentle": IDEAL}
+    rows = re.findall(r"^\| (.*?) \| (\w+) \| \d+ \| \d+ \| (.*) \|$", text, re.M)
+    wanted = [row for row in rows if row[0] in COMPARED and row[1] in tasks]
+    assert len(wanted) == 4 * len(tasks)
+    for (name, task, values), rule in itertools.product(wanted, RULES):
+        variants = runs.read(tasks[task], rule).variants
+        graph = next(v.graph for v in variants if v.name == COMPARED[name])
+        blocks = graph.to_dict()["blocks"]
+        for pair in values.split(", "):
+            path, value = pair.split(" = ")
+            block, key = PLACES.get(path, path).split(".")
+            found = blocks[block]["q"][int(key)] if key.isdigit() else blocks[block][key]
+            assert found == float(value), (name, task, rule, path)
 
 
 @cache
@@ -128,7 +158,7 @@ def judged() -> Judged:
     def error(configuration: Configuration, rule: str, name: str) -> float:
         if rule == PRINTED and name == BASELINE:
             return {"A": 0.5, "B": 2.0}.get(configuration.case, 1.0)
-        if rule == ROBUST and name == "integrator":
+        if rule == COURSE and name == "integrator":
             return {"A": 1.3, "B": 1.03}.get(configuration.case, 1.0)
         return 1.0
 
@@ -148,9 +178,9 @@ def test_verdicts_are_those_of_the_numbers(judged: Judged) -> None:
 
 
 def test_what_stands_in_is_held_against_a_margin(judged: Judged) -> None:
-    assert judged(LINE, ROBUST, "integrator", BASELINE).stands_in == WORSE
+    assert judged(LINE, COURSE, "integrator", BASELINE).stands_in == WORSE
     # Significantly different from what it replaces, but by 3 %.
-    small = judged(SINE, ROBUST, "integrator", BASELINE)
+    small = judged(SINE, COURSE, "integrator", BASELINE)
     assert (small.verdict, small.stands_in) == (HURTS, AS_WELL)
 
 
@@ -234,7 +264,7 @@ def test_measured_is_what_the_graph_gives(tmp_path: Path, monkeypatch: pytest.Mo
         direct = [variant.run(seed=seed).metrics["position_mae"] for seed in (20, 21)]
         assert found(name, "position_mae") == direct
 
-    def refused() -> None:
+    def refused(_: int) -> None:
         raise AssertionError("it was run again")
 
     monkeypatch.setattr(runs, "_pool", refused)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from argparse import Namespace
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -59,8 +60,22 @@ def _rival(graph: Graph, quiet: bool, out: Path) -> Result:
     return result
 
 
-def names(change: str) -> tuple[str, str]:
-    """Short names of two runs that differ in one change: 'with snn', 'without snn'."""
+def names(change: str, labels: str = "") -> tuple[str, str]:
+    """Short names of two runs that differ in one change: 'with snn', 'without snn'.
+
+    Parameters
+    ----------
+    labels : names in their place, separated by a comma.
+
+    Raises
+    ------
+    UsageError : there are not two labels.
+    """
+    if labels:
+        first, comma, second = (text.strip() for text in labels.partition(","))
+        if not (first and comma and second) or "," in second:
+            raise UsageError(f"--labels {labels}: expected two names for --vs, as in 'mine,theirs'")
+        return first, second
     kind, _, text = change.partition("=")
     if kind == "with":
         return "as written", f"with {Path(text).stem}"
@@ -71,8 +86,7 @@ def painter(
     result: Result,
     others: Mapping[str, Result],
     folder: Path,
-    look: str,
-    vs: str | None,
+    options: Namespace,
     before: Result | None = None,
 ) -> Callable[[PlotSpec], Figure] | None:
     """A function that draws a plot with another run in it; None if there is no other run.
@@ -80,7 +94,8 @@ def painter(
     Parameters
     ----------
     others : runs by the change that made them.
-    vs : the change that all plots show; without it, each shows the one that it names itself.
+    options : ``vs`` is the change that all plots show, without which each shows the one that it
+        names itself; ``labels`` are names of both runs, ``style`` is that of the figures.
     before : a run from before the graph was edited, for plots that show no other.
     """
     if not others and before is None:
@@ -90,14 +105,15 @@ def painter(
     from runtime.plots import draw
 
     def drawn(plot: PlotSpec) -> Figure:
-        change = vs or str(plot.options.get("compare", ""))
+        change = options.vs or str(plot.options.get("compare", ""))
         if change in others:
-            shown, other = names(change), others[change]
+            shown, other = names(change, options.labels), others[change]
         elif before is not None:
             shown, other = ("now", "before"), before
         else:
-            return draw(plot, result, look)
+            return draw(plot, result, options.style)
         first, second = shown
-        return versus([Run(first, folder, result, {}), Run(second, folder, other, {})], plot, look)
+        runs = [Run(first, folder, result, {}), Run(second, folder, other, {})]
+        return versus(runs, plot, options.style)
 
     return drawn

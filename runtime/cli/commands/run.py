@@ -39,6 +39,9 @@ def add(parser: ArgumentParser) -> None:
         "set=lqr.q=[1,1,1]",
     )
     parser.add_argument(
+        "--labels", default="", metavar="A,B", help="names of both runs in the pictures of --vs"
+    )
+    parser.add_argument(
         "--figures", default="png", metavar="FORMATS", help="formats: pdf,svg,png (png)"
     )
     parser.add_argument(
@@ -94,7 +97,7 @@ def _once(options: Namespace, before: Result | None) -> Done:
         try:
             if failure is None and not (options.no_plots and options.vs is None):
                 others = run_rivals(compared, quiet, Path(options.out))
-            drawn = painter(result, others, folder, options.style, options.vs, before)
+            drawn = painter(result, others, folder, options, before)
             pictures = _pictures(result, folder, options, formats, drawn)
             pictures += [_diagram(graph, folder)] if options.watch else []
         except KeyboardInterrupt:
@@ -106,7 +109,7 @@ def _once(options: Namespace, before: Result | None) -> Done:
             more["vs"] = {"change": options.vs, "metrics": others[options.vs].metrics}
         show_json(_summary(result, folder) | more)
     else:
-        columns = {names(change): other for change, other in others.items()}
+        columns = {names(change, options.labels): other for change, other in others.items()}
         latest = {} if before is None else {("now", "before"): before}
         _print_result(result, folder, pictures, options, columns or latest)
     if rows and not options.json:
@@ -161,7 +164,13 @@ def _report_leftovers(folder: Path) -> None:
 
 
 def _check_options(graph: Graph, options: Namespace) -> None:
-    """Raise an error before the run if the graph cannot be animated or profiled."""
+    """Raise an error before the run if the graph does not allow an option."""
+    if options.labels:
+        names("", options.labels)
+        if options.vs is None:
+            raise UsageError(
+                f"--labels {options.labels}: names the two runs of --vs, which is not given"
+            )
     if options.animate:
         from runtime.plots import animated
 

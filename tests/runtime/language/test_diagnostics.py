@@ -104,7 +104,7 @@ def test_experiments_parts_and_worlds_are_checked() -> None:
             "PID: {replase: {lqr: PathPID}}",
             "re",
         ),
-        ("experiments/walls.yaml", "lqr.q: [50, 50, 20]", "lqr.qq: [50, 50, 20]", "'q'"),
+        ("experiments/walls.yaml", "lqr.q: [113.8", "lqr.qq: [113.8", "'q'"),
         ("parts/adaptive_snn.yaml", "v: snn_v.output", "v: snn_v.outptu", "'output'"),
         ("parts/adaptive_snn.yaml", "leak: $leak", "leek: $leak", "'leak'"),
         ("worlds/paper_room.yaml", "[0.3, -1.5, 0.5]", "[0.3, -1.5, -0.5]", "above 0 m"),

@@ -13,7 +13,7 @@ import pytest
 
 import runtime
 from runtime.plots import display_names, layers
-from runtime.plots.style import is_formula
+from runtime.plots.style import coincident, is_formula
 from runtime.runs import Result
 from tests.conftest import Run
 
@@ -82,7 +82,9 @@ def test_noise_is_drawn_behind_what_it_would_hide() -> None:
 @pytest.mark.parametrize(
     ("entry", "message"),
     [
-        ("{of: plant.pose, label: [a, b]}", "expected a text for each of the 1 signals, got 2"),
+        ("{of: plant.pose, label: [a, b]}", "text for the signal, or for each of the 3 columns"),
+        ("{of: plant.pose, unit: cm}", "'plant.pose' has a unit of its own: m, rad"),
+        ("{of: plant.pose, unit: 3}", "expected a text, got 3"),
         ("{of: plant.pose, label: {a: b}}", "expected a text"),
         ("{of: plant.pose, labl: a}", "did you mean 'label'?"),
     ],
@@ -93,6 +95,75 @@ def test_wrong_labels_are_reported(file: Path, entry: str, message: str) -> None
         runtime.load(file).check()
     assert message in str(caught.value)
     assert "labels.yaml:6" in str(caught.value)
+
+
+COLUMNS = """
+graph: columns
+run: {dt: 0.001, until: 1.0}
+blocks:
+  model: {type: DynamicSystem, states: [x, v], derivative: [v, -x], initial: [3, 0]}
+  same: {type: Gain, gain: 1.0}
+wires: {same: {input: model.out}}
+probes:
+  motion: {of: model.out, label: [position, speed], unit: [m, m/s]}
+  both: [model.out.0, same.out.0]
+  scaled: {of: same.out, label: state, unit: m}
+plots:
+  phase: {kind: xy, of: motion}
+  other: {kind: xy, of: ["model.out[0]", "model.out[1]"], labels: [x, v]}
+  motion: {kind: timeseries, of: motion}
+  late: {kind: timeseries, of: motion, xlim: [0.5, 1.0]}
+  both: {kind: timeseries, of: both, labels: [first, second]}
+  spectrum: {kind: spectrum, of: motion}
+"""
+
+
+@pytest.fixture
+def columns(tmp_path: Path) -> Path:
+    path = tmp_path / "columns.yaml"
+    path.write_text(COLUMNS, encoding="utf-8")
+    return path
+
+
+def test_columns_of_one_signal_have_names_and_units(columns: Path, tmp_path: Path) -> None:
+    result = runtime.load(columns).run()
+    for found in (result, runtime.open(result.save(tmp_path / "run"))):
+        axes = found.plot("phase").axes[0]
+        assert (axes.get_xlabel(), axes.get_ylabel()) == ("position [m]", "speed [m/s]")
+        axes = found.plot("other").axes[0]
+        assert (axes.get_xlabel(), axes.get_ylabel()) == ("x", "v")
+        upper, lower = found.plot("motion").axes
+        assert (upper.get_ylabel(), lower.get_ylabel()) == ("position [m]", "speed [m/s]")
+        assert found.probes["scaled"].units == ("m", "m")
+    without = runtime.load(columns).without("same").run()
+    assert "scaled" not in without.probes and without.probes["motion"].units == ("m", "m/s")
+
+
+def test_the_vertical_axis_fits_what_the_horizontal_one_shows(columns: Path) -> None:
+    result = runtime.load(columns).run()
+    low, high = result.plot("late").axes[0].get_ylim()
+    t = result.time("motion")
+    shown = result["motion"][t >= 0.5, 0]
+    margin = 0.05 * (shown.max() - shown.min())
+    assert low == pytest.approx(shown.min() - margin)
+    assert high == pytest.approx(shown.max() + margin)
+
+
+def test_a_line_that_covers_another_is_dashed(columns: Path) -> None:
+    axes = runtime.load(columns).run().plot("both").axes[0]
+    first, second = axes.get_lines()[:2]
+    assert (first.is_dashed(), second.is_dashed()) == (False, True)
+    assert axes.get_ylabel() == "first, second"
+    waves = [np.sin(np.linspace(0, 9, 50) + shift) for shift in (0.0, 1.0, 0.0, 1.0, 0.0)]
+    assert coincident([*waves, np.zeros(50), np.full(50, np.nan)]) == [0, 0, 1, 1, 2, 0, 0]
+
+
+def test_powers_of_ten_are_drawn_as_such(columns: Path) -> None:
+    figure = runtime.load(columns).run().plot("spectrum")
+    figure.canvas.draw()
+    ticks = [label for axes in figure.axes for label in axes.get_yticklabels()]
+    assert any("10^" in label.get_text() for label in ticks)
+    assert all(label.get_parse_math() for label in ticks)
 
 
 def test_a_plot_compares_with_a_change(file: Path, cli: Run) -> None:

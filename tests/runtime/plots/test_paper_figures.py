@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -169,6 +170,15 @@ def test_two_runs_share_a_figure(cli: Run, tmp_path: Path) -> None:
     assert {p.name for p in (tmp_path / plots).iterdir()} == {"way.png", "errors.png", "turn.png"}
 
 
+def test_two_runs_have_the_names_that_are_given(cli: Run, tmp_path: Path) -> None:
+    named = ("--vs", "without=adaptive", "--labels", "with SNN, LQR alone", "--figures", "svg")
+    done = cli("run", "starters/adaptive", "--until", "0.2", *named)
+    assert done.returncode == 0, done.stderr
+    assert re.search(r"^ +with SNN +LQR alone$", done.stdout, re.M)
+    figure = next((tmp_path / "runs").rglob("errors.svg")).read_text(encoding="utf-8")
+    assert "LQR alone" in figure
+
+
 def test_lines_of_both_runs_are_their_recordings() -> None:
     from runtime.compare import Run as Compared
     from runtime.compare.overlay import versus
@@ -197,6 +207,11 @@ def test_lines_of_both_runs_are_their_recordings() -> None:
             "--vs adaptive: expected CHANGE=VALUE with one of without, ",
         ),
         (["--vs", "without=adaptiv"], "there is no block 'adaptiv', did you mean 'adaptive'?"),
+        (["--labels", "a,b"], "--labels a,b: names the two runs of --vs, which is not given"),
+        (
+            ["--vs", "without=adaptive", "--labels", "a,b,c"],
+            "--labels a,b,c: expected two names for --vs, as in 'mine,theirs'",
+        ),
     ],
 )
 def test_wrong_options_end_before_the_run(

@@ -17,17 +17,18 @@ from tests.studies.ablation.judge import (
     FAST_INTEGRATOR,
     HELPS,
     HURTS,
-    STIFFER,
     TRACKERS,
+    TUNED,
     Effect,
     Judged,
 )
-from tests.studies.ablation.runs import CONFIGURATIONS, PRINTED, ROBUST, RULES
+from tests.studies.ablation.runs import CONFIGURATIONS, COURSE, PRINTED, RULES
 from tests.studies.ablation.words import Word, grouped, markdown, share, stands_in, tally, verdict
 
 RATES, INTEGRATOR = "rate neurons", "integrator"
 SPEED, TURN = "no adaptive speed", "no adaptive turn rate"
 BLIND = "no feedforward"
+FED = f"{TUNED} and feedforward"
 
 
 @dataclass(frozen=True)
@@ -59,26 +60,27 @@ def _both(title: str, variant: str, against: str, word: Word = verdict) -> list[
 
 
 ADDED = _both("SNN", BASELINE, ALONE)
-STIFFER_TOO = _both("SNN beside a stiffer LQR", STIFFER, STIFFER + APART)
+BESIDE_TUNED = _both("SNN beside the tuned LQR", TUNED, TUNED + APART)
+BESIDE_FED = _both("SNN beside LQR and feedforward, both tuned", FED, FED + APART)
 UNAIDED = _both("SNN without feedforward", BLIND, BARE)
 UNSPIKED = _both("rate neurons for spikes", RATES, BASELINE, stands_in)
 INTEGRATED = _both("integrator for the SNN", INTEGRATOR, BASELINE, stands_in)
 FASTER = _both("integrator for the SNN, both twice as fast", FAST_INTEGRATOR, FAST, stands_in)
 OUTRUN = _both("integrator, twice as fast, for the SNN", FAST_INTEGRATOR, BASELINE, stands_in)
 HASTY = _both("SNN twice as fast as the graph's", FAST, BASELINE)
-STILL = _both("without the speed's half", SPEED, BASELINE, stands_in)
-UNTURNED = _both("without the turn rate's half", TURN, BASELINE, stands_in)
+STILL = Question("without the speed's half, as printed", PRINTED, SPEED, BASELINE, stands_in)
+UNTURNED = Question("without the turn rate's half, as printed", PRINTED, TURN, BASELINE, stands_in)
 FORWARD = Question("feedforward, no SNN", PRINTED, ALONE, BARE)
 EXACTLY = Question("exact feedforward, no SNN", PRINTED, EXACT, BARE)
 WITH_EXACT = _both("SNN beside exact feedforward", EXACT.removesuffix(APART), EXACT)
 INSTEAD = [
-    Question(f"{name} for LQR with SNN, our rule", ROBUST, name + APART, BASELINE, stands_in)
-    for name in (STIFFER, *TRACKERS)
+    Question(f"{name} for LQR with SNN, our rule", COURSE, name + APART, BASELINE, stands_in)
+    for name in (TUNED, FED, *TRACKERS)
 ]
 ALL = [
-    *(*ADDED, *STIFFER_TOO, *UNAIDED, *WITH_EXACT, FORWARD, EXACTLY),
+    *(*ADDED, *BESIDE_TUNED, *BESIDE_FED, *UNAIDED, *WITH_EXACT, FORWARD, EXACTLY),
     *(*UNSPIKED, *INTEGRATED, *FASTER, *OUTRUN, *HASTY),
-    *(*STILL, *UNTURNED, *INSTEAD),
+    *(STILL, UNTURNED, *INSTEAD),
 ]
 
 
@@ -108,8 +110,9 @@ def opening(judged: Judged) -> str:
         f"In the {len(CONFIGURATIONS)} configurations above the spiking term as printed "
         f"{times(ADDED[0])}; with our rule it {times(ADDED[1])}. In its place, rate neurons "
         f"do at least as well in {count(UNSPIKED, *least)} of {both} comparisons, a plain "
-        f"integrator in {count(INTEGRATED, *least)}. In place of learning by our rule, stiffer "
-        f"gains do at least as well in {count(INSTEAD[:1], *least)} of {len(CONFIGURATIONS)}.\n"
+        f"integrator in {count(INTEGRATED, *least)}. In place of learning by our rule beside the "
+        f"graph's LQR, a tuned LQR does at least as well in {count(INSTEAD[:1], *least)} of "
+        f"{len(CONFIGURATIONS)}.\n"
     )
 
 
@@ -123,24 +126,25 @@ def conclusions(judged: Judged) -> list[str]:
         return f"as printed, {printed}. With our rule, {ours}"
 
     return [
-        f"**The printed rule**, beside the graph's LQR and feedforward: "
+        f"**The printed rule**, beside the graph's LQR, which nobody tuned, and feedforward: "
         f"{ADDED[0].message(judged, numbers=True)}.",
         f"**Our rule**, likewise: {ADDED[1].message(judged, numbers=True)}.",
-        f"**Beside a stiffer LQR**: {sentence(STIFFER_TOO)}.",
+        f"**Beside the tuned LQR**: {sentence(BESIDE_TUNED)}. With its feedforward tuned, too: "
+        f"{sentence(BESIDE_FED)}.",
         f"**Beside PID, PurePursuit and Stanley**: {_trackers(judged)}.",
         f"**Do spikes matter?** Rate neurons in their place: {sentence(UNSPIKED)}.",
         f"**Does a network matter?** A plain integrator in its place: {sentence(INTEGRATED)}. Both "
         f"twice as fast: {sentence(FASTER)}.",
-        f"**Which half?** Without the speed's: {sentence(STILL)}. Without the turn rate's: "
-        f"{sentence(UNTURNED)}.",
+        f"**Which half?** As printed, without the speed's: {STILL.message(judged)}. Without the "
+        f"turn rate's: {UNTURNED.message(judged)}. Our rule has only the turn rate's.",
         f"**Feedforward alone**, beside the LQR: {FORWARD.message(judged, numbers=True)}. "
         f"The network "
         f"without it: {sentence(UNAIDED)}.",
         f"**Exact feedforward alone** (alpha = v_r where the graph has less): "
         f"{EXACTLY.message(judged, numbers=True)}. The network beside it: {sentence(WITH_EXACT)}.",
-        f"**In place of learning**, against the graph's LQR with our rule. A stiffer LQR: "
-        f"{INSTEAD[0].message(judged)}. PID, PurePursuit and Stanley: "
-        f"{_tally(judged, INSTEAD[1:])}.",
+        f"**In place of learning**, against the graph's LQR with our rule. The tuned LQR: "
+        f"{INSTEAD[0].message(judged)}; its feedforward tuned, too: {INSTEAD[1].message(judged)}. "
+        f"PID, PurePursuit and Stanley: {_tally(judged, INSTEAD[2:])}.",
     ]
 
 

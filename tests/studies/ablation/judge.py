@@ -21,7 +21,7 @@ from tests.studies.ablation.runs import CONFIGURATIONS, PRINTED, RULES, Configur
 
 ALONE, APART = "no adaptive part", ", not adaptive"
 BARE, EXACT = f"no feedforward{APART}", f"exact feedforward{APART}"
-STIFFER, TRACKERS = "stiffer LQR", ("PID", "PurePursuit", "Stanley")
+TUNED, TRACKERS = "tuned LQR", ("PID", "PurePursuit", "Stanley")
 PARTS = ("no adaptive speed", "no adaptive turn rate", "rate neurons", "integrator")
 FAST, FAST_INTEGRATOR = "SNN, twice as fast", "integrator, twice as fast"
 MARGIN = 0.1  # a stand-in does as well if it is within this part of the error
@@ -176,7 +176,10 @@ class Judged:
                 for rule in RULES:
                     measured = self.results[configuration, rule]
                     pairs = controllers(measured)
-                    asked = [*pairs.values(), *((part, BASELINE) for part in PARTS)]
+                    asked = [
+                        *pairs.values(),
+                        *((part, BASELINE) for part in PARTS if part in measured.values),
+                    ]
                     asked += [
                         (FAST, BASELINE),
                         (FAST_INTEGRATOR, BASELINE),

@@ -19,8 +19,8 @@ from runtime.terminal import Progress
 from tests.studies.following import ENGINE, WORKERS
 
 EXPERIMENTS = SHIPPED / "experiments"
-PRINTED, ROBUST = "as printed", "our rule"
-RULES = (PRINTED, ROBUST)
+PRINTED, COURSE = "as printed", "our rule"
+RULES = (PRINTED, COURSE)
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Configuration:
 
     def file(self, rule: str) -> str:
         """The experiment's name, for one of the two rules."""
-        return self.experiment + ("_robust" if rule == ROBUST else "")
+        return self.experiment + ("_course" if rule == COURSE else "")
 
 
 CONFIGURATIONS = (
@@ -79,12 +79,14 @@ def measure(
     folder: Path,
     seeds: Seeds | None = None,
     engine: str = ENGINE,
+    jobs: int = WORKERS,
 ) -> Measured:
     """Run an experiment, or what of it the folder does not hold yet.
 
     Parameters
     ----------
     seeds : in place of the experiment's own.
+    jobs : the number of processes.
     """
     experiment = read(configuration, rule, engine)
     chosen = seeds or experiment.seeds
@@ -92,7 +94,9 @@ def measure(
         raise UsageError(f"{experiment.name}: there are no seeds")
     variants = list(experiment.variants)
     plan = ablation_plan(experiment, variants, chosen)
-    done = run_ablation(plan, variants, {}, folder / plan.name, _pool, progress=Progress(plan.name))
+    done = run_ablation(
+        plan, variants, {}, folder / plan.name, lambda: _pool(jobs), progress=Progress(plan.name)
+    )
     if done.is_interrupted:
         raise KeyboardInterrupt
     rows = done.rows
@@ -109,5 +113,5 @@ def measure(
     return Measured(values, tuple(chosen), broken)
 
 
-def _pool() -> WorkerPool:
-    return local_pool(WORKERS, None)
+def _pool(jobs: int) -> WorkerPool:
+    return local_pool(jobs, None)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from runtime.experiments.design.variants import BASELINE
 from tests.studies.ablation.judge import METRICS, Judged, Metric
 from tests.studies.ablation.judge import controllers as controllers_of
-from tests.studies.ablation.runs import CONFIGURATIONS, PRINTED, ROBUST, RULES, Configuration
+from tests.studies.ablation.runs import CONFIGURATIONS, COURSE, PRINTED, RULES, Configuration
 from tests.studies.ablation.words import change, markdown, own
 
 NAMES = {
@@ -40,7 +40,7 @@ def _worth(judged: Judged, case: str, metric: Metric) -> str:
             i = METRICS[case].index(metric)
             cells += [change(judged(configuration, rule, adaptive, alone, i)) for rule in RULES]
             for counts, tell in counted.values():
-                asked = ((PRINTED, alone), (PRINTED, adaptive), (ROBUST, adaptive))
+                asked = ((PRINTED, alone), (PRINTED, adaptive), (COURSE, adaptive))
                 found = (judged.results[configuration, rule](v, counts) for rule, v in asked)
                 cells.append(", ".join(map(tell, found)))
             rows.append(cells)

@@ -17,14 +17,16 @@ most five settings, its ends included, were run on the held-out runs; settings w
 {widest:g} rad/s in training do not count. "Beaten by" are the contestants with a setting that has
 both a smaller error and a smaller effort on the held-out runs.
 """
+CASES = ("A", "B", "C")
 HEADER = ("contestant", "error, mm", "effort, rad/s", "beaten by")
 FAULTS = """### Who is on the front, condition by condition
 
-Of all settings of case C on this page, for each held-out condition: those that no other one beats
+Of all settings of a case on this page, for each held-out condition: those that no other one beats
 in both the mean error and the mean effort over the seeds, the smallest effort first, with error
 (mm) and effort (rad/s); those with spikes in bold. Three seeds a condition: neighbours may change
 places.
 """
+ONE = "our rule, one setting"
 
 
 @dataclass(frozen=True)
@@ -55,21 +57,38 @@ def section(contest: Contest, spikes: Sequence[str]) -> str:
         names = ", ".join(name for name, members in contest.fronts.items() if members)
         head = TEXT.format(names=names, widest=WIDEST)
         text = f"{head}\n{table(HEADER, _settings(found))}\n"
-    rows = ((name, _told(members, spikes)) for name, members in by_condition(contest).items())
-    return f"{text}{FAULTS}\n{table(('condition', 'on the front'), rows)}"
+    fronts = [(case, *item) for case in CASES for item in by_condition(contest, case).items()]
+    rows = ((case, name, _told(members, spikes)) for case, name, members in fronts)
+    parts = (FAULTS, table(("case", "condition", "on the front"), rows), *_where(contest))
+    return text + "\n".join(parts)
 
 
-def by_condition(contest: Contest) -> dict[str, list[Point]]:
-    """The front of all settings for each held-out condition."""
-    task = TASKS[FRONT]
+def _where(contest: Contest) -> Iterator[str]:
+    """Where the rule with one setting is on the front, and where it is not."""
+    for case in CASES:
+        found = by_condition(contest, case)
+        on = [name for name, members in found.items() if any(one.name == ONE for one in members)]
+        off = [name for name in found if name not in on]
+        if not found:
+            continue
+        text = f"* **{ONE.capitalize()}**, case {case}: on the front in {len(on)} of {len(found)}"
+        text += f" conditions ({'; '.join(on)})" if on else " conditions"
+        if off:
+            text += f", not in {'; '.join(off)}"
+        yield f"{text}.\n" if case == CASES[-1] else f"{text}."
+
+
+def by_condition(contest: Contest, case: str) -> dict[str, list[Point]]:
+    """The front of all settings of a case for each held-out condition."""
     everyone = [
-        one
-        for limit, who in contest.limits.items()
-        if TASKS[limit].case == task.case
-        for one in who
+        one for limit, who in contest.limits.items() if TASKS[limit].case == case for one in who
     ]
-    everyone += [one for members in contest.fronts.values() for one in members]
-    return {name: front(_points(everyone, name)) for name in task.held_out}
+    if case == TASKS[FRONT].case:
+        everyone += [one for members in contest.fronts.values() for one in members]
+    if not everyone:
+        return {}
+    held_out = next(task.held_out for task in TASKS.values() if task.case == case)
+    return {name: front(_points(everyone, name)) for name in held_out}
 
 
 def _settings(found: Sequence[Contestant]) -> Iterator[tuple[str, ...]]:

@@ -1,0 +1,87 @@
+"""Looks of figures: their width on a page, their fonts, and where their legends are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from runtime.plots.style import WIDTH
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+MANY_NAMES = 4  # that a legend inside narrow axes may have
+NARROW = 16  # characters of a legend's entry, of which three fit into a column
+
+
+@dataclass(frozen=True)
+class Look:
+    """A size of paper: the width of its figures (in), their largest height, and their fonts."""
+
+    width: float | None = None
+    height: float = 9.0
+    settings: Any = field(default_factory=dict)
+
+
+_SMALL: dict[str, Any] = {
+    "font.size": 8.0,
+    "axes.labelsize": 8.0,
+    "axes.titlesize": 8.0,
+    "legend.fontsize": 7.0,
+}
+_SMALL |= {"xtick.labelsize": 7.0, "ytick.labelsize": 7.0, "legend.fontsize": 7.0}
+_SERIF: dict[str, Any] = {"font.family": "serif", "mathtext.fontset": "dejavuserif"}
+_SERIF |= {"font.serif": ["Times New Roman", "Nimbus Roman", "Liberation Serif", "DejaVu Serif"]}
+# The columns of an IEEE page are 3.5 in wide, and 7.16 in together.
+LOOKS: Mapping[str, Look] = {
+    "screen": Look(),
+    "paper": Look(3.5, 4.0, {**_SMALL, **_SERIF}),
+    "paper2": Look(7.16, 6.0, {**_SMALL, **_SERIF}),
+}
+
+
+def fit(figure: Figure, look: Look) -> None:
+    """Give a figure the width of a column; its height keeps the proportions up to a limit.
+
+    Titles are left to the caption; the subtitle stays, in small print.
+    """
+    if look.width is None:
+        return
+    width, height = figure.get_size_inches()
+    share = look.width / width
+    # Fonts do not shrink with the figure, so its height shrinks less than its width.
+    figure.set_size_inches(look.width, min(look.height, height * min(1.0, math.sqrt(share))))
+    for axes in figure.axes:
+        if axes.get_title(loc="left"):
+            axes.set_title("", loc="left")
+        for text in axes.texts:
+            if text.get_gid() == "subtitle":
+                text.set_visible(False)
+    if look.width < WIDTH:
+        _narrow_legends(figure)
+
+
+def _narrow_legends(figure: Figure) -> None:
+    """Place the legends of axes inside them, and those of the figure below it, a few in a row."""
+    for legend in list(figure.legends):
+        labels = [text.get_text() for text in legend.get_texts()]
+        legend.remove()
+        shown = [handle for handle in legend.legend_handles if handle is not None]
+        figure.legend(shown, labels, loc="outside lower center", ncols=_columns(labels))
+    for axes in figure.axes:
+        beside = axes.get_legend()
+        if beside is not None:
+            handles, _ = axes.get_legend_handles_labels()
+            labels = [text.get_text() for text in beside.get_texts()]
+            if len(labels) > MANY_NAMES and len(figure.axes) == 1:
+                beside.remove()
+                figure.legend(handles, labels, loc="outside lower center", ncols=_columns(labels))
+                continue
+            over: dict[str, Any] = {"frameon": True, "framealpha": 0.85, "edgecolor": "none"}
+            axes.legend(handles, labels, loc="best", **over)
+
+
+def _columns(labels: Sequence[str]) -> int:
+    return 3 if max(map(len, labels)) <= NARROW else 2
