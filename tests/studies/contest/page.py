@@ -20,7 +20,6 @@ from tests.studies.contest.results import (
     Infeasible,
     Verdict,
     rival_of,
-    verdicts,
 )
 from tests.studies.contest.words import MM, interval, mm, table
 
@@ -74,9 +73,9 @@ number of trials that is given; nothing was chosen by hand but the ranges.
 def page(contest: Contest) -> str:
     """The whole page."""
     sections = [
-        _Section(limit, who, contest.infeasible[limit])
+        _Section(contest, limit, rival)
         for limit, who in contest.limits.items()
-        if rival_of(who)
+        if (rival := rival_of(who)) is not None
     ]
     numbered = (f"{i}. {text}" for i, text in enumerate(sentences(contest), start=1))
     parts = [
@@ -127,15 +126,10 @@ def _missing(contest: Contest) -> str:
 class _Section:
     """The contestants under one limit of effort, the smallest held-out error first."""
 
-    def __init__(
-        self, limit: str, found: Sequence[Contestant], infeasible: Sequence[Infeasible]
-    ) -> None:
-        rival = rival_of(found)
-        if rival is None:
-            raise ValueError(f"{limit}: the {RIVAL} has not been run")
-        self.limit, self.infeasible, self.task = limit, infeasible, TASKS[limit]
-        self.against = verdicts(found, rival, self.task.counts)
-        self.ordered = sorted(found, key=lambda one: one.held_out(ERROR).mean)
+    def __init__(self, contest: Contest, limit: str, rival: Contestant) -> None:
+        self.limit, self.infeasible, self.task = limit, contest.infeasible[limit], TASKS[limit]
+        self.against = budgets.settled(contest, limit, rival)
+        self.ordered = sorted(contest.limits[limit], key=lambda one: one.held_out(ERROR).mean)
 
     def tables(self) -> list[str]:
         task = self.task
