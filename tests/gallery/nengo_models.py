@@ -424,9 +424,7 @@ class _LegendreMemory:
         rates = 2.0 * i + 1.0
         signs = np.where(i[:, None] < i, -1.0, (-1.0) ** (i[:, None] - i + 1.0))
         a, b = rates[:, None] * signs, rates * (-1.0) ** i
-        self.a, self.b, *_ = cont2discrete(
-            (a, b[:, None], np.eye(order), np.zeros((order, 1))), dt
-        )
+        self.a, self.b, *_ = cont2discrete((a, b[:, None], np.eye(order), np.zeros((order, 1))), dt)
         self.state = np.zeros(order)
 
     def __call__(self, t: float, x: Any) -> Any:
