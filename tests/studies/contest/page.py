@@ -36,9 +36,9 @@ lines say who has not been run. The experiment files are in `tests/studies/conte
 `runtime tune FILE` runs one of them again.
 """
 
-FIGURE = """Case C, held-out runs: each contestant under both limits, joined by a line, those with spikes
-as diamonds; dotted are tunings for error and effort at once. Bars are 95 % intervals over the
-conditions.
+FIGURE = """Case C, held-out runs: each contestant under both limits, joined by a line, those with
+spikes as diamonds; dotted are tunings for error and effort at once. Bars are 95 % intervals over
+the conditions.
 """
 
 READING = """## How to read this
