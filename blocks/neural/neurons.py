@@ -142,7 +142,7 @@ def lif_step(
     """One step of LIF neurons; a spike inside a step shortens the refractory time by the rest."""
     tau_rc, tau_ref = constants[:2].tolist()
     refractory -= dt
-    rise = current - voltage
+    rise = np.subtract(current, voltage, out=spikes)  # written again below
     if len(voltage) <= FEW:
         # The same for all of them: fewer calls, which is what counts for few neurons.
         awake = np.minimum(np.maximum(refractory - dt, -dt), 0.0)
