@@ -22,10 +22,11 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
+from benchmarks import sweeps
 from benchmarks.contests import NUMBA, case_a_contest
 from benchmarks.start_up import CLI
 from benchmarks.tables import Goal, figure, goals, table
-from benchmarks.timing import Timing, cores, machine, take_turns
+from benchmarks.timing import Timing, cores, machine
 
 HERE = Path(__file__).parent.parent
 NOW, BEFORE = "now", "before"
@@ -61,7 +62,6 @@ import json, resource, sys
 import runtime
 
 what, size = sys.argv[1], float(sys.argv[2])
-sys.path.insert(0, sys.argv[3])
 if what == "chain":
     from benchmarks.chains import chain
     graph = chain(int(size))
@@ -107,31 +107,20 @@ class Tree:
 
     def measured(self, what: str, size: float) -> dict[str, list[float] | float]:
         """Time per tick (us) and memory (MB) of a graph, compiled before."""
-        _, answer = self.run(TICKS, what, str(size), str(HERE))
+        _, answer = self.run(TICKS, what, str(size))
         found: dict[str, list[float] | float] = json.loads(answer)
         return found
 
-    def sweep(self, seeds: int, until: float) -> float:
-        """Wall seconds of a whole sweep of case A under the compiled engine, without figures."""
+    def sweep(self, seeds: int, until: float) -> tuple[float, float]:
+        """Wall seconds of a whole sweep of case A without figures, and of one run of it alone."""
         with tempfile.TemporaryDirectory() as folder:
-            arguments = (
-                *("sweep", CASES["A"][0], "--seeds", f"0..{seeds - 1}", "--engine", "compiled"),
-                *(
-                    "--until",
-                    str(until),
-                    "--jobs",
-                    str(cores()),
-                    "--json",
-                    "--no-plots",
-                    "--out",
-                    folder,
-                ),
-            )
-            took, answer = self.run(CLI, *arguments)
+            took, answer = self.run(CLI, *sweeps.arguments("compiled", seeds, until, folder))
         counts = json.loads(answer)["counts"]
         if counts != {"ok": seeds}:
             raise RuntimeError(f"of {seeds} seeds ended {counts}; the measurement is void")
-        return took
+        runs = str(sweeps.RUNS["compiled"])
+        _, alone = self.run(sweeps.ALONE.format(graph=sweeps.GRAPH), "compiled", str(until), runs)
+        return took, float(alone)
 
 
 @contextmanager
@@ -238,13 +227,14 @@ def sweep_rows(
     """A sweep of case A as a multiple of its runs side by side."""
     rows, wanted, row = [], [], []
     for name, tree in found.items():
-        timing = take_turns({"sweep": partial(tree.sweep, seeds, until)}, rounds)["sweep"]
-        alone = [statistics.median(tree.measured("A as shipped", until)["us"])]  # type: ignore[arg-type]
-        ideal = alone[0] * 1e-6 * (until / 0.001) * seeds / cores()
-        row.append(f"{figure(timing, 1.0, 's', 2)}, ideal {ideal:.2f} s")
+        tell(f"sweep of the tree {name}")
+        taken = [tree.sweep(seeds, until) for _ in range(rounds)]
+        sweep, alone = (Timing(list(column)) for column in zip(*taken, strict=True))
+        ideal = alone.median * seeds / cores()
+        row.append(f"{figure(sweep, 1.0, 's', 2)}, ideal {ideal:.2f} s")
         if name == NOW:
             message = f"sweep of {seeds} seeds against its runs side by side"
-            wanted.append(Goal(message, timing.median / ideal, most=1.1))
+            wanted.append(Goal(message, sweep.median / ideal, most=sweeps.MOST))
     rows.append([f"sweep of {seeds} seeds of case A", *row])
     return rows, wanted
 
@@ -256,14 +246,14 @@ def section(rounds: int, against: Path | None = None, quick: bool = False) -> st
         "case A, one probe": ("A", 1.0 if quick else 20.0),
         "case A as shipped": ("A as shipped", 1.0 if quick else 20.0),
         "10,000 neurons in each ensemble": ("neurons", 10_000),
-        "a chain of 1,000 Gains": ("chain", 20 if quick else 1000),
+        "a chain of 100 Gains": ("chain", 20 if quick else 100),
         **({} if quick else {"case C": ("C", 20.0)}),
     }
     with trees(against) as found:
         starts, start_goals = start_rows(found, cases, rounds)
         ticks, tick_goals = tick_rows(found, sizes, rounds)
         seeds, until = (4, 0.5) if quick else (SEEDS, 20.0)
-        swept, sweep_goals = sweep_rows(found, seeds, until, 1)
+        swept, sweep_goals = sweep_rows(found, seeds, until, rounds)
     hand, hand_goals = by_hand_rows(300 if quick else 10_000, rounds)
     head = ["", *found]
     return (

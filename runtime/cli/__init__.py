@@ -58,8 +58,8 @@ class _Parser(argparse.ArgumentParser):
         return found, rest
 
 
-def make_parser() -> argparse.ArgumentParser:
-    """The whole command line."""
+def make_parser(names: Sequence[str] = NAMES) -> argparse.ArgumentParser:
+    """The command line with these verbs; all of them by default."""
     parser = _Parser(
         prog="runtime",
         description="Simulate control diagrams written in YAML.",
@@ -69,7 +69,7 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="store_true", help="print the version and exit")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
 
-    for name in NAMES:
+    for name in names:
         module = command(name)
         module.add(commands.add_parser(name, help=module.HELP))
     return parser
@@ -145,8 +145,10 @@ def _report(text: str, code: int) -> int:
 
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
-    parser = make_parser()
-    options = parser.parse_args(arguments)
+    words = sys.argv[1:] if arguments is None else arguments
+    # The other verbs' options would take longer than many a verb does.
+    parser = make_parser(words[:1] if words and words[0] in NAMES else NAMES)
+    options = parser.parse_args(words)
     if options.version:
         from runtime.runs import versions
 

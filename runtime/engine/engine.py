@@ -49,7 +49,7 @@ from runtime.engine.solvers import (
     substep,
 )
 from runtime.engine.values import NotFiniteError, OutputChecks, bad_slope, sealed, unreached
-from runtime.errors import SimulationError, UsageError
+from runtime.errors import Problem, SimulationError, UsageError
 from runtime.network import Network, columns
 
 CHUNK_SECONDS = 0.1
@@ -143,6 +143,30 @@ class Engine:
         self.held = self._held()
         self.runner = self._runner()
         return self.runner
+
+    def solve(self) -> list[Problem]:
+        """What the blocks that solve for what others publish find wrong; starts only those.
+
+        Such a block is a Decoder, whose system may be singular for the neurons of this seed.
+        """
+        problems: list[Problem] = []
+        failed: set[str] = set()
+        receive = {name: self.network.publications(name) for name in self.network.entries}
+        publish = {source.block for found in receive.values() for _, source in found}
+        for name in self._starting_order():
+            sources = {source.block for _, source in receive[name]}
+            if not (name in publish or sources) or sources & failed:
+                continue
+            try:
+                self._start_block(name)
+            except SimulationError as error:
+                failed.add(name)
+                entry, cause = self.network.entries[name], error.__cause__
+                if isinstance(cause, ParameterError):
+                    problems += [entry.problem(*each) for each in cause.problems]
+                else:
+                    problems.append(Problem(entry.node.key, entry.address, str(error)))
+        return problems
 
     def run(self, progress: Progress | None = None) -> Outcome:
         """Run all ticks; an interrupt or a failure ends the run, and the recording is kept."""

@@ -86,7 +86,7 @@ def tune(
     *,
     minimize: str | Sequence[str] = (),
     maximize: str | Sequence[str] = (),
-    constraints: Sequence[str] = (),
+    constraints: Sequence[str] | Mapping[str, Mapping[str, float]] = (),
     trials: int | None = None,
     sampler: Sampler | None = None,
     batch: int | None = None,
@@ -109,7 +109,7 @@ def tune(
     graph : a graph, or the file or name of one or of an experiment.
     vary : for each path into the graph its values: a list, or a range as on the command line.
     minimize, maximize : metrics; several give a front. The first metric is minimised by default.
-    constraints : what must hold, as ``["effort below 0.3"]``.
+    constraints : what must hold, as ``["effort below 0.3"]`` or ``{"effort": {"below": 0.3}}``.
     trials, sampler, batch, sampling_seed : how many configurations are tried (100), by which
         optimiser (``tpe``), how many are asked for at a time (4), and its seed.
     over : over the conditions, the ``mean`` of a metric or its ``worst`` value.
@@ -130,7 +130,7 @@ def tune(
     request = TuningRequest(
         vary=[(path, node_of(values)) for path, values in (vary or {}).items()],
         objectives=_objectives(minimize, maximize),
-        constraints=[(text, Where("constraints")) for text in constraints],
+        constraints=[(text, Where("constraints")) for text in _told(constraints)],
         trials=trials,
         sampler=sampler,
         batch=batch,
@@ -154,6 +154,17 @@ def _tuned(plan: TuningPlan, options: TuningOptions) -> TuningTable:
     if done.is_interrupted:
         raise KeyboardInterrupt
     return TuningTable.of(done)
+
+
+def _told(constraints: Sequence[str] | Mapping[str, Mapping[str, float]]) -> Sequence[str]:
+    """Constraints as texts; a mapping is as in an experiment file."""
+    if not isinstance(constraints, Mapping):
+        return constraints
+    return [
+        f"{metric} {side} {bound}"
+        for metric, sides in constraints.items()
+        for side, bound in sides.items()
+    ]
 
 
 def _objectives(minimize: str | Sequence[str], maximize: str | Sequence[str]) -> list[Objective]:

@@ -102,6 +102,11 @@ def test_a_verdict_that_a_doubled_rival_turns_does_not_survive(tmp_path: Path) -
     assert after is not None and after.word == "worse"
     assert far[2].word == "worse"
     assert far[3] is not None and far[3].word == "worse"
+    told = budgets.settled(contest, "gentle", contest.limits["gentle"][0])
+    assert {name: verdict.word for name, verdict in told.items()} == {
+        "other": "undecided",
+        "far": "worse",
+    }
 
 
 def test_one_setting_has_no_constant_that_differs_from_case_to_case() -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from runtime.cli.commands import add_json
 from runtime.cli.commands.changes import add_changes, changed, is_changed
 from runtime.cli.problems import report
-from runtime.errors import GraphError, MissingExtraError
+from runtime.errors import GraphError, MissingExtraError, Problem
 from runtime.terminal import show, show_json, tell
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def run(options: Namespace) -> int:
         diagnostics[name] = []
         try:
             model = Model.of_file(name, surroundings, change)
-            found = model.problems
+            found = model.problems or _unsolvable(model)
         except GraphError as error:
             found = error.problems
         else:
@@ -59,6 +59,19 @@ def run(options: Namespace) -> int:
     if any(problems.values()):
         return 2
     return 0 if missing is None else missing.exit_code
+
+
+def _unsolvable(model: Model) -> list[Problem]:
+    """What is wrong with weights that are solved when a run begins: a system may be singular."""
+    network = model.network
+    if model.kind != "graph" or network is None or model.examined.missing is not None:
+        return []
+    if not any(network.publications(name) for name in network.entries):
+        return []
+    from runtime.engine import Engine, Program
+    from runtime.observation import Observation
+
+    return Engine(Program(network, Observation()), network.seed).solve()
 
 
 def _show_fine(name: str, model: Model, notes: list[Diagnostic]) -> None:

@@ -7,6 +7,8 @@ are not built in are translated at every start, since their source may be anywhe
 
 from __future__ import annotations
 
+import hashlib
+import os
 import sys
 import types
 from collections.abc import Iterator, Mapping
@@ -148,13 +150,12 @@ def is_built_in(cls: type[Block]) -> bool:
 @cache
 def salt() -> str:
     """What translations and C texts depend on, apart from blocks of the user's own."""
-    return digest(sys.version, *_texts())
-
-
-def _texts() -> Iterator[str]:
+    found = hashlib.sha256(sys.version.encode())
     for package in (blocks, codegen, engine):
         folder = Path(str(package.__file__)).parent
-        yield str(folder)
-        for path in sorted(folder.rglob("*.[ph]*")):
-            if path.suffix in (".py", ".h"):
-                yield path.read_text(encoding="utf-8")
+        for parent, _, names in sorted(os.walk(folder)):
+            for name in sorted(names):
+                if name.endswith((".py", ".h")):
+                    content = Path(parent, name).read_bytes()
+                    found.update(f"{parent} {name} {len(content)} ".encode() + content)
+    return found.hexdigest()

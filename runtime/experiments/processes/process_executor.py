@@ -237,15 +237,18 @@ class ProcessExecutor(Executor):
                 worker.state, worker.pid = "idle", pickle.loads(message)
                 self._failed_starts = 0
             else:
-                self._answer(worker, message)
+                self._answer(worker, message, is_closed)
         if is_closed:
             self._disconnect(worker)
         else:
             self._watch(worker)
 
-    def _answer(self, worker: _Worker, message: bytes) -> None:
+    def _answer(self, worker: _Worker, message: bytes, is_closed: bool) -> None:
         call, worker.call = worker.call, None
         worker.state, worker.deadline = "idle", math.inf
+        # Before the thread that waits for the answer runs: the worker would wait for both.
+        if self._queue and not is_closed and not self._closing:
+            self._send(worker, self._queue.popleft())
         if call is None:
             return
         try:

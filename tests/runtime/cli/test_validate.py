@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -67,3 +68,50 @@ def test_a_world_takes_no_options_of_graphs(cli: Run) -> None:
     done = cli("validate", "worlds/l_room.yaml", "--seed", "3")
     assert done.returncode == 2
     assert "a world has no blocks" in done.stderr
+
+
+SINGULAR = """\
+graph: singular
+run: {dt: 0.001, until: 0.01}
+blocks:
+  x: {type: Sine}
+  a: {type: Ensemble, neurons: 30, intercepts: "uniform(0.5, 0.6)"}
+  out:
+    type: Decoder
+    solver: {type: l2, reg: REG}
+    eval_points: [[AT], [0.9]]
+wires:
+  a: {input: x.out}
+  out: {spikes: a.spikes}
+"""
+
+
+@pytest.mark.parametrize(
+    ("reg", "at", "said"),
+    [
+        ("0", "0.4", "the system is singular: .* neurons are silent at all points"),
+        ("0.1", "0.4", ""),
+        ("0.1", "0.9", ""),
+    ],
+)
+def test_weights_that_cannot_be_solved_are_found_without_a_run(
+    cli: Run, tmp_path: Path, reg: str, at: str, said: str
+) -> None:
+    path = tmp_path / "singular.yaml"
+    text = SINGULAR.replace("REG", reg).replace("AT", at)
+    path.write_text(text.replace("uniform(0.5, 0.6)", "uniform(0.5, 0.95)"), encoding="utf-8")
+    done = cli("validate", str(path))
+    assert done.returncode == (2 if said else 0)
+    assert re.search(f"singular.yaml:8:13: blocks.out.solver: {said}", done.stderr) or not said
+
+
+def test_neurons_that_are_silent_at_all_points_are_found_without_a_run(
+    cli: Run, tmp_path: Path
+) -> None:
+    path = tmp_path / "silent.yaml"
+    text = SINGULAR.replace("REG", "0.1").replace("AT", "0.1").replace("[0.9]", "[0.2]")
+    path.write_text(text, encoding="utf-8")
+    done = cli("validate", str(path))
+    assert done.returncode == 2
+    assert "silent.yaml:8:13: blocks.out.solver: no neuron fires at any" in done.stderr
+    assert cli("run", str(path)).returncode == 3

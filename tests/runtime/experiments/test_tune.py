@@ -325,6 +325,7 @@ def test_from_python(draw: Path, tmp_path: Path) -> None:
         graph,
         {"draw.level": "0..10"},
         minimize="drawn",
+        constraints={"drawn": {"above": -1000, "below": 1e3}},
         trials=8,
         seeds=range(2),
         conditions={"low": graph, "high": graph.set("draw.count", 5)},
@@ -337,6 +338,7 @@ def test_from_python(draw: Path, tmp_path: Path) -> None:
     )
     assert {line.metric for line in found.judgements} == {"drawn"}
     assert "optimism" in str(found)
+    assert "constraints: drawn above -1000, drawn below 1000" in str(found)
     assert (tmp_path / "found" / "tuning.json").exists()
     with pytest.raises(UsageError, match="both in training and held out"):
         runtime.tune(graph, {"draw.level": "0..10"}, seeds="0..3", held_out="3..4")

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 from tests.studies.contest.contestants import TASKS, TRIALS
-from tests.studies.contest.results import RIVAL, Contest, Verdict, rival_of, verdicts
+from tests.studies.contest.results import RIVAL, Contest, Contestant, Verdict, rival_of, verdicts
 from tests.studies.contest.words import interval, table
 
 TEXT = """## With the budget doubled
 
 The tunings of {names} were continued to {trials} trials. Each verdict against the {rival}: at the
-budget of all, with the {rival}'s budget doubled, and with both doubled.
+budget of all, with the {rival}'s budget doubled, and with both doubled. One that does not survive
+counts as undecided everywhere else on this page.
 """
 HEADER = ("contestant", "limit", "budget of all", f"{RIVAL} doubled", "both doubled", "survives")
 Row = tuple[str, str, Verdict, Verdict | None, Verdict | None]
@@ -41,6 +43,13 @@ def changed(contest: Contest) -> tuple[int, int]:
 
 def _survives(row: Row) -> bool:
     return all(other is None or other.word == row[2].word for other in row[3:])
+
+
+def settled(contest: Contest, limit: str, rival: Contestant) -> dict[str, Verdict]:
+    """All verdicts at the budget of all; one that a doubled budget changes is undecided."""
+    found = verdicts(contest.limits[limit], rival, TASKS[limit].counts)
+    turned = {row[0] for row in rows(contest) if row[1] == limit and not _survives(row)}
+    return {name: replace(one, survives=name not in turned) for name, one in found.items()}
 
 
 def names(contest: Contest) -> str:

@@ -67,7 +67,7 @@ def _limits(contest: Contest) -> list[_Limit]:
         rival = rival_of(found)
         if rival is not None:
             task = TASKS[name]
-            limits.append(_Limit(name, task, rival, found, verdicts(found, rival, task.counts)))
+            limits.append(_Limit(name, task, rival, found, budgets.settled(contest, name, rival)))
     return limits
 
 
@@ -152,7 +152,14 @@ def _without_spikes(limits: Sequence[_Limit], contest: Contest) -> str:
             if own is not None and one.name.endswith("for spikes"):
                 apart = mm(one.held_out(ERROR).mean - own.held_out(ERROR).mean, "+")
                 what = one.name.removeprefix(OTHERS).removesuffix(" for spikes")
-                parts.append(f"an {what} changes its error by {apart} mm ({limit.name})")
+                parts.append(f"{apart} mm ({what}, {limit.name})")
     changed, count = budgets.changed(contest)
-    told = f"; a doubled budget changes {changed} of {count} verdicts" if count else ""
-    return f"In place of the neurons of our rule, and tuned like them, {listed(parts)}{told}."
+    told = (
+        f"; a doubled budget changes {changed} of {count} verdicts, counted as undecided"
+        if count
+        else ""
+    )
+    return (
+        "Other learners in place of the neurons of our rule, tuned like them, change its error by "
+        f"{listed(parts)}{told}."
+    )

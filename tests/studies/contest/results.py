@@ -90,16 +90,20 @@ class Verdict:
     """A contestant against the tuned LQR on the same held-out runs.
 
     ``word`` is better or worse by a significant difference of at least ``counts`` (m), equivalent
-    if the difference is significantly smaller than that, else undecided.
+    if the difference is significantly smaller than that, else undecided; also if a doubled budget
+    changes it.
     """
 
     counts: float
     difference: Difference
     p: float
     p_equivalent: float
+    survives: bool = True
 
     @property
     def word(self) -> str:
+        if not self.survives:
+            return "undecided"
         if self.p_equivalent < LEVEL:
             return "equivalent"
         if self.p < LEVEL and abs(self.difference.mean) >= self.counts:
