@@ -230,10 +230,8 @@ def main() -> int:
     if options.only == AGAINST and options.against is None:
         parser.error(f"--only {AGAINST} needs --against TREE")
     if options.only:
-        text = replaced(
-            PAGE.read_text(encoding="utf-8"),
-            measured_alone(options.only, options.rounds, options.against),
-        )
+        measured = measured_alone(options.only, options.rounds, options.against)
+        text = replaced(PAGE.read_text(encoding="utf-8"), measured)
         PAGE.write_text(text, encoding="utf-8")
         return 0
     try:
