@@ -157,7 +157,7 @@ class Ensemble(Block):
         state.scaled_encoders[...] = (drawn["encoders"] / self.radius * state.gain[:, None]).T
         state.row_groups = state.scaled_encoders.reshape(d, groups, self.neurons)
         state.drive_of_groups = state.drive.reshape(groups, self.neurons)
-        state.point, state.dimensions = np.zeros((groups, d)), range(d)
+        state.point, state.further = np.zeros((groups, d)), range(1, d)
         state.step, state.constants = type(self.neuron).step, self.neuron.constants
         state.learns, state.rate, state.share = self.learning is not None, 0.0, 0.0
         if isinstance(self.learning, Voja):
@@ -239,21 +239,23 @@ class Ensemble(Block):
         current: tuple[FloatArray, ...],
         learn: float,
     ) -> None:
-        point, drive = state.point, state.drive_of_groups
+        point, drive, total = state.point, state.drive_of_groups, state.drive
         flat = point.reshape(-1)
         flat[:] = 0.0
         for term in input:
             flat += term
-        state.drive[:] = state.bias
         if len(state.row_groups) < MANY_DIMENSIONS:
-            for j in state.dimensions:
+            np.multiply(state.row_groups[0], point[:, 0, None], out=drive)
+            total += state.bias
+            for j in state.further:
                 drive += state.row_groups[j] * point[:, j, None]
         else:
+            total[:] = state.bias
             drive += np.einsum("dgn,gd->gn", state.row_groups, point)
         for straight in current:
-            state.drive += state.gain * straight
+            total += state.gain * straight
         state.step(
-            *(state.dt, state.drive, state.fired, state.voltage, state.refractory),
+            *(state.dt, total, state.fired, state.voltage, state.refractory),
             *(state.recovery, state.constants),
         )
         self._learn(state, learn)

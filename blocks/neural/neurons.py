@@ -142,7 +142,7 @@ def lif_step(
     """One step of LIF neurons; a spike inside a step shortens the refractory time by the rest."""
     tau_rc, tau_ref = constants[:2].tolist()
     refractory -= dt
-    rise = current - voltage
+    rise = np.subtract(current, voltage, out=spikes)  # written again below
     if len(voltage) <= FEW:
         # The same for all of them: fewer calls, which is what counts for few neurons.
         awake = np.minimum(np.maximum(refractory - dt, -dt), 0.0)
@@ -181,23 +181,29 @@ def _lif_kernel(
         rise = full if refractory[i] <= 0.0 else 0.0
         voltage[i] = max(voltage[i] - (current[i] - voltage[i]) * rise, 0.0)
         spikes[i] = 0.0
-    # The few that wake up or spike in this step: marked, then listed, without a branch.
+    # The few that wake up, then those that spike: marked, then listed, without a branch.
     few, count = np.empty(len(voltage), dtype=np.int64), 0
     for i in range(len(voltage)):
-        few[i] = (voltage[i] > 1.0) | ((refractory[i] > 0.0) & (refractory[i] < dt))
+        few[i] = (refractory[i] > 0.0) & (refractory[i] < dt)
     for i in range(len(voltage)):
         marked = few[i]
         few[count] = i
         count += marked
     for i in few[:count]:
-        if 0.0 < refractory[i] < dt:
-            rise = math.expm1((refractory[i] - dt) / tau_rc)
-            voltage[i] = max(voltage[i] - (current[i] - voltage[i]) * rise, 0.0)
-        if voltage[i] > 1.0:
-            since = math.log1p((1.0 - voltage[i]) / (current[i] - 1.0))
-            refractory[i] = tau_ref + dt + tau_rc * since
-            voltage[i] = 0.0
-            spikes[i] = height
+        rise = math.expm1((refractory[i] - dt) / tau_rc)
+        voltage[i] = max(voltage[i] - (current[i] - voltage[i]) * rise, 0.0)
+    for i in range(len(voltage)):
+        few[i] = voltage[i] > 1.0
+    count = 0
+    for i in range(len(voltage)):
+        marked = few[i]
+        few[count] = i
+        count += marked
+    for i in few[:count]:
+        since = math.log1p((1.0 - voltage[i]) / (current[i] - 1.0))
+        refractory[i] = tau_ref + dt + tau_rc * since
+        voltage[i] = 0.0
+        spikes[i] = height
 
 
 def lif_rates(current: FloatArray, tau_rc: float, tau_ref: float) -> FloatArray:

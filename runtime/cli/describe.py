@@ -62,6 +62,24 @@ Examples of other packages in our blocks, with their parameters. Those of `galle
 there for this alone; tests compare many with scipy's solution or a closed form, and run all.
 """
 
+NENGO = """
+## Nengo's examples
+
+Each notebook of Nengo's documentation with the graph made after it. Tests compare means over seeds
+with Nengo's own runs of the same model. Two more graphs in `gallery/nengo` are of no notebook. The
+notebooks of `spa`, which is a package of its own now, are left out; `gallery/circular_convolution`
+is the model of one of them.
+"""
+
+# The notebooks whose model is not shipped, and why.
+ABSENT = {
+    "usage/config": "no model: defaults for many objects; `params` and `extends` do that here",
+    "usage/exceptions": "no model: errors of Nengo's own objects",
+    "usage/network_design": "no model: how to divide a script; parts do that here",
+    "usage/network_design_advanced": "no model: how to divide a script; parts do that here",
+    "usage/strings": "no model: objects as text; `runtime explain` does that here",
+}
+
 
 def gallery_page() -> str:
     """The text of docs/gallery.md."""
@@ -70,14 +88,24 @@ def gallery_page() -> str:
         kinds = _types(each.path.read_text(encoding="utf-8"))
         lines.append(f"| `{each.name}` | {each.summary} | {kinds} |")
     lines += [PUBLISHED, "| example | of | graph | blocks |", "|---|---|---|---|"]
-    found: list[str] = []
-    for each in (*shipped("gallery"), *shipped("gallery/published")):
+    after = _after("gallery", "gallery/published")
+    lines += [f"| {name} | {of} | {graph} | {kinds} |" for name, of, graph, kinds in after]
+    lines += [NENGO, "| notebook | graph | blocks |", "|---|---|---|"]
+    covered = {name: f"{graph} | {kinds}" for name, _, graph, kinds in _after("gallery/nengo")}
+    absent = {name: f"{reason} |" for name, reason in ABSENT.items()}
+    lines += [f"| {name} | {cells} |" for name, cells in sorted((covered | absent).items())]
+    return "\n".join(lines) + "\n"
+
+
+def _after(*groups: str) -> list[tuple[str, str, str, str]]:
+    """Published examples: name, package, the graph made after it, and its blocks; sorted."""
+    found = []
+    for each in (file for group in groups for file in shipped(group)):
         text = each.path.read_text(encoding="utf-8")
-        after = re.search(r"^# After (\S+\.py) of (\w+)", text, re.MULTILINE)
+        after = re.search(r"^# After (\S+) of (bdsim|PathSim|Nengo)", text, re.MULTILINE)
         if after is not None:
-            name = f"{each.group}/{each.name}"
-            found.append(f"| {after[1]} | {after[2]} | `{name}` | {_types(text)} |")
-    return "\n".join([*lines, *sorted(found)]) + "\n"
+            found.append((after[1], after[2], f"`{each.group}/{each.name}`", _types(text)))
+    return sorted(found)
 
 
 def _types(text: str) -> str:

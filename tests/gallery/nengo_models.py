@@ -8,6 +8,7 @@ from typing import Any
 import nengo
 import numpy as np
 from nengo.dists import Choice, Uniform
+from scipy.signal import cont2discrete
 
 Model = Callable[[], nengo.Probe]
 MODELS: dict[str, Model] = {}
@@ -388,3 +389,64 @@ def tuning_curves() -> nengo.Probe:
     two = nengo.Ensemble(100, 2, intercepts=Uniform(-0.3, 0.3))
     nengo.Connection(circle, two, synapse=None)
     return decoded(two, 0.02)
+
+
+@model
+def functions_and_tuning_curves() -> nengo.Probe:
+    ramp, out = nengo.Node(lambda t: t - 1.0), nengo.Node(size_in=2)
+    plain = nengo.Ensemble(150, 1)
+    fitting = nengo.Ensemble(150, 1, encoders=Choice([[1]]), intercepts=Uniform(-0.05, 0.2))
+    for i, ensemble in enumerate((plain, fitting)):
+        nengo.Connection(ramp, ensemble, synapse=None)
+        nengo.Connection(ensemble, out[i], function=lambda x: float(x[0] > 0.0), synapse=0.005)
+    return nengo.Probe(out)
+
+
+@model
+def nef_summary() -> nengo.Probe:
+    a, b, c = nengo.Ensemble(100, 1), nengo.Ensemble(100, 1), nengo.Ensemble(200, 1)
+    out = nengo.Node(size_in=3)
+    sine = nengo.Node(lambda t: 0.9 * np.sin(2 * np.pi * t))
+    nengo.Connection(sine, a, synapse=None)
+    nengo.Connection(a, b, function=np.square, synapse=0.01)
+    nengo.Connection(a, c, transform=0.4, synapse=0.1)
+    nengo.Connection(c, c, transform=0.8, synapse=0.1)
+    for i, ensemble in enumerate((a, b, c)):
+        nengo.Connection(ensemble, out[i], synapse=0.03)
+    return nengo.Probe(out)
+
+
+class _LegendreMemory:
+    """The memory with a window of 1 s, discretised for inputs that hold."""
+
+    def __init__(self, order: int, dt: float) -> None:
+        i = np.arange(order)
+        rates = 2.0 * i + 1.0
+        signs = np.where(i[:, None] < i, -1.0, (-1.0) ** (i[:, None] - i + 1.0))
+        a, b = rates[:, None] * signs, rates * (-1.0) ** i
+        self.a, self.b, *_ = cont2discrete((a, b[:, None], np.eye(order), np.zeros((order, 1))), dt)
+        self.state = np.zeros(order)
+
+    def __call__(self, t: float, x: Any) -> Any:
+        self.state = self.a @ self.state + self.b[:, 0] * x[0]
+        return self.state
+
+
+@model
+def lmu() -> nengo.Probe:
+    def value(t: float) -> float:
+        return float(0.4 * np.sin(np.pi * t) + 0.3 * np.sin(3 * np.pi * t + 1.0))
+
+    signal, memory = nengo.Node(value), nengo.Node(_LegendreMemory(6, 0.001), size_in=1)
+    delayed = nengo.Node(lambda t: value(t - 0.5) if t >= 0.5 else 0.0)
+    neurons, out = nengo.Ensemble(200, 6), nengo.Node(size_in=1)
+    error = nengo.Node(lambda t, x: x if t < 4.0 else 0.0 * x, size_in=1)
+    nengo.Connection(signal, memory, synapse=None)
+    nengo.Connection(memory, neurons, synapse=None)
+    learnt = nengo.Connection(
+        *(neurons, out), function=lambda x: 0.0, synapse=0.005, learning_rule_type=nengo.RLS(0.01)
+    )
+    nengo.Connection(out, error, synapse=None)
+    nengo.Connection(delayed, error, transform=-1, synapse=None)
+    nengo.Connection(error, learnt.learning_rule, synapse=None)
+    return decoded(out)

@@ -25,9 +25,34 @@ SLOW = (
     *("lorenz_attractor", "learn_communication_channel", "learn_square", "learn_product"),
     *("controlled_oscillator", "matrix_multiplication", "oscillator", "integrator"),
     *("controlled_integrator", "controlled_integrator2", "multiplication", "combining"),
-    *("integrator_network", "basal_ganglia"),
+    *("integrator_network", "basal_ganglia", "lmu", "nef_summary"),
+    "functions_and_tuning_curves",
 )
 SEEDS, MORE_SEEDS = 4, 8
+# The notebooks of Nengo's documentation (version 4), by its sections; spa is a package of its own.
+NOTEBOOKS = {
+    "advanced": (
+        *("functions-and-tuning-curves", "inhibitory_gating", "izhikevich"),
+        *("matrix_multiplication", "nef-algorithm", "nef-summary", "processes"),
+    ),
+    "basic": (
+        *("2d_representation", "addition", "combining", "communication_channel", "many_neurons"),
+        *("multiplication", "single-neuron", "squaring", "two-neurons"),
+    ),
+    "dynamics": (
+        *("controlled-oscillator", "controlled_integrator", "controlled_integrator2"),
+        *("integrator", "lorenz_attractor", "oscillator"),
+    ),
+    "learning": (
+        *("force-learning", "learn-associations", "learn-communication-channel"),
+        *("learn-product", "learn-square", "learn-unsupervised", "lmu"),
+    ),
+    "networks": ("basal-ganglia", "ensemble_array", "integrator_network"),
+    "usage": (
+        *("config", "delay-node", "exceptions", "network_design", "network_design_advanced"),
+        *("rectified-linear", "strings", "tuning-curves"),
+    ),
+}
 # Neither has a formula for its rates. Nengo counts spikes from the first step on, in which the
 # recovery variable still rises; we count the steady rate, so that gains and decoders differ.
 STEADY = "izhikevich"
@@ -51,11 +76,19 @@ def test_every_graph_has_a_model() -> None:
     assert len(GRAPHS) >= 20
     for name in GRAPHS:
         lines = (FOLDER / f"{name}.yaml").read_text(encoding="utf-8").split("\n")
-        schema, first, second = lines[:3]
+        schema, first = lines[:2]
         assert schema.startswith("# yaml-language-server")
         assert first.startswith("# ")
         assert first.endswith((".", ";"))
-        assert second == f"graph: {name}"
+        assert f"graph: {name}" in lines[2:6]
+
+
+def test_every_notebook_has_a_graph_or_a_reason() -> None:
+    page = Path(__file__).parents[2] / "docs" / "gallery.md"
+    rows = page.read_text(encoding="utf-8").partition("## Nengo's examples")[2].split("\n")
+    listed = [row.split(" | ")[0].removeprefix("| ") for row in rows if row.startswith("| ")]
+    assert listed[1:] == [f"{part}/{name}" for part, names in NOTEBOOKS.items() for name in names]
+    assert sum("`gallery/nengo/" in row for row in rows) >= 35
 
 
 @pytest.mark.parametrize(

@@ -11,9 +11,10 @@ from tests.studies.following import ENGINE
 
 HEAD = """# Does the spiking adaptive term help?
 
-Written by `python -m tests.studies.ablation` from the experiments in `graphs/experiments`: {runs}
-runs with seeds {seeds}, on which nothing was tuned, by the {engine} engine. One of these
-experiments is `runtime ablate experiments/walls --with conditions/mixed.yaml`.
+Written by `python -m tests.studies.ablation --seeds {seeds}` from the experiments in
+`graphs/experiments`: {runs} runs with {n} seeds, on which nothing was tuned, by the {engine}
+engine. One of these experiments is
+`runtime ablate experiments/walls --with conditions/mixed.yaml --seeds {seeds}`.
 
 * **A**: a line, half of the turn rate lost. **B**: y = sin x, pose noise of 5 cm and 0.1 rad.
   **C**: along the walls of the paper's room; *turn loss*: half of the turn rate lost; *turn bias*:
@@ -23,9 +24,10 @@ experiments is `runtime ablate experiments/walls --with conditions/mixed.yaml`.
 * **The graph's LQR is not tuned**: soft by choice in A and B, so that there is something to learn.
   The *tuned LQR*, PID, PurePursuit and Stanley have the settings found in
   [comparison.md](comparison.md) with equal budget and under a limit of effort (0.03 rad/s in A,
-  0.25 in B, 0.2 in C), Stanley its defaults in B. There everything is tuned
-  together, which is what shows whether a network is needed; this page takes parts away and puts
-  others in their place, and tunes nothing again.
+  0.25 in B, 0.2 in C). There everything is tuned together, which is what shows whether a network
+  is needed; this page takes parts away and puts others in their place, and tunes nothing again. So
+  the effort is not the same here: where something helps beside the tuned LQR, it may do so at a
+  higher effort.
 
 ## In short
 
@@ -85,7 +87,8 @@ def page(judged: Judged, otherwise: Judged) -> str:
     first = next(iter(results.values())).seeds
     head = HEAD.format(
         runs=sum(len(measured.values) * len(measured.seeds) for measured in results.values()),
-        seeds=f"{first[0]} to {first[-1]}",
+        seeds=f"{first[0]}..{first[-1]}",
+        n=len(first),
         engine=ENGINE,
     )
     reading = READING.format(

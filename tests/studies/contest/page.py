@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from tests.studies.contest import budgets, fronts, one_setting, weaknesses
-from tests.studies.contest.contestants import CONTESTANTS, TASKS, Task
+from tests.studies.contest.contestants import CONTESTANTS, TASKS, WIDER, Task
 from tests.studies.contest.opening import SPIKES, sentences, verdict_table
 from tests.studies.contest.results import (
     CHANGE,
@@ -36,6 +36,11 @@ lines say who has not been run. The experiment files are in `tests/studies/conte
 `runtime tune FILE` runs one of them again.
 """
 
+FIGURE = """Case C, held-out runs: each contestant under both limits, joined by a line, those with
+spikes as diamonds; dotted are tunings for error and effort at once. Bars are 95 % intervals over
+the conditions.
+"""
+
 READING = """## How to read this
 
 * **Error**: mean distance from the contour 180 mm from the walls, in mm, from when it is first
@@ -56,8 +61,9 @@ READING = """## How to read this
   where it is significantly smaller than that (two one-sided tests, corrected likewise); else
   *undecided*. The seeds of a condition resemble each other, so that the mean of a condition counts
   as one value, in intervals and tests.
-* **Edge**: parameters whose value is within 2 % of an end of its range; a wider range may give
-  better values.
+* **Edge**: parameters whose value is within 2 % of an end of its range. Where there were such, the
+  range was widened and the tuning done again, with the same budget: {wider}. An edge that is still
+  named is one of the wider range: a weight that small has no effect any more.
 """
 
 HEALING = """The number of runs whose lateral error is within 50 mm at the latest 10 s after the
@@ -84,6 +90,7 @@ def page(contest: Contest) -> str:
         "\n".join(numbered) + "\n",
         verdict_table(contest),
         "![Error against effort](images/comparison.png)\n",
+        FIGURE,
         *(part for section in sections for part in section.tables()),
         budgets.section(contest),
         fronts.section(contest, SPIKES),
@@ -101,6 +108,9 @@ def page(contest: Contest) -> str:
                 f"{MM * TASKS[each.limit].counts:g} ({each.limit})" for each in sections
             ),
             rival=RIVAL,
+            wider="; ".join(
+                f"{name}, {limit} ({', '.join(vary)})" for (limit, name), vary in WIDER.items()
+            ),
             training="\n".join(_trained(each) for each in sections),
         ),
         _missing(contest),
