@@ -289,6 +289,7 @@ class Block:
         """
         return ()
 
+    # Any: the type of a parameter is known to its annotation, not to its name.
     def value(self, name: str) -> Any:
         """A parameter's value by its name in graphs."""
         return self.__dict__[self.spec.attributes[name]]

@@ -27,11 +27,11 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from functools import cached_property
 from typing import Any, TypeVar
 
-Function = TypeVar("Function", bound=Callable[..., Any])
+Function = TypeVar("Function", bound=Callable[..., object])
 MARK = "__kernel_of__"
 
 
-def kernel_of(method: Callable[..., Any]) -> Callable[[Function], Function]:
+def kernel_of(method: Callable[..., object]) -> Callable[[Function], Function]:
     """Declare a function as the kernel of ``method``, the function object itself.
 
     Raises

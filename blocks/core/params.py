@@ -22,6 +22,7 @@ from blocks.core.settings import Setting, SettingError
 from blocks.core.signals import TYPES, FloatArray, SignalType, signal_type
 
 REQUIRED: Any = object()
+USUAL_ANGLES = {"rad": math.tau, "rad/s": 3.0 * math.tau}  # larger ones may be degrees
 Kind = Literal["float", "int", "bool", "str", "array", "signal", "texts", "numbers", "setting"]
 KINDS: dict[object, Kind] = {
     float: "float",
@@ -203,7 +204,7 @@ class Param:
 
 
 def param(
-    default: Any = REQUIRED,
+    default: object = REQUIRED,
     *,
     doc: str,
     unit: str = "",
@@ -265,16 +266,18 @@ def in_radians(value: Any, units: Sequence[str]) -> Any:
     return value
 
 
-def beyond_a_turn(value: Any, units: Sequence[str]) -> list[float]:
-    """The numbers in radians that exceed a full turn, and so may be degrees."""
+def maybe_degrees(value: Any, units: Sequence[str]) -> list[tuple[float, str]]:
+    """The numbers in rad beyond a full turn, and in rad/s beyond three per second, with the unit.
+
+    They may be meant as degrees.
+    """
     if isinstance(value, (list, tuple)):
         each = [units] * len(value) if len(units) != len(value) else [(unit,) for unit in units]
         pairs = zip(value, each, strict=True)
-        return [number for item, own in pairs for number in beyond_a_turn(item, own)]
+        return [found for item, own in pairs for found in maybe_degrees(item, own)]
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-    if is_number and tuple(units) == ("rad",) and math.tau < abs(value) < math.inf:
-        return [float(value)]
-    return []
+    limit = USUAL_ANGLES.get(units[0], math.inf) if len(units) == 1 else math.inf
+    return [(float(value), units[0])] if is_number and limit < abs(value) < math.inf else []
 
 
 def plain(value: Any) -> Any:

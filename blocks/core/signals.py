@@ -22,7 +22,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -32,6 +32,7 @@ IntArray = npt.NDArray[np.intp]
 BoolArray = npt.NDArray[np.bool_]
 TwistValue = tuple[float, float]
 PoseValue = tuple[float, float, float]
+Value = float | tuple[float, ...] | FloatArray
 Length = int | str | None
 Form = Literal["scalar", "record", "array"]
 
@@ -78,7 +79,7 @@ class SignalType:
         """The same type with another length."""
         return replace(self, length=length)
 
-    def pack(self, array: FloatArray) -> Any:
+    def pack(self, array: FloatArray) -> Value:
         """Turn an array of this type's shape into a signal value (arrays are copied)."""
         if self.form == "scalar":
             return float(array)
@@ -86,11 +87,11 @@ class SignalType:
             return tuple(array.tolist())
         return array.copy()
 
-    def filled(self, number: float) -> Any:
+    def filled(self, number: float) -> Value:
         """The value whose components are all one number."""
         return self.pack(np.full(self.shape, number))
 
-    def zero(self) -> Any:
+    def zero(self) -> Value:
         """The value whose components are all zero."""
         return self.filled(0.0)
 
@@ -119,23 +120,24 @@ class SignalType:
             return f"a tuple of {len(self.components)} floats ({', '.join(self.components)})"
         return f"a float64 array of shape {self.shape}"
 
-    def holds(self, value: Any, exact: bool = True) -> bool:
+    def holds(self, value: object, exact: bool = True) -> bool:
         """Whether a value has this type's Python form.
 
         ``exact`` is the contract for blocks; otherwise an ``int`` counts as a float, too.
         """
 
-        def is_number(part: Any) -> bool:
+        def is_number(part: object) -> bool:
             whole = not exact and isinstance(part, int) and not isinstance(part, bool)
             return whole or isinstance(part, float)
 
         if self.form == "scalar":
             return is_number(value)
         if self.form == "record":
-            right = isinstance(value, tuple) and len(value) == len(self.components)
-            return right and all(map(is_number, value))
-        right = isinstance(value, np.ndarray) and value.dtype == np.float64
-        return right and value.shape == self.shape
+            held = value if isinstance(value, tuple) else ()
+            return len(held) == len(self.components) and all(map(is_number, held))
+        if not isinstance(value, np.ndarray):
+            return False
+        return bool(value.dtype == np.float64) and value.shape == self.shape
 
     def __str__(self) -> str:
         return self.name if self.length is None else f"{self.name}({self.length})"

@@ -15,8 +15,8 @@ from blocks.core import (
     ParameterError,
     SignalType,
     Variant,
-    beyond_a_turn,
     hint,
+    maybe_degrees,
     signal_type,
 )
 from blocks.registry import ModuleReader, Modules
@@ -312,16 +312,17 @@ def _take_variants(
 
 
 def _large_angles(cls: type[Block], address: str, values: Mapping[str, Node]) -> list[str]:
-    """Notes about angles of more than a turn, which are often meant as degrees."""
+    """Notes about large angles and turn rates, which are often meant as degrees."""
     notes = []
     for name, node in values.items():
-        if name not in cls.spec.params:
-            continue  # reported with the block
-        for number in beyond_a_turn(node.plain(), cls.spec.params[name].units):
-            message = f"{number:g} rad is {math.degrees(number):.5g} degrees"
-            notes.append(
-                f"{address}.{name}: {message}; if degrees are intended, write {number:g}deg"
-            )
+        declared = cls.spec.params.get(name)
+        if declared is None or "frequency" in declared.doc:
+            continue  # reported with the block; and that of an oscillation is often large
+        for number, unit in maybe_degrees(node.plain(), declared.units):
+            per = unit.removeprefix("rad")
+            message = f"{number:g} {unit} is {math.degrees(number):.5g} degrees{per}; "
+            message += f"if degrees are intended, write {number:g}deg{per}"
+            notes.append(f"{address}.{name}: {message}")
     return notes
 
 

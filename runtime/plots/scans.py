@@ -232,13 +232,14 @@ def _write(
     figure.set_layout_engine("none")
     writer = PillowWriter(fps=RATE)
     robot = scene.recordings["Pose"]
+    speed = times[-1] * RATE / len(times)
     with writer.saving(figure, str(file), DPI):
         for i, t in enumerate(times):
             if progress is not None:
                 progress(i, len(times))
             scene.show(t)
             trail.set_data(*_trail(robot, t).T)
-            clock.set_text(f"t = {t:5.1f} s")
+            clock.set_text(f"t = {t:5.1f} s, {speed:.2g} x real time")
             writer.grab_frame()
 
 

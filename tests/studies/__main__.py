@@ -22,7 +22,7 @@ VARIED = range(100, 120)
 
 HEAD = """# What of the paper is reproduced
 
-"Adaptive Wall-Following Control for Unmanned Ground Vehicles Using Spiking Neural Networks",
+[Adaptive Wall-Following Control for Unmanned Ground Vehicles Using Spiking Neural Networks](https://arxiv.org/abs/2503.00380),
 Yang, Chen, Fan, Shao and Sun. Written by `python -m tests.studies`; every figure comes from a run
 of the shipped graphs over {seeds} seeds, as mean ± standard deviation. A seed draws the neurons
 and, in case B, the noise; the LQR alone in case A has neither and is run once. Errors are the true

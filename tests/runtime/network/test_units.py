@@ -155,3 +155,21 @@ def test_an_angle_of_more_than_a_turn_is_noted() -> None:
     assert graph.run().manifest["notes"] == [message]
     assert turned(90, 90, 6.28).run().notes == []
     assert turned(0, 0, "720deg").run().notes == []
+
+
+def test_a_turn_rate_of_many_turns_is_noted() -> None:
+    graph = runtime.load("starters/adaptive").set("blocks.limit.omega_max", 60)
+    message = "60 rad/s is 3437.7 degrees/s; if degrees are intended, write 60deg/s"
+    assert graph.network.notes == (f"blocks.limit.omega_max: {message}",)
+    assert graph.set("blocks.limit.omega_max", "60deg/s").network.notes == ()
+    fast = {"type": "SecondOrder", "natural_frequency": 60, "damping": 0.5}
+    source = {"type": "Sine"}
+    graph = runtime.load(
+        {
+            "graph": "fast",
+            "run": {"dt": 0.001, "until": 0.1},
+            "blocks": {"wave": source, "filter": fast},
+            "wires": {"filter": {"input": "wave.out"}},
+        }
+    )
+    assert graph.network.notes == ()
