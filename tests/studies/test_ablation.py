@@ -107,7 +107,7 @@ def test_settings_of_the_trackers_are_those_that_were_found() -> None:
     tasks = {"line": LINE, "sine": SINE, "gentle": IDEAL}
     rows = re.findall(r"^\| (.*?) \| (\w+) \| \d+ \| \d+ \| (.*) \|$", text, re.M)
     wanted = [row for row in rows if row[0] in COMPARED and row[1] in tasks]
-    assert len(wanted) == 4 * len(tasks)
+    assert len(wanted) == 4 * len(tasks) + 1
     for (name, task, values), rule in itertools.product(wanted, RULES):
         variants = runs.read(tasks[task], rule).variants
         graph = next(v.graph for v in variants if v.name == COMPARED[name])

@@ -11,7 +11,7 @@ import pytest
 from scipy import stats
 
 from runtime.document import dump_yaml
-from tests.studies.contest import budgets, fronts, weaknesses
+from tests.studies.contest import budgets, fronts, opening, weaknesses
 from tests.studies.contest.contestants import (
     TASKS,
     experiment,
@@ -107,6 +107,29 @@ def test_a_verdict_that_a_doubled_rival_turns_does_not_survive(tmp_path: Path) -
         "other": "undecided",
         "far": "worse",
     }
+
+
+def test_the_page_begins_with_what_the_numbers_say(tmp_path: Path) -> None:
+    contest = Contest(tmp_path)
+    untuned = {"metric": ERROR, "configuration": 0, "held_out": {"mean": 0.0179}}
+    contest.limits["gentle"] = [
+        contestant(RIVAL, even(0.010), trials=40, table=[untuned]),
+        contestant("LQR without feedforward", even(0.030), spread=1.0),
+        contestant("robust rule", even(0.007), spread=1.0),
+        contestant("our rule", even(0.0102), spread=1.0),
+        contestant("our rule, MRAC for spikes", even(0.0097), spread=1.0),
+    ]
+    protocol, rival, spikes, feedforward, neurons = opening.sentences(contest)
+    assert protocol.startswith("5 controllers") and " 40 trials " in protocol
+    assert "10.0 mm in case C (gentle; the best, robust rule, by 7.0 mm)" in rival
+    assert "nobody tuned, by 17.9 mm" in rival
+    assert "of 2 comparisons, better in 1 (case C) and equivalent in 1 (case C)" in spikes
+    assert "costs +20.0 [" in feedforward
+    assert "-0.5 mm (MRAC, gentle)" in neurons
+    rows = opening.verdict_table(contest).splitlines()
+    assert any(
+        row.startswith("| robust rule | -3.0 [") and row.endswith("better |") for row in rows
+    )
 
 
 def test_one_setting_has_no_constant_that_differs_from_case_to_case() -> None:

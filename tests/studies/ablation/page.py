@@ -24,10 +24,10 @@ engine. One of these experiments is
 * **The graph's LQR is not tuned**: soft by choice in A and B, so that there is something to learn.
   The *tuned LQR*, PID, PurePursuit and Stanley have the settings found in
   [comparison.md](comparison.md) with equal budget and under a limit of effort (0.03 rad/s in A,
-  0.25 in B, 0.2 in C), Stanley its defaults in B. There everything is tuned
-  together, which is what shows whether a network is needed; this page takes parts away and puts
-  others in their place, and tunes nothing again. So the effort is not the same here: where
-  something helps beside the tuned LQR, it may do so at a higher effort.
+  0.25 in B, 0.2 in C). There everything is tuned together, which is what shows whether a network
+  is needed; this page takes parts away and puts others in their place, and tunes nothing again. So
+  the effort is not the same here: where something helps beside the tuned LQR, it may do so at a
+  higher effort.
 
 ## In short
 

@@ -64,22 +64,35 @@ def section(contest: Contest, spikes: Sequence[str]) -> str:
 
 
 def _where(contest: Contest) -> Iterator[str]:
-    """Where the rule with one setting is on the front, and where it is not."""
+    """Where the rule with one setting is on the front, and by how much it misses it elsewhere."""
     for case in CASES:
-        found = by_condition(contest, case)
-        on = [name for name, members in found.items() if any(one.name == ONE for one in members)]
-        off = [name for name in found if name not in on]
-        if not found:
-            continue
-        text = f"* **{ONE.capitalize()}**, case {case}: on the front in {len(on)} of {len(found)}"
-        text += f" conditions ({'; '.join(on)})" if on else " conditions"
-        if off:
-            text += f", not in {'; '.join(off)}"
-        yield f"{text}.\n" if case == CASES[-1] else f"{text}."
+        on, off = [], []
+        for name, points in _by_condition(contest, case).items():
+            own = [_behind(point, points) for point in points if point.name == ONE]
+            if own and min(own) == 0.0:
+                on.append(name)
+            elif own:
+                off.append(f"{name}, {mm(min(own))}")
+        if on or off:
+            text = f"* **{ONE.capitalize()}**, case {case}: on the front in {len(on)} of"
+            text += f" {len(on) + len(off)} conditions"
+            text += f" ({'; '.join(on)})" if on else ""
+            text += f". Not in, with the mm by which it is behind: {'; '.join(off)}" if off else ""
+            yield f"{text}.\n" if case == CASES[-1] else f"{text}."
+
+
+def _behind(own: Point, points: Sequence[Point]) -> float:
+    """By how much the error (m) of the best setting of no more effort is smaller."""
+    return own.error - min(point.error for point in points if point.effort <= own.effort)
 
 
 def by_condition(contest: Contest, case: str) -> dict[str, list[Point]]:
     """The front of all settings of a case for each held-out condition."""
+    return {name: front(points) for name, points in _by_condition(contest, case).items()}
+
+
+def _by_condition(contest: Contest, case: str) -> dict[str, list[Point]]:
+    """All settings of a case for each held-out condition."""
     everyone = [
         one for limit, who in contest.limits.items() if TASKS[limit].case == case for one in who
     ]
@@ -88,7 +101,7 @@ def by_condition(contest: Contest, case: str) -> dict[str, list[Point]]:
     if not everyone:
         return {}
     held_out = next(task.held_out for task in TASKS.values() if task.case == case)
-    return {name: front(_points(everyone, name)) for name in held_out}
+    return {name: _points(everyone, name) for name in held_out}
 
 
 def _settings(found: Sequence[Contestant]) -> Iterator[tuple[str, ...]]:

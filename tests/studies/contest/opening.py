@@ -87,7 +87,13 @@ def _protocol(limits: Sequence[_Limit]) -> str:
 
 
 def _rival(limits: Sequence[_Limit]) -> str:
-    parts = [f"{mm(limit.rival.held_out(ERROR).mean)} mm in {_named(limit)}" for limit in limits]
+    parts = []
+    for limit in limits:
+        errors = {one.name: one.held_out(ERROR).mean for one in limit.found}
+        best = min(errors, key=lambda name: errors[name])
+        least = "" if best == RIVAL else f"; the best, {best}, by {mm(errors[best])} mm"
+        named = f"case {limit.task.case} ({limit.name}{least})"
+        parts.append(f"{mm(errors[RIVAL])} mm in {named}")
     untuned = limits[0].rival.line(ERROR, 0)["held_out"]["mean"]
     return (
         f"An {RIVAL} with feedforward and no adaptation, tuned like everyone, is off by "
