@@ -151,7 +151,8 @@ def page(rounds: int, sizes: Sizes, against: Path | None = None) -> str:
         lambda: continuous.section(rounds, quick=sizes is QUICK),
         accuracy.section,
         lambda: language.section(rounds),
-        lambda: compiling.section(rounds, against, quick=sizes is QUICK),
+        lambda: compiling.section(rounds, quick=sizes is QUICK),
+        *([] if against is None else [lambda: compiling.section_against(rounds, against)]),
     )
     text = head
     for section in sections:
@@ -206,12 +207,15 @@ ALONE: dict[str, Callable[[int], str]] = {
 }
 
 
+AGAINST = "against"  # of two trees
+
+
 def measured_alone(name: str, rounds: int, against: Path | None) -> str:
     """One section, with where and under which load it was measured."""
     load = f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "unknown"
-    note = f"Measured by itself with `--only {name}` on {machine()}; load before: {load}.\n"
-    section = partial(compiling.section, against=against) if name == "compiling" else ALONE[name]
-    return section(rounds).rstrip("\n") + f"\n\n{note}"
+    note = f"`--only {name}`, rounds: {rounds}, on {machine()}; load before: {load}"
+    section = ALONE[name] if name in ALONE else partial(compiling.section_against, against=against)
+    return section(rounds).rstrip("\n") + f"\n\nMeasured by itself with {note}.\n"
 
 
 def main() -> int:
@@ -219,15 +223,15 @@ def main() -> int:
     parser.add_argument("rounds", nargs="?", type=int, default=3)
     parser.add_argument("--quick", action="store_true", help="few ticks; print, write nothing")
     parser.add_argument("--against", type=Path, help="an earlier tree, see benchmarks/compiling.py")
-    parser.add_argument("--only", choices=list(ALONE), help="measure this section alone")
+    parser.add_argument("--only", choices=[*ALONE, AGAINST], help="measure this section alone")
     options = parser.parse_args()
     if options.rounds < 1:
         parser.error(f"rounds must be 1 or more, got {options.rounds}")
+    if options.only == AGAINST and options.against is None:
+        parser.error(f"--only {AGAINST} needs --against TREE")
     if options.only:
-        text = replaced(
-            PAGE.read_text(encoding="utf-8"),
-            measured_alone(options.only, options.rounds, options.against),
-        )
+        measured = measured_alone(options.only, options.rounds, options.against)
+        text = replaced(PAGE.read_text(encoding="utf-8"), measured)
         PAGE.write_text(text, encoding="utf-8")
         return 0
     try:

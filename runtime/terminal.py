@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import shutil
 import sys
 import time
@@ -77,6 +78,11 @@ def number(value: float | None, sign: str = "") -> str:
     if value is None or math.isnan(value):
         return "-"
     return f"{0.0 if abs(value) < ROUNDING else value:{sign}.4g}"
+
+
+def short(cell: str) -> str:
+    """A value as it is written in a table; a number with many digits to six of them."""
+    return f"{float(cell):.6g}" if re.fullmatch(r"-?\d*\.\d{7,}(e[-+]?\d+)?", cell) else cell
 
 
 def with_unit(name: str, units: Mapping[str, str]) -> str:

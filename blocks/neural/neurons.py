@@ -140,7 +140,7 @@ def lif_step(
     constants: FloatArray,
 ) -> None:
     """One step of LIF neurons; a spike inside a step shortens the refractory time by the rest."""
-    tau_rc, tau_ref = constants[:2].tolist()
+    tau_rc, tau_ref = constants.item(0), constants.item(1)
     refractory -= dt
     rise = np.subtract(current, voltage, out=spikes)  # written again below
     if len(voltage) <= FEW:

@@ -191,7 +191,7 @@ def decode(weights: FloatArray, spikes: FloatArray, groups: int) -> FloatArray:
 
     Most neurons are silent in a step: only the others are added up.
     """
-    firing = (spikes != 0.0).nonzero()[0]  # quicker than spikes.nonzero()
+    firing = spikes.astype(bool).nonzero()[0]  # quicker than spikes.nonzero()
     amounts = weights.take(firing, 1) * spikes[firing]
     if groups == 1:
         return np.asarray(np.add.reduce(amounts, 1))

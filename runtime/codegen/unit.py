@@ -345,7 +345,6 @@ class Writer:
         self.stack.append(set())
         body = Statements(self, target, self.failures, {})
         try:
-            body.put("ctx->arena_used = 0;")
             found = self.call(body, target, values, {})
             results(body, entry, found, parameters)
         except NotTypedError as error:
@@ -353,8 +352,10 @@ class Writer:
         finally:
             calls = self.stack.pop()
         lines = tidied(body.lines)
+        if any(re.search(r"\bctx\b", line) for line in lines):
+            lines.insert(0, "    ctx->arena_used = 0;")
         whole = "\n".join(lines)
-        names = [_last_word(p) for p in (*parameters, "self")]
+        names = [_last_word(p) for p in ("ctx", *parameters, "self")]
         unused = [n for n in names if not re.search(rf"\b{n}\b", whole)]
         head = ["struct context *ctx", "const struct entries *self", *parameters]
         signature = f"void {entry.symbol}({', '.join(head)})"

@@ -22,6 +22,7 @@ from runtime.experiments.execution import GRAPH, INDEX, SUMMARY, Columns, Row, r
 from runtime.reports import pieces
 from runtime.reports.html import Html, element, facts, join, page, table
 from runtime.runs import DIAGRAM
+from runtime.terminal import short
 
 FEW = 60  # configurations that are all listed
 
@@ -159,7 +160,7 @@ def _table(swept: _Sweep, best: Mapping[tuple[str, ...], int] | None, label: str
 
 def _configuration(swept: _Sweep, group: Group) -> list[str]:
     ok = sum(row.status == "ok" for row in group.rows)
-    cells = [*group.cells, f"{ok}/{swept.data.seeds}"]
+    cells = [*map(short, group.cells), f"{ok}/{swept.data.seeds}"]
     for metric in swept.shown:
         found = estimate(group.values(swept.metrics.index(metric)))
         mean = pieces.mean(found.mean, found.n, swept.data.seeds)

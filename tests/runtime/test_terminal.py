@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from runtime.terminal import duration, number, table
+from runtime.terminal import duration, number, short, table
 
 
 @pytest.mark.parametrize(
@@ -24,6 +24,11 @@ def test_a_number_has_four_significant_digits(value: float | None, text: str) ->
 
 def test_a_number_shows_its_sign_where_that_is_asked_for() -> None:
     assert [number(value, "+") for value in (2.5, -2.5, None)] == ["+2.5", "-2.5", "-"]
+
+
+def test_long_numbers_of_a_table_are_shortened() -> None:
+    cells = ["0.8333333333333333", "1.1666666666666667e-05", "0.5", "12345678", "slow 0.83333333"]
+    assert list(map(short, cells)) == ["0.833333", "1.16667e-05", "0.5", "12345678", cells[4]]
 
 
 def test_columns_are_aligned_to_the_left_or_to_the_right() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,7 +10,7 @@ from runtime.cli.commands import add_output, show_folder
 from runtime.cli.commands.changes import add_changes, changed
 from runtime.cli.commands.workers import add_workers, chosen_seeds, pool_of, start_early
 from runtime.errors import UsageError
-from runtime.terminal import show, show_json, tell, with_unit
+from runtime.terminal import short, show, show_json, tell, with_unit
 
 if TYPE_CHECKING:
     from runtime.experiments import SweepResult
@@ -142,13 +141,8 @@ def _print(result: SweepResult, pictures: list[Path]) -> None:
             found = ranked.objective
             ends = f"  {interval(found)}" if found.n > 1 else ""
             values = zip(plan.columns.factors, ranked.cells, strict=True)
-            configuration = ", ".join(f"{factor}={_short(value)}" for factor, value in values)
+            configuration = ", ".join(f"{factor}={short(value)}" for factor, value in values)
             show(f"  {found.mean:<10.4g}{ends}  {configuration}".rstrip())
     for reason in tally.top_reasons():
         tell(f"  {reason['count']} x {reason['reason']}")
     show_folder("sweep", result.folder, pictures)
-
-
-def _short(cell: str) -> str:
-    """A value as written in the table; a number with many digits to six of them."""
-    return f"{float(cell):.6g}" if re.fullmatch(r"-?\d*\.\d{7,}(e[-+]?\d+)?", cell) else cell

@@ -145,8 +145,9 @@ class CompiledEmitter(StructEmitter):
         outputs = [self.signal(step.block, port) for port in step.evaluation.outputs]
         places = [text for name, kind in outputs for text in self.place(name, kind)]
         with self.enabled(step.enables):
-            self.called(step.block, step.evaluation, places)
-            self.code(f"if (!({' && '.join(self.tests(outputs))})) return {NOT_FINITE};")
+            number = self.called(step.block, step.evaluation, places)
+            wrong = f"ctx->at = {number}; return {NOT_FINITE};"
+            self.code(f"if (!({' && '.join(self.tests(outputs))})) {{ {wrong} }}")
         resetting = [name for name in step.enables if resets(self.network, name)]
         if resetting:
             self.code(f"if (!({self.all_on(resetting)})) {{")
@@ -200,14 +201,20 @@ class CompiledEmitter(StructEmitter):
         pointer = f"&plan->{name}" if kind.form == "scalar" else f"plan->{name}"
         return [pointer, *sizes(kind)]
 
-    def called(self, block: str, evaluation: Evaluation, outputs: list[str]) -> None:
-        """Call a block's method; ``outputs`` are the places that it writes to."""
-        self.code(f"ctx->at = {len(self.made.calls)};")
+    def called(self, block: str, evaluation: Evaluation, outputs: list[str]) -> int:
+        """Call a block's method; returns the number of the call.
+
+        ``outputs`` are the places that it writes to. A block that cannot fail leaves no number.
+        """
+        number = len(self.made.calls)
+        if self.kernels[block].failures:
+            self.code(f"ctx->at = {number};")
         self.made.calls.append((block, evaluation))
         fields = self.pointer(f"fields_{self.plan.names[block]}", ("fields", block, ""))
         time = [] if evaluation is PROJECT else ["t"]
         arguments = ["ctx", fields, *time, *self.inputs(block, evaluation), *outputs]
         self.code(f"{self.kernels[block].symbols[evaluation.method]}({', '.join(arguments)});")
+        return number
 
     def stop_at_tick(self, stop: StopTest) -> None:
         place = self.pointer("stop", ("array", "stop", ""))
