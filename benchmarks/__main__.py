@@ -213,9 +213,9 @@ AGAINST = "against"  # of two trees
 def measured_alone(name: str, rounds: int, against: Path | None) -> str:
     """One section, with where and under which load it was measured."""
     load = f"{os.getloadavg()[0]:.1f}" if hasattr(os, "getloadavg") else "unknown"
-    note = f"Measured by itself with `--only {name}` on {machine()}; load before: {load}.\n"
+    note = f"`--only {name}`, rounds: {rounds}, on {machine()}; load before: {load}"
     section = ALONE[name] if name in ALONE else partial(compiling.section_against, against=against)
-    return section(rounds).rstrip("\n") + f"\n\n{note}"
+    return section(rounds).rstrip("\n") + f"\n\nMeasured by itself with {note}.\n"
 
 
 def main() -> int:

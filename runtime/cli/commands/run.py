@@ -263,7 +263,7 @@ def _print_result(
     simulated = manifest["ticks"] * manifest["dt"]
     show(
         f"{result.title}: {simulated:g} s in {manifest['wall_s']:.2f} s "
-        f"({manifest['us_per_tick']:.1f} us a tick, {manifest['engine']} engine), "
+        f"({number(manifest['us_per_tick'])} us a tick, {manifest['engine']} engine), "
         f"seed {manifest['seed']}"
     )
     if result.metrics and others:
