@@ -312,7 +312,8 @@ def _html(head: str, rows: Sequence[Sequence[str]], notes: Sequence[str]) -> str
     for i, row in enumerate(rows):
         tag = "th" if i == 0 or len(row) < most else "td"
         cells = [
-            f"<{tag} style='text-align: {'left' if k == 0 else 'right'}'>{escape(text)}</{tag}>"
+            f"<{tag} style='padding: 2px 8px; text-align: {'left' if k == 0 else 'right'}'>"
+            f"{escape(text)}</{tag}>"
             for k, text in enumerate([*row, *[""] * (most - len(row))])
         ]
         lines.append(f"<tr>{''.join(cells)}</tr>")

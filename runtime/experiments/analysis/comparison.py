@@ -138,7 +138,7 @@ def comparison_rows(
             "interval of mean",
             "difference",
             "interval of difference",
-            "distinguishable",
+            "differs",
         )
     ]
     metric = ""
@@ -154,7 +154,7 @@ def comparison_table(
     lines: Sequence[ComparisonLine], units: Mapping[str, str] | None = None
 ) -> str:
     """The table for a terminal; ``units`` are those of the metrics."""
-    shorter = {"interval of mean": "±", "interval of difference": "±", "distinguishable": "differs"}
+    shorter = {"interval of mean": "±", "interval of difference": "±"}
     rows = comparison_rows(lines, units, half_width)
     rows[0] = tuple(shorter.get(title, title) for title in rows[0])
     return table(rows, range(1, len(rows[0])), indent="")
