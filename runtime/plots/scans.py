@@ -225,7 +225,7 @@ def _write(
         [], [], color=maps.TRAJECTORY, linewidth=1.3, label="trajectory", zorder=2.1
     )
     scene = Scene(axes, plot, result)
-    clock = axes.set_title(" ", loc="right", fontweight="normal", fontsize=9.0)
+    clock = titles.write_title(axes, " ", titles.subtitle(result))
     figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)
     # The layout is computed once; computing it again would double the cost of a frame.
     canvas.draw()  # type: ignore[no-untyped-call]
@@ -239,7 +239,7 @@ def _write(
                 progress(i, len(times))
             scene.show(t)
             trail.set_data(*_trail(robot, t).T)
-            clock.set_text(f"t = {t:5.1f} s, {speed:.2g} x real time")
+            clock.set_text(f"t = {t:5.1f} s, {speed:.2g} × real time")
             writer.grab_frame()
 
 
@@ -247,7 +247,6 @@ def _world_axes(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
     """The axes of an animation: the world without the robot."""
     xy = recordings_by_kind(plot, result)["Pose"].values[:, :2]
     axes, _ = maps.map_axes(figure, plot, result, xy, SIDE, (0.0, 0.6))
-    axes.set_title(titles.subtitle(result), fontsize=9.0)
     return axes
 
 

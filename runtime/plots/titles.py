@@ -13,6 +13,7 @@ from runtime.plots.style import GREY, LETTER, run_end
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.text import Text
 
     from runtime.observation import RunData
 
@@ -26,9 +27,9 @@ def set_title(axes: Axes, title: str, result: RunData) -> None:
     write_title(axes, title, subtitle(result))
 
 
-def write_title(axes: Axes, title: str, subtitle: str) -> None:
-    """Write a title and a subtitle above an axes."""
-    axes.set_title(title, pad=TITLE_HEIGHT)
+def write_title(axes: Axes, title: str, subtitle: str) -> Text:
+    """Write a title and a subtitle above an axes, and return the title."""
+    written = axes.set_title(title, pad=TITLE_HEIGHT)
     axes.annotate(
         subtitle,
         xy=(0.0, 1.0),
@@ -39,6 +40,7 @@ def write_title(axes: Axes, title: str, subtitle: str) -> None:
         color=GREY,
         gid="subtitle",
     )
+    return written
 
 
 def separate_notes(figure: Figure) -> None:

@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
+from matplotlib.text import Text
 from PIL import Image
 
 import runtime
@@ -23,6 +24,7 @@ from runtime.observation.run_data import Recording
 from runtime.plots import animate, animated, scans
 from runtime.plots import map as maps
 from runtime.plots.figures import draw
+from runtime.plots.style import run_end
 from runtime.runs.result import Result
 
 ROOM = {
@@ -335,6 +337,28 @@ class TestAnimation:
             last = np.asarray(gif.convert("RGB"), dtype=int)
         assert first.shape == last.shape
         assert np.abs(first - last).max() > 100
+
+    def test_time_is_above_what_was_run(
+        self, run: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        shown: list[str] = []
+
+        class Watched(scans.PillowWriter):
+            def grab_frame(self, **savefig_kwargs: Any) -> None:
+                axes = self.fig.axes[0]
+                (subtitle,) = (t for t in axes.texts if t.get_gid() == "subtitle")
+                (clock,) = (t for t in axes.findobj(Text) if "real time" in t.get_text())
+                lower, upper = subtitle.get_window_extent(), clock.get_window_extent()
+                assert lower.y1 <= upper.y0 and upper.y1 <= self.fig.bbox.y1
+                shown.append(clock.get_text())
+                super().grab_frame(**savefig_kwargs)
+
+        monkeypatch.setattr(scans, "FRAMES", 3)
+        monkeypatch.setattr(scans, "PillowWriter", Watched)
+        animate(run, tmp_path / "run.gif")
+        end = run_end(run)
+        speed = f"{end * scans.RATE / 3:.2g} × real time"
+        assert shown == [f"t = {t:5.1f} s, {speed}" for t in (0.0, end / 2, end)]
 
     def test_of_a_run_without_ticks(self, run: Result, tmp_path: Path) -> None:
         none = {
