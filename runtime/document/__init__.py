@@ -17,6 +17,7 @@ from runtime.document.edits import (
 from runtime.document.limits import MAX_BLOCKS, Work
 from runtime.document.loader import (
     SHIPPED,
+    Source,
     complete_document,
     decoded,
     find_file,
@@ -74,6 +75,7 @@ __all__ = [
     "Node",
     "Override",
     "Solver",
+    "Source",
     "Stop",
     "Value",
     "Work",

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TypeAlias
 
 from blocks.core import hint
 from runtime.document.limits import MAX_LEVELS, Work
-from runtime.document.node import Node, from_python, parse_yaml
+from runtime.document.node import Node, Value, from_python, parse_yaml
 from runtime.document.parse_errors import position
 from runtime.document.sections import FILE_KEYS, closest
 from runtime.errors import NOWHERE, GraphError, Location, Problem, Problems
@@ -22,6 +22,7 @@ MAX_BYTES = 32 * 2**20  # of one file: enough for a million values
 TYPED = ("blocks", "plots", "metrics")
 MOST_SIMILAR = 3  # names that an error message suggests
 Parse = Callable[[str, str], Node]
+Source: TypeAlias = str | Path | Mapping[str, Value]  # a file, a shipped graph's name, a dict
 
 
 def shipped_graphs() -> list[str]:
@@ -29,7 +30,7 @@ def shipped_graphs() -> list[str]:
     return sorted(path.stem for path in SHIPPED.glob(f"*{SUFFIX}"))
 
 
-def load_document(source: str | Path | Mapping[str, Any]) -> Node:
+def load_document(source: Source) -> Node:
     """Read a graph with all that it extends and all its parts.
 
     Parameters
@@ -43,13 +44,16 @@ def load_document(source: str | Path | Mapping[str, Any]) -> Node:
     return read_graph(source)[0]
 
 
-def read_graph(source: str | Path | Mapping[str, Any]) -> tuple[Node, dict[str, bytes]]:
+def read_graph(
+    source: Source, unsaved: Mapping[Path, str] | None = None
+) -> tuple[Node, dict[str, bytes]]:
     """Read a graph as :func:`load_document` does; returns also the content of every file read.
 
     The keys are the files' resolved paths. Each file is read once, so that a run stores exactly
-    what it ran, even if the files change meanwhile.
+    what it ran, even if the files change meanwhile. ``unsaved`` are texts that replace the content
+    of files, by resolved path.
     """
-    loader = _Loader()
+    loader = _Loader(unsaved)
     if isinstance(source, Mapping):
         document: Node | None = loader.complete(from_python(source), ())
     else:

@@ -13,6 +13,7 @@ from blocks.registry import BUILTIN, Modules, block_texts
 from runtime.document import (
     Node,
     Override,
+    Source,
     Value,
     add_block,
     add_entry,
@@ -250,9 +251,9 @@ class Graph:
         override = Override("wire", consumer, str(source))
         return self._changed(changed, override)._with_known_names(origin, place)
 
-    def overlay(self, source: str | Path | Mapping[str, Value]) -> Graph:
-        """A copy with another graph, or part of one, merged over it, as ``extends`` does."""
-        document, read = read_graph(source)
+    def overlay(self, source: Source, unsaved: Mapping[Path, str] | None = None) -> Graph:
+        """A copy with another graph merged over it; ``unsaved`` texts take the place of files."""
+        document, read = read_graph(source, unsaved)
         override = Override("with", "mapping" if isinstance(source, Mapping) else str(source))
         # The file that this graph was loaded from stays as it was read then.
         files = {**read, **self._content.files}
@@ -434,7 +435,7 @@ class Graph:
             return None
 
 
-def load(source: str | Path | Mapping[str, Value], *, modules: bool = True) -> Graph:
+def load(source: Source, *, modules: bool = True) -> Graph:
     """Load a graph from a file, the name of a shipped graph, or a mapping.
 
     Loading reads text alone. Python files that the text names as ``module`` are imported when the

@@ -314,9 +314,9 @@ class Model:
             found = examined(Content(Node({"world": self.tree, "blocks": Node({})})))
             return [problem for problem in found.problems if problem.address.startswith("world")]
         try:
-            check_experiment(
-                self.tree, self.path, self.surroundings.load, self.change or (lambda graph: graph)
-            )
+            change = self.change or (lambda graph: graph)
+            near = self.surroundings
+            check_experiment(self.tree, self.path, near.load, change, near.unsaved)
         except GraphError as error:
             return error.problems
         except SpikeblocksError as error:

@@ -99,8 +99,14 @@ class Project:
         return [
             (self.models[path], replace(symbol, scope=(*scope, *symbol.scope)))
             for path, base, scope in self._links
-            if base == here and path != here
+            if base == here and path != here and not self._replaced(path, scope, symbol)
         ]
+
+    def _replaced(self, path: Path, scope: tuple[str, ...], symbol: Symbol) -> bool:
+        """Whether a file has another part in place of the one that defines a symbol of its base."""
+        inner = (*scope, *symbol.scope)
+        own = {used for user, _, used in self._links if user == path and used and used != scope}
+        return any(inner[: len(used)] == used for used in own)
 
     def roots(self, model: Model, symbol: Symbol) -> list[tuple[Model, Symbol]]:
         """The files furthest up that define a symbol, with its name there."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -97,6 +97,7 @@ def check_experiment(
     path: Path,
     load_graph: Callable[[str], Graph],
     change: Change = lambda graph: graph,
+    unsaved: Mapping[Path, str] | None = None,
 ) -> None:
     """Check an experiment whose text is in memory.
 
@@ -105,12 +106,13 @@ def check_experiment(
     document : the parsed text; path : its file, which need not exist.
     load_graph : loads the graphs that it names.
     change : applied to the baseline, as for :func:`read_experiment`.
+    unsaved : texts that replace the content of files laid over a graph, by resolved path.
 
     Raises
     ------
     GraphError, UsageError : what is wrong.
     """
-    experiment = _Reader(document, path.parent, change, load_graph).read(path.stem)
+    experiment = _Reader(document, path.parent, change, load_graph, unsaved).read(path.stem)
     problems = Problems()
     for variant in experiment.variants:
         written = (document.get("variants") or document).get(variant.name) or document
@@ -148,6 +150,7 @@ class _Reader:
     folder: Path
     change: Change
     load: Callable[[str], Graph]
+    unsaved: Mapping[Path, str] | None = None
 
     def __post_init__(self) -> None:
         self.problems = Problems()
@@ -237,7 +240,8 @@ class _Reader:
             )
             return changed
         for item, place in names:
-            graph = graph.overlay(find_file(item.value, (item.where, place), self.folder))
+            path = find_file(item.value, (item.where, place), self.folder)
+            graph = graph.overlay(path, self.unsaved)
         return graph
 
     def world(self, name: str, at: Location) -> str:

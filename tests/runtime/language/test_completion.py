@@ -196,7 +196,7 @@ def test_experiments() -> None:
     assert {"adaptive", "lqr"} <= set(labels(model, offset))
     model, offset = edited("seeds: 20..39", "¦", path)
     assert {"seeds", "vary", "minimize"} <= set(labels(model, offset))
-    model, offset = edited("{replace: {lqr: PathPID}}", "{replace: {lqr: ¦}}", path)
+    model, offset = edited("replace: {lqr: PathPID}", "replace: {lqr: ¦}", path)
     assert "PurePursuit" in labels(model, offset)
 
 

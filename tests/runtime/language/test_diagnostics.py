@@ -100,8 +100,8 @@ def test_experiments_parts_and_worlds_are_checked() -> None:
     for path, old, new, message in [
         (
             "experiments/walls.yaml",
-            "PID: {replace: {lqr: PathPID}}",
-            "PID: {replase: {lqr: PathPID}}",
+            "  PID:\n    replace: {lqr: PathPID}",
+            "  PID:\n    replase: {lqr: PathPID}",
             "re",
         ),
         ("experiments/walls.yaml", "lqr.q: [113.8", "lqr.qq: [113.8", "'q'"),
