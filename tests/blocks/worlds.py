@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from pathlib import Path
 from typing import Any
@@ -72,15 +73,61 @@ def is_free(world: World, points: FloatArray) -> np.ndarray:
     return free
 
 
+Edge = tuple[FloatArray, FloatArray]
+
+
+def edges_of(world: World) -> list[Edge]:
+    """The two ends of each edge of the room and the obstacles."""
+    polygons = (*(() if world.room is None else (world.room,)), *world.obstacles)
+    return [(a, b) for p in polygons for a, b in zip(p, np.roll(p, -1, axis=0), strict=True)]
+
+
+def crossings(edges: list[Edge], circles: FloatArray) -> FloatArray:
+    """Where the lines of edges, and circles, cross each other: (n, 2), with points off an edge."""
+    found = [np.zeros(2)]
+    for (a, b), (p, q) in itertools.combinations(edges, 2):
+        (dx, dy), (ex, ey), (x, y) = b - a, q - p, p - a
+        det = dx * ey - dy * ex
+        if det != 0.0:
+            found.append(a + (x * ey - y * ex) / det * (b - a))
+    for (a, b), (x, y, r) in itertools.product(edges, circles):
+        along = (b - a) / math.hypot(*(b - a))
+        near = a + ((x, y) - a) @ along * along
+        half = math.sqrt(max(0.0, r**2 - (near[0] - x) ** 2 - (near[1] - y) ** 2))
+        found += [near - half * along, near + half * along]
+    for (x, y, r), (u, v, s) in itertools.combinations(circles, 2):
+        gap = math.hypot(u - x, v - y)
+        if gap > 0.0:
+            along = np.array([u - x, v - y]) / gap
+            t = (gap**2 + r**2 - s**2) / (2.0 * gap)
+            half = math.sqrt(max(0.0, r**2 - t**2))
+            across = half * np.array([-along[1], along[0]])
+            found += [(x, y) + t * along - across, (x, y) + t * along + across]
+    return np.array(found)
+
+
 def outline(world: World, spacing: float) -> FloatArray:
-    """Points of all edges and circles that have free space next to them."""
+    """Points of all edges and circles that have free space next to them.
+
+    They are at most ``spacing`` apart, and there is one between any two crossings, so that no piece
+    that is shorter is missed.
+    """
     parts = []
-    for corners in (*(() if world.room is None else (world.room,)), *world.obstacles):
-        for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-            n = math.ceil(math.hypot(*(b - a)) / spacing) + 1
-            parts.append(np.linspace(a, b, n))
-    for x, y, r in world.circles:
-        angle = np.linspace(0.0, 2 * math.pi, math.ceil(2 * math.pi * r / spacing) + 1)
+    edges, circles = edges_of(world), np.reshape(world.circles, (-1, 3))
+    crossed = crossings(edges, circles)
+    for a, b in edges:
+        n = math.ceil(math.hypot(*(b - a)) / spacing) + 1
+        along = (crossed - a) @ (b - a) / math.hypot(*(b - a)) ** 2
+        off = np.hypot(*(crossed - a - np.outer(along, b - a)).T)
+        cuts = np.sort([0.0, 1.0, *along[(off < 1e-9) & (along > 0.0) & (along < 1.0)]])
+        parts.append(a + np.outer((cuts[:-1] + cuts[1:]) / 2.0, b - a))
+        parts.append(np.linspace(a, b, n))
+    for x, y, r in circles:
+        dx, dy = (crossed - (x, y)).T
+        cuts = np.sort(np.arctan2(dy, dx)[np.abs(np.hypot(dx, dy) - r) < 1e-9])
+        between = (cuts + np.append(cuts[1:], cuts[:1] + 2 * math.pi)) / 2.0
+        even = np.linspace(0.0, 2 * math.pi, math.ceil(2 * math.pi * r / spacing) + 1)
+        angle = np.append(even, between)
         parts.append(np.column_stack((x + r * np.cos(angle), y + r * np.sin(angle))))
     points = np.concatenate(parts)
     exposed = np.zeros(len(points), dtype=bool)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from blocks.core.signals import FloatArray
@@ -40,7 +40,18 @@ def test_distance_is_that_to_the_nearest_of_many_surface_points(
     check_distance(World(description), scattered(1, 3000))
 
 
+# The free space beside the second obstacle is a triangle with sides below a millimetre.
+SLIVER = {
+    "room": [[-1.0, 0.5], [0.0, 0.0], [-1.1, 1.1]],
+    "obstacles": [
+        [[-1.4, 1.1], [0.0, 1.1], [-0.9, 0.9]],
+        [[-1.2, 0.9], [0.0, 1.6], [0.0, 0.0]],
+    ],
+}
+
+
 @settings(deadline=None)
+@example(World(SLIVER), 0)
 @given(worlds(), seeds)
 def test_distance_of_any_world(world: World, seed: int) -> None:
     check_distance(world, scattered(seed, 200))
