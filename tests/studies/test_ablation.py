@@ -14,7 +14,7 @@ import pytest
 import runtime
 from runtime.document.loader import SHIPPED
 from runtime.experiments.design.seeds import Seeds
-from runtime.experiments.design.variants import BASELINE
+from runtime.experiments.design.variants import BASELINE, Variant
 from tests.studies.ablation import runs
 from tests.studies.ablation.conclusions import ALL, FED, INTEGRATOR, SPEED, TURN
 from tests.studies.ablation.judge import (
@@ -102,6 +102,11 @@ COMPARED = {
 PLACES = {"params.q_y": "lqr.0", "params.q_theta": "lqr.2"}
 
 
+@cache
+def experiment(configuration: Configuration, rule: str) -> tuple[Variant, ...]:
+    return tuple(runs.read(configuration, rule).variants)
+
+
 def test_settings_of_the_trackers_are_those_that_were_found() -> None:
     text = (SHIPPED.parent / "docs" / "comparison.md").read_text(encoding="utf-8")
     tasks = {"line": LINE, "sine": SINE, "gentle": IDEAL}
@@ -109,8 +114,7 @@ def test_settings_of_the_trackers_are_those_that_were_found() -> None:
     wanted = [row for row in rows if row[0] in COMPARED and row[1] in tasks]
     assert len(wanted) == 4 * len(tasks) + 1
     for (name, task, values), rule in itertools.product(wanted, RULES):
-        variants = runs.read(tasks[task], rule).variants
-        graph = next(v.graph for v in variants if v.name == COMPARED[name])
+        graph = next(v.graph for v in experiment(tasks[task], rule) if v.name == COMPARED[name])
         blocks = graph.to_dict()["blocks"]
         for pair in values.split(", "):
             path, value = pair.split(" = ")

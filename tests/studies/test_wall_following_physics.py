@@ -22,6 +22,7 @@ def quick(name: str) -> runtime.Graph:
     return graph
 
 
+@pytest.mark.slow
 def test_the_robust_controller_loops_the_room_with_a_third_of_its_turn_rate_lost() -> None:
     """On odometry alone, without a touch, and nearer to the stand-off than without a network."""
     robust = runtime.load("wall_following_mujoco_robust").overlay(LOSS).set("plots", {})
