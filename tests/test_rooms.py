@@ -25,7 +25,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("blocks.registry",),
     ("blocks",),
     ("runtime.lazy",),
-    ("runtime.errors", "runtime.schema", "runtime.streaming", "runtime.codegen"),
+    ("runtime.errors", "runtime.streaming", "runtime.codegen"),
     ("runtime.files",),
     ("runtime.terminal", "runtime.dataframes", "runtime.toolchain"),
     ("runtime.document",),

@@ -13,8 +13,8 @@ from dataclasses import asdict
 from typing import Any
 
 from runtime.diagrams.picture import FATES, MINUS, Box, Net, Part, Picture, picture_of
+from runtime.files import NUMBER, check_form
 from runtime.network import Network
-from runtime.schema import NUMBER, check
 
 SCHEMA_VERSION = 1
 MAX_BOXES, MAX_WIRES = 500, 5_000
@@ -56,10 +56,10 @@ def read_picture(text: str) -> Picture:
         shown = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise ValueError(f"not valid JSON ({error})") from None
-    check(shown, {"schema_version": int})
+    check_form(shown, {"schema_version": int})
     if shown["schema_version"] != SCHEMA_VERSION:
         raise ValueError(f"expected schema_version {SCHEMA_VERSION}")
-    check(shown, _PICTURE, longest=MAX_LENGTH)
+    check_form(shown, _PICTURE, longest=MAX_LENGTH)
     if max(len(shown["boxes"]), len(shown["parts"])) > MAX_BOXES:
         raise ValueError(f"more than {MAX_BOXES} blocks or parts")
     picture = Picture(shown["title"], {}, {}, [])
@@ -94,7 +94,7 @@ def _box(entry: Mapping[str, Any]) -> Box:
     if not 0.0 <= box.period < math.inf or (box.fate and box.fate not in FATES.values()):
         raise ValueError("boxes: expected a non-negative finite period and a known fate")
     signs = entry.get("signs", {})
-    check(signs, dict)
+    check_form(signs, dict)
     if not all(key in box.inputs and sign in ("+", MINUS) for key, sign in signs.items()):
         raise ValueError("boxes: expected a sign, + or −, for inputs only")
     box.signs = signs

@@ -18,9 +18,9 @@ from runtime.experiments.execution import (
     read_plan,
     read_rows,
 )
+from runtime.files import MAYBE_NUMBER, check_form
 from runtime.reports import pieces
 from runtime.reports.html import Html, element, facts, grouped_table, join, page, table
-from runtime.schema import MAYBE_NUMBER, check
 from runtime.terminal import with_unit
 
 _ESTIMATE = {"n": int, "mean": MAYBE_NUMBER, "low": MAYBE_NUMBER, "high": MAYBE_NUMBER}
@@ -187,10 +187,10 @@ def _read(folder: Path) -> dict[str, Any]:
         raise UsageError(f"'{folder}' has an ablation without results: {message}")
     facts = read_facts(folder)
     try:
-        check(facts, _FACTS)
+        check_form(facts, _FACTS)
         for i, line in enumerate(facts["table"]):
             if line["difference"] is not None:
-                check(line["difference"], _DIFFERENCE, f"table[{i}].difference")
+                check_form(line["difference"], _DIFFERENCE, f"table[{i}].difference")
         _check_whole(facts)
     except ValueError as error:
         raise UsageError(f"'{path}' is damaged: {error}") from None

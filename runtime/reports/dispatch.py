@@ -7,8 +7,8 @@ from pathlib import Path
 
 from runtime.errors import UsageError
 from runtime.experiments.execution import PLAN, read_plan
+from runtime.files import check_form
 from runtime.runs import MANIFEST, run_folder
-from runtime.schema import check
 
 _PLAN = {"kind": str, "experiment": str, "points": int, "metrics": [str]}
 
@@ -41,7 +41,7 @@ def report(path: str | Path) -> Report:
         return _run(folder)
     plan = read_plan(folder)
     try:
-        check(plan, _PLAN)
+        check_form(plan, _PLAN)
     except ValueError as error:
         raise UsageError(f"'{folder / PLAN}' is damaged: {error}") from None
     kind = plan["kind"]

@@ -9,11 +9,11 @@ from typing import Any
 from runtime.compare import text_of
 from runtime.document import parse_yaml
 from runtime.errors import UsageError
+from runtime.files import is_number
 from runtime.observation import Recording, RunData
 from runtime.reports import pieces
 from runtime.reports.html import Html, bullets, element, facts, join, page, table
 from runtime.runs import DIAGRAM, RESOLVED, read_run, run_folder
-from runtime.schema import is_number
 
 STATUS = {"complete": "good", "stopped": "good", "interrupted": "warn", "failed": "bad"}
 

@@ -12,11 +12,10 @@ from runtime.errors import UsageError
 from runtime.experiments.execution import GRAPH, read_plan
 from runtime.experiments.tuning import TUNING
 from runtime.experiments.tuning.tuning_plots import tuning_figures
-from runtime.files import read_text
+from runtime.files import MAYBE_NUMBER, check_form, read_text
 from runtime.reports import pieces
 from runtime.reports.html import Html, element, facts, join, page, table
 from runtime.runs import DIAGRAM
-from runtime.schema import MAYBE_NUMBER, check
 from runtime.terminal import with_unit
 
 FEW = 60  # configurations that are all listed
@@ -74,7 +73,7 @@ def tuning_report(folder: Path) -> str:
 def _read(folder: Path) -> dict[str, Any]:
     try:
         stored = json.loads(read_text(folder / TUNING))
-        check(stored, _STORED)
+        check_form(stored, _STORED)
     except FileNotFoundError:
         message = "has no results yet; 'runtime tune' with --resume continues it"
         raise UsageError(f"'{folder}' {message}") from None

@@ -22,11 +22,20 @@ from blocks.core import FloatArray, show
 from blocks.world import World
 from runtime.document import rename_files
 from runtime.errors import UsageError
-from runtime.files import json_text, read_text, sha256, system_errors, write_json, write_whole
+from runtime.files import (
+    NUMBER,
+    check_form,
+    is_number,
+    json_text,
+    read_text,
+    sha256,
+    system_errors,
+    write_json,
+    write_whole,
+)
 from runtime.network import STATES
 from runtime.observation import PlotSpec, Probe, Recording, RunData
 from runtime.runs.commit import git_commit
-from runtime.schema import NUMBER, check, is_number
 from runtime.streaming import open_arrays, save_arrays
 
 SCHEMA_VERSION = 1
@@ -298,7 +307,7 @@ def _recorded(name: str, info: dict[str, Any], arrays: dict[str, FloatArray]) ->
 
 def _check_facts(manifest: dict[str, Any]) -> None:
     """What everything that reads a run relies on."""
-    check(manifest, _FACTS)
+    check_form(manifest, _FACTS)
     for key in ("graph", "status"):
         if not manifest[key].isprintable():
             raise ValueError(f"{key}: expected one printable line")

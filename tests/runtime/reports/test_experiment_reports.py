@@ -15,8 +15,8 @@ import pytest
 from scipy import stats
 
 from runtime.errors import UsageError
+from runtime.files import check_form
 from runtime.reports import report
-from runtime.schema import check
 from tests.browser import elements, find, load, measure, rows
 from tests.runtime.experiments.graphs import MODULE
 
@@ -240,7 +240,7 @@ def test_a_missing_diagram_is_replaced_by_a_note(folders: dict[str, Path], tmp_p
 
 def test_forms_of_plain_data() -> None:
     form = {"a": [{"b": (int, type(None))}], "c": float, "d": bool}
-    check({"a": [{"b": 1}, {"b": None, "x": 0}], "c": 0.5, "d": True}, form)
+    check_form({"a": [{"b": 1}, {"b": None, "x": 0}], "c": 0.5, "d": True}, form)
     for value, message in (
         ([], "top level: expected an object"),
         ({"a": [], "c": 0.5}, "d is missing"),
@@ -250,7 +250,7 @@ def test_forms_of_plain_data() -> None:
         ({"a": [], "c": 0.5, "d": 1}, "d: expected true or false"),
     ):
         with pytest.raises(ValueError, match=message):
-            check(value, form)
+            check_form(value, form)
 
 
 @pytest.mark.skipif(not find_spec("optuna"), reason="needs pip install -e '.[tune]'")
