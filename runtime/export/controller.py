@@ -101,7 +101,7 @@ def _layout(graph: Graph, selection: Selection, name: str, hold: bool) -> Layout
     program = graph.program()
     engine = Engine(program, graph.network.seed)
     engine.prepare()
-    units = write_units(selection, engine.states, name)
+    units = write_units(selection, engine.state.blocks, name)
     constants = {
         port: np.asarray(engine.namespace[program.plan.variables[port]])
         for port in selection.constants
