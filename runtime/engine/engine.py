@@ -231,7 +231,8 @@ class Engine:
         block = getattr(error, "block", "") or found
         is_message = isinstance(error, (NotFiniteError, UsageError))
         text = str(error) if is_message else _described(error)
-        return SimulationError(block, self.tick, self.tick * self.network.dt, text)
+        network = self.network
+        return SimulationError(block, self.tick, self.tick * network.dt, text, network.time_unit)
 
     def _runner(self) -> Runner:
         if self.make_runner is not None:
