@@ -93,7 +93,7 @@ def simulate(
     metrics, failures, unclear = evaluate(
         observation.metrics, probes, network.world, outcome.stopped_at
     )
-    notes = [*graph.notes, *observation.notes, *unclear]
+    notes = [*graph.notes, *observation.notes, *unclear, *outcome.notes]
     notes += engine.diagnosis.notes(outcome.ticks) if outcome.ticks else []
     result = _result(graph, outcome, probes, metrics, notes, began)
     result.failures = failures
@@ -236,7 +236,7 @@ def _manifest(
         "time_unit": network.time_unit,
         "ticks": outcome.ticks,
         "stopped_at": outcome.stopped_at,
-        "engine": outcome.engine,
+        "engine": outcome.engines,
         "wall_s": outcome.wall_s,
         "ready_s": outcome.ready_s,
         "us_per_tick": 1e6 * (outcome.wall_s - outcome.ready_s) / max(1, outcome.ticks - 1),
