@@ -67,7 +67,8 @@ def report(
     selection = layout.selection
     rates = sorted({step.every for step in selection.steps} | {n for _, n, _ in selection.updates})
     lines = [*about, ""]
-    lines.append(f"Steps of {selection.network.dt:g} s; blocks run every {_listed(rates)} steps.")
+    step = f"{selection.network.dt:g} {selection.network.time_unit}"
+    lines.append(f"Steps of {step}; blocks run every {_listed(rates)} steps.")
     lines.append("")
     lines += ["Memory"]
     if native is not None:
