@@ -48,7 +48,9 @@ class TestTheCommand:
         self, here: Run, draw: Path, tmp_path: Path
     ) -> None:
         """drawn = level + N(seed): differences are those of the level, optimism that of noise."""
-        done = here(*TUNE, "--trials", "24", *QUIET)
+        # Differences that are all equal are tested by their signs, which takes six.
+        runs = ("--seeds", "0..5", "--held-out", "10..15")
+        done = here(*TUNE, "--trials", "24", *QUIET, *runs)
         assert done.returncode == 0, done.stderr
         found = stored(tmp_path / "tunings" / "draw")
         (winner,) = found["front"]
@@ -59,11 +61,11 @@ class TestTheCommand:
         for kind in ("training", "held_out"):
             apart = lines[winner][kind]["difference"]
             assert apart["mean"] == pytest.approx(level - 1.0)
-            assert apart["distinguishable"]
-        noise = np.mean([normal(s) for s in (0, 1, 2)]) - np.mean([normal(s) for s in (10, 11, 12)])
+            assert apart["p"] == pytest.approx(2 / 2**6) and apart["distinguishable"]
+        noise = np.mean(list(map(normal, range(6)))) - np.mean(list(map(normal, range(10, 16))))
         assert lines[winner]["optimism"] == pytest.approx(noise)
         assert lines[0]["training"]["mean"] == pytest.approx(
-            1.0 + np.mean([normal(seed) for seed in (0, 1, 2)])
+            1.0 + np.mean(list(map(normal, range(6))))
         )
         assert "optimism" in done.stdout and f"draw.level={level:g}" in done.stdout
 
