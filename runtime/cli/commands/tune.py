@@ -37,7 +37,9 @@ def add(parser: ArgumentParser) -> None:
     )
     parser.add_argument("--no-stopping", action="store_true", help="run every trial to its end")
     parser.add_argument(
-        "--write", action="store_true", help="write the winner's values into the file"
+        "--write",
+        action="store_true",
+        help="write the winner's values into the file, if they are better on the held-out runs",
     )
     parser.add_argument("--name", help="name of the folder (the graph's, or the experiment's)")
     parser.add_argument("--resume", action="store_true", help="continue an interrupted tuning")
@@ -91,6 +93,7 @@ def run(options: Namespace) -> int:
     from runtime.experiments import tuning_request
     from runtime.experiments.design import read_experiment
     from runtime.experiments.tuning import (
+        NOTHING,
         TuningOptions,
         check_writable,
         run_tuning,
@@ -119,17 +122,22 @@ def run(options: Namespace) -> int:
         from runtime.experiments.tuning.tuning_plots import save_tuning_figures
 
         pictures = save_tuning_figures(result.folder)
-    if options.write and result.winners:
-        best = result.winners[0]
-        path = write_values(experiment, dict(zip(plan.paths, best.values or (), strict=True)))
-        tell(f"note: the values of {best.number} are written into {path}")
     if options.json:
         show_json({**stored, "plots": [str(path) for path in pictures]})
     else:
         show(summary(result))
         show()
         show_folder("tuning", result.folder, pictures)
-    return 0 if result.winners else 3
+    if not result.has_feasible:
+        return 3
+    if options.write and not result.better:
+        tell(f"note: --write has written nothing: {NOTHING}")
+        return 1
+    if options.write:
+        best = result.better[0]
+        path = write_values(experiment, dict(zip(plan.paths, best.values or (), strict=True)))
+        tell(f"note: the values of {best.number} are written into {path}")
+    return 0
 
 
 def _request(options: Namespace) -> TuningRequest:
