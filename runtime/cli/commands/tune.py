@@ -13,7 +13,8 @@ from runtime.errors import Where
 from runtime.terminal import show, show_json, tell
 
 if TYPE_CHECKING:
-    from runtime.experiments import TuningRequest
+    from runtime.experiments import TuningRequest, TuningResult
+    from runtime.experiments.design import Experiment
 
 HELP = "find values that minimise metrics, and judge them on held-out runs (extra tune)"
 ABOUT = """
@@ -93,13 +94,11 @@ def run(options: Namespace) -> int:
     from runtime.experiments import tuning_request
     from runtime.experiments.design import read_experiment
     from runtime.experiments.tuning import (
-        NOTHING,
         TuningOptions,
         check_writable,
         run_tuning,
         save_json,
         summary,
-        write_values,
     )
     from runtime.terminal import Progress
 
@@ -130,13 +129,20 @@ def run(options: Namespace) -> int:
         show_folder("tuning", result.folder, pictures)
     if not result.has_feasible:
         return 3
-    if options.write and not result.better:
+    return _write(experiment, result) if options.write else 0
+
+
+def _write(experiment: Experiment, result: TuningResult) -> int:
+    """Write the best values into the file, if they are better; returns the exit code."""
+    from runtime.experiments.tuning import NOTHING, write_values
+
+    if not result.better:
         tell(f"note: --write has written nothing: {NOTHING}")
         return 1
-    if options.write:
-        best = result.better[0]
-        path = write_values(experiment, dict(zip(plan.paths, best.values or (), strict=True)))
-        tell(f"note: the values of {best.number} are written into {path}")
+    best = result.better[0]
+    values = dict(zip(result.plan.paths, best.values or (), strict=True))
+    path = write_values(experiment, values)
+    tell(f"note: the values of {best.number} are written into {path}")
     return 0
 
 

@@ -162,6 +162,10 @@ def _history(data: _Data) -> Figure:
         axes.step(
             [own["number"], *numbers], best, where="post", color=COLOURS[1], label="best so far"
         )
+        if metric in own.get("never", ()):
+            words = f"own values: {(data.stored.get('never') or {}).get(metric, NEVER)}"
+            how: Any = {"transform": axes.get_xaxis_transform(), "clip_on": False}
+            axes.plot([own["number"]], [1.0], "x", color="black", label=words, **how)
         if math.isfinite(baseline):
             axes.axhline(baseline, color=GREY, linestyle=":", label="own values")
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
