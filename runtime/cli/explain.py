@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from blocks.core import Block
+from runtime.document import written_rate
 from runtime.engine import Engine, Plan, python_seconds
 from runtime.graph import Graph
 from runtime.runs import chosen_runner
@@ -74,7 +75,9 @@ def _populations(engine: Engine) -> dict[str, dict[str, float]]:
         return {}
     engine = Engine(engine.program, engine.seed)  # started apart, in Python
     engine.prepare()
-    found = {name: dict(entry.made.facts(engine.states[name])) for name, entry in entries.items()}
+    found = {
+        name: dict(entry.made.facts(engine.state.blocks[name])) for name, entry in entries.items()
+    }
     for name, facts in found.items():
         if "synapses" in facts:
             rate = 1.0 / (engine.network.dt * entries[name].every)
@@ -111,16 +114,16 @@ def _compiled(engine: Engine) -> dict[str, Any]:
 
 def explain_text(graph: Graph) -> str:
     """The explanation for a terminal."""
-    facts = explain_json(graph)
+    facts, unit = explain_json(graph), graph.network.time_unit
     lines = [
         f"{facts['graph']}: {len(graph.network.entries)} blocks, "
-        f"base step {facts['dt']:g} s, {facts['ticks']} ticks",
+        f"base step {facts['dt']:g} {unit}, {facts['ticks']} ticks",
         "",
         "Order of evaluation",
     ]
     width = max((len(step["block"]) for step in facts["order"]), default=0)
     for i, step in enumerate(facts["order"], 1):
-        rate = "once" if step["once"] else f"{1.0 / step['dt']:g} Hz"
+        rate = "once" if step["once"] else written_rate(step["dt"], unit)
         writes = ", ".join(f"{port}: {kind}" for port, kind in step["writes"].items())
         reads = f" from {', '.join(step['reads'])}" if step["reads"] else ""
         enables = f", while {' and '.join(step['enabled_by'])}" if step["enabled_by"] else ""
