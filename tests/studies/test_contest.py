@@ -12,7 +12,6 @@ from scipy import stats
 
 import runtime
 from runtime.document import dump_yaml
-from runtime.document.loader import SHIPPED
 from tests.studies.causes import CASES
 from tests.studies.contest import budgets, fronts, opening, weaknesses
 from tests.studies.contest.contestants import (
