@@ -77,7 +77,7 @@ def number(value: float) -> Value:
     if math.isnan(value):
         return Value(FLOAT, ("(double)NAN",), SIGN, value)
     if math.isinf(value):
-        return Value(FLOAT, ("(double)INFINITY" if value > 0 else "-(double)INFINITY",), SIGN, value)
+        return Value(FLOAT, (f"{'-' * (value < 0.0)}(double)INFINITY",), SIGN, value)
     sign = math.copysign(1.0, value) < 0.0
     return Value(FLOAT, (repr(value),), SIGN if sign else ATOM, value)
 
