@@ -104,7 +104,8 @@ class ExactRunner:
         self._python = self.python()
         held = self._python(tick, tick + 1, held)
         self.python_from = tick
-        t = f"t = {tick * self.state.program.network.dt:g} s (tick {tick})"
+        network = self.state.program.network
+        t = f"t = {tick * network.dt:g} {network.time_unit} (tick {tick})"
         self.notes.append(f"{cause}; from {t} on, the run is under the Python engine")
         if tick + 1 == last or self.state.stop[FOUND]:
             return held

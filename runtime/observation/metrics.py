@@ -11,6 +11,7 @@ import numpy as np
 
 from blocks.core import FloatArray, param, show
 from blocks.world import World
+from runtime.document import in_time
 from runtime.observation import control_metrics, neural_metrics, wall_metrics
 from runtime.observation.metric_kinds import Bounds, Checks, MetricKind, MetricOptions
 from runtime.observation.metric_kinds import ProbeInfo as ProbeInfo
@@ -46,11 +47,11 @@ class Metric:
         number = METRIC_KINDS[self.kind].value(series, self.options, world)
         return None if number is None or math.isnan(number) else float(number)
 
-    def unit(self, units: Mapping[str, tuple[str, ...]]) -> str:
+    def unit(self, units: Mapping[str, tuple[str, ...]], time_unit: str) -> str:
         """The unit of its value, given the units of the probes' columns; '' if it has none."""
         declared = METRIC_KINDS[self.kind].unit
         columns = units.get(self.inputs.get("of") or "", ())
-        return (columns[0] if columns else "") if declared == "of" else declared
+        return (columns[0] if columns else "") if declared == "of" else in_time(declared, time_unit)
 
     def expectation(self, value: float | None) -> str:
         """How a value violates ``below`` or ``above``; '' if it does not."""

@@ -19,8 +19,8 @@ from runtime.terminal import Progress
 from tests.studies.following import ENGINE, WORKERS
 
 EXPERIMENTS = SHIPPED / "experiments"
-PRINTED, COURSE = "as printed", "our rule"
-RULES = (PRINTED, COURSE)
+PRINTED, ROBUST = "as printed", "robust rule"
+RULES = (PRINTED, ROBUST)
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Configuration:
 
     def file(self, rule: str) -> str:
         """The experiment's name, for one of the two rules."""
-        return self.experiment + ("_course" if rule == COURSE else "")
+        return self.experiment + ("_robust" if rule == ROBUST else "")
 
 
 CONFIGURATIONS = (
