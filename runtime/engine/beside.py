@@ -31,8 +31,8 @@ FILENAME = "<the blocks of your own>"
 FIRST = 16
 # Times (s), measured on graphs of 2 to 18 blocks: what compiled code takes for a call of a block
 # and for each number that a block keeps, and what it takes to compare a tick, and each own block;
-# and the share of a run's time that comparing may take.
-CALL, NUMBER, COMPARED, BLOCK, SHARE = 1.5e-8, 1e-9, 2e-4, 1e-4, 0.02
+# and the share of a long run's time that comparing takes.
+CALL, NUMBER, COMPARED, BLOCK, SHARE = 1.5e-8, 1e-9, 2e-4, 1e-4, 0.01
 # The rounding of sums in another order: of a number, and of the largest that a block works with.
 RELATIVE, ABSOLUTE = 1e-9, 1e-13
 

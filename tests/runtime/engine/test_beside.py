@@ -254,5 +254,5 @@ def test_compared_ticks_depend_on_the_graph_and_the_seed_and_become_sparse() -> 
     assert all(tick % 5 == 0 for tick in ticks)
     assert ticks == sorted(islice(compared(program, 1, ["own"]), 400))
     assert ticks != list(islice(compared(program, 2, ["own"]), 400))
-    # At most 0.02 of the time: a tick takes less than 1 us, comparing it 100 us or more.
+    # At most 0.01 of the time: a tick takes less than 1 us, comparing it 100 us or more.
     assert np.mean(np.diff(ticks[-100:])) > 5000.0
