@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -101,7 +102,11 @@ def measure(
         raise KeyboardInterrupt
     rows = done.rows
     values = {
-        name: {metric: [row.metrics[i] for row in own] for i, metric in enumerate(plan.metrics)}
+        name: {
+            # What never settles has no value here: McNemar's test asks how often that is.
+            metric: [None if row.metrics[i] in (None, math.inf) else row.metrics[i] for row in own]
+            for i, metric in enumerate(plan.metrics)
+        }
         for name, own in rows.items()
     }
     broken = tuple(
