@@ -14,9 +14,9 @@ from tests.fuzz.own_blocks.workers import Worker
 TITLE = "Own blocks under all engines"
 WHAT = (
     "Random methods of own blocks in Python and NumPy: arithmetic of floats, integers, bools and "
-    "arrays of both, calls with side effects, draws, comprehensions, views, masks, keywords, "
-    "domain errors, NaN and infinity, each for 7 ticks under the Python engine, the compiled engine "
-    "and the compiled engine with all checks."
+    "arrays of these, calls with side effects, draws, comprehensions, views, masks, keywords, "
+    "domain errors, NaN and infinity; each runs for 7 ticks under the Python engine, the compiled "
+    "engine, and the compiled engine with all checks."
 )
 HOLDS = (
     "Every output, recorded state and last state has the same bits (within 1e-9 where NumPy's own "

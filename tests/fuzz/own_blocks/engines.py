@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 import sys
 from collections.abc import Iterable, Sequence
@@ -17,129 +18,17 @@ from blocks.core import BlockState
 from runtime.engine import Engine, Outcome
 from runtime.engine.compiled import CheckedRunner, CompiledRunner
 from runtime.engine.compiled.runner import template
-from runtime.engine.engine import seed_of
+from runtime.engine.state import seed_of
 from tests.fuzz.campaign import UnboundedError, bounded
+from tests.fuzz.own_blocks import base
+from tests.fuzz.own_blocks.base import DT, V, X
 from tests.fuzz.own_blocks.generator import Program
 
-TICKS = 7
-DT = 0.01
-# Of quarters, so that sums of products of few of them are exact in any order.
-X = (1.5, 0.5, -0.75, 2.25, 0.0, -3.0, 1.0)
-V = (
-    *((1.0, 2.0, -0.5, 0.25), (1.5, -1.0, 0.0, 3.0), (0.5, 2.5, -0.75, -2.0)),
-    *((-0.0, 1.0, 1.0, 4.0), (3.0, -1.5, 0.25, 0.0), (-2.0, -0.25, -4.0, -1.0)),
-    (0.75, 0.0, 2.0, -3.5),
-)
+TICKS = len(X)
 STATES = ("r", "h", "g", "s")
 ROUNDING = 1e-9
 RUNNERS: dict[str, Any] = {"compiled": CompiledRunner, "checked": CheckedRunner}
-HEAD = f'''"""Random blocks."""
-
-import math
-
-import numpy as np
-
-from blocks import Block, FloatArray, Input, Output, Scalar, State, Vector, param
-
-X = {X!r}
-V = {V!r}
-SCALE = 0.75
-COUNT = 5
-SETUP = {{}}
-
-
-def cube(y):
-    return y * y * y
-
-
-def shifted(y, by=0.5):
-    return y - by
-
-
-def factorial(k):
-    return 1 if k <= 1 else k * factorial(k - 1)
-
-
-def fibonacci(k):
-    a, b = 0, 1
-    for _ in range(k):
-        a, b = b, a + b
-    return a
-
-
-def first_of(a, b):
-    return a if a[0] > b[0] else b
-
-
-class Feed(Block):
-    """Other numbers on every tick."""
-
-    x = Output(Scalar)
-    v = Output(Vector(4))
-
-    def output(self, state, t):
-        k = round(t / {DT})
-        return X[k], np.array(V[k])
-
-
-class Base(Block):
-    """What random blocks have in common."""
-
-    x = Input(Scalar)
-    v = Input(Vector(4))
-
-    a: float = param(0.75, doc="a number")
-    n: int = param(3, doc="an integer")
-    flag: bool = param(True, doc="a flag")
-    mode: str = param("fast", choices=("fast", "slow"), doc="a text")
-    p: FloatArray = param([2.0, -1.0, 0.5], shape=(3,), doc="an array")
-
-    begin = State()
-    h = State(4)
-    g = State(2, 3)
-    s = State()
-
-    def start(self, state):
-        state.begin, first = SETUP[type(self).__name__]
-        state.h = first
-        state.g = [[1.0, -0.5, 2.0], [3.0, 0.25, -1.0]]
-        state.s = 0.5
-
-    def mixed(self, first, second=2.0):
-        return first * 2.0 - second * self.a
-
-    def fed(self, y):
-        z = y * 0.5
-        return z + self.n
-
-    def drawn(self, state):
-        return state.rng.random()
-
-    def changed(self, state):
-        state.h[0] += 1.0
-        return state.h[0]
-
-    def swapped(self, state):
-        state.h[0], state.h[1] = state.h[1], state.h[0]
-        return state.h[1]
-
-    def changed_all(self, state):
-        state.h += 1.0
-        return state.h * 0.5
-
-    def doubled(self, values):
-        return values * 2.0
-'''
-PORTS = {
-    "update": "    out = Output(Scalar)\n    r = State(16)\n\n    def output(self, state, t):\n        return 0.0\n",
-    "output": "    out = Output(Vector(16))\n",
-}
-
-
-def class_text(program: Program) -> str:
-    """A program's class with what only its kind of method declares."""
-    head, line, rest = program.text.partition('"""Random."""\n')
-    return f"{head}{line}\n{PORTS[program.method]}{rest}"
+BLOCK = re.compile(r"'(P\w+)'")
 
 
 @dataclass(frozen=True)
@@ -158,9 +47,9 @@ class Difference:
     @property
     def kind(self) -> str:
         """What differs, without its place and values."""
-        if self.what in ("outcome", "crash"):
-            return f"{self.what} {raised(self.python)} {raised(self.other)}"
-        return "value"
+        if "[" in self.what:
+            return "value"
+        return f"{self.what} {raised(self.python)} {raised(self.other)}"
 
     def __str__(self) -> str:
         return (
@@ -218,7 +107,7 @@ class Batch:
         """The programs that are called from Python, with the reason."""
         engine = self.engine("python", ())
         engine.prepare()
-        kernels = template(self.program, engine.states, self.notes.append).kernels
+        kernels = template(self.program, engine.state.blocks, self.notes.append).kernels
         return {name: why for name, why in kernels.refused.items() if name in self.programs}
 
     def compared(self, active: Sequence[str]) -> list[Difference]:
@@ -226,24 +115,33 @@ class Batch:
         expected = self.run("python", active)
         found: dict[str, Difference] = {}
         for kind in RUNNERS:
-            there = [name for name in active if name not in found]
-            while True:
+            there = list(active)
+            while there:
                 other = self.run(kind, there)
-                error, reference = other[1].error, expected[1].error
-                if error is None or reference is not None or len(active) == 1:
+                for name in there:
+                    a, b = (ended(name, *run) for run in (expected, other))
+                    difference = different(self.programs[name], kind, a, b)
+                    if difference is not None:
+                        found.setdefault(name, difference)
+                # Where one leaves the compiled engine, the others are compared again without it.
+                left = self.leaving(kind, other[1], found)
+                if not left & set(there) or len(active) == 1:
                     break
-                # It fails only here: the others are compared without it.
-                if error.block not in there:
-                    raise error
-                program = self.programs[error.block]
-                found[error.block] = Difference(program, kind, "outcome", "", str(error))
-                there.remove(error.block)
-            for name in there:
-                a, b = (ended(name, *run) for run in (expected, other))
-                difference = different(self.programs[name], kind, a, b)
-                if difference is not None:
-                    found[name] = difference
+                there = [name for name in there if name not in left]
         return list(found.values())
+
+    def leaving(self, kind: str, outcome: Outcome, found: dict[str, Difference]) -> set[str]:
+        """The programs that ended the run, or its part under the compiled engine."""
+        error = outcome.error
+        if error is not None and error.block not in self.programs:
+            raise error
+        names = set() if error is None else {error.block}
+        for text in outcome.notes:
+            name = (BLOCK.findall(text) or [""])[0]
+            names.add(name)
+            if "Python does not do" not in text and name in self.programs:
+                found.setdefault(name, Difference(self.programs[name], kind, "note", "", text))
+        return names
 
 
 def ended(name: str, engine: Engine, outcome: Outcome) -> Ended:
@@ -253,25 +151,24 @@ def ended(name: str, engine: Engine, outcome: Outcome) -> Ended:
         for probe in (f"{name}_out", f"{name}_r")
         if probe in outcome.arrays
     }
-    own = engine.states[name]
+    own = engine.state.blocks[name]
     states = {key: np.array(getattr(own, key)) for key in STATES if hasattr(own, key)}
-    return Ended(rows, states, "" if outcome.error is None else str(outcome.error))
+    error = outcome.error
+    return Ended(rows, states, str(error) if error is not None and error.block == name else "")
 
 
 def different(program: Program, engine: str, a: Ended, b: Ended) -> Difference | None:
     """The first thing that differs."""
-    if exception(a.failure) != exception(b.failure):
+    if a.failure != b.failure:
         return Difference(program, engine, "outcome", a.failure, b.failure)
     pairs = [(key, a.rows[key], b.rows[key]) for key in a.rows]
-    if not a.failure:
-        pairs += [(f"state {key}", a.states[key], b.states[key]) for key in a.states]
+    pairs += [(f"state {key}", a.states[key], b.states[key]) for key in a.states]
     for key, x, y in pairs:
         what = key.removeprefix(f"{program.name}_")
         if x.shape != y.shape:
-            return Difference(program, engine, what, f"{x.shape}", f"{y.shape}")
-        loose = (program.loose and not key.startswith("state")) or key == "state r"
+            return None  # another block ended the run: this one is compared without that
         same = (x.view(np.int64) == y.view(np.int64)) | (np.isnan(x) & np.isnan(y))
-        if loose and program.loose:
+        if program.loose:
             same |= np.isclose(x, y, rtol=ROUNDING, atol=ROUNDING)
         if not same.all():
             at = tuple(int(i) for i in np.argwhere(~same)[0])
@@ -285,18 +182,9 @@ def raised(failure: str) -> str:
     return found[1] if found else ""
 
 
-def exception(failure: str) -> str:
-    """Block, tick and kind of exception of a failure."""
-    return re.sub(r"(\): \w+).*", r"\1", failure, flags=re.DOTALL)
-
-
 def module_text(programs: Sequence[Program]) -> str:
     """A module with the programs' classes."""
-    made = []
-    for program in programs:
-        head, line, rest = program.text.partition('"""Random."""\n')
-        made.append(f"{head}{line}\n{PORTS[program.method]}{rest}")
-    return "\n\n".join([HEAD, *made])
+    return "\n\n".join([inspect.getsource(base), *(program.text for program in programs)])
 
 
 def tried(programs: Sequence[Program]) -> dict[str, str]:
@@ -324,6 +212,6 @@ def _tried(program: Program, scope: dict[str, Any]) -> str:
                     return "not finite"
     except UnboundedError:
         return "endless"
-    except Exception as error:
+    except Exception as error:  # noqa: BLE001
         return type(error).__name__
     return ""

@@ -1,4 +1,24 @@
-"""Random programs: the methods of own blocks, made of the forms in ``forms`` and ``statements``."""
+"""Random programs: methods of own blocks, made of forms.
+
+The forms are in text files beside this one: expressions by type, statements, statements that record
+something (``records``), and whole programs that are tried first (``directed``). In a form, ``{f}``
+stands for an expression of a type:
+
+    f, F   a float of Python, a number of NumPy (float64)
+    i, I   an integer of Python, of NumPy (int64)
+    b, B   a bool of Python, of NumPy
+    A, M   arrays of floats, of shapes (4,) and (2, 3)
+    K, Q   arrays of shape (4,): of integers, of bools
+    s      any number; S: any of f and F; e: any array of shape (4,)
+
+``{c}`` is one name within the form, often that of a variable that there is; ``{n}`` a small
+integer, ``{d}`` an index of four elements, ``{k}`` a place of the record ``r``. ``{new_f}`` is a
+local variable of that type, defined from there on, ``{set_f}`` one that there is, ``{loop_i}`` one
+of a loop, and ``{body}`` stands for statements.
+
+A form that begins with ``~`` is recorded only, since NumPy may round otherwise than C does. One
+that begins with ``?`` is not expected to compile; a third of the programs has such.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +27,26 @@ import random
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 
-from tests.fuzz.own_blocks.forms import EXPRESSIONS
-from tests.fuzz.own_blocks.statements import DIRECTED, RECORDS, STATEMENTS
+
+def _forms(name: str) -> str:
+    return Path(__file__).with_name(f"{name}.txt").read_text(encoding="utf-8").strip()
+
+
+def _by_type(text: str) -> dict[str, list[str]]:
+    sections = [part.strip().split("\n") for part in text.split("\n## ")[1:]]
+    return {kind: forms for kind, *forms in sections}
+
 
 HOLE = re.compile(r"\{\{|\}\}|\{(\w+)\}")
 OPERATORS = (ast.BinOp, ast.BoolOp, ast.Compare, ast.UnaryOp, ast.IfExp)
-FORMS = {kind: text.strip().split("\n") for kind, text in EXPRESSIONS.items()}
+EXPRESSIONS = _by_type(_forms("expressions"))
+STATEMENTS, RECORDS, DIRECTED = (
+    _forms(name).split("\n\n") for name in ("statements", "records", "directed")
+)
+# What writes into a state, in a form that an output has no use for.
+WRITES = re.compile(r"state\.\w+(\[.*?\])? *\S*=[^=]|changed|swapped|= state|np.a\w+\(state")
 ANY = {"s": "fffFFiiIbB", "S": "fF", "e": "AAKQ"}
 LITERALS = ("0.0", "1.0", "-1.0", "0.5", "2.5", "-0.75", "3.0", "1.5", "1e308", "2", "-0.0", "8.0")
 NAMES = {
@@ -53,7 +86,7 @@ class Program:
         body = "\n".join([*first, *self.statements, *END[self.method]])
         inside = "\n".join(f"        {line}" for line in body.split("\n"))
         return (
-            f'class {self.name}(Base):\n    """Random."""\n\n'
+            f'class {self.name}({BASES[self.method]}):\n    """Random."""\n\n'
             f"    def {self.method}(self, state, t, x, v):\n{inside}\n"
         )
 
@@ -70,20 +103,17 @@ class Program:
         return replace(self, statements=self.statements[:at] + self.statements[at + 1 :])
 
 
+BASES = {"update": "Updating", "output": "Returning"}
 LEAVE = {"update": "\n    return", "output": "\n    return np.zeros(16)"}
 RECORD = {"update": "r = state.r", "output": "r = np.zeros(16)"}
 END: dict[str, list[str]] = {"update": [], "output": ["return r"]}
-
-
-def paragraphs(text: str) -> list[str]:
-    return text.strip().split("\n\n")
 
 
 def directed() -> list[Program]:
     """The programs that are tried first."""
     return [
         Program(f"P{i}", tuple(map(ast.unparse, ast.parse(text).body)), loose="vdot" in text)
-        for i, text in enumerate(paragraphs(DIRECTED))
+        for i, text in enumerate(DIRECTED)
     ]
 
 
@@ -136,26 +166,22 @@ class Maker:
         self.loose = self.loose or form[0] == "~"
         return form.lstrip("~?")
 
-    def allowed(self, text: str) -> list[str]:
-        """The statements of a method: an output does not change the state."""
-        forms = [form for form in paragraphs(text) if self.fits(form, rounded=True)]
+    def allowed(self, forms: list[str]) -> list[str]:
+        """The forms of statements that may stand here: an output does not change the state."""
+        fitting = [form for form in forms if self.fits(form, rounded=True)]
         if self.method == "update":
-            return forms
-        writes = re.compile(
-            r"state\.\w+(\[.*?\])? *\S*=[^=]|changed|swapped|= state|np.a\w+\(state"
-        )
-        return [form for form in forms if not writes.search(form)]
+            return fitting
+        return [form for form in fitting if not WRITES.search(form)]
 
     def record(self) -> list[str]:
+        """A statement that records something."""
         form = self.draw.choice(self.allowed(RECORDS))
         (hole, *more) = [kind for kind in HOLE.findall(form) if kind not in ("k", "c", "")]
         if more or self.draw.random() < 0.7:
             return self.statement(form, 3)
         # The only place of an expression: a function that rounds otherwise may stand there.
-        value = self.expression(hole, 3, rounded=True)
-        return self.statement(
-            form.replace(f"{{{hole}}}", value.replace("{", "{{").replace("}", "}}")), 0
-        )
+        value = self.expression(hole, 3, rounded=True).replace("{", "{{").replace("}", "}}")
+        return self.statement(form.replace(f"{{{hole}}}", value), 0)
 
     def statement(self, form: str, depth: int) -> list[str]:
         """The text of a statement, with those that it needs before it."""
@@ -240,7 +266,7 @@ class Maker:
         kind = self.draw.choice(ANY.get(kind, kind))
         if depth <= 0 or (not rounded and self.draw.random() < 0.25):
             return self.leaf(kind)
-        forms = [f for f in FORMS[kind] if self.fits(f, rounded)]
+        forms = [f for f in EXPRESSIONS[kind] if self.fits(f, rounded)]
         if self.method == "output":
             forms = [f for f in forms if "changed" not in f and "swapped" not in f]
         form = self.draw.choice(forms)

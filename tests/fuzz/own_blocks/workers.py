@@ -67,7 +67,7 @@ def _serve(connection: Connection) -> None:
         resource.setrlimit(resource.RLIMIT_CPU, (used + LIMIT, resource.RLIM_INFINITY))
         try:
             connection.send(examined(programs, ways))
-        except Exception as error:
+        except Exception as error:  # noqa: BLE001
             connection.send(f"{type(error).__name__}: {error}")
 
 
