@@ -46,7 +46,7 @@ STATEMENTS, RECORDS, DIRECTED = (
     _forms(name).split("\n\n") for name in ("statements", "records", "directed")
 )
 # What writes into a state, in a form that an output has no use for.
-WRITES = re.compile(r"state\.\w+(\[.*?\])? *\S*=[^=]|changed|swapped|= state|np.a\w+\(state")
+WRITES = re.compile(r"^ *(np\.\w+\()?state\.|changed|swapped|= state|in state\.g", re.MULTILINE)
 ANY = {"s": "fffFFiiIbB", "S": "fF", "e": "AAKQ"}
 LITERALS = ("0.0", "1.0", "-1.0", "0.5", "2.5", "-0.75", "3.0", "1.5", "1e308", "2", "-0.0", "8.0")
 NAMES = {
@@ -103,6 +103,8 @@ class Program:
         return replace(self, statements=self.statements[:at] + self.statements[at + 1 :])
 
 
+# What reads a variable, by its types: the change of one that nothing reads would show nothing.
+READS = {"fFiIbB": "r[0] = {}", "AKQ": "r[8:12] = {}", "M": "r[7] = {}[1, 2]"}
 BASES = {"update": "Updating", "output": "Returning"}
 LEAVE = {"update": "\n    return", "output": "\n    return np.zeros(16)"}
 RECORD = {"update": "r = state.r", "output": "r = np.zeros(16)"}
@@ -149,6 +151,9 @@ class Maker:
         made: list[str] = []
         for _ in range(self.draw.choice((0, 1, 1, 2, 2, 3, 4))):
             made += self.statement(self.draw.choice(self.allowed(STATEMENTS)), 2)
+        for kinds, form in READS.items():
+            names = [name for kind in kinds for name in self.scope[kind]]
+            made += [form.format(self.draw.choice(names))] if names else []
         for _ in range(self.draw.choice((1, 1, 2))):
             made += self.record()
         if any("rng" in text or "drawn" in text for text in made):
