@@ -237,7 +237,7 @@ class Engine:
     def _start(self) -> None:
         """Initialise the states, and compute the constant outputs."""
         functions = (
-            *(math.isfinite, math.isnan, np.dot, np.array, np.full),
+            *(math.isfinite, math.isnan, np.vdot, np.array, np.full),
             *(self.checks.forms, sealed, self.checks.not_finite),
         )
         self.namespace: dict[str, Any] = dict(zip(GLOBALS, functions, strict=True))
