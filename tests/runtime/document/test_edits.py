@@ -299,7 +299,7 @@ blocks:
     blocks:
       c: {type: Gain, gain: $gain}
       d: {type: Constant, value: $kept}
-    wires: {c: {input: in}}
+    wires: {c: {input: inputs.in}}
 wires: {b: {input: a.value}, p: {in: b.out}}
 """
 
