@@ -113,12 +113,13 @@ def test_vectors_are_measured_by_their_length() -> None:
     )
     pose = {"of": ProbeInfo((3,), ("m", "m", "rad"))}
     [(key, message)] = METRIC_KINDS["mean"].check({}, pose)
-    assert key == "of" and "or write length: true" in message
+    assert key == "of" and message.endswith("name one, as in plant.pose.theta")
+    plane = {"of": ProbeInfo((2,), ("m", "m"))}
+    [(key, message)] = METRIC_KINDS["mean"].check({}, plane)
+    assert key == "of" and message.endswith("or write length: true")
     [(_, message)] = METRIC_KINDS["mean"].check({"length": True}, pose)
     assert "no common length" in message
-    assert not list(
-        METRIC_KINDS["mean"].check({"length": True}, {"of": ProbeInfo((2,), ("m",) * 2)})
-    )
+    assert not list(METRIC_KINDS["mean"].check({"length": True}, plane))
 
 
 def test_units_of_integrals() -> None:
