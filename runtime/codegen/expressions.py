@@ -3,15 +3,26 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 from runtime.codegen import arrays, builtins, creation, library, scalars
 from runtime.codegen.body import Body, Caller, Failures
-from runtime.codegen.knowing import both, constant, identical, is_instance, is_module, lowest
+from runtime.codegen.knowing import (
+    both,
+    calls,
+    constant,
+    identical,
+    is_instance,
+    is_module,
+    is_strict,
+    lowest,
+)
 from runtime.codegen.names import local_name
 from runtime.codegen.source import Function
 from runtime.codegen.types import (
     BOOL,
+    INT,
     NONE,
     Array,
     Known,
@@ -27,7 +38,6 @@ from runtime.codegen.types import (
 from runtime.codegen.values import (
     UNKNOWN,
     Value,
-    converted,
     group,
     known,
     none,
@@ -75,20 +85,12 @@ class Expressions(Body, ast.NodeVisitor):
 
     def each(self, nodes: Sequence[ast.expr]) -> list[Value]:
         """The values of expressions that are evaluated from left to right."""
-        values: list[Value] = []
-        for node in nodes:
-            if isinstance(node, ast.Starred):
-                values += parts_of(self.expr(node.value))
-                continue
-            before = self.effects
-            with self.captured() as lines:
-                value = self.expr(node)
-            if self.effects > before and any("[" in t for v in values for t in v.texts):
-                # What follows may change what was read.
-                values = [self.kept(v) for v in values]
-            self.lines += lines
-            values.append(value)
-        return values
+        inner = [node.value if isinstance(node, ast.Starred) else node for node in nodes]
+        values = self.in_order(partial(self.expr, node) for node in inner)
+        found: list[Value] = []
+        for node, value in zip(nodes, values, strict=True):
+            found += parts_of(value) if isinstance(node, ast.Starred) else [value]
+        return found
 
     # Names and constants
 
@@ -135,11 +137,11 @@ class Expressions(Body, ast.NodeVisitor):
             if node.attr == "ndim":
                 return number(len(axes))
             if node.attr == "size":
-                return size_of(arrays.flat(self, value), 0)
+                return library.size(value)
             if node.attr == "T":
                 return arrays.transposed(self.stored(value))
             if node.attr == "flat":
-                return arrays.flat(self, value)
+                return library.ravel(self, value)
         raise NotTypedError(f"reads '{ast.unparse(node)}'")
 
     def visit_Tuple(self, node: ast.Tuple | ast.List) -> Value:
@@ -156,11 +158,12 @@ class Expressions(Body, ast.NodeVisitor):
             return scalars.inverted(self.truth(value))
         if isinstance(node.op, ast.USub):
             return library.negated(self, value)
-        if isinstance(node.op, ast.UAdd):
+        is_bool = arrays.elements(value) == BOOL
+        if isinstance(node.op, ast.UAdd) and not is_bool:
             return value
-        if isinstance(value.type, (Array, Number)) and arrays.elements(value) == BOOL:
+        if isinstance(node.op, ast.Invert) and is_bool and isinstance(value.type, Array):
             return library.lifted(self, [value], scalars.inverted, BOOL)
-        raise NotTypedError("inverts bits")
+        raise NotTypedError("inverts bits, or gives a bool a sign; use 'not' or int(...)")
 
     def visit_BinOp(self, node: ast.BinOp) -> Value:
         a, b = self.each([node.left, node.right])
@@ -170,11 +173,11 @@ class Expressions(Body, ast.NodeVisitor):
         """A binary operator."""
         if isinstance(a.type, Tuple) and isinstance(b.type, Tuple) and isinstance(op, ast.Add):
             return group([*parts_of(a), *parts_of(b)])
-        if isinstance(a.type, Tuple) and isinstance(op, ast.Mult) and b.is_known:
+        if isinstance(a.type, Tuple) and isinstance(op, ast.Mult) and b.type == INT and b.is_known:
             return group(parts_of(a) * int(b.const))
         if isinstance(op, ast.MatMult):
-            return library.dot(self, [a, b], {})
-        a, b = (creation.as_array(self, [v], {}) if self._mixed(v, a, b) else v for v in (a, b))
+            return library.matmul(self, a, b)
+        a, b = (creation.as_array(self, v) if self._mixed(v, a, b) else v for v in (a, b))
         return library.operator(self, op, [a, b])
 
     @staticmethod
@@ -184,11 +187,22 @@ class Expressions(Body, ast.NodeVisitor):
         return arrays_too and isinstance(value.type, Tuple)
 
     def visit_Compare(self, node: ast.Compare) -> Value:
-        values = self.each([node.left, *node.comparators])
-        if len(node.ops) > 1:
-            values[1:-1] = [self.kept(value) for value in values[1:-1]]
-        found = [self.compared(op, *values[i : i + 2]) for i, op in enumerate(node.ops)]
-        return found[0] if len(found) == 1 else both(found, "&&")
+        a, b = self.each([node.left, node.comparators[0]])
+        return self.compared_on(node.ops, a, b, node.comparators[1:])
+
+    def compared_on(
+        self, ops: Sequence[ast.cmpop], a: Value, b: Value, nodes: Sequence[ast.expr]
+    ) -> Value:
+        """``a < b < ...``: what follows is evaluated only if the first comparison holds."""
+        if not nodes:
+            return self.compared(ops[0], a, b)
+        b = self.kept(b)
+        first = self.compared(ops[0], a, b)
+
+        def rest() -> Value:
+            return self.compared_on(ops[1:], b, self.expr(nodes[0]), nodes[1:])
+
+        return self.decided(first, rest, "&&")
 
     def compared(self, op: ast.cmpop, a: Value, b: Value) -> Value:
         """One comparison."""
@@ -216,7 +230,7 @@ class Expressions(Body, ast.NodeVisitor):
         if isinstance(value.type, Maybe):
             return Value(BOOL, value.texts[:1])
         if isinstance(value.type, Array):
-            value = library.method(self, value, "item", [], {})
+            value = library.item(self, value)
         return scalars.truth(value)
 
     def visit_BoolOp(self, node: ast.BoolOp) -> Value:
@@ -233,17 +247,19 @@ class Expressions(Body, ast.NodeVisitor):
             decides = bool(tested.const) == (sign == "||")
             return first if decides else self.chained(nodes[1:], sign)
         first = first if first.type == BOOL else self.kept(first)
+        return self.decided(first, partial(self.chained, nodes[1:], sign), sign)
+
+    def decided(self, first: Value, following: Callable[[], Value], sign: str) -> Value:
+        """The first value if it decides, or else what follows, which is evaluated only then."""
         tested = self.truth(first)
-        before = self.effects
         with self.captured() as lines:
             self.depth += 1
             self.nested += 1
-            rest = self.chained(nodes[1:], sign)
+            rest = following()
             self.depth -= 1
             self.nested -= 1
         if first.type == BOOL and rest.type == BOOL and not lines:
             return both([tested, rest], sign)
-        self.effects = max(self.effects, before)
         return self.chosen(tested, (lines, rest), ([], first), sign == "||")
 
     def visit_IfExp(self, node: ast.IfExp) -> Value:
@@ -272,7 +288,7 @@ class Expressions(Body, ast.NodeVisitor):
         if swapped:
             yes, no = no, yes
         kind = join(yes[1].type, no[1].type)
-        a, b = converted(yes[1], kind), converted(no[1], kind)
+        a, b = self.as_type(yes[1], kind), self.as_type(no[1], kind)
         if not yes[0] and not no[0] and len(a.texts) == 1 and isinstance(kind, Number):
             text = f"{test.within(3)} ? {a.within(1)} : {b.within(1)}"
             return Value(kind, (f"({text})",), low=lowest(a, b))
@@ -295,9 +311,12 @@ class Expressions(Body, ast.NodeVisitor):
         if isinstance(value.type, Maybe):
             value = Value(value.type.part, value.texts[1:])
         if isinstance(value.type, Tuple):
-            return self.part(value, node.slice)
+            return self.part(self.kept(value) if calls(node.slice) else value, node.slice)
         if not isinstance(value.type, Array):
             raise NotTypedError(f"takes an element of a {value.type}")
+        whole = isinstance(node.slice, ast.Constant) and node.slice.value is Ellipsis
+        if whole and not value.type.dims:
+            return value
         indices = self.indices(node.slice, value)
         if len(indices) == 1 and isinstance(indices[0], Value):
             chosen = indices[0]
@@ -328,19 +347,24 @@ class Expressions(Body, ast.NodeVisitor):
         held = Value(Array(kind.kind, (len(parts),), frozen=True), (name,))
         return arrays.subscript(self, held, [index])
 
-    def indices(self, node: ast.expr, array: Value) -> list[arrays.Index]:
-        """The indices of a subscript; ``...`` stands for whole axes."""
+    def indices(self, node: ast.expr, array: Value, stored: bool = False) -> list[arrays.Index]:
+        """The indices of a subscript, ``stored`` to or read; ``...`` stands for whole axes."""
         nodes = node.elts if isinstance(node, ast.Tuple) else [node]
         found: list[arrays.Index] = []
+        before = self.changes
         axes = len(array.type.dims) if isinstance(array.type, Array) else 0
         for part in nodes:
             if isinstance(part, ast.Constant) and part.value is Ellipsis:
                 found += [arrays.Cut()] * (axes - len(nodes) + 1)
+                if axes < len(nodes) and axes and not stored:
+                    raise NotTypedError("takes an element with '...', which is an array of one")
             elif isinstance(part, ast.Slice):
                 found.append(self.cut(part))
             else:
                 value = self.expr(part)
                 found += parts_of(value) if isinstance(value.type, Tuple) else [value]
+        if self.changes > before and len(nodes) > 1:
+            raise NotTypedError("changes something in one of several indices; assign it before")
         return found
 
     def cut(self, node: ast.Slice) -> arrays.Cut:
@@ -362,33 +386,45 @@ class Expressions(Body, ast.NodeVisitor):
             if ast.unparse(owner).startswith(("np.", "math.")):
                 name = ast.unparse(function)
                 raise NotTypedError(f"calls {name}, which is not compiled; write the loop")
-            given = [] if is_module(owner) else [self.expr(owner)]
-            values = self.each(node.args)
-            options = {k.arg or "**": self.expr(k.value) for k in node.keywords}
-            if given:
-                return library.method(self, given[0], function.attr, values, options)
-            if isinstance(owner, ast.Name) and owner.id == "math":
+            whole = not is_module(owner)
+            values, options = self.arguments([*([owner] if whole else []), *node.args], node)
+            if whole:
+                return library.method(self, values[0], function.attr, values[1:], options)
+            if isinstance(owner, ast.Name) and owner.id == "math" and not options:
                 return scalars.function(self, function.attr, values)
-            if function.attr in KINDS:
-                return builtins.BUILTINS[function.attr.rstrip("_64")](self, values)
+            if function.attr in KINDS and not any(isinstance(v.type, Array) for v in values):
+                convert = builtins.BUILTINS[function.attr.rstrip("_64")]
+                return library.applied(f"np.{function.attr}", convert, self, values, options)
             return library.numpy(self, function.attr, values, options)
         raise NotTypedError(unknown_call(ast.unparse(function)))
 
+    def arguments(
+        self, nodes: Sequence[ast.expr], call: ast.Call
+    ) -> tuple[list[Value], dict[str, Value]]:
+        """The values of a call's arguments, and of its keywords, in order."""
+        names = [keyword.arg for keyword in call.keywords]
+        if None in names:
+            raise NotTypedError("calls with '**'; write the keywords")
+        values = self.each([*nodes, *(keyword.value for keyword in call.keywords)])
+        first = len(values) - len(names)
+        return values[:first], dict(zip(map(str, names), values[first:], strict=True))
+
     def called(self, node: ast.Call, name: str) -> Value:
         """A call of a function of the unit, or of one that Python has."""
+        if name in self.function.counts:
+            raise NotTypedError(f"calls the variable '{name}'")
         target = self.writer.source.functions.get(name)
-        if target is not None and name not in self.function.counts:
-            nodes = node.args[1:] if target.bound else node.args
-            options = {k.arg or "**": self.expr(k.value) for k in node.keywords}
-            return self.writer.call(self, target, self.each(nodes), options)
+        if target is not None:
+            values, options = self.arguments(node.args[1:] if target.bound else node.args, node)
+            return self.writer.call(self, target, values, options)
         if name == "isinstance" and len(node.args) == 2:
             return number(is_instance(self.expr(node.args[0]), node.args[1]))
         if name == "tuple" and len(node.args) == 1:
             return self.as_tuple(node.args[0])
         function = builtins.BUILTINS.get(name)
-        if function is None or node.keywords:
+        if function is None:
             raise NotTypedError(unknown_call(ast.unparse(node)))
-        return function(self, self.each(node.args))
+        return library.applied(name, function, self, *self.arguments(node.args, node))
 
     def as_tuple(self, node: ast.expr) -> Value:
         """``tuple(...)`` of a tuple, a comprehension over tuples, or an array of known length."""
@@ -400,7 +436,8 @@ class Expressions(Body, ast.NodeVisitor):
             if size is None:
                 raise NotTypedError("makes a tuple of an array of unknown length")
             value = self.stored(value)
-            return group([arrays.subscript(self, value, [number(i)]) for i in range(size)])
+            parts = [arrays.subscript(self, value, [number(i)]) for i in range(size)]
+            return group([self.kept(part) for part in parts])
         parts_of(value)
         return value
 
@@ -416,19 +453,27 @@ class Expressions(Body, ast.NodeVisitor):
         return group(found)
 
     def visit_GeneratorExp(self, node: ast.GeneratorExp) -> Value:
-        return self.visit_ListComp(node)
+        before = self.changes
+        made = self.visit_ListComp(node)
+        if self.changes > before:
+            # any(...) and all(...) would stop before some of them.
+            raise NotTypedError("changes something in a generator expression; write the loop")
+        return made
 
     def items(self, node: ast.expr) -> list[Value]:
         """The items of a tuple, of a zip of tuples, or of a range of known length."""
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-            inside = [v for v in node.args if not isinstance(v, ast.Starred)]
-            if node.func.id == "zip":
+            inside = node.args
+            name = node.func.id if node.func.id not in self.function.counts else ""
+            if name == "zip":
                 columns = [self.items(part) for part in inside]
+                if is_strict(node) and len({len(column) for column in columns}) > 1:
+                    raise NotTypedError("zips tuples of different lengths with strict=True")
                 return [group(list(row)) for row in zip(*columns, strict=False)]
-            if node.func.id == "enumerate":
+            if name == "enumerate" and len(inside) == 1 and not node.keywords:
                 items = self.items(inside[0])
                 return [group([number(i), item]) for i, item in enumerate(items)]
-            if node.func.id == "range":
+            if name == "range":
                 bounds = [self.expr(part) for part in inside]
                 if all(b.const is not UNKNOWN for b in bounds):
                     return [number(i) for i in range(*[int(b.const) for b in bounds])]
@@ -437,7 +482,7 @@ class Expressions(Body, ast.NodeVisitor):
             value = self.stored(value)
             rows = range(value.type.dims[0])  # type: ignore[union-attr,arg-type]
             return [arrays.subscript(self, value, [number(i)]) for i in rows]
-        return parts_of(value)
+        return [self.kept(part) for part in parts_of(value)]
 
     def unpack(self, target: ast.expr, value: Value) -> None:
         """Assign to a target; defined by :class:`Statements`."""

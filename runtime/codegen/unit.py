@@ -51,6 +51,7 @@ class Instance:
     name: str
     returned: Type
     effects: bool
+    changes: bool
     uses_context: bool
     uses_entries: bool
     text: str
@@ -165,9 +166,11 @@ class Writer:
         kinds = [c_type for _, c_type in leaves(instance.returned)]
         if not kinds:
             body.effects += 1
+            body.changes += instance.changes
             body.put(f"{text};")
             return none() if instance.returned == NONE else Value(instance.returned)
         body.effects += instance.effects
+        body.changes += instance.changes
         if len(kinds) == 1:
             made = Value(instance.returned, (text,))
             return body.kept(made, instance.name) if instance.effects else made
@@ -185,8 +188,10 @@ class Writer:
         named: Mapping[str, Value],
     ) -> list[Value]:
         """The values of all parameters; defaults are expressions of the source."""
-        if len(given) > len(target.parameters):
-            raise NotTypedError(f"calls '{target.name}' with {len(given)} arguments")
+        unknown = named.keys() - set(target.parameters[len(given) :])
+        if len(given) > len(target.parameters) or unknown:
+            count = len(given) + len(named)
+            raise NotTypedError(f"calls '{target.name}' with {count} arguments that do not fit")
         values = list(given)
         for name in target.parameters[len(given) :]:
             if name in named:
@@ -305,7 +310,8 @@ class Writer:
                 "",
             ]
         )
-        return Instance(name, returned, body.effects > 0, uses_context, uses_entries, text, calls)
+        changes = body.effects > 0, body.changes > 0
+        return Instance(name, returned, *changes, uses_context, uses_entries, text, calls)
 
     def c_return(self, kind: Type) -> str:
         found = [c_type for _, c_type in leaves(kind)]
