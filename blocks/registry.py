@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-import importlib.metadata
 import importlib.util
 import linecache
 import sys
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path as FilePath
 from types import ModuleType
 from typing import TypeVar
@@ -29,9 +27,8 @@ from blocks import (
     wall_fitting,
     world,
 )
-from blocks.core import Block, SignalType, Variant
+from blocks.core import Block, Installed, SignalType, Variant
 
-ENTRY_POINTS = "spikeblocks.blocks"
 _T = TypeVar("_T")
 # A module is registered before its code has run: other threads must not see it until then.
 _LOADING = threading.RLock()
@@ -59,11 +56,13 @@ BUILTIN: Mapping[str, type[Block]] = {
 }
 
 
-@cache
-def installed() -> dict[str, type[Block]]:
-    """Block types that installed packages offer under the entry point ``spikeblocks.blocks``."""
-    points = importlib.metadata.entry_points(group=ENTRY_POINTS)
-    return {point.name: point.load() for point in points}
+def _is_block(value: object) -> bool:
+    return isinstance(value, type) and issubclass(value, Block)
+
+
+INSTALLED: Installed[type[Block]] = Installed(
+    "spikeblocks.blocks", _is_block, "a subclass of Block", taken=BUILTIN
+)
 
 
 def blocks_of_module(file: FilePath) -> dict[str, type[Block]]:

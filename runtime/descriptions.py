@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from blocks.core import Block, Input, Output, Param
-from blocks.registry import BUILTIN, blocks_of_module, installed
+from blocks.registry import BUILTIN, INSTALLED, blocks_of_module
 from runtime.errors import UsageError
 from runtime.terminal import table
 
@@ -20,14 +20,14 @@ TableRow = tuple[str, str, str, str]
 
 
 def library(module: str | None = None) -> dict[str, type[Block]]:
-    """All block types: built in, installed, and those of a file."""
+    """All block types: built in, of installed packages that work, and those of a file."""
     own: dict[str, type[Block]] = {}
     if module is not None:
         try:
             own = blocks_of_module(Path(module))
         except Exception as error:  # noqa: BLE001 -- a user's file may raise any exception
             raise UsageError(f"cannot load '{module}': {type(error).__name__}: {error}") from None
-    return {**BUILTIN, **installed(), **own}
+    return {**BUILTIN, **INSTALLED.usable(), **own}
 
 
 def families(known: Mapping[str, type[Block]]) -> dict[str, list[str]]:

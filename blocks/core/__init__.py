@@ -23,6 +23,7 @@ from blocks.core.expressions import (
     read_expression,
 )
 from blocks.core.extras import MissingPackageError, require
+from blocks.core.installed import BrokenPackageError, Installed
 from blocks.core.kernels import function_kernel, has_kernels, kernel_for, kernel_of
 from blocks.core.matrices import times
 from blocks.core.options import Options
@@ -73,6 +74,7 @@ __all__ = [
     "BlockSpec",
     "BlockState",
     "BoolArray",
+    "BrokenPackageError",
     "DeclarationError",
     "Elementwise",
     "Evaluation",
@@ -80,6 +82,7 @@ __all__ = [
     "ExpressionError",
     "FloatArray",
     "Input",
+    "Installed",
     "IntArray",
     "MissingPackageError",
     "Options",

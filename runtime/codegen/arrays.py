@@ -78,7 +78,8 @@ def index_text(body: Body, array: Value, axis: int, index: Value) -> str:
     if not array.text.startswith("array_") and array.text.isidentifier():
         message += f" of '{array.text}'"
     failure = body.fail("IndexError", message)
-    return f"checked(ctx, {index.text}, {size}, {axis}, {failure})"
+    # In a statement of its own: without jumps, nothing is read or written after a failure.
+    return _held(body, f"checked(ctx, {index.text}, {size}, {axis}, {failure})")
 
 
 def _below(high: int | str | None, known: int | None, size: str) -> bool:

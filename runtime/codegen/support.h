@@ -10,7 +10,7 @@
 
 /* One run's working memory. Every member has eight bytes on 64-bit machines.
  *
- * resume    : where a failure continues (a jmp_buf).
+ * resume    : where a failure continues; unused without jumps.
  * failure   : the number of the failure, -1 for none; index, size and axis are those of an index.
  * arena     : memory of local arrays; used bytes of its size, and the most that were ever used.
  * tick, at  : the tick, and the number of the call in it.
@@ -33,30 +33,53 @@ struct draws {
 
 #if defined(__GNUC__) || defined(__clang__)
 #define COLD __attribute__((cold, noinline, unused))
+#define NORETURN __attribute__((noreturn))
 #define MAYBE_UNUSED __attribute__((unused))
 #define LIKELY(x) __builtin_expect(!!(x), 1)
 #else
 #define COLD
+#define NORETURN
 #define MAYBE_UNUSED
 #define LIKELY(x) (x)
 #endif
 #define INLINE static inline MAYBE_UNUSED
 
-/* Stop with a failure. Without jumps the first one is kept, and the caller goes on. */
+/* Failures. A function that may fail takes ctx first, and calls fail with a number of the unit.
+ *
+ * In a run of a graph, fail jumps out of all blocks. In an exported controller it returns, and the
+ * first failure is kept; the function goes on with any value that the rest of its statement can take
+ * (no undefined conversion, no division of integers by zero). After each statement with such a call,
+ * LEAVE returns from the caller, and so on up to the controller's step:
+ *
+ *     const int64_t at_1_ = checked(ctx, i, 3, 0, 7);
+ *     LEAVE(0.0);
+ *     return state_x[at_1_];
+ */
+#ifdef WITHOUT_JUMPS
+#define LEAVE(...) if (ctx->failure >= 0) return __VA_ARGS__
+
 static COLD void fail(struct context *ctx, int64_t failure)
 {
     if (ctx->failure < 0) ctx->failure = failure;
-#ifndef WITHOUT_JUMPS
-    longjmp(*(jmp_buf *)ctx->resume, 1);
-#endif
 }
+#else
+#define LEAVE(...)
+
+static COLD NORETURN void fail(struct context *ctx, int64_t failure)
+{
+    ctx->failure = failure;
+    longjmp(*(jmp_buf *)ctx->resume, 1);
+}
+#endif
 
 static COLD int64_t fail_index(struct context *ctx, int64_t index, int64_t size, int64_t axis,
                                int64_t failure)
 {
-    ctx->index = index;
-    ctx->size = size;
-    ctx->axis = axis;
+    if (ctx->failure < 0) {
+        ctx->index = index;
+        ctx->size = size;
+        ctx->axis = axis;
+    }
     fail(ctx, failure);
     return 0;
 }

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from runtime.codegen.body import Body, Failures
 from runtime.codegen.interface import given, results
+from runtime.codegen.leaving import leaving
 from runtime.codegen.names import function_name, local_name
 from runtime.codegen.source import Entry, Function, RefusedError, Source, support
 from runtime.codegen.statements import Statements
@@ -275,18 +276,19 @@ class Writer:
         calls: set[str],
     ) -> Instance:
         """The text of a function."""
-        leaving = self.returning(Value(returned, zero(returned)))
-        lines = [line.replace(LEAVE, leaving) for line in body.lines]
+        nothing = self.returning(Value(returned, zero(returned)))
+        value = nothing.removeprefix("return").strip(" ;")
+        lines = [line.replace(LEAVE, nothing) for line in body.lines]
         tops = [
             f"    {_declared(c_type, target_name + suffix)} = {text};"
             for target_name, kind in body.tops.items()
             for (suffix, c_type), text in zip(leaves(kind), zero(kind), strict=True)
         ]
         heads = [f"    {line}" for line in body.heads.values()]
-        lines = tidied([*heads, *tops, *lines])
+        lines = leaving(tidied([*heads, *tops, *lines]), value)
         whole = "\n".join(lines)
         parameters = [
-            _declared(_fixed(c_type), f"{local_name(parameter)}{suffix}")
+            _declared(c_type, f"{local_name(parameter)}{suffix}")
             for parameter, kind in zip(target.parameters, kinds, strict=True)
             for suffix, c_type in leaves(kind)
         ]
@@ -297,8 +299,7 @@ class Writer:
             parameters.insert(0, "const struct entries *self")
         if uses_context:
             parameters.insert(0, "struct context *ctx")
-        kind = self.c_return(returned)
-        head = f"static {kind}{'' if kind.endswith('*') else ' '}{name}"
+        head = _declared(f"static {self.c_return(returned)}", name)
         text = "\n".join(
             [
                 *([f"/* {target.note} */"] if target.note else []),
@@ -357,7 +358,7 @@ class Writer:
             raise RefusedError(f"{error} ({target.file}:{target.line + 1})") from None
         finally:
             calls = self.stack.pop()
-        lines = tidied(body.lines)
+        lines = leaving(tidied(body.lines), "")
         if any(re.search(r"\bctx\b", line) for line in lines):
             lines.insert(0, "    ctx->arena_used = 0;")
         whole = "\n".join(lines)
@@ -383,10 +384,6 @@ class Writer:
 
 def _declared(c_type: str, name: str) -> str:
     return f"{c_type}{name}" if c_type.endswith("*") else f"{c_type} {name}"
-
-
-def _fixed(c_type: str) -> str:
-    return c_type
 
 
 def _last_word(parameter: str) -> str:

@@ -120,7 +120,7 @@ def _measured(
         return run_natively(layout, *texts, replay, float32)
 
     found = native(layout)
-    if layout.units.jumps:
+    if layout.units.open:
         arena = max(math.ceil(SPARE * found.arena), layout.units.largest)
         layout = replace(layout, arena=arena)
         found = native(layout)
@@ -130,7 +130,7 @@ def _measured(
 
 def _arena(units: Units) -> int:
     """Bytes for local arrays, before anything was measured."""
-    return max(units.arena, UNMEASURED if units.jumps else 0)
+    return max(units.arena, UNMEASURED if units.open else 0)
 
 
 def _check(native: Native, float32: bool) -> None:

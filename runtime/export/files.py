@@ -64,7 +64,6 @@ def header(layout: Layout, about: Sequence[str], float32: bool) -> str:
     ]
     text = HEADER.substitute(
         about="\n * ".join(map(comment, about)),
-        jumps=_jumps(layout),
         guard=guard,
         upper=name.upper(),
         dt=repr(selection.network.dt),
@@ -77,10 +76,6 @@ def header(layout: Layout, about: Sequence[str], float32: bool) -> str:
         learnt=comment(_learnt(layout)),
     )
     return single(text) if float32 else text
-
-
-def _jumps(layout: Layout) -> str:
-    return ", and setjmp.h, to leave a block that fails" if layout.units.jumps else ""
 
 
 def _learnt(layout: Layout) -> str:
@@ -103,19 +98,16 @@ def source(layout: Layout, about: Sequence[str], float32: bool) -> str:
     body = writer.step()
     statements = "\n".join([*reset, *learnt])
     helpers = [text for call, text in HELPERS.items() if f"{call}(" in statements]
-    jumps = layout.units.jumps
     text = SOURCE.substitute(
         about="\n * ".join(map(comment, about)),
         name=name,
-        jumps="" if jumps else "#define WITHOUT_JUMPS",
-        support=support(),
+        support=_without_jumps(support()),
         helpers="".join(f"{text}\n" for text in helpers),
         tables="".join(f"{text}\n" for text in writer.tables.values()),
         blocks=layout.units.text,
         reset="\n".join(reset),
         learnt="\n".join(learnt),
         dt=selection_dt(layout),
-        guarded=_guarded(jumps),
         body=body,
         outputs=_outputs(layout, writer),
         messages="\n".join(f"        {_quoted(text)}," for text in layout.messages()),
@@ -124,17 +116,15 @@ def source(layout: Layout, about: Sequence[str], float32: bool) -> str:
     return single(text) if float32 else text
 
 
+def _without_jumps(text: str) -> str:
+    """The support's text as a compiler reads it that knows WITHOUT_JUMPS."""
+    text = re.sub(r"#ifndef WITHOUT_JUMPS\n.*?#endif\n", "", text, flags=re.DOTALL)
+    either = re.compile(r"#ifdef WITHOUT_JUMPS\n(.*?)#else\n.*?#endif\n", re.DOTALL)
+    return either.sub(r"\1", text)
+
+
 def selection_dt(layout: Layout) -> str:
     return literal(layout.selection.network.dt)
-
-
-def _guarded(jumps: bool) -> str:
-    if not jumps:
-        return ""
-    return (
-        "    jmp_buf resume;\n    ctx.resume = &resume;\n"
-        "    if (setjmp(resume)) return c->failure = (int)(ctx.at + ctx.failure);\n"
-    )
 
 
 def _outputs(layout: Layout, writer: StepText) -> str:

@@ -262,12 +262,9 @@ class StepText:
         for port in evaluation.outputs:
             scalar = self.layout.kind((block, port)).form == "scalar"
             arguments.append(f"{'&' if scalar else ''}c->{self.layout.names[block, port]}")
-        if self.layout.units.jumps:
-            self.put(f"ctx.at = {text.first + 1};")
         self.put(f"{text.prefix}__{evaluation.method}({', '.join(arguments)});")
-        if not self.layout.units.jumps:
-            failed = f"c->failure = {text.first + 1} + (int)ctx.failure"
-            self.put(f"if (ctx.failure >= 0) return {failed};")
+        failed = f"c->failure = {text.first + 1} + (int)ctx.failure"
+        self.put(f"if (ctx.failure >= 0) return {failed};")
 
     def arguments(self, block: str, evaluation: Evaluation) -> Iterator[str]:
         """The arguments of a method after t."""

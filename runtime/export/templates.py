@@ -6,7 +6,7 @@ HEADER = Template(
     r"""/* ${about}
  *
  * The caller owns the memory: one struct ${name} is one controller, without pointers into itself.
- * Nothing is allocated, and of the C library only math.h is used${jumps}.
+ * Nothing is allocated, and of the C library only math.h is used.
  */
 #ifndef ${guard}
 #define ${guard}
@@ -59,7 +59,6 @@ SOURCE = Template(
 
 #include "${name}.h"
 
-${jumps}
 ${support}
 ${helpers}
 ${tables}
@@ -85,7 +84,7 @@ int ${name}_step(struct ${name} *c, const struct ${name}_inputs *in, struct ${na
     ctx.failure = -1;
     ctx.arena = (unsigned char *)c->arena;
     ctx.arena_size = (int64_t)sizeof c->arena;
-${guarded}${body}
+${body}
 ${outputs}
     c->tick++;
     return 0;

@@ -44,8 +44,7 @@ class Units:
     failures : by number, as the text names them: what went wrong, and where.
     arena : bytes that the local arrays of one call take at most, where that is known.
     largest : bytes of the largest local array of known size.
-    jumps : whether a failure has to leave a block at once, since the sizes of its local arrays
-        depend on data.
+    open : whether the sizes of some local arrays depend on data.
     """
 
     text: str = ""
@@ -53,7 +52,7 @@ class Units:
     failures: list[str] = field(default_factory=list)
     arena: int = 0
     largest: int = 0
-    jumps: bool = False
+    open: bool = False
 
 
 def write_units(selection: Selection, states: Mapping[str, BlockState]) -> Units:
@@ -129,7 +128,7 @@ def _measure(units: Units, text: str) -> None:
     fixed = [-(-int(size) // ALIGNED) * ALIGNED for size in sizes if size.isdigit()]
     units.arena = max(units.arena, sum(fixed))
     units.largest = max([units.largest, *fixed])
-    units.jumps |= len(fixed) < len(sizes) or "same_size(" in text
+    units.open |= len(fixed) < len(sizes)
 
 
 def _snake(name: str) -> str:

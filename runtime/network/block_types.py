@@ -7,8 +7,16 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from blocks.core import TYPES, Block, DeclarationError, SignalType, Variant, hint
-from blocks.registry import BUILTIN, ModuleReader, Modules, installed, variants_of_module
+from blocks.core import (
+    TYPES,
+    Block,
+    BrokenPackageError,
+    DeclarationError,
+    SignalType,
+    Variant,
+    hint,
+)
+from blocks.registry import BUILTIN, INSTALLED, ModuleReader, Modules, variants_of_module
 from runtime.document import Node, closest
 from runtime.errors import Problems, UsageError
 from runtime.network.other_names import ours_for
@@ -49,11 +57,15 @@ def block_class(
     for library in (own, classes, BUILTIN):
         if written.value in library:
             return library[written.value]
-    others = installed()
-    if written.value in others:
-        return others[written.value]
+    try:
+        offered = INSTALLED.find(written.value)
+    except BrokenPackageError as error:
+        problems.add(written.where, f"{address}.type", str(error))
+        return None
+    if offered is not None:
+        return offered
     if module is None:
-        known = [*classes, *BUILTIN, *others]
+        known = [*classes, *BUILTIN, *INSTALLED.names()]
         suggestion = ours_for(written.value) or hint(written.value, known)
     else:
         defined = f"; '{short_path(module)}' defines {', '.join(own) or 'none'}"

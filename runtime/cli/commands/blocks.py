@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from runtime.cli.commands import add_json
 from runtime.errors import UsageError
-from runtime.terminal import show, show_json, table
+from runtime.terminal import show, show_json, table, tell
 
 if TYPE_CHECKING:
     from blocks.core import Block
@@ -27,13 +27,21 @@ def add(parser: ArgumentParser) -> None:
 
 def run(options: Namespace) -> int:
     """Print all block types, or one."""
+    from blocks.registry import INSTALLED
     from runtime.descriptions import describe_json, describe_text, library
 
     known = library(options.module)
+    if options.type is None:
+        for line in INSTALLED.broken():
+            tell(f"note: {line}")
     if options.type is not None and options.type not in known:
-        from blocks.core import hint
+        from blocks.core import BrokenPackageError, hint
         from runtime.network import ours_for
 
+        try:
+            INSTALLED.find(options.type)
+        except BrokenPackageError as error:
+            raise UsageError(str(error)) from None
         suggestion = (
             ours_for(options.type) or hint(options.type, known) or f"; there are {', '.join(known)}"
         )
