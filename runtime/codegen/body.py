@@ -338,6 +338,9 @@ class Body:
                 self.put(f"{_constant(c_type, fixed)}{target}{suffix} = {text};")
             elif text != f"{target}{suffix}":
                 self.put(f"{target}{suffix} = {text};")
+        if name in self.function.uncertain:
+            self.tops[f"{target}_set_"] = BOOL
+            self.put(f"{target}_set_ = true;")
         if fixed:
             texts = tuple(f"{target}{suffix}" for suffix, _ in leaves(value.type))
             self.stable.update(texts)
@@ -358,6 +361,10 @@ class Body:
         if kind is None:
             raise NotTypedError(f"uses '{name}' before it is assigned")
         target = self.c_name(name)
+        if name in self.function.uncertain:
+            self.tops[f"{target}_set_"] = BOOL
+            failure = self.fail("UnboundLocalError", f"'{name}' is used before it is assigned")
+            self.put(f"if (!{target}_set_) fail(ctx, {failure});")
         return Value(kind, tuple(f"{target}{suffix}" for suffix, _ in leaves(kind)))
 
 

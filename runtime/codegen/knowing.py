@@ -32,8 +32,10 @@ def both(values: Sequence[Value], sign: str) -> Value:
     for value in values:
         if value.const is UNKNOWN:
             left.append(value)
-        elif bool(value.const) == (sign == "||"):
+        elif bool(value.const) == (sign == "||") and not any("(ctx" in v.text for v in left):
             return number(bool(value.const))
+        elif bool(value.const) == (sign == "||"):
+            left.append(value)
     if not left:
         return number(sign == "&&")
     if len(left) == 1:

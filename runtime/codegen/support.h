@@ -374,7 +374,8 @@ INLINE int64_t to_int(struct context *ctx, double x, int64_t failure)
         fail(ctx, failure);
         return 0;
     }
-    return (int64_t)x;
+    /* gcc takes (double)(int64_t)x for trunc(x), which is -0.0 for -0.5. */
+    return x > -1.0 && x < 1.0 ? 0 : (int64_t)x;
 }
 
 /* Python's min and max of two: the first, unless the second is smaller (greater). */

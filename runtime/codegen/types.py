@@ -139,7 +139,8 @@ def join(a: Type, b: Type) -> Type:
         return a
     if isinstance(a, Number) and isinstance(b, Number):
         if BOOL in (a, b):
-            raise NotTypedError(f"is sometimes a {a} and sometimes a {b}; use int(...) or float(...)")
+            reason = f"is sometimes a {a} and sometimes a {b}"
+            raise NotTypedError(f"{reason}; use one type, as float(...)")
         return EITHER
     if isinstance(a, Array) and isinstance(b, Array) and _alike(a, b):
         dims = tuple(m if m == n else None for m, n in zip(a.dims, b.dims, strict=True))
