@@ -56,6 +56,11 @@ BUILTIN: Mapping[str, type[Block]] = {
 }
 
 
+def is_built_in(cls: type[Block]) -> bool:
+    """Whether a block class is one of ours: not of a package, nor of a graph's own file."""
+    return BUILTIN.get(cls.__name__) is cls
+
+
 def _is_block(value: object) -> bool:
     return isinstance(value, type) and issubclass(value, Block)
 

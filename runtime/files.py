@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
+import importlib
 import json
 import math
+import os
 import re
 import secrets
 import shutil
@@ -17,6 +20,8 @@ from runtime.errors import UsageError
 
 MAX_TEXT = 64 * 2**20  # bytes of a text file
 NAME_BYTES = 120  # of a file name made from a text; file systems allow 255
+# The byte that stands for a file where locks are of bytes and keep others from reading them.
+LOCKED_BYTE = 2**30
 LARGEST = 1e308  # about the largest float
 NUMBER, MAYBE_NUMBER = (int, float), (int, float, type(None))
 _NAMES = {str: "a string", int: "a number", float: "a number", bool: "true or false"}
@@ -117,6 +122,54 @@ def write_whole(path: Path, content: str | bytes) -> None:
         with suppress(OSError):
             partial.unlink(missing_ok=True)
         raise
+
+
+def open_file(path: Path, flags: int) -> int:
+    """``os.open`` of bytes, closed in child processes; a link is not followed.
+
+    Raises
+    ------
+    OSError : it cannot be opened, or is a link.
+    """
+    for name in ("O_CLOEXEC", "O_NOFOLLOW", "O_BINARY"):  # no system has all of them
+        flags |= getattr(os, name, 0)
+    if path.is_symlink():
+        raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(path))
+    return os.open(path, flags)
+
+
+def lock(file: int) -> bool:
+    """Lock an open file for as long as it is open; False if another process holds it.
+
+    True, and no lock, on a file system without locks.
+    """
+    try:
+        unix: Any = importlib.import_module("fcntl")
+    except ImportError:
+        return _lock_byte(file)
+    try:
+        unix.flock(file, unix.LOCK_EX | unix.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
+    return True
+
+
+def _lock_byte(file: int) -> bool:
+    """:func:`lock` under Windows."""
+    try:
+        windows: Any = importlib.import_module("msvcrt")
+    except ImportError:
+        return True
+    os.lseek(file, LOCKED_BYTE, os.SEEK_SET)
+    try:
+        windows.locking(file, windows.LK_NBLCK, 1)
+    except PermissionError:
+        return False
+    except OSError:
+        return True
+    return True
 
 
 def json_text(value: Any, indent: int | None = None) -> str:

@@ -74,7 +74,9 @@ def _populations(engine: Engine) -> dict[str, dict[str, float]]:
         return {}
     engine = Engine(engine.program, engine.seed)  # started apart, in Python
     engine.prepare()
-    found = {name: dict(entry.made.facts(engine.states[name])) for name, entry in entries.items()}
+    found = {
+        name: dict(entry.made.facts(engine.state.blocks[name])) for name, entry in entries.items()
+    }
     for name, facts in found.items():
         if "synapses" in facts:
             rate = 1.0 / (engine.network.dt * entries[name].every)

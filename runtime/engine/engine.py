@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 import time
 import traceback
@@ -15,15 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from blocks.core import BlockState, FloatArray, ParameterError
+from blocks.core import FloatArray, ParameterError
 from runtime.engine.diagnosis import Diagnosis
 from runtime.engine.interrupts import stoppable
 from runtime.engine.naming import GLOBALS
 from runtime.engine.profile import Profile
 from runtime.engine.program import Program
 from runtime.engine.recorder import Recorder
+from runtime.engine.replay import ExactRunner
 from runtime.engine.runners import (
-    Held,
+    CompiledError,
     MakeRunner,
     Progress,
     PythonRunner,
@@ -35,7 +35,6 @@ from runtime.engine.runners import (
 )
 from runtime.engine.schedule import Plan, RecordSlot
 from runtime.engine.solvers import (
-    BEFORE,
     FOUND,
     TICK,
     TIME,
@@ -48,6 +47,7 @@ from runtime.engine.solvers import (
     narrowed,
     substep,
 )
+from runtime.engine.state import Held, RunState
 from runtime.engine.values import NotFiniteError, OutputChecks, bad_slope, sealed, unreached
 from runtime.errors import Problem, SimulationError, UsageError
 from runtime.network import Network, columns
@@ -56,21 +56,12 @@ CHUNK_SECONDS = 0.1
 SMALL_STATE = 1024**2
 
 
-def seed_of(seed: int, name: str) -> np.random.SeedSequence:
-    """The seed of one block; it depends only on the run's seed and the block's name.
-
-    Removing a block leaves the neurons and the noise of every other block unchanged.
-    """
-    digest = hashlib.sha256(name.encode()).digest()
-    words = tuple(int.from_bytes(digest[i : i + 4], "little") for i in (0, 4, 8, 12))
-    return np.random.SeedSequence(seed, spawn_key=words)
-
-
 @dataclass
 class Outcome:
     """The outcome of a run: recorded arrays, ticks done, how it ended, and the seconds it took.
 
-    ``stopped_at`` is the time (s) at which ``run.stop`` ended it.
+    ``stopped_at`` is the time (s) at which ``run.stop`` ended it. ``python_from`` is the tick from
+    which a compiled run was under the Python engine; ``notes`` say why.
     ``ready_s`` is the part of ``wall_s`` before the second tick: initial states, compilation.
     """
 
@@ -82,6 +73,15 @@ class Outcome:
     ready_s: float = 0.0
     error: SimulationError | None = None
     stopped_at: float | None = None
+    python_from: int | None = None
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def engines(self) -> str:
+        """The engine, or both of a run that changed it."""
+        if self.python_from is None:
+            return self.engine
+        return f"{self.engine}, then python from tick {self.python_from}"
 
 
 @dataclass
@@ -97,9 +97,7 @@ class Engine:
     profile : measures the time per block; for the Python engine only.
     folder : for recordings that are too large for memory; a temporary one by default.
 
-    ``continuous`` is the row of all continuous states, of which the blocks' arrays are views;
-    ``held`` are the variables that go into the next tick, as the runner has them;
-    ``stop`` says whether and where ``run.stop`` ended the run.
+    ``state`` owns everything that moves.
     """
 
     program: Program
@@ -110,17 +108,14 @@ class Engine:
     folder: Path | None = None
     network: Network = field(init=False)
     plan: Plan = field(init=False)
-    states: dict[str, BlockState] = field(init=False, default_factory=dict)
+    state: RunState = field(init=False)
     recorder: Recorder = field(init=False)
     arrays: dict[str, FloatArray] = field(init=False)
     diagnosis: Diagnosis = field(init=False)
     checks: OutputChecks = field(init=False)
-    continuous: FloatArray = field(init=False)
-    stop: FloatArray = field(init=False)
-    tick: int = field(init=False, default=0)
-    held: Held = field(init=False, default=())
     lines: Mapping[int, str] = field(init=False, default_factory=dict)
     runner: Runner = field(init=False)
+    exact: ExactRunner | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         self.network, self.plan = self.program.network, self.program.plan
@@ -129,20 +124,23 @@ class Engine:
             *(probes, ticks, self.network.dt, self.program.gathered, self.folder)
         )
         self.arrays = self.recorder.arrays
-        part = self.plan.continuous
-        self.continuous = np.zeros(0 if part is None else part.size)
-        self.stop = np.zeros(6)
-        self.stop[BEFORE] = math.nan
-        self.states = {name: self._state(name) for name in self.network.entries}
-        self.diagnosis = Diagnosis(self.network, self.states)
+        self.state = RunState(self.program, self.seed)
+        self.diagnosis = Diagnosis(self.network, self.state.blocks)
         self.checks = OutputChecks(self.network)
 
     def prepare(self) -> Runner:
         """Initialise the states and make the runner, without running a tick."""
         self._start()
-        self.held = self._held()
-        self.runner = self._runner()
-        return self.runner
+        self.state.held = self._held()
+        if self.make_runner is None:
+            self.runner = PythonRunner(self.program.emitter().held(), self._python())
+            return self.runner
+        made = self.make_runner(
+            RunContext(self.program, self.state.blocks, self.namespace, self.note)
+        )
+        self.state.arrays["run/plan"] = made.numbers
+        self.runner = self.exact = ExactRunner(self.state, made, self._python)
+        return made
 
     def solve(self) -> list[Problem]:
         """What the blocks that solve for what others publish find wrong; starts only those.
@@ -178,16 +176,18 @@ class Engine:
                 held = self._first_tick()
                 outcome.ready_s = time.perf_counter() - began
                 self._loop(held, progress)
-            if self.stop[FOUND]:
-                outcome.status, outcome.stopped_at = "stopped", float(self.stop[TIME])
+            if self.state.stop[FOUND]:
+                outcome.status, outcome.stopped_at = "stopped", float(self.state.stop[TIME])
         except KeyboardInterrupt as error:
             self.locate(error)
             outcome.status = "interrupted"
         except SimulationError as error:
             outcome.status, outcome.error = "failed", error
-        outcome.ticks = self.tick
+        outcome.ticks = self.state.tick
+        if self.exact is not None:
+            outcome.python_from, outcome.notes = self.exact.python_from, self.exact.notes
         outcome.wall_s = time.perf_counter() - began
-        outcome.arrays = self.recorder.finish(self.tick)
+        outcome.arrays = self.recorder.finish(self.state.tick)
         return outcome
 
     def _first_tick(self) -> Held:
@@ -195,31 +195,31 @@ class Engine:
         try:
             self.prepare()
             first = self._compile(checked=True, held=self.runner.held)
-            self.held = held = self.runner.adopt(first(0, 1, self._held()))
+            held = self.state.held = self.runner.adopt(first(0, 1, self._held()))
         except (SimulationError, KeyboardInterrupt):
             raise
         except BaseException as error:  # an exception of a block must not end the process
             raise self._failed(error) from error
-        self.tick = 1
+        self.state.tick = 1
         return held
 
     def _loop(self, held: Held, progress: Progress | None) -> None:
         total, chunk = self.network.ticks, 16
         run, recorder = self.runner.run, self.recorder
         try:
-            while self.tick < total and not self.stop[FOUND]:
-                stop = min(self.diagnosis.boundary(self.tick), self.tick + chunk)
+            while self.state.tick < total and not self.state.stop[FOUND]:
+                stop = min(self.diagnosis.boundary(self.state.tick), self.state.tick + chunk)
                 stop = min(total, stop, recorder.boundary())
                 began = time.perf_counter()
-                self.held = held = run(self.tick, stop, held)
+                self.state.held = held = run(self.state.tick, stop, held)
                 took = time.perf_counter() - began
-                stop = round(self.stop[TICK]) + 1 if self.stop[FOUND] else stop
-                ran, self.tick = stop - self.tick, stop
+                stop = round(self.state.stop[TICK]) + 1 if self.state.stop[FOUND] else stop
+                ran, self.state.tick = stop - self.state.tick, stop
                 recorder.flush(stop)
                 self.diagnosis.look(stop)
                 chunk = max(1, min(4 * chunk, int(ran * CHUNK_SECONDS / max(took, 1e-6))))
                 if progress is not None:
-                    progress(self.tick, total)
+                    progress(self.state.tick, total)
         except KeyboardInterrupt:
             raise
         except BaseException as error:  # an exception of a block must not end the process
@@ -229,15 +229,9 @@ class Engine:
         """The error that names the block, the tick and the time of an exception."""
         found = self.locate(error)
         block = getattr(error, "block", "") or found
-        is_message = isinstance(error, (NotFiniteError, UsageError))
+        is_message = isinstance(error, (NotFiniteError, UsageError, CompiledError))
         text = str(error) if is_message else _described(error)
-        return SimulationError(block, self.tick, self.tick * self.network.dt, text)
-
-    def _runner(self) -> Runner:
-        if self.make_runner is not None:
-            given = (self.program, self.states, self.namespace, self.checks.not_finite, self.note)
-            return self.make_runner(RunContext(*given))
-        return PythonRunner(self.program.emitter().held(), self._compile(checked=False))
+        return SimulationError(block, self.state.tick, self.state.tick * self.network.dt, text)
 
     def _start(self) -> None:
         """Initialise the states, and compute the constant outputs."""
@@ -250,24 +244,24 @@ class Engine:
         self.namespace |= {} if self.profile is None else self.profile.names()
         self.namespace |= self._continuous_names()
         if self.program.observation.stop is not None:
-            self.namespace |= {"stop": self.stop, "narrowed": narrowed}
+            self.namespace |= {"stop": self.state.stop, "narrowed": narrowed}
         for name, entry in self.network.entries.items():
             identifier = self.plan.names[name]
             self.namespace[identifier] = entry.made
-            self.namespace[self.plan.variables[name, ""]] = self.states[name]
+            self.namespace[self.plan.variables[name, ""]] = self.state.blocks[name]
         for name in self._starting_order():
             self._start_block(name)
         for recording in self.program.recordings:
             if recording.publisher:
                 self._record_tuning(recording)
         for name in self.plan.enables:
-            spec, state = self.network.entries[name].cls.spec, self.states[name]
+            spec, state = self.network.entries[name].cls.spec, self.state.blocks[name]
             copies = {key: getattr(state, key).copy() for key in spec.states}
             self.namespace[self.plan.variables[name, "0"]] = SimpleNamespace(**copies)
         for step in self.plan.steps:
             if step.constant:
                 method = getattr(self.network.entries[step.block].made, step.evaluation.method)
-                value = self._guard(step.block, partial(method, self.states[step.block], 0.0))
+                value = self._guard(step.block, partial(method, self.state.blocks[step.block], 0.0))
                 values = (value,) if len(step.evaluation.outputs) == 1 else value
                 for port, item in zip(step.evaluation.outputs, values, strict=True):
                     self.checks.form(step.block, port, item)
@@ -287,9 +281,9 @@ class Engine:
         for port, source in self.network.publications(name):
             made = self.network.entries[source.block].made
             describe = getattr(made, type(made).spec.outputs[source.port].publishes)
-            call = partial(describe, self.states[source.block])
+            call = partial(describe, self.state.blocks[source.block])
             published[port] = self._guard(source.block, call)
-        state = self.states[name]
+        state = self.state.blocks[name]
         state.published = published
         block = self.network.entries[name].made
         self._guard(name, partial(block.start, state))
@@ -305,7 +299,7 @@ class Engine:
         found = {}
         for name, entry in self.network.entries.items():
             for key, declared in entry.cls.spec.states.items():
-                array = getattr(self.states[name], key)
+                array = getattr(self.state.blocks[name], key)
                 if 0 < array.nbytes <= largest and not declared.cached:
                     found[f"{name}.{key}"] = array.copy()
         return found
@@ -321,8 +315,9 @@ class Engine:
         control = controls(
             solver.rtol, solver.atol, min(dt, solver.max_step or dt), self.network.until
         )
+        self.state.arrays["run/control"] = control
         return {
-            "states": self.continuous,
+            "states": self.state.continuous,
             "start": np.zeros(part.size),
             "origin": np.zeros(part.size),
             "slopes": slopes,
@@ -352,6 +347,9 @@ class Engine:
         except BaseException as error:
             raise SimulationError(block, 0, 0.0, _described(error)) from error
 
+    def _python(self) -> Run:
+        return self._compile(checked=False)
+
     def _compile(self, checked: bool, held: Sequence[str] | None = None) -> Run:
         made = self.program.code(checked, held)
         # The same for all texts: checks are on the lines of the calls that they check.
@@ -373,26 +371,18 @@ class Engine:
     def locate(self, error: BaseException) -> str:
         """Set the tick to the one that raised an exception; returns the block."""
         found = located(error, self.lines)
-        if found is None and self.tick:
+        if found is None and self.state.tick:
             found = self.runner.locate(error)
         if found is None:
             return ""
-        self.tick, block = found
+        self.state.tick, block = found
         return block
-
-    def _state(self, name: str) -> BlockState:
-        arrays = {key: np.zeros(shape) for key, shape in self.program.shapes[name].items()}
-        if self.plan.continuous is not None:
-            for slot in self.plan.continuous.slots_of(name):
-                whole = self.continuous[slot.start : slot.stop]
-                arrays[slot.state] = whole.reshape(slot.shape)
-        return BlockState(self.program.contexts[name], seed_of(self.seed, name), arrays)
 
     def _record_tuning(self, recording: RecordSlot) -> None:
         """Record what a block publishes about the neurons behind a signal."""
         name = recording.end.block
         describe = getattr(self.network.entries[name].made, recording.publisher)
-        self.namespace[recording.array][0] = describe(self.states[name]).table()
+        self.namespace[recording.array][0] = describe(self.state.blocks[name]).table()
 
     def _record_constant(self, block: str, port: str, value: Any) -> None:
         for recording in self.program.recordings:

@@ -102,6 +102,6 @@ def flow_at(
     """The function of a graph whose engine has run so many ticks."""
     text = PointEmitter(engine.plan, offsets).point(watched)
     exec(compile(text, FILENAME, "exec"), engine.namespace)
-    held: Any = engine.held
+    held: Any = engine.state.held
     flow: Flow = engine.namespace["point"](tick, tick * engine.network.dt, held)
     return flow

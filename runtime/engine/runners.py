@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, NoReturn, Protocol
+from typing import Any, Protocol
+
+import numpy as np
 
 from blocks.core import BlockState
 from runtime.engine.program import FILENAME, Program
+from runtime.engine.state import Held
 
 Progress = Callable[[int, int], None]
-Held = tuple[Any, ...]
 Run = Callable[[int, int, Held], Held]
 
 
@@ -18,10 +20,30 @@ def silent(text: str) -> None:
     """Discard a note."""
 
 
+class CompiledError(Exception):
+    """Compiled code met what it does not compute as Python does; the text says what.
+
+    ``block`` is empty if the failure belongs to none.
+    """
+
+    def __init__(self, block: str, tick: int, message: str) -> None:
+        super().__init__(message)
+        self.block, self.tick = block, tick
+
+    @property
+    def place(self) -> str:
+        """Where it failed, for messages."""
+        return f"block '{self.block}'" if self.block else "solver"
+
+
 class Runner(Protocol):
-    """Runs ticks; ``held`` are the variables that go into each call and come out of it."""
+    """Runs ticks; ``held`` are the variables that go into each call and come out of it.
+
+    ``numbers`` are the memory of a compiled plan, which moves with the run's state.
+    """
 
     held: list[str]
+    numbers: np.ndarray[Any, Any]
 
     @property
     def run(self) -> Run:
@@ -38,14 +60,13 @@ class Runner(Protocol):
 class RunContext:
     """What the engine gives a runner, once states are initialised and constants computed.
 
-    ``namespace`` holds the names that the plan's text uses. ``not_finite`` raises the error of a
-    block's method whose outputs are not finite. ``note`` is called with messages for the user.
+    ``namespace`` holds the names that the plan's text uses. ``note`` is called with messages for
+    the user.
     """
 
     program: Program
     states: Mapping[str, BlockState]
     namespace: Mapping[str, Any]
-    not_finite: Callable[..., NoReturn]
     note: Callable[[str], None]
 
 
@@ -58,6 +79,7 @@ class PythonRunner:
     def __init__(self, held: list[str], run: Run) -> None:
         self.held = held
         self.run = run
+        self.numbers = np.zeros(0)
 
     def adopt(self, held: Held) -> Held:
         """The first tick's variables, as they are."""

@@ -100,7 +100,7 @@ def _layout(graph: Graph, selection: Selection, name: str) -> Layout:
     program = graph.program()
     engine = Engine(program, graph.network.seed)
     engine.prepare()
-    units = write_units(selection, engine.states)
+    units = write_units(selection, engine.state.blocks)
     constants = {
         port: np.asarray(engine.namespace[program.plan.variables[port]])
         for port in selection.constants

@@ -11,6 +11,7 @@ import os
 import re
 import signal
 import subprocess
+import sys
 from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory, TemporaryFile
@@ -126,7 +127,15 @@ def _git(environment: dict[str, str], work: Path) -> bytes:
         finally:
             if process.poll() is None:
                 with suppress(OSError):
-                    os.killpg(process.pid, signal.SIGKILL)
+                    _kill(process)
                 process.wait(TIMEOUT)
         answer.seek(0)
         return answer.read() if code == 0 else b""
+
+
+def _kill(process: subprocess.Popen[bytes]) -> None:
+    """End a process, and its children where a system has groups of processes."""
+    if sys.platform != "win32" and hasattr(os, "killpg"):
+        os.killpg(process.pid, signal.SIGKILL)
+    else:
+        process.kill()

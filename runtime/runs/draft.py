@@ -24,15 +24,10 @@ import numpy as np
 from blocks.core import FloatArray
 from runtime.engine import recording_file
 from runtime.errors import UsageError
-from runtime.files import point_link, remove_tree, slug, system_errors
+from runtime.files import lock, open_file, point_link, remove_tree, slug, system_errors
 from runtime.observation import RunData
 from runtime.runs.commit import git_commit
 from runtime.runs.folder import MANIFEST, RESOLVED, WRITTEN, described_run, read_manifest, write
-
-try:
-    import fcntl
-except ImportError:  # a system without locks of this kind
-    fcntl = None  # type: ignore[assignment]
 
 PARTIAL, RECORDING, RUN, LOCK = ".partial", "recording", "run", "lock"
 # Hidden folders of runs; earlier versions had one for recordings only.
@@ -74,7 +69,7 @@ class Draft:
                 text = f"'{folder}' exists already; a run is never written over another"
                 raise UsageError(text)
             self.partial.mkdir()
-            self._lock = os.open(self.partial / LOCK, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC)
+            self._lock = open_file(self.partial / LOCK, os.O_CREAT | os.O_RDWR)
         except (OSError, ValueError) as error:
             remove_tree(self.partial)
             raise UsageError(f"cannot write '{folder}': {_reason(error)}") from None
@@ -112,6 +107,7 @@ class Draft:
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None
+            remove_tree(self.partial)  # Windows removes no file that is open
 
 
 def save(result: RunData, folder: Path) -> Path:
@@ -142,19 +138,6 @@ def save_elsewhere(result: RunData, name: str) -> Path:
     except UsageError:
         remove_tree(root)
         raise
-
-
-def lock(file: int) -> bool:
-    """Lock an open file for as long as it is open; False if another process holds it."""
-    if fcntl is None:
-        return True
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    except OSError:  # a file system without locks
-        return True
-    return True
 
 
 def _is_there(folder: Path) -> bool:
@@ -218,7 +201,7 @@ def _readable(folder: Path) -> Iterator[Path]:
 
 def _is_alive(path: Path) -> bool:
     try:
-        file = os.open(path / LOCK, os.O_RDWR | os.O_NOFOLLOW)
+        file = open_file(path / LOCK, os.O_RDWR)
     except FileNotFoundError:
         return time.time() - path.lstat().st_mtime < YOUNG
     except OSError:

@@ -96,7 +96,7 @@ def linearize(
     offsets, labels = _offsets(network, inputs)
     watched = [_watched(network, text) for text in outputs]
     flow = flow_at(engine, tick, offsets, watched)
-    x = engine.continuous
+    x = engine.state.continuous
 
     def at_point(moved: FloatArray, offset: FloatArray) -> FloatArray:
         x[:] = moved
@@ -159,7 +159,8 @@ def _set_states(engine: Engine, states: Mapping[str, Any]) -> None:
         array = np.asarray(value, dtype=np.float64)
         if array.shape not in ((), slot.shape):
             raise UsageError(f"'{address}' has shape {slot.shape}, got {array.shape}")
-        engine.continuous[slot.start : slot.stop] = np.broadcast_to(array, slot.shape).reshape(-1)
+        row = engine.state.continuous[slot.start : slot.stop]
+        row[...] = np.broadcast_to(array, slot.shape).reshape(-1)
 
 
 def _offsets(

@@ -91,7 +91,7 @@ def simulate(
     metrics, failures, unclear = evaluate(
         observation.metrics, probes, network.world, outcome.stopped_at
     )
-    notes = [*graph.notes, *observation.notes, *unclear]
+    notes = [*graph.notes, *observation.notes, *unclear, *outcome.notes]
     notes += engine.diagnosis.notes(outcome.ticks) if outcome.ticks else []
     result = _result(graph, outcome, probes, metrics, notes, began)
     result.failures = failures
@@ -229,7 +229,7 @@ def _manifest(
         "until": network.until,
         "ticks": outcome.ticks,
         "stopped_at": outcome.stopped_at,
-        "engine": outcome.engine,
+        "engine": outcome.engines,
         "wall_s": outcome.wall_s,
         "ready_s": outcome.ready_s,
         "us_per_tick": 1e6 * (outcome.wall_s - outcome.ready_s) / max(1, outcome.ticks - 1),

@@ -10,7 +10,16 @@ from runtime.toolchain.compilers import (
     find_compiler,
     install_command,
 )
-from runtime.toolchain.library import QUICK, THOROUGH, Builder, BuildError, Library, Unit, build
+from runtime.toolchain.library import (
+    QUICK,
+    THOROUGH,
+    Builder,
+    BuildError,
+    Library,
+    Unit,
+    build,
+    processors,
+)
 from runtime.toolchain.store import VARIABLE, digest, folder, read_record, write_record
 
 __all__ = [
@@ -29,6 +38,7 @@ __all__ = [
     "find_compiler",
     "folder",
     "install_command",
+    "processors",
     "read_record",
     "write_record",
 ]

@@ -138,7 +138,7 @@ def _identified(candidate: _Candidate) -> Compiler | None:
         real = file.resolve()
         found = real.stat()
         stamps.append(f"{real} {found.st_mtime_ns} {found.st_size}")
-    name = f"compiler_{store.digest(os.uname().machine, *candidate.command, *stamps)}.json"
+    name = f"compiler_{store.digest(machine(), *candidate.command, *stamps)}.json"
     kept = store.read(name)
     if kept is not None:
         fields = json.loads(kept)
@@ -146,7 +146,7 @@ def _identified(candidate: _Candidate) -> Compiler | None:
     version, target = (_answer(candidate, flag) for flag in ("--version", "-dumpmachine"))
     if not version:
         return None
-    made = Compiler(candidate.command, version, target or os.uname().machine)
+    made = Compiler(candidate.command, version, target or machine())
     with suppress(OSError):  # asked again next time
         store.write(name, json.dumps(asdict(made)).encode())
     return made
@@ -171,6 +171,14 @@ def _answer(candidate: _Candidate, flag: str) -> str:
 
 
 @cache
+def machine() -> str:
+    """The kind of processor, such as x86_64."""
+    import platform
+
+    return platform.machine()
+
+
+@cache
 def processor() -> str:
     """What the processor is and can do; empty where that is not known."""
     try:
@@ -184,7 +192,7 @@ def processor() -> str:
 
 def tuning(compiler: Compiler) -> tuple[str, ...]:
     """The options for the processor of this computer, if it is known and they are understood."""
-    option = TUNING.get(os.uname().machine)
+    option = TUNING.get(machine())
     can = option is not None and bool(processor()) and not set(ZIG_FLAGS) & set(compiler.command)
     return (option,) if can and option is not None else ()
 

@@ -60,16 +60,24 @@ def _is_private(wanted: Path) -> bool:
     OSError : it cannot be created or written.
     """
     wanted.mkdir(mode=0o700, parents=True, exist_ok=True)
+    # Under Windows, the mode says nothing, and a profile is its user's alone.
+    if hasattr(os, "getuid") and not _is_of(os.getuid(), wanted):
+        return False
+    with tempfile.TemporaryFile(dir=wanted):
+        return True
+
+
+def _is_of(user: int, wanted: Path) -> bool:
+    """Whether a folder is that user's, and nobody else can put files there or replace it."""
     found = wanted.lstat()
-    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != user:
         return False
     if found.st_mode & OTHERS_WRITE:
         return False  # others may have written to it
     if any(_is_open(parent) for parent in wanted.resolve().parents):
         return False  # others could put another folder in its place
     wanted.chmod(0o700)
-    with tempfile.TemporaryFile(dir=wanted):
-        return True
+    return True
 
 
 def _is_open(parent: Path) -> bool:

@@ -54,11 +54,11 @@ def chosen_seeds(options: Namespace) -> Seeds | None:
 
 
 def start_early(options: Namespace) -> None:
-    """Start the fork server, so that it imports while the graph is read and checked."""
+    """Start a fork server, so that it imports while the graph is read and checked."""
     if options.scheduler is None:
-        from runtime.experiments.processes import forkserver
+        from runtime.experiments.processes import choice
 
-        forkserver.start_early()
+        choice.start_early()
 
 
 def pool_of(options: Namespace) -> Callable[[], WorkerPool]:

@@ -16,9 +16,10 @@ from blocks.core import (
     SignalType,
     has_kernels,
 )
+from blocks.registry import is_built_in
 from runtime.codegen import FLOAT, Array, Entry, RefusedError, Source, Tuple, Type, support
 from runtime.engine.compiled.entries import Fields, NotCompilableError, written
-from runtime.engine.compiled.translations import is_built_in, salt, source_of, translation
+from runtime.engine.compiled.translations import salt, source_of, translation
 from runtime.engine.continuous import slots
 from runtime.network import Network
 from runtime.toolchain import Unit, digest, read_record, write_record

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import builtins
 import ctypes
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -15,11 +14,10 @@ import numpy as np
 from blocks.core import BlockState
 from runtime.codegen import support
 from runtime.engine.compiled.emit import (
-    BAD_SLOPE,
     FAILED,
     FINISHED,
+    NOT_FINITE,
     STOPPED,
-    UNREACHED,
     CompiledEmitter,
 )
 from runtime.engine.compiled.entries import plain
@@ -27,7 +25,8 @@ from runtime.engine.compiled.kernels import Kernel, Kernels, make_kernels
 from runtime.engine.compiled.memory import Context, Words
 from runtime.engine.compiled.structs import PlanText
 from runtime.engine.program import Program
-from runtime.engine.runners import Held, RunContext
+from runtime.engine.runners import CompiledError, RunContext
+from runtime.engine.state import Held
 from runtime.toolchain import QUICK, THOROUGH, Builder, BuildError, Unit, folder
 
 DRIVER = "<the loop around the compiled plan>"
@@ -166,6 +165,7 @@ class CompiledRunner:
         self.function = made.function
         self.held = context.program.emitter().held()
         self.words = Words(self.text.words)
+        self.numbers = self.words.ints
         self.memory = Context()
         self.fields = [self._pointer(name, *to) for name, to in self.text.pointers.items()]
         for name, value in self.text.fills.items():
@@ -241,29 +241,22 @@ class CompiledRunner:
 
     def _part(self, first: int, last: int, low: int, high: int) -> None:
         ended = self.function(*self.addresses, first, last, low, high)
-        if ended == FAILED:
-            raise self._failure()
-        if ended in (BAD_SLOPE, UNREACHED):
-            start, _ = self.text.members["report"]
-            first_value, t = self.words.floats[start : start + 2].tolist()
-            if ended == BAD_SLOPE:
-                self.context.namespace["bad_slope"](int(first_value), t)
-            self.context.namespace["unreached"](first_value, t)
         if ended not in (FINISHED, STOPPED):
-            block, evaluation = self.text.calls[self.memory.at]
-            values = [self.read(block, port) for port in evaluation.outputs]
-            self.context.not_finite(block, evaluation.method, *values)
+            raise self._failure(ended)
 
-    def _failure(self) -> Exception:
-        """The exception that the block's Python would have raised."""
-        block, _ = self.text.calls[self.memory.at]
+    def _failure(self, ended: int) -> CompiledError:
+        """Where compiled code stopped, and what it met there."""
+        tick = self.memory.tick
+        if ended not in (FAILED, NOT_FINITE):
+            return CompiledError("", tick, "rates of change that it cannot integrate")
+        block, evaluation = self.text.calls[self.memory.at]
+        if ended == NOT_FINITE:
+            return CompiledError(block, tick, f"an output of {evaluation.method} not finite")
         name, message, file, line = self.kernels.compiled[block].failures[self.memory.failure]
-        kind = getattr(builtins, name, RuntimeError)
         numbers = {"index": self.memory.index, "size": self.memory.size, "axis": self.memory.axis}
         for key, value in numbers.items():
             message = message.replace(f"{{{key}}}", str(value))
-        made: Exception = kind(f"{message} ({file}:{line})")
-        return made
+        return CompiledError(block, tick, f"{name}: {message} ({file}:{line})")
 
     def _driver(self) -> Callable[[int, int], None]:
         ends = {member: end for end, member in self.text.signals.items()}

@@ -21,7 +21,7 @@ import numpy as np
 
 import blocks
 from blocks.core import Block, BlockState, SignalType
-from blocks.registry import BUILTIN
+from blocks.registry import is_built_in
 from runtime import codegen, engine
 from runtime.codegen import Source
 from runtime.engine.compiled.entries import WRITTEN, Fields, NotCompilableError
@@ -147,11 +147,6 @@ def _described(value: Any) -> str:
     if isinstance(value, types.MethodType):
         return f"{_described(value.__self__)} {value.__name__}"
     return repr(value) if isinstance(value, SignalType) else type(value).__qualname__
-
-
-def is_built_in(cls: type[Block]) -> bool:
-    """Whether a block class is built in."""
-    return BUILTIN.get(cls.__name__) is cls
 
 
 @cache

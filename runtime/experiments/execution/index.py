@@ -15,6 +15,7 @@ from pathlib import Path
 from runtime.errors import UsageError
 from runtime.experiments.execution.trials import Trial
 from runtime.experiments.execution.worker import TrialResult
+from runtime.files import lock, open_file
 
 FIRST, MIDDLE, LAST = ("point",), ("seed", "status", "reason"), ("wall_s",)
 RESERVED = (*FIRST, *MIDDLE, *LAST)
@@ -146,9 +147,10 @@ class Index:
         self.path = path
         self.columns = columns
         with _write_errors(self.path):
-            self._file = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CLOEXEC | os.O_NOFOLLOW)
+            self._file = open_file(path, os.O_RDWR | os.O_APPEND)
         try:
-            self._lock()
+            if not lock(self._file):
+                raise UsageError(f"'{path}' is being written by another process")
             self._cut_incomplete_line()
         except BaseException:
             os.close(self._file)
@@ -159,24 +161,18 @@ class Index:
         """Write an index without rows."""
         path.write_text(csv_line(columns.header), encoding="utf-8")
 
-    def _lock(self) -> None:
-        try:
-            import fcntl
-        except ImportError:  # without it, two processes that write one folder are not detected
-            return
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise UsageError(f"'{self.path}' is being written by another process") from None
-
     def _cut_incomplete_line(self) -> None:
         """Remove a last line that is incomplete because its writer was killed."""
         size = os.fstat(self._file).st_size
         end = size
-        while end and os.pread(self._file, 1, end - 1) != b"\n":
+        while end and self._byte(end - 1) != b"\n":
             end -= 1
         if end < size:
             os.ftruncate(self._file, end)
+
+    def _byte(self, place: int) -> bytes:
+        os.lseek(self._file, place, os.SEEK_SET)  # rows are appended wherever this is
+        return os.read(self._file, 1)
 
     def append(self, row: Row) -> None:
         """Add a row.

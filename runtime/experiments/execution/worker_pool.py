@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import logging
-import os
 from collections.abc import Callable
 from concurrent.futures import CancelledError, Executor
 from dataclasses import dataclass
 
 from runtime.errors import MissingExtraError, UsageError
 from runtime.experiments.processes import ProcessExecutor, WorkerDied
+from runtime.toolchain import processors
 
 CONNECT_TIMEOUT = 10.0  # s; time limit for a cluster's scheduler to answer
 
@@ -53,7 +53,7 @@ def chosen_pool(
     """A function that makes a pool: a cluster's, or of processes, one per processor by default."""
     if scheduler is not None:
         return lambda: cluster_pool(scheduler)
-    workers = jobs or len(os.sched_getaffinity(0))
+    workers = jobs or processors()
     return lambda: local_pool(workers, timeout)
 
 

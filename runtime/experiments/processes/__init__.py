@@ -3,7 +3,7 @@
 It imports little, so that a command starts the processes before it imports the rest.
 """
 
-from runtime.experiments.processes import forkserver
+from runtime.experiments.processes import choice
 from runtime.experiments.processes.process_executor import ProcessExecutor, WorkerDied
 
-__all__ = ["ProcessExecutor", "WorkerDied", "forkserver"]
+__all__ = ["ProcessExecutor", "WorkerDied", "choice"]

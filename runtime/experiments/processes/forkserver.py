@@ -19,33 +19,27 @@ import socket
 import struct
 import subprocess
 import sys
-import tempfile
 from collections.abc import Iterator
-from pathlib import Path
 from typing import NoReturn
 
-from runtime.errors import UsageError
 from runtime.experiments.processes.messages import serve_calls
+from runtime.experiments.processes.starter import REPORT, SAME_PATH, Starter, cannot_start
 
-THREADS = tuple(
-    f"{library}_NUM_THREADS"
-    for library in ("OMP", "OPENBLAS", "MKL", "BLIS", "VECLIB_MAXIMUM", "NUMEXPR", "NUMBA")
-)
+if sys.platform == "win32":
+    raise ImportError("Windows cannot fork; spawner.py starts workers there")
+
 # What the first trial of most graphs imports.
 PRELOADED = ("runtime.experiments.execution.worker", "runtime.engine.compiled", "scipy.special")
-# It imports only what this process could import, and nothing from the current folder.
 PROGRAM = (
-    "import sys; del sys.path[0]; import json; sys.path[:] = json.loads(sys.argv[2]); "
-    "from runtime.experiments.processes.forkserver import serve; "
+    SAME_PATH + "from runtime.experiments.processes.forkserver import serve; "
     "serve(int(sys.argv[1]), sys.argv[3])"
 )
 _REQUEST = struct.Struct("<cq")  # a command, and the process that it concerns
 _FORK, _KILL = b"f", b"k"
-_REPORT = struct.Struct("<qq")  # a process and its wait status; or 0 and the errno of a failed fork
 LINGER = 5.0  # s; time limit for it to end
 
 
-class ForkServer:
+class ForkServer(Starter):
     """A process that forks workers, and reports how each ended.
 
     It ends when this process ends, in whatever way, and then kills its workers and removes their
@@ -57,28 +51,20 @@ class ForkServer:
     """
 
     def __init__(self) -> None:
-        try:
-            self.folder = Path(tempfile.mkdtemp(prefix="spikeblocks-"))
-            self.control, far = socket.socketpair()
-        except OSError as error:
-            raise UsageError(f"cannot start worker processes: {error}") from None
-        command = [sys.executable, "-c", PROGRAM, str(far.fileno()), json.dumps(sys.path)]
-        # Workers run in parallel; with several threads each they would only compete.
-        single = dict.fromkeys(THREADS, "1")
-        with far:
+        super().__init__()
+        far = str(self._far.fileno())
+        with self._far:
             try:
                 self._process = subprocess.Popen(
-                    [*command, str(self.folder)],
+                    [sys.executable, "-c", PROGRAM, far, json.dumps(sys.path), str(self.folder)],
                     stdin=subprocess.DEVNULL,
-                    pass_fds=[far.fileno()],
-                    env={**os.environ, **single, "TMPDIR": str(self.folder)},
+                    pass_fds=[int(far)],
+                    env=self._environment(),
                     start_new_session=True,  # only this process handles Ctrl-C
                 )
             except OSError as error:
                 shutil.rmtree(self.folder, ignore_errors=True)
-                raise UsageError(f"cannot start worker processes: {error}") from None
-        self.is_alive = True
-        self._received = b""
+                raise cannot_start(error) from None
         atexit.register(self.close)
 
     @property
@@ -86,24 +72,15 @@ class ForkServer:
         """Its process id."""
         return self._process.pid
 
-    def fork(self) -> socket.socket:
-        """Request a worker; returns a socket to it, which closes at once if the fork failed.
-
-        Raises
-        ------
-        OSError : no more sockets can be opened.
-        """
+    def start(self) -> socket.socket:
         near, far = socket.socketpair()
         with far, contextlib.suppress(OSError):
             socket.send_fds(self.control, [_REQUEST.pack(_FORK, 0)], [far.fileno()])
         return near
 
     def kill(self, pid: int) -> None:
-        """Kill a worker.
-
-        The fork server does it, because it knows whether the process is still its child. If the
-        fork server has died, the caller knows that the worker lives, since its socket is open.
-        """
+        # The fork server does it, because it knows whether the process is still its child. If it
+        # has died, the caller knows that the worker lives, since its socket is open.
         if self.is_alive:
             with contextlib.suppress(OSError):
                 self.control.sendall(_REQUEST.pack(_KILL, pid))
@@ -111,22 +88,7 @@ class ForkServer:
             with contextlib.suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
 
-    def reports(self) -> list[tuple[int, int]]:
-        """(process, wait status) of the workers that ended since the last call."""
-        try:
-            while data := self.control.recv(1 << 16, socket.MSG_DONTWAIT):
-                self._received += data
-            self.is_alive = False
-        except BlockingIOError:
-            pass
-        except OSError:
-            self.is_alive = False
-        whole = len(self._received) - len(self._received) % _REPORT.size
-        found, self._received = self._received[:whole], self._received[whole:]
-        return [(pid, status) for pid, status in _REPORT.iter_unpack(found)]
-
     def close(self) -> None:
-        """End it with its workers, and remove their files."""
         atexit.unregister(self.close)
         self.is_alive = False
         self.control.close()
@@ -136,31 +98,6 @@ class ForkServer:
             self._process.kill()
             self._process.wait()
         shutil.rmtree(self.folder, ignore_errors=True)
-
-
-_spare: list[ForkServer] = []
-
-
-def start_early() -> None:
-    """Start a fork server before it is needed, so that it imports meanwhile."""
-    if not _spare:
-        _spare.append(ForkServer())
-
-
-def take() -> ForkServer:
-    """A fork server for one executor: the spare one if it is still alive, else a new one."""
-    while _spare:
-        found = _spare.pop()
-        found.reports()
-        if found.is_alive:
-            return found
-        found.close()
-    return ForkServer()
-
-
-def give_back(fork_server: ForkServer) -> None:
-    """Keep a fork server for the next executor."""
-    _spare.append(fork_server)
 
 
 def serve(control_file: int, folder: str) -> NoReturn:
@@ -182,7 +119,7 @@ def serve(control_file: int, folder: str) -> NoReturn:
                 os.read(wake_reader, 4096)
                 for pid, status in _ended():
                     workers.discard(pid)
-                    control.sendall(_REPORT.pack(pid, status))
+                    control.sendall(REPORT.pack(pid, status))
             if control.fileno() in ready and not _handle_request(control, workers):
                 break
     except OSError:
@@ -221,7 +158,7 @@ def _handle_request(control: socket.socket, workers: set[int]) -> bool:
         try:
             pid = os.fork()
         except OSError as error:
-            control.sendall(_REPORT.pack(0, error.errno or 0))
+            control.sendall(REPORT.pack(0, error.errno or 0))
         else:
             if not pid:
                 _become_worker(files[0], control)

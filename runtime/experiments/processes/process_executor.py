@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import importlib
 import math
 import os
 import pickle
-import resource
 import selectors
 import signal
 import socket
@@ -27,9 +27,9 @@ from functools import partial
 from typing import Any, Literal, ParamSpec, TypeVar
 
 from runtime.errors import UsageError
-from runtime.experiments.processes import forkserver
-from runtime.experiments.processes.forkserver import ForkServer
+from runtime.experiments.processes import choice
 from runtime.experiments.processes.messages import Channel
+from runtime.experiments.processes.starter import Starter, cannot_start
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -59,7 +59,7 @@ class _Worker:
     """
 
     channel: Channel
-    fork_server: ForkServer
+    starter: Starter
     state: Literal["starting", "idle", "busy", "ending"] = "starting"
     pid: int = 0
     call: _Call | None = None
@@ -86,7 +86,7 @@ class ProcessExecutor(Executor):
 
     def __init__(self, jobs: int, limit: float | None = None) -> None:
         self.jobs, self.limit = jobs, limit
-        self.fork_server = forkserver.take()
+        self.starter = choice.take()
         self._inbox: deque[_Call] = deque()
         self._queue: deque[_Call] = deque()
         self._workers: set[_Worker] = set()
@@ -99,7 +99,7 @@ class ProcessExecutor(Executor):
         for end in (self._wake_receiver, self._wake_sender):
             end.setblocking(False)
         self._selector.register(self._wake_receiver, selectors.EVENT_READ, self._drain_wakeups)
-        self._watch_fork_server()
+        self._watch_starter()
         self._thread = threading.Thread(target=self._supervise, daemon=True, name="pool")
         self._thread.start()
 
@@ -163,7 +163,7 @@ class ProcessExecutor(Executor):
         now = time.monotonic()
         for worker in [worker for worker in self._workers if worker.deadline <= now]:
             worker.is_overdue, worker.deadline = True, math.inf
-            worker.fork_server.kill(worker.pid)
+            worker.starter.kill(worker.pid)
 
     def _in(self, *states: str) -> list[_Worker]:
         return [worker for worker in self._workers if worker.state in states]
@@ -196,10 +196,10 @@ class ProcessExecutor(Executor):
     def _start(self) -> None:
         """Start another worker."""
         try:
-            if not self.fork_server.is_alive:
-                self.fork_server = ForkServer()
-                self._watch_fork_server()
-            channel = Channel(self.fork_server.fork())
+            if not self.starter.is_alive:
+                self.starter = choice.make()
+                self._watch_starter()
+            channel = Channel(self.starter.start())
         except OSError as error:
             self._limit_jobs(str(error.strerror))
             return
@@ -210,7 +210,7 @@ class ProcessExecutor(Executor):
             channel.close()
             self._limit_jobs(os.strerror(errno.EMFILE))
             return
-        worker = _Worker(channel, self.fork_server)
+        worker = _Worker(channel, self.starter)
         self._workers.add(worker)
         self._selector.register(
             channel.link, selectors.EVENT_READ, partial(self._handle_worker, worker)
@@ -224,7 +224,7 @@ class ProcessExecutor(Executor):
             self._break(reason)
 
     def _break(self, reason: str) -> None:
-        self._broken = UsageError(f"cannot start worker processes: {reason}")
+        self._broken = cannot_start(reason)
 
     def _handle_worker(self, worker: _Worker) -> None:
         """Process what a worker has sent."""
@@ -268,11 +268,11 @@ class ProcessExecutor(Executor):
         if was == "starting":
             self._count_failed_start()
             self._workers.discard(worker)
-        elif worker.fork_server.is_alive:
-            worker.fork_server.kill(worker.pid)  # its end is handled when it is reported
+        elif worker.starter.is_alive:
+            worker.starter.kill(worker.pid)  # its end is handled when it is reported
         else:
             if self._closing:
-                worker.fork_server.kill(worker.pid)
+                worker.starter.kill(worker.pid)
             self._remove(worker, "its process ended")
 
     def _count_failed_start(self) -> None:
@@ -290,28 +290,26 @@ class ProcessExecutor(Executor):
             error = TimeoutError(f"killed after {self.limit:g} s, stuck inside a block")
         worker.call.future.set_exception(error)
 
-    def _watch_fork_server(self) -> None:
-        listen = partial(self._handle_fork_server, self.fork_server)
-        self._selector.register(self.fork_server.control, selectors.EVENT_READ, listen)
+    def _watch_starter(self) -> None:
+        listen = partial(self._handle_starter, self.starter)
+        self._selector.register(self.starter.control, selectors.EVENT_READ, listen)
 
-    def _handle_fork_server(self, fork_server: ForkServer) -> None:
+    def _handle_starter(self, starter: Starter) -> None:
         """Handle reports of ended workers; if it has died, only closed channels show them."""
-        for pid, status in fork_server.reports():
+        for pid, status in starter.reports():
             if not pid:
                 self._limit_jobs(os.strerror(status))
                 continue
-            for worker in [
-                w for w in self._workers if w.pid == pid and w.fork_server is fork_server
-            ]:
+            for worker in [w for w in self._workers if w.pid == pid and w.starter is starter]:
                 # A child process of the worker may hold its channel open.
                 self._handle_worker(worker)
                 if worker.state != "ending":
                     self._disconnect(worker)
                 self._remove(worker, _ending(status))
-        if not fork_server.is_alive:
-            self._selector.unregister(fork_server.control)
+        if not starter.is_alive:
+            self._selector.unregister(starter.control)
             for worker in self._in("ending"):
-                if worker.fork_server is fork_server:
+                if worker.starter is starter:
                     self._remove(worker, "its process ended")
 
     def _fail_queue(self, error: Exception) -> None:
@@ -331,14 +329,18 @@ class ProcessExecutor(Executor):
         self._selector.close()
         self._wake_receiver.close()
         self._wake_sender.close()
-        if self.fork_server.is_alive:
-            forkserver.give_back(self.fork_server)
+        if self.starter.is_alive:
+            choice.give_back(self.starter)
 
 
 def _file_limit() -> float:
     """The largest number of files that this process may have open."""
+    try:
+        resource: Any = importlib.import_module("resource")
+    except ImportError:
+        return math.inf
     soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
-    return math.inf if soft == resource.RLIM_INFINITY else soft
+    return math.inf if soft == resource.RLIM_INFINITY else float(soft)
 
 
 def _ending(status: int) -> str:

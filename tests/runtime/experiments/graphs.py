@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from runtime.engine.engine import seed_of
+from runtime.engine.state import seed_of
 
 MODULE = '''
 import builtins

@@ -13,6 +13,7 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, wait
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -22,9 +23,11 @@ from runtime.experiments.execution.runner import run_trials
 from runtime.experiments.execution.trials import Configuration, GraphBundle, Trial
 from runtime.experiments.execution.worker import Task, TrialResult
 from runtime.experiments.execution.worker_pool import WorkerPool, local_pool
-from runtime.experiments.processes import forkserver, messages, process_executor
-from runtime.experiments.processes.forkserver import THREADS
+from runtime.experiments.processes import choice, messages, process_executor, spawner
+from runtime.experiments.processes.forkserver import ForkServer
 from runtime.experiments.processes.process_executor import ProcessExecutor, WorkerDied
+from runtime.experiments.processes.spawner import Spawner
+from runtime.experiments.processes.starter import THREADS
 
 LARGE = 8_000_000  # bytes; more than a socket buffer
 
@@ -111,10 +114,23 @@ def meeting(tmp_path: Path) -> Iterator[Meeting]:
 
 
 @pytest.fixture
-def pool() -> Iterator[ProcessExecutor]:
+def pool(
+    request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[ProcessExecutor]:
+    """Two workers, of this system's usual starter if a test does not choose one."""
+    chosen = getattr(request, "param", None)
+    if chosen is not None:
+        monkeypatch.setattr(choice, "make", chosen)
+        monkeypatch.setattr(choice, "_spare", [])
     made = ProcessExecutor(2)
     yield made
     made.kill()
+    if chosen is not None:
+        choice.take().close()
+
+
+# What holds however workers are started, so that it holds under Windows, too.
+EITHER = pytest.mark.parametrize("pool", [ForkServer, Spawner], indirect=True)
 
 
 def both(pool: ProcessExecutor, meeting: Meeting) -> set[int]:
@@ -125,6 +141,7 @@ def both(pool: ProcessExecutor, meeting: Meeting) -> set[int]:
     return {future.result() for future in together}
 
 
+@EITHER
 def test_a_death_while_computing_costs_one_call(pool: ProcessExecutor, meeting: Meeting) -> None:
     before = both(pool, meeting)
     beside = pool.submit(stop_until, meeting.path)
@@ -138,17 +155,20 @@ def test_a_death_while_computing_costs_one_call(pool: ProcessExecutor, meeting: 
     assert len(after & before) == 1
 
 
+@EITHER
 def test_how_a_worker_ended_is_known(pool: ProcessExecutor) -> None:
     with pytest.raises(WorkerDied, match="its process ended with exit code 7"):
         pool.submit(leave).result()
 
 
+@EITHER
 def test_a_death_half_way_through_an_answer_costs_that_answer(pool: ProcessExecutor) -> None:
     with pytest.raises(WorkerDied, match="killed by SIGKILL"):
         pool.submit(die_half_way).result()
     assert pool.submit(large).result() == bytes(LARGE)
 
 
+@EITHER
 def test_a_death_is_noticed_though_a_child_holds_the_channel(
     pool: ProcessExecutor, tmp_path: Path
 ) -> None:
@@ -190,14 +210,14 @@ def retried(pool: ProcessExecutor, call: Callable[[], Any]) -> Any:
 
 def test_the_fork_server_may_die(pool: ProcessExecutor, meeting: Meeting) -> None:
     before = both(pool, meeting)
-    os.kill(pool.fork_server.pid, signal.SIGKILL)
-    wait_for_end(pool.fork_server.pid)
+    os.kill(pool.starter.pid, signal.SIGKILL)
+    wait_for_end(pool.starter.pid)
     assert both(pool, meeting) == before  # who is there stays there
     with pytest.raises(WorkerDied):
         pool.submit(die).result()
     after = both(pool, meeting)  # and others are started by another fork server
     assert len(after & before) == 1
-    made = pool.fork_server
+    made = pool.starter
     pool.kill()
     for pid in after:
         wait_for_end_or_none(pid)
@@ -213,19 +233,19 @@ def wait_for_end_or_none(pid: int) -> None:
 
 def test_workers_that_are_being_started_may_die() -> None:
     made = ProcessExecutor(2)
-    first = made.fork_server
+    first = made.starter
     # Nothing is forked any more: the sockets of the awaited workers close with the fork server.
     os.kill(first.pid, signal.SIGSTOP)
     calls = [made.submit(os.getpid) for _ in range(2)]
     os.kill(first.pid, signal.SIGKILL)
     assert all(call.result() > 0 for call in calls)
-    assert made.fork_server is not first
+    assert made.starter is not first
     made.kill()
 
 
 def test_workers_that_can_never_start_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     made = ProcessExecutor(2)
-    monkeypatch.setattr(made.fork_server, "fork", ended)
+    monkeypatch.setattr(made.starter, "start", ended)
     with pytest.raises(UsageError, match="each one ends as it starts"):
         made.submit(os.getpid).result()
     made.kill()
@@ -240,8 +260,8 @@ def ended() -> socket.socket:
 def test_no_more_workers_than_calls(pool: ProcessExecutor) -> None:
     made = ProcessExecutor(40)
     asked = []
-    fork = made.fork_server.fork
-    made.fork_server.fork = lambda: asked.append(0) or fork()  # type: ignore[func-returns-value, method-assign]
+    fork = made.starter.start
+    made.starter.start = lambda: asked.append(0) or fork()  # type: ignore[func-returns-value, method-assign]
     calls = [made.submit(os.getpid) for _ in range(2)]
     assert len({call.result() for call in calls}) <= 2
     assert len(asked) == 2
@@ -255,7 +275,7 @@ def test_where_there_is_no_room_there_are_fewer_workers(
     first = made.submit(stop_until, meeting.path)
     meeting.await_arrivals(1)
     full = OSError(errno.EMFILE, os.strerror(errno.EMFILE))
-    monkeypatch.setattr(made.fork_server, "fork", lambda: raised(full))
+    monkeypatch.setattr(made.starter, "start", lambda: raised(full))
     others = [made.submit(os.getpid) for _ in range(2)]
     meeting.release()
     assert {call.result() for call in others} == {first.result()}
@@ -269,6 +289,7 @@ def raised(error: Exception) -> Any:
     raise error
 
 
+@EITHER
 def test_an_exception_of_a_call_reaches_its_future(pool: ProcessExecutor) -> None:
     with pytest.raises(RuntimeError, match="SystemExit: 5"):
         pool.submit(system_exit).result()
@@ -292,6 +313,7 @@ def test_a_limit_may_be_of_any_size() -> None:
     made.kill()
 
 
+@EITHER
 def test_workers_have_one_thread_each_and_leave_our_environment_alone(
     pool: ProcessExecutor,
 ) -> None:
@@ -304,10 +326,40 @@ def test_workers_have_one_thread_each_and_leave_our_environment_alone(
 def test_temporary_files_of_workers_are_removed_with_their_fork_server() -> None:
     made = ProcessExecutor(1)
     folder = Path(made.submit(tempfile.mkdtemp).result())
-    assert folder.parent == made.fork_server.folder
+    assert folder.parent == made.starter.folder
     made.kill()
-    forkserver.take().close()
+    choice.take().close()
     assert not folder.parent.exists()
+
+
+def test_a_spawned_worker_that_hangs_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(choice, "make", Spawner)
+    monkeypatch.setattr(choice, "_spare", [])
+    monkeypatch.setattr(process_executor, "GRACE", 0.0)
+    made = ProcessExecutor(1, limit=2.0)
+    folder = Path(made.submit(tempfile.mkdtemp).result())
+    with pytest.raises(TimeoutError, match=r"killed after 2 s, stuck inside a block"):
+        made.submit(hang).result()
+    assert made.submit(os.getpid).result() > 0
+    made.kill()
+    choice.take().close()
+    assert not folder.parent.exists()
+
+
+def test_a_port_takes_only_the_worker_that_was_started(monkeypatch: pytest.MonkeyPatch) -> None:
+    secret, process = bytes(range(32)), SimpleNamespace(poll=lambda: None)
+    with socket.create_server((spawner.HERE, 0)) as listening:
+        address = listening.getsockname()
+        with socket.create_connection(address) as other, socket.create_connection(address) as own:
+            other.sendall(bytes(32))
+            own.sendall(secret)
+            with spawner._connected(listening, secret, process) as link:  # type: ignore[arg-type]
+                own.sendall(b"!")
+                assert link.recv(1) == b"!"
+                assert other.recv(1) == b""
+        monkeypatch.setattr(process, "poll", lambda: 1)
+        with pytest.raises(OSError, match="a worker process does not answer"):
+            spawner._connected(listening, secret, process)  # type: ignore[arg-type]
 
 
 def test_a_pool_that_is_killed_ends_what_runs(meeting: Meeting) -> None:

@@ -1,0 +1,189 @@
+"""The state of a run: everything that moves from tick to tick, under names, with one owner.
+
+A checkpoint is a copy of it. Restoring one puts all values back in place: arrays keep their
+addresses, which compiled code holds, and generators stay the objects that blocks have.
+
+Everything that changes is in declared states, the blocks' generators, the solver's control, the
+search for a stop, the variables that outlive a tick, and the numbers of a compiled plan. A block of
+the user's own may keep more, against the rules that :func:`blocks.check_block` checks: whatever
+else is in its state is copied, too. Recorded rows are none of it: a tick writes its own rows.
+"""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import math
+import types
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from blocks.core import BlockState, FloatArray
+from blocks.registry import is_built_in
+from runtime.engine.program import Program
+from runtime.engine.solvers import BEFORE
+
+Held = tuple[Any, ...]
+Array = np.ndarray[Any, Any]
+Restored = Callable[[], None]
+# What an engine gives every block, and what cannot change.
+GIVEN = frozenset(("_declared", "context", "dt", "seed", "published"))
+FIXED: tuple[type, ...] = (int, float, complex, str, bytes, type(None), np.generic)
+FIXED += (type, types.FunctionType, types.BuiltinFunctionType, types.ModuleType)
+FIXED += (np.random.SeedSequence,)
+
+
+class NotCopiedError(Exception):
+    """A block keeps something that cannot be copied: the text says where and why."""
+
+
+def seed_of(seed: int, name: str) -> np.random.SeedSequence:
+    """The seed of one block; it depends only on the run's seed and the block's name.
+
+    Removing a block leaves the neurons and the noise of every other block unchanged.
+    """
+    digest = hashlib.sha256(name.encode()).digest()
+    words = tuple(int.from_bytes(digest[i : i + 4], "little") for i in (0, 4, 8, 12))
+    return np.random.SeedSequence(seed, spawn_key=words)
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """What a run's state was before a tick.
+
+    arrays : copies by the names of :attr:`RunState.arrays`.
+    generators : by block, the generator and the state of its bit generator.
+    others : what puts back the rest of the states of own blocks.
+    """
+
+    tick: int
+    held: Held
+    arrays: Mapping[str, Array]
+    generators: Mapping[str, tuple[np.random.Generator, Mapping[str, Any]]]
+    others: tuple[Restored, ...]
+
+
+@dataclass
+class RunState:
+    """The state of one run of a program.
+
+    ``blocks`` are the states by block; ``continuous`` is the row of all continuous states, of which
+    the blocks' arrays are views; ``held`` are the variables that go into the next tick, as the
+    runner has them; ``stop`` says whether and where ``run.stop`` ended the run. ``arrays`` are all
+    arrays that move, by ``block.state`` or by ``run/name``, each in place for the whole run.
+    """
+
+    program: Program
+    seed: int
+    tick: int = 0
+    held: Held = ()
+    blocks: dict[str, BlockState] = field(init=False)
+    continuous: FloatArray = field(init=False)
+    stop: FloatArray = field(init=False)
+    arrays: dict[str, Array] = field(init=False)
+
+    def __post_init__(self) -> None:
+        part, entries = self.program.plan.continuous, self.program.network.entries
+        self.continuous = np.zeros(0 if part is None else part.size)
+        self.stop = np.zeros(6)
+        self.stop[BEFORE] = math.nan
+        self.arrays = {"run/continuous": self.continuous, "run/stop": self.stop}
+        self.blocks = {name: self._block(name) for name in entries}
+        self._own = [name for name, entry in entries.items() if not is_built_in(entry.cls)]
+
+    def _block(self, name: str) -> BlockState:
+        part, shapes = self.program.plan.continuous, self.program.shapes[name]
+        arrays = {key: np.zeros(shape) for key, shape in shapes.items()}
+        moved = [] if part is None else part.slots_of(name)
+        for slot in moved:
+            arrays[slot.state] = self.continuous[slot.start : slot.stop].reshape(slot.shape)
+        apart = arrays.keys() - {slot.state for slot in moved}
+        self.arrays |= {f"{name}.{key}": arrays[key] for key in shapes if key in apart}
+        return BlockState(self.program.contexts[name], seed_of(self.seed, name), arrays)
+
+    def checkpoint(self) -> Checkpoint:
+        """A copy of the state.
+
+        Raises
+        ------
+        NotCopiedError : an own block keeps something that cannot be copied.
+        """
+        arrays = {name: array.copy() for name, array in self.arrays.items()}
+        generators = {}
+        for name, state in self.blocks.items():
+            rng = vars(state).get("rng")  # made when it is first used
+            if rng is not None:
+                generators[name] = rng, rng.bit_generator.state
+        others = tuple(map(self._others, self._own))
+        return Checkpoint(self.tick, self.held, arrays, generators, others)
+
+    def restore(self, saved: Checkpoint) -> None:
+        """Put back what a checkpoint of this run holds; it may be restored again."""
+        self.tick, self.held = saved.tick, saved.held
+        for name, array in self.arrays.items():
+            array[...] = saved.arrays[name]
+        for name, state in self.blocks.items():
+            if name in saved.generators:
+                rng, bits = saved.generators[name]
+                rng.bit_generator.state = bits
+                vars(state)["rng"] = rng
+            else:
+                vars(state).pop("rng", None)
+        for put_back in saved.others:
+            put_back()
+
+    def _undeclared(self, name: str) -> set[str]:
+        """The attributes of a block's state that nothing declares."""
+        declared = self.program.shapes[name].keys()
+        return vars(self.blocks[name]).keys() - declared - GIVEN - {"rng"}
+
+    def _others(self, name: str) -> Restored:
+        """What puts back the undeclared attributes of a block's state."""
+        held, undeclared = vars(self.blocks[name]), self._undeclared(name)
+        in_place = [_in_place(held[key]) for key in undeclared]
+        found = {key: held[key] for key in undeclared}
+        loose = {key: value for key, value in found.items() if _is_copied(value)}
+        # What belongs to the run stays the same object where a copied one refers to it.
+        run = (value for key, value in held.items() if key not in loose)
+        memo = {id(value): value for value in (*run, self.program.network.entries[name].made)}
+        for key, value in loose.items():
+            try:
+                loose[key] = copy.deepcopy(value, memo)
+            except Exception as error:  # copying runs code of the object
+                raise NotCopiedError(
+                    f"block '{name}' keeps in state.{key} what cannot be copied "
+                    f"({type(value).__name__}: {error})"
+                ) from error
+
+        def restored() -> None:
+            for key in self._undeclared(name) - found.keys():
+                del held[key]
+            # Copied again, so that a checkpoint can be restored twice.
+            held.update(found | copy.deepcopy(loose, dict(memo)))
+            for put_back in in_place:
+                put_back()
+
+        return restored
+
+
+def _is_copied(value: Any) -> bool:
+    """Whether a value can only be put back as a copy."""
+    if isinstance(value, tuple):
+        return any(map(_is_copied, value))
+    if isinstance(value, np.ndarray):
+        return bool(value.dtype.hasobject)
+    return not isinstance(value, (*FIXED, np.random.Generator))
+
+
+def _in_place(value: Any) -> Restored:
+    """What puts back the content of an array or a generator that stays the same object."""
+    if isinstance(value, np.random.Generator):
+        bits = value.bit_generator.state
+        return lambda: setattr(value.bit_generator, "state", bits)
+    if isinstance(value, np.ndarray) and value.flags.writeable and not _is_copied(value):
+        numbers = value.copy()
+        return lambda: np.copyto(value, numbers)
+    return lambda: None
