@@ -80,17 +80,17 @@ class GraphError(SpikeblocksError):
 
 
 class SimulationError(SpikeblocksError):
-    """A run that failed: in which block, at which tick and time (s).
+    """A run that failed: in which block, at which tick and time, which is in ``unit``.
 
     ``result`` holds what was recorded up to then.
     """
 
     exit_code = 3
 
-    def __init__(self, block: str, tick: int, time: float, text: str) -> None:
+    def __init__(self, block: str, tick: int, time: float, text: str, unit: str = "s") -> None:
         self.block, self.tick, self.time = block, tick, time
         self.result: object = None
-        super().__init__(f"block '{block}' at tick {tick} (t = {time:g} s): {text}")
+        super().__init__(f"block '{block}' at tick {tick} (t = {time:g} {unit}): {text}")
 
 
 class MissingExtraError(SpikeblocksError):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from blocks.core import Block
+from runtime.document import written_rate
 from runtime.engine import Engine, Plan, python_seconds
 from runtime.graph import Graph
 from runtime.runs import chosen_runner
@@ -113,16 +114,16 @@ def _compiled(engine: Engine) -> dict[str, Any]:
 
 def explain_text(graph: Graph) -> str:
     """The explanation for a terminal."""
-    facts = explain_json(graph)
+    facts, unit = explain_json(graph), graph.network.time_unit
     lines = [
         f"{facts['graph']}: {len(graph.network.entries)} blocks, "
-        f"base step {facts['dt']:g} s, {facts['ticks']} ticks",
+        f"base step {facts['dt']:g} {unit}, {facts['ticks']} ticks",
         "",
         "Order of evaluation",
     ]
     width = max((len(step["block"]) for step in facts["order"]), default=0)
     for i, step in enumerate(facts["order"], 1):
-        rate = "once" if step["once"] else f"{1.0 / step['dt']:g} Hz"
+        rate = "once" if step["once"] else written_rate(step["dt"], unit)
         writes = ", ".join(f"{port}: {kind}" for port, kind in step["writes"].items())
         reads = f" from {', '.join(step['reads'])}" if step["reads"] else ""
         enables = f", while {' and '.join(step['enabled_by'])}" if step["enabled_by"] else ""

@@ -6,7 +6,7 @@ import ast
 from collections.abc import Sequence
 
 from runtime.codegen import arrays, scalars
-from runtime.codegen.expressions import Expressions
+from runtime.codegen.calls import Calls
 from runtime.codegen.knowing import is_strict
 from runtime.codegen.types import INT, Array, NotTypedError, Tuple, join, leaves
 from runtime.codegen.values import (
@@ -21,7 +21,7 @@ from runtime.codegen.values import (
 )
 
 
-class Loops(Expressions, ast.NodeVisitor):
+class Loops(Calls, ast.NodeVisitor):
     """Writes the loops of one function."""
 
     def all(self, statements: Sequence[ast.stmt]) -> bool:

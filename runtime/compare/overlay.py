@@ -18,19 +18,20 @@ from runtime.observation import PlotSpec, Recording
 from runtime.plots import (
     LOOKS,
     STYLE,
-    THIN_ABOVE,
-    THIN_TO,
     WIDTH,
     arrange,
     axis_label,
+    coincident,
     disable_math,
     display_names,
     draw,
+    draw_series,
     draw_trajectory,
     draw_wall_distance,
     equal_scales,
     facts,
     fit,
+    frequency_unit,
     layers,
     line_style,
     map_axes,
@@ -40,7 +41,6 @@ from runtime.plots import (
     save_figure,
     separate_notes,
     stacked_axes,
-    thin,
     time_axis,
     write_title,
 )
@@ -56,6 +56,7 @@ class _Line:
     label: str
     t: FloatArray
     y: FloatArray
+    held: bool = False
 
 
 def overlays(runs: Sequence[Run], probes: Sequence[str]) -> Iterator[tuple[str, Figure]]:
@@ -173,19 +174,21 @@ def _moving(panels: Mapping[str, Sequence[_Line]]) -> Mapping[str, Sequence[_Lin
     return shown or panels
 
 
+def _covered(lines: Sequence[FloatArray]) -> list[int]:
+    """How many lines each one covers, without one: the first is wider and stays visible."""
+    return [max(0, count - 1) for count in coincident(lines)]
+
+
 def _draw(axes: Axes, lines: Sequence[_Line]) -> None:
     order = layers([line.y for line in lines])
+    covered = _covered([line.y for line in lines])
     for i, line in enumerate(lines):
-        t, y = line.t, np.where(np.isfinite(line.y), line.y, np.nan)
-        if len(y) > THIN_ABOVE:
-            t, y = thin(t, y, THIN_TO)
-        axes.plot(
-            t,
-            y,
+        draw_series(
+            *(axes, line.t, line.y, line.held),
             label=line.label,
             linewidth=LATER if i or len(lines) == 1 else FIRST,
             zorder=order[i],
-            **line_style(i),
+            **line_style(i, covered[i]),
         )
     values = [line.y[np.isfinite(line.y)] for line in lines]
     if min(y.min(initial=0.0) for y in values) < 0.0 < max(y.max(initial=0.0) for y in values):
@@ -197,18 +200,24 @@ def _panels(recorded: Mapping[str, Recording]) -> dict[str, list[_Line]]:
     first = next(iter(recorded.values()))
     if "Spikes" in first.kinds:
         rates = {n: mean_rate(r.columns, row_spacing(r.t)) for n, r in recorded.items()}
-        return {"mean rate [Hz]": [_Line(n, recorded[n].t, rate) for n, rate in rates.items()]}
+        label = f"mean rate [{frequency_unit([first])}]"
+        return {label: [_Line(n, recorded[n].t, rate) for n, rate in rates.items()]}
     count = first.columns.shape[1]
     if count > FEW:
         unit = first.units[0] if len(set(first.units)) == 1 else ""
         label = axis_label([f"RMS of {count} columns"], unit)
-        return {label: [_Line(n, r.t, _rms(r)) for n, r in recorded.items()]}
+        return {
+            label: [
+                _Line(n, r.t, _rms(r), bool(r.held) and all(r.held)) for n, r in recorded.items()
+            ]
+        }
     names = display_names(first.labels, first.shown)
     return {
         axis_label([names[i]], first.units[i]): [
-            _Line(n, r.t, r.columns[:, r.labels.index(label)])
+            _Line(n, r.t, r.columns[:, at], at < len(r.held) and r.held[at])
             for n, r in recorded.items()
             if label in r.labels
+            for at in (r.labels.index(label),)
         ]
         for i, label in enumerate(first.labels)
     }
@@ -297,8 +306,9 @@ def _map(figure: Figure, run: Run, plot: PlotSpec, poses: Sequence[Recording]) -
     """The first run's world, with the trajectories of all runs."""
     xy = np.concatenate([recorded.values[:, :2] for recorded in poses])
     axes, handles = map_axes(figure, plot, run.result, xy)
+    covered = _covered([recorded.values[:, :2] for recorded in poses])
     for i, recorded in enumerate(poses):
-        look = line_style(i) | {"linewidth": LATER + 0.2 if i else FIRST}
+        look = line_style(i, covered[i]) | {"linewidth": LATER + 0.2 if i else FIRST}
         handles += axes.plot(*recorded.values[:, :2].T, label=recorded.name, zorder=2.6, **look)
     figure.legend(handles=handles, loc="outside right upper")
     return axes

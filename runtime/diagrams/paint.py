@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterator
 from itertools import cycle
 
 from runtime.diagrams.layout import Point
-from runtime.diagrams.picture import CONSTANT, MINUS, Box, Net, Picture, rate_text
+from runtime.diagrams.picture import CONSTANT, CONTINUOUS, MINUS, Box, Net, Picture
 from runtime.diagrams.shapes import (
     CurveShape,
     Dot,
@@ -41,7 +41,7 @@ BORDER, FRAME_BORDER = "#475569", "#c5ccd6"
 # Nested frames alternate between the two.
 FRAME_FILLS = ("#f5f6f8", "#ebeef2")
 GHOST_FILL = "#fafafa"
-CONSTANT_TINT = "#ffffff"
+CONSTANT_TINT, CONTINUOUS_TINT = "#ffffff", "#e7e5e4"
 TYPE_COLOURS = {
     "Pose": "#1d4ed8",
     "Twist": "#c2410c",
@@ -169,7 +169,7 @@ class _Painter:
         middle = placement.x + placement.width / 2
         yield Rect(
             *(placement.x, placement.y, placement.width, placement.height, 7.0),
-            GHOST_FILL if is_out else self.palette.tints[box.period],
+            GHOST_FILL if is_out else self.palette.tints[box.rate],
             GHOST if is_out else BORDER,
             stroke_width=1.2,
             dashed=is_out,
@@ -187,7 +187,7 @@ class _Painter:
         ink = GHOST if is_out else INK
         yield Rect(
             *(placement.x, top, size, size, size / 2),
-            GHOST_FILL if is_out else self.palette.tints[box.period],
+            GHOST_FILL if is_out else self.palette.tints[box.rate],
             GHOST if is_out else BORDER,
             stroke_width=1.2,
             dashed=is_out,
@@ -209,9 +209,7 @@ class _Painter:
 
     def legend(self) -> Group | None:
         """The meaning of the tints; None if all boxes have the same."""
-        entries = [(rate_text(p), tint, BORDER) for p, tint in self.palette.tints.items() if p]
-        if 0.0 in self.palette.tints:
-            entries.append((CONSTANT, CONSTANT_TINT, BORDER))
+        entries = [(rate, tint, BORDER) for rate, tint in self.palette.tints.items()]
         fates = sorted({box.fate for box in self.picture.boxes.values() if box.fate})
         entries += [(fate, GHOST_FILL, GHOST) for fate in fates]
         if len(entries) < 2:
@@ -234,15 +232,18 @@ def _inset(placement: BoxPlacement, y: float) -> float:
 
 
 class Palette:
-    """The colours of one picture; ``tints`` maps the step of a block to its box's colour."""
+    """The colours of one picture; ``tints`` maps the rate of a block to its box's colour."""
 
     def __init__(self, picture: Picture) -> None:
-        periods = {box.period for box in picture.boxes.values() if not box.fate}
-        self.tints: dict[float, str] = {}
-        for period in sorted(periods - {0.0}):
-            self.tints[period] = tint_of(period, self.tints.values())
-        if 0.0 in periods:
-            self.tints[0.0] = CONSTANT_TINT
+        rates = {box.rate: box.period for box in picture.boxes.values() if not box.fate}
+        self.tints: dict[str, str] = {}
+        if CONTINUOUS in rates:
+            self.tints[CONTINUOUS] = CONTINUOUS_TINT
+        for rate, period in sorted(rates.items(), key=lambda item: item[1]):
+            if rate not in (CONTINUOUS, CONSTANT):
+                self.tints[rate] = tint_of(period, self.tints.values())
+        if CONSTANT in rates:
+            self.tints[CONSTANT] = CONSTANT_TINT
         kinds = {_family(net) for net in picture.nets}
         others = sorted(kinds - TYPE_COLOURS.keys() - {""})
         self._colours = TYPE_COLOURS | dict(zip(others, cycle(OTHER_COLOURS), strict=False))

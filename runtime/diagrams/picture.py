@@ -8,26 +8,29 @@ from functools import cached_property
 
 from blocks.core import SignalType
 from blocks.generic import Sum
+from runtime.document import written_rate
 from runtime.network import Endpoint, Entry, Network, Wire, component_type
 
-CONSTANT = "constant"
+CONSTANT, CONTINUOUS = "constant", "continuous"
 MINUS = "−"
 FATES = {"without": "removed", "bypass": "bypassed"}
 
 
 @dataclass
 class Box:
-    """A block in a diagram; ``period`` is its step (s), 0 if it is evaluated only once.
+    """A block in a diagram; ``period`` is its step, 0 if it is evaluated only once.
 
-    ``fate`` is "removed" or "bypassed" for a block that does not run, else empty; ``part`` is the
-    full name of the part that it belongs to. ``inputs`` and ``outputs`` are the wired ports.
-    ``signs`` are those of the terms of a Sum, which is drawn as a circle.
+    ``rate`` says how often: a frequency, "constant", or "continuous" for a block that a solver
+    evaluates between ticks. ``fate`` is "removed" or "bypassed" for a block that does not run, else
+    empty; ``part`` is the full name of the part that it belongs to. ``inputs`` and ``outputs`` are
+    the wired ports. ``signs`` are those of the terms of a Sum, which is drawn as a circle.
     """
 
     name: str
     title: str
     type: str
     period: float
+    rate: str
     part: str
     fate: str
     about: str
@@ -38,10 +41,6 @@ class Box:
     @property
     def is_sum(self) -> bool:
         return bool(self.signs)
-
-    @property
-    def rate(self) -> str:
-        return rate_text(self.period)
 
 
 @dataclass(frozen=True)
@@ -142,25 +141,34 @@ def picture_of(network: Network) -> Picture:
     return Picture(network.title, boxes, parts, nets)
 
 
-def rate_text(period: float) -> str:
-    """A rate as text, "1 kHz" or "100 Hz"; "constant" for a period of 0."""
-    if not period:
-        return CONSTANT
-    rate = 1.0 / period
-    return f"{rate / 1000.0:.4g} kHz" if rate >= 999.95 else f"{rate:.4g} Hz"
-
-
 def _box(network: Network, entry: Entry) -> Box:
     spec = entry.cls.spec
     is_constant = bool(spec.outputs) and all(port.constant for port in spec.outputs.values())
     period = 0.0 if is_constant and spec.update is None else entry.every * network.dt
     fate = FATES[network.removed[entry.name]] if entry.name in network.removed else ""
     values = entry.block.parameters() if entry.block is not None else {}
-    rate = f"continuous, {network.solver.name}" if spec.continuous else rate_text(period)
-    facts = [f"{entry.name}: {entry.cls.__name__}, {fate or rate}"]
+    rate = CONSTANT
+    if _is_continuous(network, entry):
+        rate = CONTINUOUS
+    elif period:
+        rate = written_rate(period, network.time_unit)
+    solved = f", {network.solver.name}" if spec.continuous else ""
+    facts = [f"{entry.name}: {entry.cls.__name__}, {fate or rate + solved}"]
     facts += [f"{name} = {_short(repr(value))}" for name, value in values.items()]
     part = entry.scope.prefix[:-1]
-    return Box(entry.name, entry.short, entry.cls.__name__, period, part, fate, "\n".join(facts))
+    return Box(
+        *(entry.name, entry.short, entry.cls.__name__, period, rate, part, fate, "\n".join(facts))
+    )
+
+
+def _is_continuous(network: Network, entry: Entry) -> bool:
+    """Whether a solver evaluates a block between ticks."""
+    if entry.cls.spec.continuous:
+        return True
+    is_solved = any(each.cls.spec.continuous for each in network.entries.values())
+    return is_solved and any(
+        (entry.name, port) in network.moving for port in entry.cls.spec.outputs
+    )
 
 
 def _signs(entry: Entry, box: Box) -> dict[str, str]:

@@ -12,7 +12,8 @@ from collections.abc import Collection, Mapping
 from dataclasses import asdict
 from typing import Any
 
-from runtime.diagrams.picture import FATES, MINUS, Box, Net, Part, Picture, picture_of
+from runtime.diagrams.picture import CONSTANT, FATES, MINUS, Box, Net, Part, Picture, picture_of
+from runtime.document import SECOND, written_rate
 from runtime.files import NUMBER, check_form
 from runtime.network import Network
 
@@ -90,7 +91,7 @@ def _fields(entry: Mapping[str, Any], form: Mapping[str, Any]) -> dict[str, Any]
 
 
 def _box(entry: Mapping[str, Any]) -> Box:
-    box = Box(**_fields(entry, _BOX))
+    box = Box(**_fields({"rate": _rate(entry), **entry}, {**_BOX, "rate": str}))
     if not 0.0 <= box.period < math.inf or (box.fate and box.fate not in FATES.values()):
         raise ValueError("boxes: expected a non-negative finite period and a known fate")
     signs = entry.get("signs", {})
@@ -101,6 +102,11 @@ def _box(entry: Mapping[str, Any]) -> Box:
     for ports in (box.inputs, box.outputs):
         _check_distinct(ports, "inputs and outputs")
     return box
+
+
+def _rate(entry: Mapping[str, Any]) -> str:
+    """The rate of a box that was stored before boxes had a text for it."""
+    return written_rate(entry["period"], SECOND) if entry["period"] > 0.0 else CONSTANT
 
 
 def _net(entry: Mapping[str, Any], boxes: Mapping[str, Box]) -> Net:

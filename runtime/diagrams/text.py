@@ -96,7 +96,7 @@ def _nested(
 
 def _dot_table(box: Box, palette: Palette) -> str:
     """A block as an HTML-like table whose outer cells are its ports."""
-    ink, soft, edge, fill = INK, SOFT, BORDER, palette.tints.get(box.period, GHOST_FILL)
+    ink, soft, edge, fill = INK, SOFT, BORDER, palette.tints.get(box.rate, GHOST_FILL)
     style, port_ink = "ROUNDED", PORT_INK
     if box.fate:
         ink = soft = edge = port_ink = GHOST

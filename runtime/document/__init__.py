@@ -57,6 +57,7 @@ from runtime.document.sections import (
     texts,
 )
 from runtime.document.substitution import fill_sections
+from runtime.document.time_units import SECOND, TIME_UNITS, in_time, written_rate
 from runtime.document.writer import flow_yaml
 
 __all__ = [
@@ -69,9 +70,11 @@ __all__ = [
     "RUN_CHOICES",
     "RUN_DOCS",
     "RUN_KEYS",
+    "SECOND",
     "SECTIONS",
     "SHIPPED",
     "STOP_DOCS",
+    "TIME_UNITS",
     "Node",
     "Override",
     "Solver",
@@ -95,6 +98,7 @@ __all__ = [
     "from_python",
     "full_path",
     "in_order",
+    "in_time",
     "is_part",
     "merge",
     "misnamed",
@@ -112,4 +116,5 @@ __all__ = [
     "set_wire",
     "shipped_graphs",
     "texts",
+    "written_rate",
 ]

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from blocks.core import hint
 from runtime.document.node import Node
 from runtime.document.sections import RUN_KEYS, check_keys, section
+from runtime.document.time_units import SECOND, TIME_UNITS
 from runtime.errors import Problems
 
 DEFAULT_UNTIL = 10.0
@@ -26,7 +27,10 @@ STOP_DOCS = {
 STOPS = tuple(key for key in STOP_DOCS if key != "when")
 TOLERANCES = ("rtol", "atol", "max_step")
 # Keys of the section that take one of a few words.
-RUN_CHOICES = {"engine": ENGINES, "solver": SOLVERS, "states": KEPT}
+RUN_CHOICES = {
+    **{"engine": ENGINES, "solver": SOLVERS, "states": KEPT},
+    "time_unit": tuple(TIME_UNITS),
+}
 DEFAULT_MEMORY = 1024**3
 UNITS = {"": 1, "K": 1024, "M": 1024**2, "G": 1024**3}
 
@@ -70,7 +74,7 @@ class Stop:
 
 @dataclass(frozen=True)
 class RunSection:
-    """The section ``run`` with defaults filled in: dt and until in s, memory in bytes."""
+    """The section ``run`` with defaults: dt and until in ``time_unit``, memory in bytes."""
 
     dt: float
     until: float
@@ -80,12 +84,14 @@ class RunSection:
     solver: Solver
     stop: Stop | None = None
     states: str = KEPT[0]
+    time_unit: str = SECOND
 
 
 def read_run(document: Node, problems: Problems) -> RunSection:
     """Read the section; wrong values are reported and replaced by defaults."""
     run = section(document, "run", "run", problems)
     check_keys(document.get("run") or Node({}), RUN_KEYS, "run", problems, "key")
+    unit = _choice(run, "time_unit", tuple(TIME_UNITS), SECOND, problems)
 
     def number(name: str, default: float) -> float:
         node = run.get(name)
@@ -97,14 +103,14 @@ def read_run(document: Node, problems: Problems) -> RunSection:
     if not 1 <= until / dt <= MAX_TICKS:
         node = run.get("until") or run.get("dt")
         where = document.where if node is None else node.where
-        message = f"{until:g} s are {until / dt:.3g} ticks of dt = {dt:g} s"
+        message = f"{until:g} {unit} are {until / dt:.3g} ticks of dt = {dt:g} {unit}"
         message += "; expected one or more" if until < dt else f"; at most {MAX_TICKS:.0e} can run"
         problems.add(where, "run.until", message)
         until = dt
     seed, engine = _seed(run, problems), _choice(run, "engine", ENGINES, ENGINES[0], problems)
     states = _choice(run, "states", KEPT, KEPT[0], problems)
     memory, solver, stop = _memory(run, problems), _solver(run, problems), _stop(run, problems)
-    return RunSection(dt, until, seed, engine, memory, solver, stop, states)
+    return RunSection(dt, until, seed, engine, memory, solver, stop, states, unit)
 
 
 def _seed(run: dict[str, Node], problems: Problems) -> int:

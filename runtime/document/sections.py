@@ -50,6 +50,7 @@ EXAMPLES = {
 RUN_KEYS = (
     "dt",
     "until",
+    "time_unit",
     "seed",
     "engine",
     "memory",
@@ -63,6 +64,7 @@ RUN_KEYS = (
 RUN_DOCS = {
     "dt": "base step, s",
     "until": "length of the run, s",
+    "time_unit": "what the numbers of time in this graph are in, for axes and messages",
     "seed": "of all noise and neurons",
     "engine": "python, compiled (needs a C compiler), or auto: compiled where that pays off; "
     "checked: compiled, and every index is checked",

@@ -1,9 +1,7 @@
 """The continuous part of a plan: which states a solver integrates, and what each stage computes.
 
 A solver asks for derivatives at times between ticks. An output is computed again there if it may
-change between ticks: outputs of blocks with continuous states, and outputs of blocks without memory
-that read the time or such an output. Everything else holds its value of the tick: sampled blocks
-(those with ``update`` or a ``dt``), and thereby noise and spikes.
+change between ticks (``Network.moving``). Everything else holds its value of the tick.
 """
 
 from __future__ import annotations
@@ -13,8 +11,9 @@ from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from blocks.core import Evaluation
+from runtime.document import SECOND
 from runtime.engine.steps import Step
-from runtime.network import Entry, Network, Wire, state_shape
+from runtime.network import Network, Wire, state_shape
 
 # The compiled text writes states of up to so many components one by one.
 UNROLLED = 8
@@ -58,6 +57,7 @@ class Continuous:
     steps : the evaluations that every stage repeats, in order.
     derivatives, projected : blocks with their derivative, and those with a ``project``.
     moving : the outputs that may change between ticks.
+    time_unit : what times are in, for messages.
     """
 
     slots: tuple[Slot, ...]
@@ -65,6 +65,7 @@ class Continuous:
     derivatives: tuple[tuple[str, Evaluation], ...]
     projected: tuple[str, ...]
     moving: frozenset[Port]
+    time_unit: str = SECOND
 
     @property
     def size(self) -> int:
@@ -98,7 +99,7 @@ def continuous_part(network: Network, order: list[Step], wires: Wires) -> Contin
     blocks = dict.fromkeys(slot.block for slot in found)
     specs = {name: network.entries[name].cls.spec for name in blocks}
     derivatives = tuple((name, d) for name, spec in specs.items() if (d := spec.derivative))
-    moving = _moving(network, order, wires)
+    moving = network.moving
     wanted = [
         source
         for name, derivative in derivatives
@@ -107,7 +108,7 @@ def continuous_part(network: Network, order: list[Step], wires: Wires) -> Contin
     ]
     steps = needed(wanted, order, wires, moving)
     projected = tuple(name for name, spec in specs.items() if spec.projects)
-    return Continuous(found, steps, derivatives, projected, frozenset(moving))
+    return Continuous(found, steps, derivatives, projected, moving, network.time_unit)
 
 
 def needed(
@@ -142,21 +143,3 @@ def _sources(block: str, port: str, wires: Wires) -> list[tuple[str, str]]:
     if found is None:
         return [(block, port)]
     return [(wire.source.block, wire.source.port) for wire in found]
-
-
-def _moving(network: Network, order: list[Step], wires: Wires) -> set[tuple[str, str]]:
-    """The outputs that may change between ticks."""
-    moving: set[tuple[str, str]] = set()
-    for step in order:
-        entry = network.entries[step.block]
-        if step.constant or not (entry.cls.spec.continuous or is_memoryless(entry)):
-            continue
-        needs = {s for p in step.evaluation.needs for s in _sources(step.block, p, wires)}
-        if entry.cls.spec.continuous or step.evaluation.timed or needs & moving:
-            moving.update((step.block, port) for port in step.evaluation.outputs)
-    return moving
-
-
-def is_memoryless(entry: Entry) -> bool:
-    """Whether a block's outputs depend on the time and its inputs alone, and are not sampled."""
-    return entry.cls.spec.update is None and not (entry.sampled or entry.made.stepwise)

@@ -231,7 +231,8 @@ class Engine:
         block = getattr(error, "block", "") or found
         is_message = isinstance(error, (NotFiniteError, UsageError, CompiledError))
         text = str(error) if is_message else _described(error)
-        return SimulationError(block, self.state.tick, self.state.tick * self.network.dt, text)
+        network, tick = self.network, self.state.tick
+        return SimulationError(block, tick, tick * network.dt, text, network.time_unit)
 
     def _start(self) -> None:
         """Initialise the states, and compute the constant outputs."""

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 from blocks.core import Input, SignalType
-from runtime.engine.continuous import is_memoryless
 from runtime.engine.engine import Engine
 from runtime.engine.program import FILENAME
 from runtime.engine.schedule import Emitter, Plan
@@ -60,7 +59,7 @@ class PointEmitter(Emitter):
         self.code("stage = 0")
         for step in self.plan.steps:
             entry = self.network.entries[step.block]
-            if not step.constant and (entry.cls.spec.continuous or is_memoryless(entry)):
+            if not step.constant and (entry.cls.spec.continuous or entry.is_memoryless):
                 self.step(step)
         for block, derivative in part.derivatives:
             self.slope(part, block, derivative, checked=False)

@@ -79,10 +79,11 @@ class ExactRunner:
         self._python = self.python()
         held = self._python(tick, tick + 1, held)
         self.python_from = tick
-        t = tick * self.state.program.network.dt
+        network = self.state.program.network
+        t = f"{tick * network.dt:g} {network.time_unit}"
         self.notes.append(
             f"{error.place}: compiled code ended with {error}, which Python does not do; from "
-            f"t = {t:g} s (tick {tick}) on, the run is under the Python engine"
+            f"t = {t} (tick {tick}) on, the run is under the Python engine"
         )
         if tick + 1 == last or self.state.stop[FOUND]:
             return held

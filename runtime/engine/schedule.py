@@ -117,7 +117,7 @@ class Emitter:
         self.line(0, "def run(first, last, held):")
         # The title is user text: it must not end the docstring or continue a line.
         title = "".join(c for c in self.network.title if c.isprintable() and c not in '"\\')
-        self.line(1, f'"""{title}: base step {self.network.dt!r} s."""')
+        self.line(1, f'"""{title}: base step {self.network.dt!r} {self.network.time_unit}."""')
         if incoming:
             self.line(1, f"({', '.join(incoming)},) = held")
         self.line(1, "for k in range(first, last):")

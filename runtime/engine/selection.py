@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 
 from blocks.core import Same
-from runtime.engine.continuous import is_memoryless, slots
+from runtime.engine.continuous import slots
 from runtime.engine.solvers import method_of
 from runtime.network import Network, state_shape
 from runtime.toolchain import available, find_compiler, install_command
@@ -71,7 +71,7 @@ def _stages(network: Network) -> float:
     entries = network.entries.values()
     if not any(entry.cls.spec.continuous for entry in entries):
         return 0.0
-    again = [entry for entry in entries if is_memoryless(entry) or entry.cls.spec.continuous]
+    again = [entry for entry in entries if entry.is_memoryless or entry.cls.spec.continuous]
     calls = sum(len(entry.evaluations) + len(entry.cls.spec.continuous) for entry in again)
     size = slots(network)[-1].stop
     return method_of(network.solver.name, size).stages * CALL * (STAGE + calls)

@@ -113,7 +113,8 @@ def bad_slope(part: Continuous, slopes: FloatArray, stage: int, t: float) -> Non
             slot = part.at(column)
             message = f"the derivative of state '{slot.component(column)}' is not finite: {value}"
             raise NotFiniteError(
-                f"{message} (stage {stage + 1} of the solver, t = {t:g} s)", slot.block
+                f"{message} (stage {stage + 1} of the solver, t = {t:g} {part.time_unit})",
+                slot.block,
             )
 
 
@@ -129,7 +130,8 @@ def unreached(
     tolerance = f"rtol = {control[RTOL]:g} and atol = {control[ATOL]:g}"
     raise NotFiniteError(
         f"{solver} cannot integrate state '{slot.component(column)}' with {tolerance}: "
-        f"step {control[COUNT]:.0f} since the tick is {control[STEP]:.3g} s at t = {t:g} s; the "
+        f"step {control[COUNT]:.0f} since the tick is {control[STEP]:.3g} {part.time_unit} "
+        f"at t = {t:g} {part.time_unit}; the "
         f"state jumps or runs away{STIFF if solver == 'dopri5' else ''}",
         slot.block,
     )

@@ -8,9 +8,9 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from runtime.export.layout import Layout
 from runtime.export.operations import Operations, counter
 from runtime.export.recording import Native
-from runtime.export.step import Layout
 
 CORTEX = ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard")
 COMPILER, SIZE = "arm-none-eabi-gcc", "arm-none-eabi-size"
@@ -67,7 +67,8 @@ def report(
     selection = layout.selection
     rates = sorted({step.every for step in selection.steps} | {n for _, n, _ in selection.updates})
     lines = [*about, ""]
-    lines.append(f"Steps of {selection.network.dt:g} s; blocks run every {_listed(rates)} steps.")
+    step = f"{selection.network.dt:g} {selection.network.time_unit}"
+    lines.append(f"Steps of {step}; blocks run every {_listed(rates)} steps.")
     lines.append("")
     lines += ["Memory"]
     if native is not None:

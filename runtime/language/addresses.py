@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from blocks.core import SignalType
+from runtime.document import written_rate
 from runtime.errors import Where
 from runtime.language.model import Model
 from runtime.network import AddressError, Endpoint, Entry, Scope, component_type, find
@@ -16,7 +17,7 @@ class Target:
     """What an address refers to.
 
     end : the block and port in the whole graph. entry : the block. type : of the signal, if known.
-    dt : the step of the block, s. where : where the block is written.
+    dt : the step of the block, in ``time_unit``. where : where the block is written.
     """
 
     end: Endpoint
@@ -24,11 +25,12 @@ class Target:
     type: SignalType | None
     dt: float
     where: Where
+    time_unit: str
 
     @property
     def rate(self) -> str:
         """How often the signal changes, in words."""
-        return f"{1.0 / self.dt:g} Hz" if self.dt else ""
+        return written_rate(self.dt, self.time_unit) if self.dt else ""
 
 
 def target_of(model: Model, scope: Scope | None, text: str) -> Target | None:
@@ -49,7 +51,7 @@ def target_of(model: Model, scope: Scope | None, text: str) -> Target | None:
         kind = declared.type if declared and isinstance(declared.type, SignalType) else None
     if kind is not None and end.component:
         kind = component_type(kind, end)
-    return Target(end, entry, kind, network.dt * entry.every, entry.node.key)
+    return Target(end, entry, kind, network.dt * entry.every, entry.node.key, network.time_unit)
 
 
 def line_at(model: Model, where: Where) -> str:

@@ -182,7 +182,7 @@ def _with_blocks(
         block, seen = _constructed(definition, own, problems, made, modules)
         scope, node = definition.scope, definition.node
         full = scope.prefix + definition.name
-        every = _ticks(node.get("dt"), network.dt, definition.address, problems)
+        every = _ticks(node.get("dt"), network, definition.address, problems)
         sampled = node.get("dt") is not None
         if sampled and definition.cls.spec.continuous:
             message = "its states are continuous and integrated over every step; leave dt out"
@@ -330,16 +330,18 @@ def _failed(cls: type[Block], error: BaseException) -> str:
     return f"{cls.__name__} failed: {type(error).__name__}: {error}"
 
 
-def _ticks(node: Node | None, base: float, address: str, problems: Problems) -> int:
+def _ticks(node: Node | None, network: Network, address: str, problems: Problems) -> int:
     """How many base ticks lie between two ticks of a block."""
     value = None if node is None else seconds(node, f"{address}.dt", problems)
     if node is None or value is None:
         return 1
+    base, unit = network.dt, network.time_unit
     ratio = value / base
     whole = round(ratio) if ratio < MAX_TICKS else 0
     if whole < 1 or abs(ratio - whole) > 1e-6:
         near = max(1, whole) * base
-        message = f"{value:g} s is not a multiple of run.dt = {base:g} s; the nearest is {near:g}"
+        message = f"{value:g} {unit} is not a multiple of run.dt = {base:g} {unit}; "
+        message += f"the nearest is {near:g}"
         problems.add(node.where, f"{address}.dt", message)
         return 1
     return whole

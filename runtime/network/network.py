@@ -9,11 +9,13 @@ from functools import cached_property
 
 from blocks.core import Block, BlockContext, Evaluation, FloatArray, SignalType, hint
 from blocks.world import World
-from runtime.document import Node, Solver, Stop
+from runtime.document import SECOND, Node, Solver, Stop
 from runtime.errors import Problem, Where
 from runtime.network.addresses import Endpoint
 from runtime.network.components import component_names
 from runtime.network.scope import Scope
+
+Port = tuple[str, str]
 
 
 def place_of(node: Node, parameter: str) -> Where:
@@ -61,6 +63,11 @@ class Entry:
         return self.cls.spec.evaluations if self.block is None else self.block.evaluations
 
     @property
+    def is_memoryless(self) -> bool:
+        """Whether the outputs depend on the time and the inputs alone, and are not sampled."""
+        return self.cls.spec.update is None and not (self.sampled or self.made.stepwise)
+
+    @property
     def made(self) -> Block:
         if self.block is None:
             raise ValueError(f"block '{self.name}' was not constructed")
@@ -101,6 +108,7 @@ class Network:
     document : the graph with its ``$params`` filled in; scope : the names in it.
     signal_types : those that the graph's own blocks define, by name.
     notes : what looks wrong but can run.
+    time_unit : what dt, until and all times of its blocks are in.
     wires : into blocks; part_wires : into parts, whose typed inputs ``part_inputs`` lists.
     terms : (block, port) of a variadic input to one flag per wire as written: whether it is kept.
     types : (block, port) to signal type; lengths : block to its known lengths, by symbol.
@@ -122,6 +130,7 @@ class Network:
     scope: Scope
     document: Node
     states: str = "small"
+    time_unit: str = SECOND
     world: World | None = None
     signal_types: Mapping[str, SignalType] = field(default_factory=dict)
     entries: Mapping[str, Entry] = field(default_factory=dict)
@@ -151,6 +160,40 @@ class Network:
             inputs = self.entries[wire.block].cls.spec.inputs
             found += self._spread(wire) if inputs[wire.port].spread else [wire]
         return tuple(found)
+
+    @cached_property
+    def moving(self) -> frozenset[Port]:
+        """The outputs that may change between two ticks; all others hold their value of a tick.
+
+        They are outputs of blocks with continuous states, and of blocks without memory that read
+        the time or such an output. Sampled blocks hold, and thereby noise and spikes.
+        """
+        sources: dict[Port, list[Port]] = {}
+        for wire in self.driving:
+            source = (wire.source.block, wire.source.port)
+            sources.setdefault((wire.block, wire.port), []).append(source)
+        waiting: list[Port] = []
+        readers: dict[Port, list[Port]] = {}
+        for name, entry in self.entries.items():
+            spec = entry.cls.spec
+            if entry.block is None or not (spec.continuous or entry.is_memoryless):
+                continue
+            for call in entry.evaluations:
+                ports = [(name, port) for port in call.outputs]
+                if spec.is_constant(call):
+                    continue
+                if spec.continuous or call.timed:
+                    waiting += ports
+                for port in call.needs:
+                    for read in sources.get((name, port), [(name, port)]):
+                        readers.setdefault(read, []).extend(ports)
+        found: set[Port] = set()
+        while waiting:
+            moved = waiting.pop()
+            if moved not in found:
+                found.add(moved)
+                waiting += readers.get(moved, ())
+        return frozenset(found)
 
     def _spread(self, wire: Wire) -> list[Wire]:
         kind = self.types.get((wire.source.block, wire.source.port))

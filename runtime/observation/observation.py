@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Container
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from runtime.observation.metrics import Metric
+from runtime.document import SECOND
+from runtime.observation.metric_kinds import ANY
+from runtime.observation.metrics import METRIC_KINDS, Metric
 from runtime.observation.plots import PlotSpec
 from runtime.observation.probes import Probe, Signal
 
@@ -24,7 +26,7 @@ class Observation:
     """What a run records, draws and measures, and what ends it early.
 
     ``notes`` lists what was left out, and why; ``defaults`` are the plots of a graph that says
-    nothing about plots.
+    nothing about plots. ``time_unit`` is what times are in.
     """
 
     probes: dict[str, Probe] = field(default_factory=dict)
@@ -33,6 +35,7 @@ class Observation:
     notes: list[str] = field(default_factory=list)
     stop: StopTest | None = None
     defaults: list[PlotSpec] = field(default_factory=list)
+    time_unit: str = SECOND
 
     @property
     def drawn(self) -> list[PlotSpec]:
@@ -43,8 +46,19 @@ class Observation:
     def metric_units(self) -> dict[str, str]:
         """The units of the metrics that have one."""
         columns = {name: probe.units for name, probe in self.probes.items()}
-        found = {metric.name: metric.unit(columns) for metric in self.metrics}
+        found = {metric.name: metric.unit(columns, self.time_unit) for metric in self.metrics}
         return {name: unit for name, unit in found.items() if unit}
+
+    @property
+    def metric_ends(self) -> dict[str, tuple[float, float]]:
+        """The least and the largest possible value of the metrics that have one."""
+        found = {metric.name: METRIC_KINDS[metric.kind].ends for metric in self.metrics}
+        return {name: ends for name, ends in found.items() if ends != ANY}
+
+    @property
+    def metric_never(self) -> dict[str, str]:
+        """What no value of a metric means, of those where it is worse than any value."""
+        return {metric.name: metric.never for metric in self.metrics if metric.never}
 
     def reduced(self, kinds: Container[str]) -> Observation:
         """Only the probes that metrics and plots of these kinds need."""
@@ -52,4 +66,4 @@ class Observation:
         used = {name for plot in plots for name in plot.uses}
         used |= {name for metric in self.metrics for name in metric.inputs.values() if name}
         probes = {name: probe for name, probe in self.probes.items() if name in used}
-        return Observation(probes, plots, self.metrics, self.notes, self.stop)
+        return replace(self, probes=probes, plots=plots, defaults=[])

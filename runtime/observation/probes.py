@@ -9,7 +9,7 @@ from itertools import islice
 
 from blocks.core import SignalType, Vector
 from blocks.neural import Synapse, table_shape
-from runtime.document import Node, texts
+from runtime.document import TIME_UNITS, Node, in_time, texts
 from runtime.errors import Problems
 from runtime.network import (
     Endpoint,
@@ -38,7 +38,7 @@ class Signal:
     ``address`` is written in the graph, ``end`` is its source once removed blocks are bypassed.
     ``name`` is what figures call it, '' for its address, and ``given`` what they call each column.
     ``publisher`` is the method of the block that describes the neurons behind a signal, if it is
-    their tuning that is recorded.
+    their tuning that is recorded. ``held`` tells whether it keeps its value between two ticks.
     """
 
     address: str
@@ -54,6 +54,7 @@ class Signal:
     name: str = ""
     given: tuple[str, ...] = ()
     publisher: str = ""
+    held: bool = False
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -115,6 +116,11 @@ class Probe:
     @property
     def units(self) -> tuple[str, ...]:
         return tuple(unit for signal in self.signals for unit in signal.units)
+
+    @property
+    def held(self) -> tuple[bool, ...]:
+        """Whether each column keeps its value from one row to the next; a filtered one does not."""
+        return tuple(s.held and self.synapse is None for s in self.signals for _ in s.labels)
 
     def clash(self) -> str:
         """Why the signals cannot share a probe; '' if they can."""
@@ -237,7 +243,7 @@ def make_signal(network: Network, end: Endpoint, label: str) -> Signal | None:
         state = spec.states[end.port]
         shape = state_shape(entry.made, state, network.context(end.block), spec)
         kind = state.signal.name if state.signal is not None else "State"
-        unit = state.unit
+        unit = in_time(state.unit, network.time_unit)
         if is_range(end.component):
             part = columns(Vector(shape[0]), end.component) if len(shape) == 1 else None
             if not isinstance(part, slice):
@@ -251,17 +257,26 @@ def make_signal(network: Network, end: Endpoint, label: str) -> Signal | None:
         count = shape[0] if shape else 1
         labels = (label,) if not shape else tuple(f"{label}[{i}]" for i in range(count))
         units = (unit,) * count
-        return Signal(label, end, shape, labels, units, kind, entry.every, True, state.event)
+        return Signal(
+            *(label, end, shape, labels, units, kind, entry.every, True, state.event),
+            held=not state.continuous,
+        )
     whole = network.types[end.block, end.port]
     kind_at = component_type(whole, end)
     if kind_at is None:
         return None
     labels, units = _columns(whole, end, label, spec.outputs[end.port].unit)
+    units = tuple(in_time(unit, network.time_unit) for unit in units)
     constant = spec.outputs[end.port].constant
     shape, name = kind_at.shape, kind_at.name
     shown = "" if end.component or shape else spec.outputs[end.port].label
-    every = entry.every
-    return Signal(label, end, shape, labels, units, name, every, constant=constant, name=shown)
+    held = (end.block, end.port) not in network.moving
+    return Signal(
+        *(label, end, shape, labels, units, name, entry.every),
+        constant=constant,
+        name=shown,
+        held=held,
+    )
 
 
 def make_tuning(network: Network, end: Endpoint, label: str) -> Signal | None:
@@ -275,7 +290,7 @@ def make_tuning(network: Network, end: Endpoint, label: str) -> Signal | None:
     # Dimensions that nothing decides are a problem by themselves, and the graph does not run.
     shape, address = table_shape({"d": 1, **lengths}), f"{label}.tuning"
     return Signal(
-        *(address, end, shape, (address,), ("Hz",), "Tuning", every),
+        *(address, end, shape, (address,), (TIME_UNITS[network.time_unit],), "Tuning", every),
         constant=True,
         publisher=method,
     )

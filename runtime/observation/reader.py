@@ -87,7 +87,7 @@ class _Reader:
         self.problems = problems
         # A world with errors is reported once, at its own location.
         self.has_world = (network.document.get("world") or Node(None)).value is not None
-        self.seen = Observation(notes=list(network.notes))
+        self.seen = Observation(notes=list(network.notes), time_unit=network.time_unit)
         self.declared: set[str] = set()
         self.unread: set[str] = set()
         self.places: dict[str, tuple[Where, str]] = {}
@@ -415,8 +415,8 @@ class _Reader:
         self.report(node, keys, address, declared.check(options, infos, self.has_world))
         after = options.get("after")
         if isinstance(after, (int, float)) and after > self.network.until:
-            message = f"metric '{name}' has no value: it looks at times after {after:g} s"
-            self.seen.notes.append(message)
+            message = f"metric '{name}' has no value: it looks at times after {after:g} "
+            self.seen.notes.append(message + self.network.time_unit)
         self.seen.metrics.append(Metric(name, kind, inputs, options))
 
     def measured(self, node: Node, key: str, keys: tuple[str, ...], address: str) -> str | None:

@@ -10,6 +10,7 @@ from typing import Any
 
 from blocks.core import FloatArray, hint
 from blocks.world import World
+from runtime.document import SECOND
 from runtime.observation.plots import PlotSpec
 
 
@@ -17,9 +18,10 @@ from runtime.observation.plots import PlotSpec
 class Recording:
     """One probe's recording.
 
-    t : times (rows,) in seconds. values : (rows,) for a scalar, (rows, columns) for a record or
-    several signals, (rows, n, columns) for a table. ``addresses`` gives each signal its columns.
+    t : times (rows,) in ``time_unit``. values : (rows,) for a scalar, (rows, columns) for a record
+    or several signals, (rows, n, columns) for a table. ``addresses`` gives each signal its columns.
     ``names`` are what figures call the columns, '' for those that are called by their label.
+    ``held`` tells of each column whether it keeps its value from one row to the next.
     """
 
     name: str
@@ -31,6 +33,8 @@ class Recording:
     addresses: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     auto: bool = False
     names: tuple[str, ...] = ()
+    held: tuple[bool, ...] = ()
+    time_unit: str = SECOND
 
     @property
     def shown(self) -> tuple[str, ...]:
@@ -100,6 +104,11 @@ class RunData:
         return str(self.manifest["status"])
 
     @property
+    def time_unit(self) -> str:
+        """What its times are in."""
+        return str(self.manifest.get("time_unit", SECOND))
+
+    @property
     def ticks(self) -> int:
         return int(self.manifest["ticks"])
 
@@ -124,6 +133,7 @@ class RunData:
             labels=found.labels[start:stop],
             units=found.units[start:stop],
             names=found.names[start:stop],
+            held=found.held[start:stop],
             addresses={address: (0, stop - start)},
         )
 
@@ -148,7 +158,9 @@ class RunData:
                 values = recorded.values[:, at]
                 unit = (recorded.units[at],)
                 return Recording(
-                    name, recorded.t, values, (name,), unit, ("Scalar",), {name: (0, 1)}
+                    *(name, recorded.t, values, (name,), unit, ("Scalar",), {name: (0, 1)}),
+                    held=recorded.held[at : at + 1],
+                    time_unit=recorded.time_unit,
                 ), ""
         known = sorted(self)
         raise KeyError(f"'{name}' was not recorded{hint(name, known) or ': ' + ', '.join(known)}")

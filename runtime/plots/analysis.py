@@ -57,6 +57,8 @@ def draw_spectrum(figure: Figure, recordings: Sequence[Recording], end: float) -
         groups.setdefault(unit, []).append((label, frequencies, power))
     figure.set_size_inches(style.WIDTH, 1.1 + 2.2 * max(1, len(groups)))
     column = style.stacked_axes(figure, max(1, len(groups)))
+    hertz = style.frequency_unit(recordings)
+    hertz = f"({hertz})" if "/" in hertz else hertz
     for axes, (unit, lines) in zip(column, groups.items(), strict=False):
         names = style.short_labels([label for label, *_ in lines])
         for i, ((_, frequencies, power), name) in enumerate(zip(lines, names, strict=True)):
@@ -70,9 +72,10 @@ def draw_spectrum(figure: Figure, recordings: Sequence[Recording], end: float) -
             style.explain_empty(axes, "constant, or too few rows")
         else:
             style.add_legend(axes)
-        squared = (f"({unit})²/Hz" if "/" in unit else f"{unit}²/Hz") if unit else "1/Hz"
+        squared = f"({unit})²/{hertz}" if "/" in unit else f"{unit}²/{hertz}"
+        squared = squared if unit else f"1/{hertz}"
         axes.set_ylabel(f"power density [{squared}]")
-    column[-1].set_xlabel("frequency [Hz]")
+    column[-1].set_xlabel(f"frequency [{style.frequency_unit(recordings)}]")
     return column[0]
 
 

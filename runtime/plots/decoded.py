@@ -58,7 +58,9 @@ def draw_decoded(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
         style.explain_empty(lower)
         return upper
     if over is None:
-        _over_time(upper, lower, pair, names, float(plot.options.get("window", 0.05)))
+        _over_time(
+            upper, lower, pair, names, float(plot.options.get("window", 0.05)), first.time_unit
+        )
         style.time_axis([upper, lower], [first], style.run_end(result))
         lower.set_xlim(left=pair.t[0])
     else:
@@ -81,7 +83,9 @@ def _at(t: FloatArray, recorded: Recording) -> FloatArray:
     return np.asarray(recorded.columns[np.maximum(rows, 0)])
 
 
-def _over_time(upper: Axes, lower: Axes, pair: _Pair, names: Sequence[str], window: float) -> None:
+def _over_time(
+    upper: Axes, lower: Axes, pair: _Pair, names: Sequence[str], window: float, unit: str
+) -> None:
     rows = max(1, min(len(pair.t), round(window / style.row_spacing(pair.t))))
     for i, name in enumerate(names):
         value, ideal = pair.decoded[:, i], pair.ideal[:, i]
@@ -91,7 +95,7 @@ def _over_time(upper: Axes, lower: Axes, pair: _Pair, names: Sequence[str], wind
         _shown(upper, pair.t, ideal + error, scatter, i, name)
         lower.plot(pair.t, error, linewidth=0.8, **style.line_style(i))
     upper.plot(pair.t, pair.ideal, label=_ideals(len(names)), **IDEAL)
-    style.write_note(upper, f"mean and standard deviation over {1e3 * window:g} ms")
+    style.write_note(upper, f"mean and standard deviation over {style.duration(window, unit)}")
 
 
 def _ideals(count: int) -> list[str]:

@@ -30,7 +30,6 @@ DPI = 150
 NOTEBOOK_DPI = 110
 FORMATS = ("png", "pdf", "svg")
 MANY_LINES = 10
-THIN_ABOVE, THIN_TO = 20_000, 4_000  # rows
 LINE_POINTS = 200_000
 HEAT_ROWS = 1_000
 FEW_ROWS = 12
@@ -176,6 +175,7 @@ class _Column:
     unit: str
     t: FloatArray
     y: FloatArray
+    held: bool
 
 
 def _flat(recorded: Recording) -> tuple[FloatArray, list[str], list[str]]:
@@ -197,8 +197,11 @@ def draw_timeseries(figure: Figure, recordings: Sequence[Recording], end: float)
         values, labels, units = _flat(recorded)
         given = recorded.shown if len(recorded.labels) == len(labels) else labels
         every |= zip(labels, given, strict=True)
+        held = recorded.held if len(recorded.held) == len(labels) else recorded.held[:1]
         for i, (label, unit) in enumerate(zip(labels, units, strict=True)):
-            groups.setdefault(unit, []).append(_Column(label, unit, recorded.t, values[:, i]))
+            steps = bool(held) and held[i % len(held)]
+            line = _Column(label, unit, recorded.t, values[:, i], steps)
+            groups.setdefault(unit, []).append(line)
     shown_as = style.display_names(list(every), list(every.values()))
     names = dict(zip(every, shown_as, strict=True))
     groups, silent = _without_zeros(groups)
@@ -238,18 +241,18 @@ def _lines(figure: Figure, axes: Axes, lines: list[_Column], names: list[str], e
     layers = style.layers([line.y for line in lines])
     covered = [0] * len(lines) if many else style.coincident([line.y for line in lines])
     for i, (line, name) in enumerate(zip(lines, names, strict=True)):
-        t, y = _thinned(line, len(lines))
+        t, y = line.t, line.y
         how: dict[str, Any] = (
-            {"color": colours(i), "linewidth": 0.5} if many else style.line_style(i)
+            {"color": colours(i), "linewidth": 0.5} if many else style.line_style(i, covered[i])
         )
-        if covered[i]:
-            how["linestyle"] = (0.0, (4.0, 3.0) if covered[i] == 1 else (1.5, 5.5))
         how["zorder"] = layers[i]
         if len(y) == 1:
             # A single row is a constant, or a probe slower than the run: it is marked by a dot.
             axes.plot([t[0], max(t[0], end)], [y[0], y[0]], **{**how, "linestyle": ":"})
             how |= {"marker": "o", "markersize": 4.0}
-        axes.plot(t, y, label=name, **how)
+        most = max(400, min(style.THIN_TO, LINE_POINTS // len(lines)))
+        is_long = len(y) > style.THIN_ABOVE or len(y) * len(lines) > LINE_POINTS
+        style.draw_series(axes, t, y, line.held, most if is_long else 0, label=name, **how)
         finite = y[np.isfinite(y)]
         low, high = min(low, finite.min(initial=0.0)), max(high, finite.max(initial=0.0))
     if low < 0.0 < high:
@@ -259,14 +262,6 @@ def _lines(figure: Figure, axes: Axes, lines: list[_Column], names: list[str], e
         figure.colorbar(scale, ax=axes, label="index", pad=0.01, aspect=14)
     else:
         style.add_legend(axes)
-
-
-def _thinned(line: _Column, lines: int) -> tuple[FloatArray, FloatArray]:
-    """The points to draw of one of several lines; infinity, a ray without a hit, is a gap."""
-    y = np.where(np.isfinite(line.y), line.y, np.nan)
-    if len(y) <= THIN_ABOVE and len(y) * lines <= LINE_POINTS:
-        return line.t, y
-    return style.thin(line.t, y, max(400, min(THIN_TO, LINE_POINTS // lines)))
 
 
 def draw_heatmap(figure: Figure, recordings: Sequence[Recording], end: float) -> Axes:

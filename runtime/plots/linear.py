@@ -11,6 +11,7 @@ import numpy.typing as npt
 from matplotlib.figure import Figure
 
 from blocks.core import FloatArray
+from runtime.document import SECOND
 from runtime.plots.style import STYLE, WIDTH, headline, line_style
 
 MAX_LINES = 12
@@ -19,25 +20,34 @@ ROUNDING = 1e-12  # a gain below is that of a signal without effect
 
 
 def draw_linear(
-    matrices: Sequence[FloatArray], inputs: Sequence[str], outputs: Sequence[str], title: str
+    matrices: Sequence[FloatArray],
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    title: str,
+    time_unit: str = SECOND,
 ) -> Figure:
     """Poles, step responses, and gain and phase over frequency, of a linear system.
 
     Parameters
     ----------
     matrices : A, B, C, D. inputs, outputs : labels, of columns of B and rows of C.
+    time_unit : what times of the graph are in.
 
     Every pair of an input and an output is a line, up to twelve of them.
     """
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(WIDTH, 0.8 * WIDTH), layout="constrained")
-        _draw(figure, matrices, inputs, outputs)
+        _draw(figure, matrices, inputs, outputs, time_unit)
         headline(figure, title)
     return figure
 
 
 def _draw(
-    figure: Figure, matrices: Sequence[FloatArray], inputs: Sequence[str], outputs: Sequence[str]
+    figure: Figure,
+    matrices: Sequence[FloatArray],
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+    unit: str,
 ) -> None:
     from scipy import signal
 
@@ -45,7 +55,7 @@ def _draw(
     axes: Any = figure.subplots(2, 2)
     (plane, step), (gain, phase) = axes
     poles: Any = np.linalg.eigvals(a)
-    _poles(plane, poles)
+    _poles(plane, poles, unit)
     t = np.linspace(0.0, _duration(poles), POINTS)
     frequencies = _frequencies(poles)
     pairs = [(j, i) for j in range(len(inputs)) for i in range(len(outputs))]
@@ -58,17 +68,17 @@ def _draw(
         step.plot(t, signal.step(system, T=t)[1], **how)
         gain.semilogx(frequencies, 20.0 * np.log10(np.abs(response)), **how)
         phase.semilogx(frequencies, np.degrees(np.unwrap(np.angle(response))), **how)
-    step.set(title="Step response", xlabel="time [s]", ylabel="output per unit of input")
-    gain.set(title="Gain", xlabel="frequency [rad/s]", ylabel="gain [dB]")
-    phase.set(title="Phase", xlabel="frequency [rad/s]", ylabel="phase [deg]")
+    step.set(title="Step response", xlabel=f"time [{unit}]", ylabel="output per unit of input")
+    gain.set(title="Gain", xlabel=f"frequency [rad/{unit}]", ylabel="gain [dB]")
+    phase.set(title="Phase", xlabel=f"frequency [rad/{unit}]", ylabel="phase [deg]")
     if len(pairs) > 1:
         figure.legend(*step.get_legend_handles_labels(), loc="outside lower center", ncols=2)
 
 
-def _poles(plane: Any, poles: Any) -> None:
+def _poles(plane: Any, poles: Any, unit: str) -> None:
     plane.axvline(0.0, color="0.6", linewidth=0.8)
     plane.plot(poles.real, poles.imag, "x", markersize=6)
-    plane.set(title="Poles", xlabel="real part [1/s]", ylabel="imaginary part [rad/s]")
+    plane.set(title="Poles", xlabel=f"real part [1/{unit}]", ylabel=f"imaginary part [rad/{unit}]")
 
 
 def _response(

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from blocks.core import FloatArray
+from runtime.document import SECOND, TIME_UNITS
 from runtime.observation import PlotSpec, Recording, RunData
 from runtime.plots import style
 from runtime.plots.tuning import Tuned, name_angles, split
@@ -33,6 +34,7 @@ class _Train:
     t: FloatArray
     spikes: FloatArray
     tuning: Tuned | None = None
+    time_unit: str = SECOND
 
     def binned(self, most: int) -> tuple[FloatArray, int]:
         """Rates (Hz) in at most ``most`` bins of time, and the number of rows per bin."""
@@ -114,7 +116,7 @@ def _trains(recordings: Sequence[Recording], tuning: Mapping[str, Tuned]) -> Ite
         whole = {recorded.name: (0, len(recorded.labels))}
         for address, (start, stop) in (recorded.addresses or whole).items():
             spikes, name = recorded.columns[:, start:stop], style.signal_of(recorded.shown[start])
-            yield _Train(name, recorded.t, spikes, tuning.get(address))
+            yield _Train(name, recorded.t, spikes, tuning.get(address), recorded.time_unit)
 
 
 def _marks(axes: Axes, train: _Train) -> None:
@@ -150,7 +152,9 @@ def _images(figure: Figure, column: Sequence[Axes], trains: Sequence[_Train], en
             vmax=fastest,
             extent=(train.t[0], train.t[0] + width * len(rates), -0.5, rates.shape[1] - 0.5),
         )
-        label = f"rate in {1e3 * width:.3g} ms bins [Hz]"
+        label = (
+            f"rate in {style.duration(width, train.time_unit)} bins [{TIME_UNITS[train.time_unit]}]"
+        )
         figure.colorbar(image, ax=axes, label=label, pad=0.01, aspect=16)
 
 
@@ -171,8 +175,9 @@ def mean_rate(spikes: FloatArray, step: float) -> FloatArray:
 
 def _rates(axes: Axes, trains: Sequence[_Train], names: Sequence[str], end: float) -> None:
     """Draw each ensemble's mean rate."""
-    axes.set_ylabel("mean rate [Hz]")
-    notes = [f"mean of all neurons, {1e3 * WINDOW:.0f} ms window"]
+    unit = trains[0].time_unit if trains else SECOND
+    axes.set_ylabel(f"mean rate [{TIME_UNITS[unit]}]")
+    notes = [f"mean of all neurons, {style.duration(WINDOW, unit)} window"]
     for i, (train, name) in enumerate(zip(trains, names, strict=True)):
         if not train.spikes.size:
             continue

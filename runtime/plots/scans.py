@@ -149,7 +149,15 @@ def _panel(axes: Axes, plot: PlotSpec, result: RunData, t: float) -> None:
     axes.locator_params(nbins=5)
     box: dict[str, Any] = {"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 2.0}
     where = axes.transAxes
-    axes.text(0.03, 0.96, f"t = {t:.1f} s", transform=where, va="top", bbox=box, zorder=6.0)
+    axes.text(
+        0.03,
+        0.96,
+        f"t = {t:.1f} {result.time_unit}",
+        transform=where,
+        va="top",
+        bbox=box,
+        zorder=6.0,
+    )
 
 
 def animated(plots: Sequence[PlotSpec], world: World | None) -> PlotSpec:

@@ -13,11 +13,13 @@ from matplotlib.text import Text
 from matplotlib.ticker import LogFormatter, MaxNLocator, ScalarFormatter
 
 from blocks.core import FloatArray
+from runtime.document import SECOND, TIME_UNITS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.legend import Legend
+    from matplotlib.lines import Line2D
 
     from runtime.observation import Recording, RunData
 
@@ -31,6 +33,7 @@ COINCIDENT = 0.01  # of a line's range
 LONG_NAME = 20  # characters, about what fits beside the lowest axes
 # Okabe and Ito's palette for colour-blind readers, without its yellow, too pale for lines.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+THIN_ABOVE, THIN_TO = 20_000, 4_000  # rows
 LINESTYLES = ("-", "--", ":", "-.")
 GREEK = {"theta": "θ", "omega": "ω", "kappa": "κ"}
 _FORMULA = re.compile(r"\$[^$\s]+\$")
@@ -71,12 +74,21 @@ STYLE: Any = {
 
 
 def shade_band(figure: Figure, band: float) -> None:
-    """Shade the range from -band to band on all axes that show lines, and say so."""
+    """Shade the range from -band to band on all axes that show lines, and say so.
+
+    Where no value is negative, as of a distance, the range begins at 0.
+    """
     shown = [axes for axes in figure.axes if axes.lines]
+    sign = ""
     for axes in shown:
-        axes.axhspan(-band, band, color="0.5", alpha=0.16, linewidth=0.0, zorder=0.4)
+        values = [np.asarray(line.get_ydata(), dtype=float) for line in _named(axes)]
+        low = min(float(np.nanmin(y, initial=0.0)) for y in values)
+        sign = "±" if low < 0.0 else sign
+        axes.axhspan(
+            -band if low < 0.0 else 0.0, band, color="0.5", alpha=0.16, linewidth=0.0, zorder=0.4
+        )
     if shown:
-        write_note(shown[0], f"shaded: within ±{band:g}")
+        write_note(shown[0], f"shaded: within {sign}{band:g}")
 
 
 def mark_levels(axes: Axes, levels: FloatArray) -> None:
@@ -121,8 +133,7 @@ def _renamed(label: str, *names: str) -> str:
 def rescale(axes: Axes) -> None:
     """Fit the vertical axis to the parts of its lines that the horizontal axis shows."""
     low, high = axes.get_xlim()
-    named = [line for line in axes.get_lines() if not str(line.get_label()).startswith("_")]
-    lines = named or axes.get_lines()
+    lines = _named(axes)
     points = [np.column_stack(np.broadcast_arrays(*line.get_data())) for line in lines]
     shown = [y[(low <= x) & (x <= high) & np.isfinite(y)] for x, y in (p.T for p in points)]
     values = np.concatenate(shown) if shown else np.empty(0)
@@ -132,6 +143,12 @@ def rescale(axes: Axes) -> None:
         margin = MARGIN * float(np.ptp(ends[:, 1]))
         ends[:, 1] += (-margin, margin)
         axes.set_ylim(*axes.transData.inverted().transform(ends)[:, 1])
+
+
+def _named(axes: Axes) -> Sequence[Line2D]:
+    """The lines of an axes that have a name; all if none has."""
+    named = [line for line in axes.get_lines() if not str(line.get_label()).startswith("_")]
+    return named or list(axes.get_lines())
 
 
 def _rename(legend: Legend, labels: Iterator[str]) -> None:
@@ -198,9 +215,11 @@ def coincident(lines: Sequence[FloatArray]) -> list[int]:
     return counts
 
 
-def line_style(i: int) -> dict[str, Any]:
-    """Colour and dashes of the i-th line of an axes."""
-    dashes = LINESTYLES[i // len(COLOURS) % len(LINESTYLES)]
+def line_style(i: int, covers: int = 0) -> dict[str, Any]:
+    """Colour and dashes of the i-th line of an axes, with gaps that show lines that it covers."""
+    dashes: Any = LINESTYLES[i // len(COLOURS) % len(LINESTYLES)]
+    if covers:
+        dashes = (0.0, (4.0, 3.0) if covers == 1 else (1.5, 5.5))
     return {"color": COLOURS[i % len(COLOURS)], "linestyle": dashes}
 
 
@@ -234,13 +253,52 @@ def disable_math(figure: Figure) -> None:
 
 
 def run_end(result: RunData) -> float:
-    """The time (s) at which the run ended."""
+    """The time at which the run ended."""
     return float(result.manifest.get("ticks", 0) * result.manifest.get("dt", 0.0))
 
 
 def row_spacing(t: FloatArray, default: float = 1.0) -> float:
-    """Seconds from one row to the next; ``default`` if there is only one row."""
+    """The time from one row to the next; ``default`` if there is only one row."""
     return float(t[1] - t[0]) if len(t) > 1 else (default or 1.0)
+
+
+def draw_series(
+    axes: Axes, t: FloatArray, y: FloatArray, held: bool, most: int = 0, **how: Any
+) -> None:
+    """Draw one column over time: a line, or steps if it keeps its value from row to row.
+
+    Infinity, a ray without a hit, is a gap. The last step ends where the next row would be.
+
+    Parameters
+    ----------
+    held : whether it is drawn as steps.
+    most : about how many points are drawn of a series that is longer; 0: all, up to
+        :data:`THIN_ABOVE`, and :data:`THIN_TO` of a longer one.
+    how : the look of the line, as matplotlib's ``plot`` takes it.
+    """
+    y = np.where(np.isfinite(y), y, np.nan)
+    last = row_spacing(t)
+    if most or len(y) > THIN_ABOVE:
+        t, y = thin(t, y, most or THIN_TO)
+    if held and len(t) > 1:
+        t, y = np.append(t, t[-1] + last), np.append(y, y[-1])
+        how["drawstyle"] = "steps-post"
+    axes.plot(t, y, **how)
+
+
+def duration(time: float, unit: str) -> str:
+    """A short time in words: that of seconds in ms."""
+    return f"{1e3 * time:.3g} ms" if unit == SECOND else f"{time:.3g} {unit}"
+
+
+def time_unit(recordings: Sequence[Recording]) -> str:
+    """What the times of some recordings are in."""
+    return recordings[0].time_unit if recordings else SECOND
+
+
+def frequency_unit(recordings: Sequence[Recording]) -> str:
+    """What frequencies of some recordings are in: GHz for ns."""
+    return TIME_UNITS[time_unit(recordings)]
 
 
 def time_axis(column: Sequence[Axes], recordings: Sequence[Recording], end: float) -> None:
@@ -249,7 +307,7 @@ def time_axis(column: Sequence[Axes], recordings: Sequence[Recording], end: floa
     starts = [float(r.t[0]) for r in recordings if len(r.t)]
     column[-1].set_xlim(min(starts, default=0.0), max(ends, default=end) or 1.0)
     column[-1].xaxis.set_major_locator(MaxNLocator(nbins=10, steps=[1, 2, 5, 10]))
-    column[-1].set_xlabel("time [s]")
+    column[-1].set_xlabel(f"time [{time_unit(recordings)}]")
 
 
 def explain_empty(axes: Axes, text: str = "nothing recorded") -> None:
@@ -305,9 +363,11 @@ def place_power(axes: Axes) -> None:
 
 
 def headline(figure: Figure, text: str) -> None:
-    """Write a title above all axes of a figure, in as many lines as its width needs."""
-    room = int(72.0 * float(figure.get_size_inches()[0]) / (LETTER * TITLE_SIZE))
-    figure.suptitle(textwrap.fill(text, room), fontsize=TITLE_SIZE)
+    """Write a title above all axes, in lines as its width needs; the figure grows for them."""
+    width, height = map(float, figure.get_size_inches())
+    lines = textwrap.wrap(text, int(72.0 * width / (LETTER * TITLE_SIZE)))
+    figure.set_size_inches(width, height + 1.3 * TITLE_SIZE / 72.0 * (len(lines) - 1))
+    figure.suptitle("\n".join(lines), fontsize=TITLE_SIZE)
 
 
 def signal_of(label: str) -> str:

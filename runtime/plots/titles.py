@@ -77,7 +77,7 @@ def facts(result: RunData) -> list[str]:
         parts.append(f"seed {result.manifest['seed']}")
     status = result.manifest.get("status", "complete")
     if status != "complete":
-        parts.append(f"{status} at {run_end(result):.4g} s")
+        parts.append(f"{status} at {run_end(result):.4g} {result.time_unit}")
     return parts
 
 

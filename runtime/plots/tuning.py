@@ -28,11 +28,12 @@ SUFFIX = ".tuning"
 
 @dataclass(frozen=True)
 class Tuned:
-    """The neurons of one ensemble: encoders (n, d), rates (n, places) along their encoders, Hz."""
+    """The neurons of one ensemble: encoders (n, d), rates (n, places) along their encoders."""
 
     name: str
     encoders: FloatArray
     rates: FloatArray
+    unit: str
 
     @property
     def dimensions(self) -> int:
@@ -77,7 +78,8 @@ def tuned(recorded: Recording) -> Tuned:
     """The tuning that a probe of the kind Tuning has recorded."""
     table = recorded.values[0]
     d = table.shape[1] - len(PLACES)
-    return Tuned(recorded.labels[0].removesuffix(SUFFIX), table[:, :d], table[:, d:])
+    name = recorded.labels[0].removesuffix(SUFFIX)
+    return Tuned(name, table[:, :d], table[:, d:], recorded.units[0])
 
 
 def draw_tuning_curves(figure: Figure, recordings: Sequence[Recording], end: float) -> Axes:
@@ -160,7 +162,8 @@ def _by_direction(each: Tuned, axis: int) -> tuple[FloatArray, npt.NDArray[np.in
 
 
 def _rates_axis(axes: Axes, each: Tuned, named: bool) -> None:
-    axes.set_ylabel(f"{each.name}\nrate [Hz]" if named else "rate [Hz]")
+    rate = f"rate [{each.unit}]"
+    axes.set_ylabel(f"{each.name}\n{rate}" if named else rate)
     axes.set_ylim(min(0.0, 1.05 * float(each.rates.min())), None)
 
 

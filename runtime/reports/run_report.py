@@ -59,8 +59,8 @@ def _facts(result: RunData) -> Html:
         [
             ("status", element("span", result.status, class_=STATUS.get(result.status, ""))),
             ("seed", str(manifest["seed"])),
-            ("simulated", f"{ticks * dt:g} of {float(manifest['until']):g} s"),
-            ("base step", f"{dt:g} s"),
+            ("simulated", f"{ticks * dt:g} of {float(manifest['until']):g} {result.time_unit}"),
+            ("base step", f"{dt:g} {result.time_unit}"),
             ("ticks", f"{ticks:,}".replace(",", "\u202f")),
             ("wall time", f"{float(manifest['wall_s']):.3g} s"),
         ]
@@ -168,7 +168,9 @@ def _signals(result: RunData) -> Html:
 
 
 def _signal(recorded: Recording) -> list[str]:
-    every = f"{recorded.t[1] - recorded.t[0]:g} s" if len(recorded.t) > 1 else "once"
+    every = (
+        f"{recorded.t[1] - recorded.t[0]:g} {recorded.time_unit}" if len(recorded.t) > 1 else "once"
+    )
     return [
         recorded.name,
         ", ".join(recorded.addresses),

@@ -20,7 +20,7 @@ import numpy as np
 
 from blocks.core import FloatArray, show
 from blocks.world import World
-from runtime.document import rename_files
+from runtime.document import SECOND, TIME_UNITS, rename_files
 from runtime.errors import UsageError
 from runtime.files import (
     NUMBER,
@@ -168,6 +168,7 @@ def _described(recorded: Recording) -> dict[str, Any]:
         "addresses": {a: list(span) for a, span in recorded.addresses.items()},
         "auto": recorded.auto,
         **({"names": list(recorded.names)} if any(recorded.names) else {}),
+        **({"held": list(recorded.held)} if any(recorded.held) else {}),
     }
 
 
@@ -258,8 +259,15 @@ def described_run(
     if (folder / DIAGRAM).is_file():
         texts[DIAGRAM] = _text(folder / DIAGRAM)
     try:
+        # Runs written before there were units of time have none.
+        unit = str(manifest.get("time_unit", SECOND))
+        if unit not in TIME_UNITS:
+            raise ValueError(
+                f"time_unit: expected one of {', '.join(TIME_UNITS)}, got {show(unit)}"
+            )
         probes = {
-            name: _recorded(name, info, arrays) for name, info in manifest.pop("probes").items()
+            name: _recorded(name, info, arrays, unit)
+            for name, info in manifest.pop("probes").items()
         }
         plots = [
             PlotSpec(p["name"], p["kind"], tuple(p["of"]), p["title"], dict(p.get("options", {})))
@@ -283,7 +291,9 @@ def described_run(
     )
 
 
-def _recorded(name: str, info: dict[str, Any], arrays: dict[str, FloatArray]) -> Recording:
+def _recorded(
+    name: str, info: dict[str, Any], arrays: dict[str, FloatArray], time_unit: str
+) -> Recording:
     """One probe's recording, checked against its description in the manifest."""
     for wanted in (name, f"{name}.{TIME}"):
         if wanted not in arrays:
@@ -302,7 +312,13 @@ def _recorded(name: str, info: dict[str, Any], arrays: dict[str, FloatArray]) ->
     names = tuple(map(str, info.get("names", ())))
     if names and len(names) != len(labels):
         raise ValueError(f"probe '{name}': {len(names)} names for {len(labels)} columns")
-    return Recording(name, t, values, labels, units, kinds, addresses, bool(info["auto"]), names)
+    held = tuple(map(bool, info.get("held", ())))
+    if held and len(held) != len(labels):
+        raise ValueError(
+            f"probe '{name}': held is given {len(held)} times for {len(labels)} columns"
+        )
+    auto = bool(info["auto"])
+    return Recording(name, t, values, labels, units, kinds, addresses, auto, names, held, time_unit)
 
 
 def _check_facts(manifest: dict[str, Any]) -> None:
@@ -315,7 +331,7 @@ def _check_facts(manifest: dict[str, Any]) -> None:
         if not math.isfinite(manifest[key]):
             raise ValueError(f"{key}: expected a number, got {manifest[key]!r}")
     if manifest["dt"] <= 0.0 or manifest["ticks"] < 0:
-        raise ValueError("expected a step above 0 s, and ticks from 0")
+        raise ValueError("expected a step above 0, and ticks from 0")
 
 
 def _text(path: Path) -> str:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from blocks.core import FloatArray, hint
+from runtime.document import SECOND
 from runtime.engine import Engine, Program, Watched, flow_at
 from runtime.errors import UsageError
 from runtime.network import AddressError, Endpoint, Network, check_output, find, state_shape
@@ -27,7 +28,7 @@ class Linearization:
     """x' = A x + B u, y = C x + D u, for small deviations from an operating point.
 
     states, inputs, outputs : the addresses of the components of x, u and y.
-    point : the states at the operating point. t : its time (s).
+    point : the states at the operating point. t : its time, in ``time_unit``.
     """
 
     a: FloatArray
@@ -39,6 +40,7 @@ class Linearization:
     outputs: tuple[str, ...]
     point: FloatArray
     t: float
+    time_unit: str = SECOND
 
     @property
     def poles(self) -> FloatArray:
@@ -121,6 +123,7 @@ def linearize(
         outputs=tuple(rows),
         point=x0,
         t=tick * network.dt,
+        time_unit=network.time_unit,
     )
 
 

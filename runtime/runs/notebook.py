@@ -31,7 +31,8 @@ def shown_in_notebook(result: RunData) -> str:
     manifest = result.manifest
     simulated = result.ticks * manifest["dt"]
     parts = [
-        f"<b>{escape(result.title)}</b>: {result.status}, {simulated:g} s, seed {manifest['seed']}"
+        f"<b>{escape(result.title)}</b>: {result.status}, {simulated:g} "
+        f"{result.time_unit}, seed {manifest['seed']}"
     ]
     rows = "".join(
         f"<tr><td style='text-align: left'>{escape(name)}</td>"

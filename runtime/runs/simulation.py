@@ -19,7 +19,7 @@ import numpy as np
 from blocks.core import FloatArray
 from blocks.world import World
 from runtime.diagrams import stored_picture
-from runtime.document import DEFAULT_MEMORY, Override, dump_yaml
+from runtime.document import DEFAULT_MEMORY, SECOND, Override, dump_yaml
 from runtime.engine import Engine, MakeRunner, Outcome, Profile, Program, silent, take_compiled
 from runtime.network import Network
 from runtime.observation import PLOT_KINDS, STOP_TIME, Metric, Probe, Recording, Series
@@ -84,7 +84,9 @@ def simulate(
             _begin_recording(graph, engine, began, folder)
     outcome = engine.run(progress)
     probes = {
-        name: _recorded(probe, rows, engine.recorder.times(name, len(rows), network.dt))
+        name: _recorded(
+            probe, rows, engine.recorder.times(name, len(rows), network.dt), network.time_unit
+        )
         for name, probe in observation.probes.items()
         for rows in (outcome.arrays[name],)
     }
@@ -107,7 +109,7 @@ def at_start(graph: PreparedRun) -> Result:
     engine = Engine(graph.program, graph.network.seed)
     engine.prepare()
     probes = {
-        name: _recorded(probe, engine.arrays[name], np.zeros(1))
+        name: _recorded(probe, engine.arrays[name], np.zeros(1), graph.network.time_unit)
         for name, probe in graph.program.observation.probes.items()
         if probe.constant
     }
@@ -130,7 +132,7 @@ def chosen_runner(network: Network, note: Callable[[str], None] = silent) -> Mak
     return CheckedRunner if network.engine == "checked" else CompiledRunner
 
 
-def _recorded(probe: Probe, values: FloatArray, times: FloatArray) -> Recording:
+def _recorded(probe: Probe, values: FloatArray, times: FloatArray, time_unit: str) -> Recording:
     addresses, start = {}, 0
     for signal in probe.signals:
         width = len(signal.labels)
@@ -146,6 +148,8 @@ def _recorded(probe: Probe, values: FloatArray, times: FloatArray) -> Recording:
         addresses=addresses,
         auto=probe.auto,
         names=probe.names,
+        held=probe.held,
+        time_unit=time_unit,
     )
 
 
@@ -155,7 +159,7 @@ def _begin_recording(graph: PreparedRun, engine: Engine, began: datetime, folder
     outcome = Outcome({}, 0, "interrupted", "python" if engine.make_runner is None else "compiled")
     notes = [*graph.notes, *observation.notes]
     empty = {
-        name: _recorded(probe, engine.arrays[name][:0], np.empty(0))
+        name: _recorded(probe, engine.arrays[name][:0], np.empty(0), graph.network.time_unit)
         for name, probe in observation.probes.items()
     }
     metrics: dict[str, float | None] = dict.fromkeys(metric.name for metric in observation.metrics)
@@ -205,6 +209,8 @@ def _resolved(graph: PreparedRun, engine: str) -> dict[str, Any]:
     }
     if network.memory != DEFAULT_MEMORY:
         run["memory"] = network.memory
+    if network.time_unit != SECOND:
+        run["time_unit"] = network.time_unit
     if network.states != "small":
         run["states"] = network.states
     if network.stop is not None:
@@ -227,6 +233,7 @@ def _manifest(
         "seed": network.seed,
         "dt": network.dt,
         "until": network.until,
+        "time_unit": network.time_unit,
         "ticks": outcome.ticks,
         "stopped_at": outcome.stopped_at,
         "engine": outcome.engines,

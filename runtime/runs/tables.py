@@ -51,7 +51,7 @@ def run_dataset(result: RunData) -> Dataset:
     coordinates: dict[str, object] = {}
     for name, found in result.probes.items():
         axis = axes.setdefault(found.t.tobytes(), f"t_{name}" if axes else "t")
-        coordinates[axis] = (axis, found.t, {"units": "s"})
+        coordinates[axis] = (axis, found.t, {"units": found.time_unit})
         inner = [f"{name}_row", f"{name}_column"][3 - found.values.ndim :]
         if inner and len(found.labels) == found.values.shape[-1]:
             coordinates[inner[-1]] = list(found.labels)

@@ -81,7 +81,7 @@ def _state(text: str) -> tuple[str, Any]:
 
 
 def _text(title: str, found: Linearization) -> str:
-    lines = [f"{title}: linearized at t = {found.t:g} s", "", "Operating point"]
+    lines = [f"{title}: linearized at t = {found.t:g} {found.time_unit}", "", "Operating point"]
     point = zip(found.states, found.point.tolist(), strict=True)
     lines += [f"  {name} = {number(value)}" for name, value in point]
     for name, matrix, rows, columns in (
@@ -94,7 +94,7 @@ def _text(title: str, found: Linearization) -> str:
             cells = [("", *columns)]
             cells += [(row, *map(number, m.tolist())) for row, m in zip(rows, matrix, strict=True)]
             lines += ["", name, table(cells, right=range(1, len(columns) + 1))]
-    lines += ["", "Poles (1/s)"]
+    lines += ["", f"Poles (1/{found.time_unit})"]
     for pole in found.poles:
         lines.append(f"  {pole.real:.6g} {'+' if pole.imag >= 0 else '-'} {abs(pole.imag):.6g}j")
     return "\n".join(lines)
@@ -108,4 +108,4 @@ def _draw(title: str, found: Linearization, path: Path) -> None:
     if not found.inputs or not found.outputs:
         raise UsageError("a figure needs --inputs and --outputs")
     matrices = (found.a, found.b, found.c, found.d)
-    save_figure(draw_linear(matrices, found.inputs, found.outputs, title), path)
+    save_figure(draw_linear(matrices, found.inputs, found.outputs, title, found.time_unit), path)

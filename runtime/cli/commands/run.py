@@ -148,7 +148,7 @@ def _report_failures(result: Result, failure: SimulationError | None, folder: Pa
     if failure is not None:
         tell(f"what was recorded before is kept in {folder}")
     elif result.status == "stopped":
-        tell(f"stopped at t = {result.manifest['stopped_at']:g} s (run.stop)")
+        tell(f"stopped at t = {result.manifest['stopped_at']:g} {result.time_unit} (run.stop)")
     elif result.status == "interrupted":
         tell(f"interrupted; what was recorded before is kept in {folder}")
 
@@ -262,7 +262,7 @@ def _print_result(
             tell(f"note: {note}")
     simulated = manifest["ticks"] * manifest["dt"]
     show(
-        f"{result.title}: {simulated:g} s in {manifest['wall_s']:.2f} s "
+        f"{result.title}: {simulated:g} {result.time_unit} in {manifest['wall_s']:.2f} s "
         f"({number(manifest['us_per_tick'])} us a tick, {manifest['engine']} engine), "
         f"seed {manifest['seed']}"
     )

@@ -24,9 +24,16 @@ import runtime
 from runtime.diagrams.formats import FORMATS, diagram
 from runtime.diagrams.layout import Cell, Layout, Link, arrange, find_feedback
 from runtime.diagrams.layout.tracks import Track, assign_slots
-from runtime.diagrams.paint import TINTS, TITLE_HEIGHT, tint_of
-from runtime.diagrams.picture import picture_of, rate_text
+from runtime.diagrams.paint import (
+    CONSTANT_TINT,
+    CONTINUOUS_TINT,
+    TINTS,
+    TITLE_HEIGHT,
+    tint_of,
+)
+from runtime.diagrams.picture import picture_of
 from runtime.diagrams.sheet import BoxPlacement, Sheet, lay_out
+from runtime.document import written_rate
 from runtime.errors import UsageError
 from runtime.network.network import Network
 
@@ -250,11 +257,11 @@ def test_removed_blocks_are_marked() -> None:
     ("period", "text"),
     [
         *((0.001, "1 kHz"), (0.01, "100 Hz"), (1.0, "1 Hz"), (4.0, "0.25 Hz")),
-        *((0.0, "constant"), (1e-4, "10 kHz"), (0.003, "333.3 Hz"), (0.0004, "2.5 kHz")),
+        *((1e-4, "10 kHz"), (0.003, "333.3 Hz"), (0.0004, "2.5 kHz")),
     ],
 )
 def test_rates_as_text(period: float, text: str) -> None:
-    assert rate_text(period) == text
+    assert written_rate(period, "s") == text
 
 
 def test_boxes_show_their_rate_and_differ_in_tint() -> None:
@@ -288,7 +295,7 @@ def test_a_usual_rate_has_the_same_tint_in_every_diagram(others: set[float], per
 
 def test_tints_can_be_told_apart() -> None:
     """CIE 1976 distances: 2.3 is just noticeable, and boxes are not side by side."""
-    tints = [(*rgb_to_lab(tint),) for tint in (*TINTS, "#ffffff")]
+    tints = [(*rgb_to_lab(tint),) for tint in (*TINTS, CONSTANT_TINT, CONTINUOUS_TINT)]
     assert min(math.dist(a, b) for a, b in combinations(tints, 2)) > 8.0
     neighbours = [math.dist(a, b) for a, b in pairwise(tints[: len(TINTS)])]
     assert min(neighbours) > 20.0

@@ -61,7 +61,17 @@ def test_levels_and_band_are_drawn() -> None:
     axes = drawn(kind="timeseries", of="turn", limits=[0.2, 0.9], band=0.3).axes[0]
     levels = [line.get_ydata()[0] for line in axes.lines if len(set(line.get_ydata())) == 1]
     assert levels[-2:] == [0.2, 0.9]
-    assert bands(axes) == [pytest.approx([-0.3, 0.3])]
+    assert bands(axes) == [pytest.approx([0.0, 0.3])]
+
+
+@pytest.mark.parametrize(("turn", "low"), [(0.5, 0.0), (-0.5, -0.3)])
+def test_a_band_goes_below_zero_where_values_do(turn: float, low: float) -> None:
+    """A distance is never negative: half of its band would be empty."""
+    changed = graph(p={"kind": "timeseries", "of": "turn", "band": 0.3})
+    result = changed.set("blocks.go.value", [0.0, turn]).run()
+    axes = draw(result.plots[0], result).axes[0]
+    assert bands(axes) == [pytest.approx([low, 0.3])]
+    assert (axes.get_ylim()[0] < -0.2) == (low < 0.0)
 
 
 def test_a_time_series_shows_the_band_of_its_settling_time() -> None:
@@ -69,7 +79,7 @@ def test_a_time_series_shows_the_band_of_its_settling_time() -> None:
         "m", "settling_time", "turn", band=0.25
     )
     result = settled.run()
-    assert bands(draw(result.plots[0], result).axes[0]) == [pytest.approx([-0.25, 0.25])]
+    assert bands(draw(result.plots[0], result).axes[0]) == [pytest.approx([0.0, 0.25])]
     plain = graph(p={"kind": "timeseries", "of": "turn"}).run()
     assert bands(draw(plain.plots[0], plain).axes[0]) == []
 
@@ -189,7 +199,9 @@ def test_lines_of_both_runs_are_their_recordings() -> None:
     plot = next(p for p in results[0].plots if p.name == "turn")
     above, below = versus(runs, plot).axes
     for run, line in zip(runs, above.lines, strict=False):
-        np.testing.assert_array_equal(line.get_ydata(), run.result["turn"].reshape(20, -1)[:, 0])
+        *rows, last = np.asarray(line.get_ydata()).tolist()
+        assert rows == run.result["turn"].reshape(20, -1)[:, 0].tolist()
+        assert last == rows[-1]  # a sampled signal is held to the end of the last step
     # The ablated block has no line of the other run.
     assert [line.get_label() for line in below.lines][:1] == ["a"]
     assert "b" not in [line.get_label() for line in below.lines]

@@ -248,8 +248,11 @@ class TestTimeseries:
         assert [above.get_xlabel(), below.get_xlabel()] == ["", "time [s]"]
         for axes, column, name in ((above, 0, "x"), (above, 1, "y"), (below, 2, "θ")):
             line = lines(axes)[name]
-            np.testing.assert_array_equal(xy(line)[:, 0], circle.time("pose"))
-            np.testing.assert_array_equal(xy(line)[:, 1], circle["pose"][:, column])
+            rows, last = xy(line)[:-1], xy(line)[-1]
+            np.testing.assert_array_equal(rows[:, 0], circle.time("pose"))
+            np.testing.assert_array_equal(rows[:, 1], circle["pose"][:, column])
+            # A plant in discrete time holds its pose to the end of the last step.
+            np.testing.assert_allclose(last, [3.0, rows[-1, 1]])
         np.testing.assert_allclose(below.get_xlim(), (0.0, 3.0))
 
     def test_one_line_needs_no_legend(self) -> None:
