@@ -42,8 +42,6 @@ from runtime.codegen.values import (
     size_of,
 )
 
-KINDS = {"float64", "int64", "bool_"}
-
 
 class Expressions(Body, ast.NodeVisitor):
     """Writes the expressions of one function.

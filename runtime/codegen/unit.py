@@ -277,7 +277,6 @@ class Writer:
     ) -> Instance:
         """The text of a function."""
         nothing = self.returning(Value(returned, zero(returned)))
-        value = nothing.removeprefix("return").strip(" ;")
         lines = [line.replace(LEAVE, nothing) for line in body.lines]
         tops = [
             f"    {_declared(c_type, target_name + suffix)} = {text};"
@@ -285,7 +284,7 @@ class Writer:
             for (suffix, c_type), text in zip(leaves(kind), zero(kind), strict=True)
         ]
         heads = [f"    {line}" for line in body.heads.values()]
-        lines = leaving(tidied([*heads, *tops, *lines]), value)
+        lines = leaving(tidied([*heads, *tops, *lines]), nothing.removeprefix("return").strip(" ;"))
         whole = "\n".join(lines)
         parameters = [
             _declared(c_type, f"{local_name(parameter)}{suffix}")
@@ -311,8 +310,8 @@ class Writer:
                 "",
             ]
         )
-        changes = body.effects > 0, body.changes > 0
-        return Instance(name, returned, *changes, uses_context, uses_entries, text, calls)
+        counts = (body.effects > 0, body.changes > 0, uses_context, uses_entries)
+        return Instance(name, returned, *counts, text, calls)
 
     def c_return(self, kind: Type) -> str:
         found = [c_type for _, c_type in leaves(kind)]
