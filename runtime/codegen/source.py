@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
 
+from runtime.codegen.scopes import separated, uncertain
 from runtime.codegen.types import Type
 
 
@@ -62,6 +63,14 @@ class Function:
     bound: bool = False
     note: str = ""
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "statements", separated(self.statements))
+
+    @cached_property
+    def uncertain(self) -> frozenset[str]:
+        """Variables that are read where they may not be assigned yet."""
+        return uncertain(self.parameters, self.statements)
+
     @cached_property
     def counts(self) -> Counter[str]:
         """How often each name is assigned to in the text; parameters count once more."""
@@ -97,6 +106,23 @@ class Function:
                     continue
                 waiting += ast.iter_child_nodes(node)
         return frozenset(name for name, times in total.items() if times > inside[name])
+
+    @cached_property
+    def indices(self) -> frozenset[str]:
+        """Names that are only assigned to by ``for ... in range(...)``."""
+        found = Counter(
+            node.target.id
+            for statement in self.statements
+            for node in ast.walk(statement)
+            if isinstance(node, ast.For)
+            and isinstance(node.target, ast.Name)
+            and isinstance(node.iter, ast.Call)
+            and ast.unparse(node.iter.func) == "range"
+        )
+        stored = Counter(self.parameters)
+        for statement in self.statements:
+            stored.update(_stored(statement))
+        return frozenset(name for name, times in found.items() if times == stored[name])
 
     @cached_property
     def once(self) -> frozenset[str]:

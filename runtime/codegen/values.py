@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from runtime.codegen.types import (
     BOOL,
+    EITHER,
     FLOAT,
     INT,
     NONE,
@@ -75,9 +76,9 @@ def number(value: float) -> Value:
         return Value(INT, (text,), SIGN if value < 0 else ATOM, value, value, value + 1)
     value = float(value)
     if math.isnan(value):
-        return Value(FLOAT, ("NAN",), const=value)
+        return Value(FLOAT, ("(double)NAN",), SIGN, value)
     if math.isinf(value):
-        return Value(FLOAT, ("INFINITY" if value > 0 else "-INFINITY",), SIGN, value)
+        return Value(FLOAT, (f"{'-' * (value < 0.0)}(double)INFINITY",), SIGN, value)
     sign = math.copysign(1.0, value) < 0.0
     return Value(FLOAT, (repr(value),), SIGN if sign else ATOM, value)
 
@@ -220,7 +221,13 @@ def _number_as(value: Value, kind: Number) -> Value | None:
     if kind == FLOAT:
         if value.const is not UNKNOWN:
             return number(float(value.const))
+        if value.type == EITHER:
+            return replace(value, type=FLOAT)
         return Value(kind, (f"(double){value.within(ATOM)}",), SIGN)
+    if kind == EITHER and value.type != BOOL:
+        if value.const is not UNKNOWN:
+            return Value(EITHER, number(float(value.const)).texts, SIGN)
+        return replace(_number_as(value, FLOAT) or value, type=EITHER)
     if kind == INT and value.type == BOOL:
         if value.const is not UNKNOWN:
             return number(int(value.const))

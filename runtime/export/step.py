@@ -31,9 +31,9 @@ def literal(value: Any) -> str:
         return f"INT64_C({int(value)})" if abs(int(value)) >= 2**31 else str(int(value))
     number = float(value)
     if math.isnan(number):
-        return "NAN"
+        return "(double)NAN"
     if math.isinf(number):
-        return "INFINITY" if number > 0.0 else "-INFINITY"
+        return "(double)INFINITY" if number > 0.0 else "-(double)INFINITY"
     return repr(number)
 
 
