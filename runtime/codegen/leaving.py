@@ -1,8 +1,8 @@
 """Where a function ends after a failure, in C text that is compiled without jumps.
 
-See ``LEAVE`` in support.h: every function that may fail takes ``ctx``, and after each statement with
-such a call, the caller returns if there was a failure. Conditions and bounds of loops that may fail
-are computed in a statement before them.
+See ``LEAVE`` in support.h: every function that may fail takes ``ctx``, and after each statement
+with such a call, its caller returns if it failed. Conditions and bounds of loops that may fail are
+computed in a statement before them.
 """
 
 from __future__ import annotations

@@ -145,7 +145,12 @@ class Loops(Expressions, ast.NodeVisitor):
 
     def loop_name(self, name: str) -> str:
         """A C variable for a loop's index, if the source does not use it after the loop."""
-        return "" if name in self.function.loops_read_later else self.c_name(name)
+        if name in self.function.loops_read_later:
+            return ""
+        plain = self.c_name(name)
+        around = name in self.values and self.values[name].text == plain
+        hides = around or name not in self.function.indices
+        return self.fresh(plain) if hides else plain
 
     def loop(self, name: str, value: Value, node: ast.For) -> None:
         """A loop's body with its index as a C variable of the loop."""

@@ -99,6 +99,23 @@ class Function:
         return frozenset(name for name, times in total.items() if times > inside[name])
 
     @cached_property
+    def indices(self) -> frozenset[str]:
+        """Names that are only assigned to by ``for ... in range(...)``."""
+        found = Counter(
+            node.target.id
+            for statement in self.statements
+            for node in ast.walk(statement)
+            if isinstance(node, ast.For)
+            and isinstance(node.target, ast.Name)
+            and isinstance(node.iter, ast.Call)
+            and ast.unparse(node.iter.func) == "range"
+        )
+        stored = Counter(self.parameters)
+        for statement in self.statements:
+            stored.update(_stored(statement))
+        return frozenset(name for name, times in found.items() if times == stored[name])
+
+    @cached_property
     def once(self) -> frozenset[str]:
         """Names that keep the value that they are given first."""
         return frozenset(name for name, times in self.counts.items() if times == 1)

@@ -253,8 +253,8 @@ INLINE double length_of(double a, double b)
 {
     double x[2] = {fabs(a), fabs(b)};
     double most = x[0] > x[1] ? x[0] : x[1];
-    if (isinf(x[0]) || isinf(x[1])) return INFINITY;
-    if (isnan(x[0]) || isnan(x[1])) return NAN;
+    if (isinf(x[0]) || isinf(x[1])) return (double)INFINITY;
+    if (isnan(x[0]) || isnan(x[1])) return (double)NAN;
     if (most == 0.0) return 0.0;
     int exponent;
     frexp(most, &exponent);

@@ -75,9 +75,9 @@ def number(value: float) -> Value:
         return Value(INT, (text,), SIGN if value < 0 else ATOM, value, value, value + 1)
     value = float(value)
     if math.isnan(value):
-        return Value(FLOAT, ("NAN",), const=value)
+        return Value(FLOAT, ("(double)NAN",), SIGN, value)
     if math.isinf(value):
-        return Value(FLOAT, ("INFINITY" if value > 0 else "-INFINITY",), SIGN, value)
+        return Value(FLOAT, (f"{'-' * (value < 0.0)}(double)INFINITY",), SIGN, value)
     sign = math.copysign(1.0, value) < 0.0
     return Value(FLOAT, (repr(value),), SIGN if sign else ATOM, value)
 

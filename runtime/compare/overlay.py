@@ -21,6 +21,7 @@ from runtime.plots import (
     WIDTH,
     arrange,
     axis_label,
+    coincident,
     contacts,
     disable_math,
     display_names,
@@ -175,15 +176,21 @@ def _moving(panels: Mapping[str, Sequence[_Line]]) -> Mapping[str, Sequence[_Lin
     return shown or panels
 
 
+def _covered(lines: Sequence[FloatArray]) -> list[int]:
+    """How many lines each one covers, without one: the first is wider and stays visible."""
+    return [max(0, count - 1) for count in coincident(lines)]
+
+
 def _draw(axes: Axes, lines: Sequence[_Line]) -> None:
     order = layers([line.y for line in lines])
+    covered = _covered([line.y for line in lines])
     for i, line in enumerate(lines):
         draw_series(
             *(axes, line.t, line.y, line.held),
             label=line.label,
             linewidth=LATER if i or len(lines) == 1 else FIRST,
             zorder=order[i],
-            **line_style(i),
+            **line_style(i, covered[i]),
         )
     values = [line.y[np.isfinite(line.y)] for line in lines]
     if min(y.min(initial=0.0) for y in values) < 0.0 < max(y.max(initial=0.0) for y in values):
@@ -302,8 +309,9 @@ def _map(figure: Figure, runs: Sequence[Run], plot: PlotSpec, poses: Sequence[Re
     """The first run's world, with the trajectories of all runs."""
     xy = np.concatenate([recorded.values[:, :2] for recorded in poses])
     axes, handles = map_axes(figure, plot, runs[0].result, xy)
+    covered = _covered([recorded.values[:, :2] for recorded in poses])
     for i, recorded in enumerate(poses):
-        look = line_style(i) | {"linewidth": LATER + 0.2 if i else FIRST}
+        look = line_style(i, covered[i]) | {"linewidth": LATER + 0.2 if i else FIRST}
         handles += axes.plot(*recorded.values[:, :2].T, label=recorded.name, zorder=2.6, **look)
     for touched in contacts(plot, [run.result for run in runs]):
         handles.append(mark_contacts(axes, touched.values))

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from blocks.core import FloatArray, ParameterError
+from runtime.engine.beside import Beside
 from runtime.engine.diagnosis import Diagnosis
 from runtime.engine.interrupts import stoppable
 from runtime.engine.naming import GLOBALS
@@ -138,7 +139,10 @@ class Engine:
             RunContext(self.program, self.state.blocks, self.namespace, self.note)
         )
         self.state.arrays["run/plan"] = made.numbers
-        self.runner = self.exact = ExactRunner(self.state, made, self._python)
+        self.state.compiled = set(made.blocks)
+        own = self.state.own & self.state.compiled
+        beside = Beside(self.state, own, self.namespace, made.read) if own else None
+        self.runner = self.exact = ExactRunner(self.state, made, self._python, beside)
         return made
 
     def solve(self) -> list[Problem]:
@@ -236,7 +240,7 @@ class Engine:
     def _start(self) -> None:
         """Initialise the states, and compute the constant outputs."""
         functions = (
-            *(math.isfinite, math.isnan, np.dot, np.array, np.full),
+            *(math.isfinite, math.isnan, np.vdot, np.array, np.full),
             *(self.checks.forms, sealed, self.checks.not_finite),
         )
         self.namespace: dict[str, Any] = dict(zip(GLOBALS, functions, strict=True))

@@ -20,7 +20,11 @@ def absent_value(kind: SignalType, number: float | None) -> str:
 
 
 def finite_test(signals: dict[str, SignalType]) -> str:
-    """An expression that is true while signals hold only valid numbers."""
+    """An expression that is true while signals hold only valid numbers.
+
+    It is fast, and false as well where the sum or the square of large numbers is infinite: what it
+    calls wrong is looked at again. ``np.dot`` would warn of these squares.
+    """
     finite: list[str] = []
     others: list[str] = []
     for variable, kind in signals.items():
@@ -29,7 +33,6 @@ def finite_test(signals: dict[str, SignalType]) -> str:
         elif kind.form == "record":
             finite += [f"{variable}[{i}]" for i in range(len(kind.components))]
         else:
-            flat = f"{variable}.ravel()" if kind.components else variable
-            (finite if kind.finite else others).append(f"dot({flat}, {flat})")
+            (finite if kind.finite else others).append(f"vdot({variable}, {variable})")
     tests = [f"isfinite({' + '.join(finite)})"] if finite else []
     return " and ".join(tests + [f"not isnan({term})" for term in others])

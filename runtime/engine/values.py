@@ -68,16 +68,18 @@ class OutputChecks:
             self.form(block, port, item)
         return value
 
-    def not_finite(self, block: str, method: str, *values: Any) -> NoReturn:
-        """Raise the error of a method whose outputs are not finite; called by the plan."""
+    def not_finite(self, block: str, method: str, *values: Any) -> None:
+        """Raise the error of a method whose outputs are not finite; called by the plan.
+
+        Returns if all are valid, and only their sum or a square is not.
+        """
         evaluations = self.network.entries[block].cls.spec.evaluations
-        why = self.network.entries[block].made.why_not_finite()
-        why = f"; {why}" if why else ""
         (outputs,) = (each.outputs for each in evaluations if each.method == method)
         for port, value in zip(outputs, values, strict=True):
             if _is_bad(self.network.types[block, port], value):
+                why = self.network.entries[block].made.why_not_finite()
+                why = f"; {why}" if why else ""
                 raise NotFiniteError(f"output '{port}' is not finite: {brief(value)}{why}")
-        raise NotFiniteError(f"an output is not finite: {brief(values)}{why}")
 
     def rates(self, block: str, value: Any) -> Any:
         """Check what a block's derivative returned on its first tick; returns the value.

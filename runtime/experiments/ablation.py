@@ -17,6 +17,7 @@ from runtime.experiments.analysis import (
     ComparisonLine,
     Test,
     compare,
+    is_same,
 )
 from runtime.experiments.design import BASELINE, Variant
 from runtime.experiments.execution import (
@@ -58,7 +59,7 @@ class AblationResult:
     is_interrupted: bool = False
 
     def lines(self) -> list[ComparisonLine]:
-        """The lines of the table; a trial that is not ok has no values."""
+        """The lines of the table; a trial that is not ok has no values that are finite."""
         values = {
             name: {
                 metric: [row.metrics[i] for row in rows]
@@ -66,7 +67,14 @@ class AblationResult:
             }
             for name, rows in self.rows.items()
         }
-        return compare(values, BASELINE, self.test, self._removed_metrics())
+        same = {
+            (name, metric)
+            for name, rows in self.rows.items()
+            for i, metric in enumerate(self.plan.metrics)
+            if is_same(rows, i)
+        }
+        removed = self._removed_metrics()
+        return compare(values, BASELINE, self.test, removed, same, self.plan.ends)
 
     def _removed_metrics(self) -> set[tuple[str, str]]:
         """(variant, metric) where the variant removes what the metric measures."""
@@ -88,6 +96,7 @@ class AblationResult:
             "seeds": list(plan.seeds),
             "metrics": list(plan.metrics),
             "units": plan.units,
+            "never": plan.never,
             "confidence": CONFIDENCE,
             "test": TESTS[self.test],
             "correction": CORRECTION,

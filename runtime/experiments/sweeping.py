@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from runtime.errors import UsageError
-from runtime.experiments.analysis import Tally
+from runtime.experiments.analysis import ANY, NEVER, Tally
 from runtime.experiments.execution import (
     INDEX,
     SCHEMA_VERSION,
@@ -79,6 +79,7 @@ class SweepResult:
             "seeds": str(plan.seeds),
             "metrics": list(plan.metrics),
             "units": plan.units,
+            "never": plan.never,
             "objective": None if goal is None else {"metric": goal.metric, "goal": goal.goal},
             "best": [
                 {"values": dict(zip(factors, ranked.cells, strict=True))}
@@ -100,7 +101,9 @@ def run_sweep(plan: ExperimentPlan, options: SweepOptions, progress: Progress) -
     """
     began = time.perf_counter()
     column = None if plan.objective is None else plan.metrics.index(plan.objective.metric)
-    tally = Tally(len(plan.seeds), column, plan.objective)
+    metric = "" if plan.objective is None else plan.objective.metric
+    ends, never = plan.ends.get(metric, ANY), plan.never.get(metric, NEVER)
+    tally = Tally(len(plan.seeds), column, plan.objective, ends, never)
     retention = RetentionPolicy(
         options.folder, options.keep, plan.objective, column, options.timeout
     )

@@ -16,19 +16,23 @@ from runtime.dataframes import dataframe
 from runtime.document import parse_yaml
 from runtime.experiments.ablation import AblationResult
 from runtime.experiments.analysis import (
+    ANY,
+    NEVER,
+    SAME,
+    SAME_RUNS,
     ComparisonLine,
     Estimate,
     comparison_rows,
     comparison_table,
-    estimate,
     gather,
     legend,
+    mean_of,
 )
 from runtime.experiments.design import Objective
 from runtime.experiments.execution import INDEX, Columns, Row, read_rows
 from runtime.experiments.sweeping import SweepResult
 from runtime.runs import Figures
-from runtime.terminal import number, table, with_unit
+from runtime.terminal import table, with_unit
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -46,7 +50,7 @@ class TrialRecord:
     ----------
     values : of each factor; for an ablation, the name of its ``variant``.
     status : ``ok``, ``failed``, ``timeout`` or ``lost``; ``reason`` is '' if it is ok.
-    metrics : None where a metric has no value.
+    metrics : None where a metric has no value, infinite for what was never reached.
     wall_s : how long it took (s).
     """
 
@@ -79,6 +83,7 @@ class _Table:
     seeds : each configuration ran with each of them.
     trials : all runs, in the order of the plan.
     units : of the metrics that have one.
+    never : what an infinite value of a metric means, such as ``never settled``.
     folder : the experiment's folder, for ``runtime report``. Without a folder of your own it is a
         temporary one, which is removed together with this object.
     """
@@ -87,6 +92,7 @@ class _Table:
     seeds: tuple[int, ...]
     trials: tuple[TrialRecord, ...] = field(repr=False)
     units: Mapping[str, str] = field(repr=False)
+    never: Mapping[str, str] = field(repr=False)
     folder: Path = field(repr=False)
 
     def with_temporary(self, folder: Path) -> Self:
@@ -143,13 +149,18 @@ class SweepTable(_Table):
             SweepConfiguration(
                 _values(columns, group.cells),
                 sum(row.status == "ok" for row in group.rows),
-                {name: estimate(group.values(i)) for i, name in enumerate(plan.metrics)},
+                {
+                    name: group.estimate(i, plan.ends.get(name, ANY))
+                    for i, name in enumerate(plan.metrics)
+                },
             )
             for group in groups
         )
         trials = tuple(_record(row, columns) for row in rows)
-        shared = (plan.name, seeds, trials, plan.units, result.folder)
-        return cls(*shared, columns.factors, configurations, plan.objective)
+        return cls(
+            *(plan.name, seeds, trials, plan.units, plan.never, result.folder),
+            *(columns.factors, configurations, plan.objective),
+        )
 
     @property
     def best(self) -> SweepConfiguration | None:
@@ -158,7 +169,7 @@ class SweepTable(_Table):
         if goal is None:
             return None
         metric, most = goal.metric, len(self.seeds)
-        whole = [found for found in self.configurations if found.metrics[metric].n == most]
+        whole = [found for found in self.configurations if found.metrics[metric].is_over(most)]
         return min(whole, key=lambda found: goal.of(found.metrics[metric].mean), default=None)
 
     def plot(self) -> Figures:
@@ -175,9 +186,13 @@ class SweepTable(_Table):
         for found in self.configurations[:MOST]:
             given = (_cell(value) for value in found.values.values())
             share = () if is_ok else (f"{found.ok}/{len(self.seeds)}",)
-            means = (_mean(each, len(self.seeds)) for each in found.metrics.values())
+            means = (self._mean(name, each) for name, each in found.metrics.items())
             rows.append((*given, *share, *means))
         return rows
+
+    def _mean(self, metric: str, found: Estimate) -> str:
+        """A mean with half of its interval, and how many seeds have a value if not all."""
+        return mean_of(found, len(self.seeds), self.never.get(metric, NEVER), spread=True)
 
     def _head(self) -> str:
         count = len(self.configurations)
@@ -193,12 +208,14 @@ class SweepTable(_Table):
         if best is not None and self.objective is not None:
             goal = "smallest" if self.objective.goal == "minimize" else "largest"
             chosen = ", ".join(f"{path}={_cell(value)}" for path, value in best.values.items())
-            mean = _mean(best.metrics[self.objective.metric], len(self.seeds))
+            mean = self._mean(self.objective.metric, best.metrics[self.objective.metric])
             metric = with_unit(self.objective.metric, self.units)
             notes.append(f"{goal} {metric}: {mean} at {chosen or 'its only configuration'}")
         found = [e for each in self.configurations for e in each.metrics.values()]
         notes += [HALF] * any(each.n > 1 for each in found)
-        notes += [SOME] * any(0 < each.n < len(self.seeds) for each in found)
+        notes += [f"{SAME}: {SAME_RUNS}."] * any(each.is_same for each in found)
+        seeds = len(self.seeds)
+        notes += [SOME] * any(each.n and not each.is_over(seeds) for each in found)
         return [*notes, *self._failures()]
 
     def __repr__(self) -> str:
@@ -231,7 +248,9 @@ class AblationTable(_Table):
         return cls(
             *(plan.name, tuple(plan.seeds)),
             tuple(_record(row, plan.columns) for row in sorted(rows, key=lambda row: row.trial)),
-            *(plan.units, result.folder),
+            plan.units,
+            plan.never,
+            result.folder,
             tuple(result.variants),
             lines,
             result.essential,
@@ -271,11 +290,11 @@ class AblationTable(_Table):
         return [*self.legend.splitlines(), *essential * bool(self.essential), *self._failures()]
 
     def __repr__(self) -> str:
-        shown = comparison_table(self.lines, self.units)
+        shown = comparison_table(self.lines, self.units, self.never)
         return "\n".join([self._head(), shown, *self._notes()])
 
     def _repr_html_(self) -> str:
-        rows = comparison_rows(self.lines, self.units)
+        rows = comparison_rows(self.lines, self.units, self.never)
         return _html(self._head(), rows, self._notes()) + self.plot()._repr_html_()
 
 
@@ -296,13 +315,6 @@ def _record(row: Row, columns: Columns) -> TrialRecord:
 
 def _cell(value: object) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
-
-
-def _mean(found: Estimate, runs: int) -> str:
-    """A mean with half of its interval, and how many seeds have a value if not all."""
-    half = f" ± {number(0.5 * (found.high - found.low))}" if found.n > 1 else ""
-    share = f" ({found.n}/{runs})" if found.n < runs else ""
-    return f"{number(found.mean)}{half}{share}" if found.n else "-"
 
 
 def _html(head: str, rows: Sequence[Sequence[str]], notes: Sequence[str]) -> str:

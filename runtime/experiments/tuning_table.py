@@ -42,13 +42,16 @@ class TuningTable:
     Parameters
     ----------
     configurations : all that were tried, the graph's own values first.
-    winners : the best one, or the front; at most five.
+    winners : the best one, or the front, of the training runs; at most five. Empty if nothing is
+        better than the graph's own values.
+    better : those of them that are better on the held-out runs, too.
     judgements : the graph's own values and the winners on the training and the held-out runs.
     folder : the tuning's folder.
     """
 
     configurations: tuple[Tried, ...] = field(repr=False)
     winners: tuple[Tried, ...]
+    better: tuple[Tried, ...]
     judgements: tuple[Judgement, ...] = field(repr=False)
     paths: tuple[str, ...]
     folder: Path = field(repr=False)
@@ -60,6 +63,7 @@ class TuningTable:
         return cls(
             tuple(result.tried),
             tuple(result.winners),
+            tuple(result.better),
             tuple(judgements(result)),
             result.plan.paths,
             result.folder,
@@ -68,10 +72,10 @@ class TuningTable:
 
     @property
     def best(self) -> dict[str, object]:
-        """The values of the first winner by path; empty if there is none."""
-        if not self.winners:
+        """The values of the first of ``better`` by path; empty if there is none."""
+        if not self.better:
             return {}
-        return dict(zip(self.paths, self.winners[0].values or (), strict=True))
+        return dict(zip(self.paths, self.better[0].values or (), strict=True))
 
     def __str__(self) -> str:
         return self.text

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,11 +12,12 @@ import numpy as np
 from runtime.engine import Engine
 from runtime.errors import UsageError
 from runtime.export.files import Replay, header, source, test
+from runtime.export.layout import Layout
+from runtime.export.names import check_name
 from runtime.export.recording import Native, record, run_natively, usual_ticks
 from runtime.export.report import cortex_sizes, report
 from runtime.export.selection import Selection, named_blocks, select
-from runtime.export.step import KEYWORDS, Layout
-from runtime.export.units import Units, write_units
+from runtime.export.units import write_units
 from runtime.files import own_file, own_folder, system_errors, write_whole
 from runtime.graph import Graph
 from runtime.toolchain import available
@@ -55,6 +55,7 @@ def export(
     name: str = "controller",
     float32: bool = False,
     ticks: int | None = None,
+    hold: bool = False,
 ) -> Exported:
     """Write blocks of a graph as C: source, header, test and report.
 
@@ -64,17 +65,17 @@ def export(
     name : of the files, the struct and the functions.
     float32 : compute in float instead of double.
     ticks : length of the recorded run that the test replays.
+    hold : inputs that are not finite keep their last value, instead of being a failure.
 
     Raises
     ------
     UsageError : a name is unknown, or there is nothing to export.
     GraphError : blocks cannot be exported; each is named with the reason.
     """
-    if not re.fullmatch("[A-Za-z][A-Za-z0-9_]*", name) or name in KEYWORDS:
-        raise UsageError(f"--name: expected a name for C functions, got '{name}'")
+    check_name(name)
     network = graph.network
     selection = select(graph.program().plan, named_blocks(network, blocks, others))
-    layout = _layout(graph, selection, name)
+    layout = _layout(graph, selection, name, hold)
     length = usual_ticks(selection) if ticks is None else min(ticks, network.ticks)
     replay = record(graph, selection, length)
     about = _about(graph, selection, float32)
@@ -95,17 +96,18 @@ def export(
     return Exported(place, tuple(files), files["report.txt"], *ends)
 
 
-def _layout(graph: Graph, selection: Selection, name: str) -> Layout:
+def _layout(graph: Graph, selection: Selection, name: str, hold: bool) -> Layout:
     """The blocks' C text, with the values that they start with."""
     program = graph.program()
     engine = Engine(program, graph.network.seed)
     engine.prepare()
-    units = write_units(selection, engine.state.blocks)
+    units = write_units(selection, engine.state.blocks, name)
     constants = {
         port: np.asarray(engine.namespace[program.plan.variables[port]])
         for port in selection.constants
     }
-    return Layout(name, selection, units, constants, _arena(units))
+    arena = max(units.reserved, UNMEASURED if units.open else 0)
+    return Layout(name, selection, units, constants, arena, hold)
 
 
 def _measured(
@@ -121,16 +123,11 @@ def _measured(
 
     found = native(layout)
     if layout.units.open:
-        arena = max(math.ceil(SPARE * found.arena), layout.units.largest)
+        arena = max(math.ceil(SPARE * found.arena), layout.units.reserved)
         layout = replace(layout, arena=arena)
         found = native(layout)
     _check(found, float32)
     return layout, found
-
-
-def _arena(units: Units) -> int:
-    """Bytes for local arrays, before anything was measured."""
-    return max(units.arena, UNMEASURED if units.open else 0)
 
 
 def _check(native: Native, float32: bool) -> None:

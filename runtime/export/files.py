@@ -12,8 +12,10 @@ import numpy as np
 
 from blocks.core import FloatArray
 from runtime.codegen import support
+from runtime.export.layout import Layout, comment
+from runtime.export.operations import MATH
 from runtime.export.selection import Port
-from runtime.export.step import Layout, StepText, comment, literal, table
+from runtime.export.step import StepText, literal, table
 from runtime.export.templates import HEADER, SOURCE, TEST
 
 HELPERS = {
@@ -31,14 +33,12 @@ HELPERS = {
             "    for (int64_t i = 0; i < n; i++) to[i] = 0;\n}}\n",
         ),
     )
+} | {
+    name: f"static bool {name}(const double *a, int64_t n)\n{{\n"
+    f"    for (int64_t i = 0; i < n; i++)\n        if ({wrong}) return false;\n"
+    "    return true;\n}\n"
+    for name, wrong in (("all_finite", "!isfinite(a[i])"), ("no_nan", "isnan(a[i])"))
 }
-MATH = (
-    *("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh"),
-    *("cosh", "tanh", "asinh", "acosh", "atanh", "exp", "expm1", "exp2"),
-    *("log", "log1p", "log2", "log10", "sqrt", "cbrt", "floor", "ceil"),
-    *("trunc", "rint", "round", "fabs", "hypot", "copysign", "fmod", "pow"),
-    *("remainder", "frexp", "ldexp", "fmin", "fmax", "nearbyint"),
-)
 NUMBER = re.compile(r"(?<![\w.])(\d+\.\d*(?:[eE][+-]?\d+)?|\d+[eE][+-]?\d+)(?![\w.])")
 LENGTH = re.compile(r"INLINE double length_of\(.*?\n\}\n", re.DOTALL)
 
@@ -59,6 +59,10 @@ def header(layout: Layout, about: Sequence[str], float32: bool) -> str:
     name, selection = layout.name, layout.selection
     guard = f"{name.upper()}_H"
     signals = [(s.block, port) for s in selection.steps for port in s.evaluation.outputs]
+    declared = [layout.declared(port) for port in signals]
+    if layout.hold:
+        names = {port: layout.names[(*port, "held")] for port in selection.inputs}
+        declared += [layout.declared(port, name) for port, name in names.items()]
     members = [
         f"    {_c_type(v)} {member}[{v.size}];" for _, member, v in layout.states() if v.size
     ]
@@ -70,16 +74,27 @@ def header(layout: Layout, about: Sequence[str], float32: bool) -> str:
         name=name,
         inputs=_members(layout, selection.inputs),
         outputs=_members(layout, selection.outputs),
-        signals="\n".join(map(layout.declared, signals)),
+        signals="\n".join(declared),
         states="\n".join(members),
         arena=layout.arena_words,
+        most="    int64_t arena_most; /* bytes of it that were ever used */\n"
+        if layout.units.open
+        else "",
+        wrong=_wrong(layout),
         learnt=comment(_learnt(layout)),
     )
     return single(text) if float32 else text
 
 
+def _wrong(layout: Layout) -> str:
+    """What happens to inputs that are not finite."""
+    if layout.hold:
+        return "Inputs that are not finite keep their last value that was."
+    return "Inputs that are not finite are a failure."
+
+
 def _learnt(layout: Layout) -> str:
-    names = [f"{b}.{m.rpartition('__')[2]}" for b, m, _ in layout.states() if layout.is_learnt(m)]
+    names = [f"{b}.{layout.said[m]}" for b, m, _ in layout.states() if layout.is_learnt(m)]
     return ", ".join(names) or "nothing here learns"
 
 
@@ -96,7 +111,7 @@ def source(layout: Layout, about: Sequence[str], float32: bool) -> str:
     name, writer = layout.name, StepText(layout)
     reset, learnt = list(writer.initial(kept=False)), list(writer.initial(kept=True))
     body = writer.step()
-    statements = "\n".join([*reset, *learnt])
+    statements = "\n".join([*reset, *learnt, body])
     helpers = [text for call, text in HELPERS.items() if f"{call}(" in statements]
     text = SOURCE.substitute(
         about="\n * ".join(map(comment, about)),
@@ -109,8 +124,11 @@ def source(layout: Layout, about: Sequence[str], float32: bool) -> str:
         learnt="\n".join(learnt),
         dt=selection_dt(layout),
         body=body,
-        outputs=_outputs(layout, writer),
-        messages="\n".join(f"        {_quoted(text)}," for text in layout.messages()),
+        outputs=_outputs(layout),
+        measured="\n    c->arena_most = ctx.arena_most;" if layout.units.open else "",
+        measuring="\n    ctx.arena_most = c->arena_most;" if layout.units.open else "",
+        unmeasured="    c->arena_most = 0;\n" if layout.units.open else "",
+        messages="\n".join(f"        {_quoted(t)}," for _, t in layout.failures.values()),
     )
     text = re.sub(r"\n{3,}", "\n\n", text)
     return single(text) if float32 else text
@@ -127,20 +145,17 @@ def selection_dt(layout: Layout) -> str:
     return literal(layout.selection.network.dt)
 
 
-def _outputs(layout: Layout, writer: StepText) -> str:
-    """Check the outputs, and hand them out."""
-    tests, copies = [], []
-    for i, port in enumerate(layout.selection.outputs):
+def _outputs(layout: Layout) -> str:
+    """Hand out the outputs."""
+    copies = []
+    for port in layout.selection.outputs:
         name, count = layout.names[port], layout.count(port)
-        number = len(layout.units.failures) + 1 + i
-        scalar = layout.kind(port).form == "scalar"
-        place = f"c->{name}" if scalar else f"c->{name}[i]"
-        bad = f"isnan({place})" if not layout.kind(port).finite else f"!isfinite({place})"
-        loop = "" if scalar else f"for (int i = 0; i < {count}; i++) "
-        tests.append(f"    {loop}if ({bad}) return c->failure = {number};")
-        copies.append(f"    {loop}out->{name}{'' if scalar else '[i]'} = {place};")
+        if layout.kind(port).form == "scalar":
+            copies.append(f"    out->{name} = c->{name};")
+        else:
+            copies.append(f"    for (int i = 0; i < {count}; i++) out->{name}[i] = c->{name}[i];")
     unused = [] if layout.selection.inputs else ["    (void)in;"]
-    return "\n".join([*unused, *tests, *copies])
+    return "\n".join([*unused, *copies])
 
 
 def _quoted(text: str) -> str:
@@ -152,7 +167,7 @@ def test(layout: Layout, replay: Replay, tolerance: float, said: str, float32: b
     """A program that replays a recording and compares every output."""
     name, selection = layout.name, layout.selection
     ports = [*selection.inputs, *selection.outputs]
-    tables = [table(layout.names[port], replay.values[port]) for port in ports]
+    tables = [table(f"table_{layout.names[port]}", replay.values[port]) for port in ports]
     gives = [_row(layout, port, "in.{0} = ({2}){1};", float32) for port in selection.inputs]
     compares = [
         _row(layout, port, f"compare({i}, (double)out.{{0}}, {{1}});", float32)
@@ -181,8 +196,9 @@ def _row(layout: Layout, port: Port, form: str, float32: bool) -> str:
     row = "tick" if every == 1 else f"tick / {every}"
     c_type = "float" if float32 else "double"
     if layout.kind(port).form == "scalar":
-        return " " * 8 + form.format(name, f"{name}[{row}]", c_type)
-    place = f"{name}[{row} * {count} + i]" if every == 1 else f"{name}[({row}) * {count} + i]"
+        return " " * 8 + form.format(name, f"table_{name}[{row}]", c_type)
+    row = row if every == 1 else f"({row})"
+    place = f"table_{name}[{row} * {count} + i]"
     statement = form.format(f"{name}[i]", place, c_type)
     return " " * 8 + f"for (int i = 0; i < {count}; i++) {statement}"
 

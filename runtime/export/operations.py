@@ -6,13 +6,20 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from runtime.export.files import MATH
-
 HEAD = re.compile(r"^static (?:const )?(?:struct )?\w+ \**(\w+)\((.*)\)$")
 LOOP = re.compile(r"for \((?:int64_t )?\w+ = ([^;]+); \w+ < ([^;]+); \w+(?:\+\+| \+= (\d+))\)")
 FIXED = re.compile(r"const int64_t (\w+) = (?:clamped\(.*, )?(\d+)\)?;")
 CALL = re.compile(r"\b([A-Za-z_]\w*)\(")
 ARITHMETIC = re.compile(r" (?:[-+*]=?) |-=|\+=|\*=")
+TAKEN = re.compile(r"\btake\(ctx, (.*), \d+\);")
+ALIGNED = 32  # bytes that local arrays are multiples of, see take in support.h
+MATH = (
+    *("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh"),
+    *("cosh", "tanh", "asinh", "acosh", "atanh", "exp", "expm1", "exp2"),
+    *("log", "log1p", "log2", "log10", "sqrt", "cbrt", "floor", "ceil"),
+    *("trunc", "rint", "round", "fabs", "hypot", "copysign", "fmod", "pow"),
+    *("remainder", "frexp", "ldexp", "fmin", "fmax", "nearbyint"),
+)
 ONES = ("least", "greatest", "np_least", "np_greatest", "sign_of")
 
 
@@ -22,13 +29,16 @@ class Operations:
 
     arithmetic : additions, subtractions, multiplications, minima and maxima. divisions : also
     remainders. functions : calls of math.h. open_loops : loops whose length depends on data, each
-    counted as one pass.
+    counted as one pass. reserved : bytes of local arrays whose size is known. is_open : whether
+    there are others, or some in a loop whose length depends on data.
     """
 
     arithmetic: int = 0
     divisions: int = 0
     functions: int = 0
     open_loops: int = 0
+    reserved: int = 0
+    is_open: bool = False
 
     def add(self, other: Operations, times: int = 1) -> None:
         """Add what is done a number of times."""
@@ -36,6 +46,8 @@ class Operations:
         self.divisions += times * other.divisions
         self.functions += times * other.functions
         self.open_loops += other.open_loops
+        self.reserved += times * other.reserved
+        self.is_open |= other.is_open
 
 
 @dataclass
@@ -54,29 +66,36 @@ class Counter:
 
     def body(self, lines: list[str]) -> Operations:
         total, times, known = Operations(), [1], dict[str, int]()
+        opened = [False]  # of the blocks around a line, which are in a loop of unknown length
         for line in lines:
             found = FIXED.search(line)
             if found:
                 known[found.group(1)] = int(found.group(2))
             loop = LOOP.search(line)
-            factor = 1
+            factor, is_open = 1, "while (" in line
             if loop:
                 factor, is_open = _passes(loop, known)
-                total.open_loops += is_open
-            elif "while (" in line:
-                total.open_loops += 1
+            total.open_loops += is_open
             inside = LOOP.sub("", line)
             closed = line.lstrip().startswith("}")
             if closed and len(times) > 1:
                 times.pop()
-            total.add(self.line(inside), times[-1] * factor)
+                opened.pop()
+            done = self.line(inside)
+            done.is_open |= bool(done.reserved) and (opened[-1] or is_open)
+            total.add(done, times[-1] * factor)
             if line.rstrip().endswith("{"):
                 times.append(times[-1] * factor)
+                opened.append(opened[-1] or is_open)
         return total
 
     def line(self, line: str) -> Operations:
         """The operations of a line."""
         found = Operations()
+        taken = TAKEN.search(line)
+        if taken and taken[1].isdigit():
+            found.reserved = -(-int(taken[1]) // ALIGNED) * ALIGNED
+        found.is_open = taken is not None and not taken[1].isdigit()
         integer = re.match(r"\s*(?:const )?(?:int64_t|bool) ", line) is not None
         plain = _outside_brackets(line)
         if not integer:

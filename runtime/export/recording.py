@@ -11,8 +11,8 @@ import numpy as np
 from runtime.engine import Engine
 from runtime.errors import UsageError
 from runtime.export.files import Replay
+from runtime.export.layout import Layout
 from runtime.export.selection import Port, Selection
-from runtime.export.step import Layout
 from runtime.graph import Graph
 from runtime.toolchain import Unit, build
 
@@ -91,10 +91,13 @@ def run_natively(layout: Layout, header: str, source: str, replay: Replay, float
     text = source.replace(f'#include "{name}.h"', header)
     text += f"\nint64_t {name}_size(void);\nint64_t {name}_size(void)\n"
     text += f"{{\n    return (int64_t)sizeof(struct {name});\n}}\n"
+    most = "c->arena_most" if layout.units.open else f"(void)c, {layout.units.reserved}"
+    text += f"\nint64_t {name}_used(const struct {name} *c);\nint64_t {name}_used"
+    text += f"(const struct {name} *c)\n{{\n    return {most};\n}}\n"
     library = build([Unit(name, text)]).functions
     number = np.float32 if float32 else np.float64
     size = int(getattr(library, f"{name}_size")())
-    memory = np.full(size, FILL, dtype=np.uint8)
+    memory = np.full(size, FILL, dtype=np.uint8)  # init must not need zeros
     inputs, outputs = layout.selection.inputs, layout.selection.outputs
     given = np.zeros(max(1, sum(map(layout.count, inputs))), dtype=number)
     made = np.zeros(sum(map(layout.count, outputs)), dtype=number)
@@ -117,7 +120,7 @@ def run_natively(layout: Layout, header: str, source: str, replay: Replay, float
             with np.errstate(invalid="ignore"):
                 apart = np.where(found == row, 0.0, np.abs(found - row) / (1.0 + np.abs(row)))
             largest[port] = max(largest[port], float(np.max(apart, initial=0.0)))
-    return Native(largest, _used(memory, 8 * layout.arena_words), size)
+    return Native(largest, int(getattr(library, f"{name}_used")(places[0])), size)
 
 
 def _rows(
@@ -128,9 +131,3 @@ def _rows(
         row = replay.values[port][tick // layout.selection.every(port)]
         into[at : at + len(row)] = row
         at += len(row)
-
-
-def _used(memory: AnyArray, arena: int) -> int:
-    """How many bytes of the arena, the last member, were written to."""
-    changed = np.flatnonzero(memory[memory.size - arena :] != FILL)
-    return int(changed[-1]) + 1 if changed.size else 0

@@ -8,9 +8,9 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from runtime.export.layout import Layout
 from runtime.export.operations import Operations, counter
 from runtime.export.recording import Native
-from runtime.export.step import Layout
 
 CORTEX = ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard")
 COMPILER, SIZE = "arm-none-eabi-gcc", "arm-none-eabi-size"

@@ -25,6 +25,7 @@ class Selection:
     inputs : outputs of other blocks that they read.
     outputs : their outputs that others read; all that nobody reads, if there are none.
     constants : constant outputs that they read.
+    resetting : blocks that reset the part that they switch, where some of it is exported.
     """
 
     plan: Plan
@@ -34,6 +35,7 @@ class Selection:
     inputs: tuple[Port, ...]
     outputs: tuple[Port, ...]
     constants: tuple[Port, ...]
+    resetting: tuple[str, ...] = ()
 
     @property
     def network(self) -> Network:
@@ -94,13 +96,17 @@ def select(plan: Plan, chosen: frozenset[str]) -> Selection:
         for wire in network.driving
         if wire.block in chosen
     }
+    switches = dict.fromkeys(n for b in sorted(chosen) for n in plan.enables.get(b, ()))
+    sources |= {(name, "on"): None for name in switches}
     steps = tuple(s for s in plan.steps if s.block in chosen and not s.constant)
-    updates = tuple(u for u in Emitter(plan, []).updates() if u[0] in chosen)
+    emitter = Emitter(plan, [])
+    updates = tuple(u for u in emitter.updates() if u[0] in chosen)
     read = {
         (wire.source.block, wire.source.port)
         for wire in network.driving
         if wire.block not in chosen
     }
+    read |= {(n, "on") for b, names in plan.enables.items() if b not in chosen for n in names}
     inside = {(wire.source.block, wire.source.port) for wire in network.driving}
     made = [(step.block, port) for step in steps for port in step.evaluation.outputs]
     outputs = [port for port in made if port in read] or [p for p in made if p not in inside]
@@ -113,6 +119,7 @@ def select(plan: Plan, chosen: frozenset[str]) -> Selection:
         tuple(p for p in sources if p[0] not in chosen and p not in constant),
         tuple(outputs or made),
         tuple(p for p in sources if p in constant),
+        tuple(name for name in emitter.resetting() if name in switches),
     )
     if not selection.outputs:
         names = ", ".join(sorted(chosen))
@@ -123,14 +130,10 @@ def select(plan: Plan, chosen: frozenset[str]) -> Selection:
 
 
 def _check_evaluation(selection: Selection) -> None:
-    """Check that no solver is needed, and that all blocks run in every tick of theirs."""
+    """Check that no solver is needed."""
     problems = []
     for name in selection.blocks:
         entry = selection.network.entries[name]
-        enables = selection.plan.enables.get(name)
-        if enables:
-            message = f"'{name}' cannot be exported: it runs only at times, as '{enables[-1]}' says"
-            problems.append(Problem(entry.node.where, entry.address, message))
         if entry.cls.spec.continuous:
             message = (
                 f"'{name}' cannot be exported: it has continuous states, which the graph's solver "
@@ -149,13 +152,16 @@ def _check_order(selection: Selection, chosen: frozenset[str]) -> None:
     for step in plan.steps:
         if step.block in chosen or step.constant:
             continue
-        for port in step.evaluation.needs:
-            for wire in wires.get((step.block, port), ()):
-                source = (wire.source.block, wire.source.port)
-                if source[0] in chosen and source not in selection.constants:
-                    behind |= {(step.block, out): source for out in step.evaluation.outputs}
-                elif source in behind:
-                    behind |= {(step.block, out): behind[source] for out in step.evaluation.outputs}
+        sources = [
+            (wire.source.block, wire.source.port)
+            for port in step.evaluation.needs
+            for wire in wires.get((step.block, port), ())
+        ]
+        for source in (*sources, *((name, "on") for name in step.enables)):
+            if source[0] in chosen and source not in selection.constants:
+                behind |= {(step.block, out): source for out in step.evaluation.outputs}
+            elif source in behind:
+                behind |= {(step.block, out): behind[source] for out in step.evaluation.outputs}
     problems = []
     for end in selection.inputs:
         if end in behind:

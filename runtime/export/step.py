@@ -1,156 +1,24 @@
-"""The C text of a controller: its struct, its initial values, and the straight-line step."""
+"""The C text of a controller: its initial values, and the straight-line step."""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
 from blocks.core import Evaluation, SignalType
-from runtime.engine import drivers
-from runtime.export.selection import Port, Selection
-from runtime.export.units import BlockText, Units
-from runtime.network import Endpoint, first_column
+from runtime.engine import Step, drivers
+from runtime.export.layout import Layout
+from runtime.export.selection import Port
+from runtime.export.units import BlockText
+from runtime.network import Endpoint, first_column, resets
 
 C_TYPES = {"f": "double", "i": "int64_t", "b": "bool"}
-LEARNT = ("weights",)  # states that a reset keeps
 WIDTH = 96
-KEYWORDS = frozenset(
-    (
-        *("auto", "bool", "break", "case", "char", "const", "continue", "default", "do", "double"),
-        *("else", "enum", "extern", "false", "float", "for", "goto", "if", "inline", "int", "long"),
-        *("register", "restrict", "return", "short", "signed", "sizeof", "static", "struct"),
-        *("switch", "true", "typedef", "union", "unsigned", "void", "volatile", "while", "main"),
-    )
-)
-# Names that the generated files use themselves.
-RESERVED = KEYWORDS | frozenset(
-    (
-        *("tick", "failure", "arena", "context", "draws", "in", "out", "c", "t", "ctx"),
-        *("labels", "largest", "compare", "controller", "resume", "i", "wrong", "bad"),
-    )
-)
-
-
-@dataclass(frozen=True)
-class Layout:
-    """Everything that the C text is written from.
-
-    Parameters
-    ----------
-    name : of the controller's struct and functions.
-    units : the blocks' functions.
-    constants : the values of constant outputs.
-    arena : bytes for local arrays of blocks.
-    """
-
-    name: str
-    selection: Selection
-    units: Units
-    constants: Mapping[Port, Any]
-    arena: int
-
-    @cached_property
-    def names(self) -> dict[Any, str]:
-        """C names of signals by (block, port), and of blocks by name."""
-        taken = set(RESERVED)
-        found: dict[Any, str] = {}
-        selection = self.selection
-        ports = [*selection.inputs, *selection.constants]
-        ports += [(s.block, port) for s in selection.steps for port in s.evaluation.outputs]
-        for key in (*ports, *selection.blocks):
-            text = key if isinstance(key, str) else "_".join(key)
-            plain = re.sub(r"\W", "_", text, flags=re.ASCII)
-            plain = f"_{plain}" if plain[:1].isdigit() else plain
-            while plain in taken:
-                plain += "_"
-            taken.add(plain)
-            found[key] = plain
-        return found
-
-    @property
-    def arena_words(self) -> int:
-        """The arena's length, in words of eight bytes."""
-        return max(1, -(-self.arena // 8))
-
-    def kind(self, port: Port) -> SignalType:
-        return self.selection.network.types[port]
-
-    def count(self, port: Port) -> int:
-        """How many numbers an output has."""
-        kind = self.kind(port)
-        return math.prod(kind.shape) if kind.form == "array" else len(kind.components) or 1
-
-    def declared(self, port: Port) -> str:
-        """The declaration of a signal's member, with what it is."""
-        kind = self.kind(port)
-        size = "" if kind.form == "scalar" else f"[{self.count(port)}]"
-        return f"    double {self.names[port]}{size}; /* {comment('.'.join(port))}: {kind} */"
-
-    def is_learnt(self, member: str) -> bool:
-        """Whether a reset keeps a state."""
-        return member.rpartition("__")[2] in LEARNT
-
-    def messages(self) -> list[str]:
-        """What failures mean, from number 1."""
-        names = [".".join(port) for port in self.selection.outputs]
-        return [*self.units.failures, *(f"output {name} is not finite" for name in names)]
-
-    def states(self) -> Iterator[tuple[str, str, np.ndarray[Any, Any]]]:
-        """The state arrays: block, member of the struct, initial values."""
-        for (block, word), (member, start) in self.places.items():
-            if not start and member == self.member(block, word):
-                yield block, member, self.arrays[block, word]
-
-    @cached_property
-    def arrays(self) -> dict[tuple[str, str], np.ndarray[Any, Any]]:
-        """The arrays of the blocks' states, by block and word."""
-        return {
-            (block, word): value
-            for block, text in self.units.blocks.items()
-            for (word, _), value, owned in zip(text.words, text.values, text.owned, strict=True)
-            if owned
-        }
-
-    @cached_property
-    def places(self) -> dict[tuple[str, str], tuple[str, int]]:
-        """Where each state array is: a member of the struct, and the element of its first one.
-
-        A state may have several names: arrays that share memory share a member.
-        """
-
-        def order(key: tuple[str, str]) -> tuple[int, int, bool, tuple[str, str]]:
-            array = self.arrays[key]
-            return (
-                array.ctypes.data,
-                -array.nbytes,
-                key[1].removeprefix("state_") not in LEARNT,
-                key,
-            )
-
-        found: dict[tuple[str, str], tuple[str, int]] = {}
-        member, first, end = "", 0, 0
-        for key in sorted(self.arrays, key=order):
-            array = self.arrays[key]
-            start = array.ctypes.data
-            if not start < end or not array.size:
-                member, first, end = self.member(*key), start, start + array.nbytes
-            found[key] = member, (start - first) // array.itemsize
-        return {key: found[key] for key in self.arrays}
-
-    def member(self, block: str, word: str) -> str:
-        """The struct's member for an array of its own."""
-        return f"{self.names[block]}__{word.removeprefix('state_')}"
-
-
-def comment(text: str) -> str:
-    """A text inside of a C comment, on one line."""
-    return " ".join(text.split()).replace("*/", "* /").replace("/*", "/ *")
 
 
 def literal(value: Any) -> str:
@@ -163,9 +31,9 @@ def literal(value: Any) -> str:
         return f"INT64_C({int(value)})" if abs(int(value)) >= 2**31 else str(int(value))
     number = float(value)
     if math.isnan(number):
-        return "NAN"
+        return "(double)NAN"
     if math.isinf(number):
-        return "INFINITY" if number > 0.0 else "-INFINITY"
+        return "(double)INFINITY" if number > 0.0 else "-(double)INFINITY"
     return repr(number)
 
 
@@ -193,78 +61,176 @@ class StepText:
         self.wires = drivers(self.network)
         self.tables: dict[str, str] = {}
         self.lines: list[str] = []
-        self.rate = 0
+        self.rate = 1
+        self.depth = 1
 
     # Initial values
 
     def initial(self, kept: bool) -> Iterator[str]:
         """The statements that set the states; ``kept`` are those that a reset leaves alone."""
         for _, member, values in self.layout.states():
-            if values.size == 0 or self.layout.is_learnt(member) != kept:
-                continue
-            kind = {"f": "numbers", "i": "integers", "b": "flags"}[values.dtype.kind]
-            if not np.any(values) and not np.signbit(values.astype(float)).any():
-                yield f"    clear_{kind}(c->{member}, {values.size});"
-                continue
-            name = f"{member}_0"
-            self.tables[name] = table(name, values)
-            yield f"    set_{kind}(c->{member}, {name}, {values.size});"
+            if values.size and self.layout.is_learnt(member) == kept:
+                yield f"    {self.initialised(member, values)}"
+
+    def initialised(self, member: str, values: np.ndarray[Any, Any]) -> str:
+        """The statement that sets a state to what it begins with."""
+        kind = {"f": "numbers", "i": "integers", "b": "flags"}[values.dtype.kind]
+        if not np.any(values) and not np.signbit(values.astype(float)).any():
+            return f"clear_{kind}(c->{member}, {values.size});"
+        name = f"table_{member}"
+        self.tables[name] = table(name, values)
+        return f"set_{kind}(c->{member}, {name}, {values.size});"
 
     # The step
 
     def put(self, text: str) -> None:
-        self.lines.append("    " * (1 + (self.rate > 1)) + text)
+        self.lines.append("    " * self.depth + text)
+
+    @contextmanager
+    def block(self, head: str) -> Iterator[None]:
+        """Lines in braces; none without a head."""
+        if head:
+            self.put(f"{head} {{")
+        self.depth += bool(head)
+        yield
+        self.depth -= bool(head)
+        if head:
+            self.put("}")
 
     def at(self, every: int) -> None:
         """What follows runs on every ``every``-th tick."""
-        if every != self.rate and self.rate > 1:
-            self.lines.append("    }")
-        if every != self.rate and every > 1:
-            self.lines.append(f"    if (c->tick % {every} == 0) {{")
+        if every == self.rate:
+            return
+        if self.rate > 1:
+            self.depth -= 1
+            self.put("}")
+        if every > 1:
+            self.put(f"if (c->tick % {every} == 0) {{")
+            self.depth += 1
         self.rate = every
 
     def step(self) -> str:
         """The statements of a step."""
-        self.lines, self.rate = [], 1
+        self.lines, self.rate, self.depth = [], 1, 1
+        for block, text in self.layout.units.blocks.items():
+            self.entries(block, text)
+        for port in self.selection.inputs:
+            self.received(port)
         for step in self.selection.steps:
             self.at(step.every)
-            self.call(step.block, step.evaluation)
+            self.evaluated(step)
         for block, every, update in self.selection.updates:
             self.at(every)
-            self.call(block, update)
+            self.updated(block, update)
+        for enable in self.selection.resetting:
+            self.at(self.network.entries[enable].every)
+            self.reset(enable)
+        for block, member, _, test in self.layout.checked_states():
+            self.at(self.network.entries[block].every)
+            size = self.layout.sizes[member]
+            self.check(f"!{test}(c->{member}, {size})", "state", member)
         self.at(1)
-        entries = [self.entries(name, text) for name, text in self.layout.units.blocks.items()]
-        return "\n".join([*entries, *self.lines])
+        return "\n".join(self.lines)
 
-    def entries(self, name: str, text: BlockText) -> str:
+    def check(self, wrong: str, *key: str) -> None:
+        """Leave with a failure if something is wrong."""
+        number, _ = self.layout.failures[key]
+        self.put(f"if ({wrong}) return c->failure = {number};")
+
+    def entries(self, name: str, text: BlockText) -> None:
         """The struct that a block's functions take."""
         place = self.layout.names[name]
-        members = []
+        self.put(f"const struct {text.prefix}_entries entries_{place} = {{")
         for (word, c_type), value, owned in zip(text.words, text.values, text.owned, strict=True):
-            if owned:
+            if isinstance(value, np.ndarray) and not value.size:
+                given = "NULL"
+            elif owned:
                 member, start = self.layout.places[name, word]
                 given = f"c->{member}" + (f" + {start}" if start else "")
             elif isinstance(value, np.ndarray):
-                given = f"{place}__{word}"
+                given = f"table_{place}__{word}"
                 self.tables[given] = table(given, value)
                 # The functions take pointers to what they could change; they do not change these.
                 given = f"({c_type}){given}"
             else:
                 given = literal(float(value) if c_type == "double" else value)
-            members.append(f"        .{word} = {given},")
-        head = f"    const struct {text.prefix}_entries {place} = {{"
-        return "\n".join([head, *(members or ["        .none = 0,"]), "    };"])
+            self.put(f"    .{word} = {given},")
+        if not text.words:
+            self.put("    .none = 0,")
+        self.put("};")
+
+    def received(self, port: Port) -> None:
+        """Check an input, or hold the last one that was finite."""
+        given, used = f"in->{self.layout.names[port]}", self.signal(port)
+        if self.layout.hold:
+            count = self.layout.count(port)
+            begin = "" if self.layout.kind(port).form != "scalar" else "&"
+            with self.block(f"if ({self.valid(port, given)})"):
+                self.put(f"set_numbers({begin}{used}, {begin}{given}, {count});")
+        self.check(f"!{self.valid(port, used)}", "input", *port)
+
+    def valid(self, port: Port, text: str) -> str:
+        """A test whether a signal is finite; where misses are infinite, whether it has no NaN."""
+        kind = self.layout.kind(port)
+        if kind.form == "scalar":
+            return f"isfinite({text})" if kind.finite else f"(!isnan({text}))"
+        test = "all_finite" if kind.finite else "no_nan"
+        return f"{test}({text}, {self.layout.count(port)})"
+
+    def all_on(self, enables: Sequence[str]) -> str:
+        """The condition under which the parts that these blocks switch run."""
+        return " && ".join(f"{self.signal((name, 'on'))} != 0.0" for name in enables)
+
+    def evaluated(self, step: Step) -> None:
+        """Call an evaluation; outputs of a part that is reset while it is off are zero then."""
+        ports = [(step.block, port) for port in step.evaluation.outputs]
+        with self.block(f"if ({self.all_on(step.enables)})" if step.enables else ""):
+            self.call(step.block, step.evaluation)
+            for port in ports:
+                self.check(f"!{self.valid(port, self.signal(port))}", "output", *port)
+        resetting = [name for name in step.enables if resets(self.network, name)]
+        if resetting:
+            with self.block(f"if (!({self.all_on(resetting)}))"):
+                for port in ports:
+                    name, scalar = self.signal(port), self.layout.kind(port).form == "scalar"
+                    zero = f"clear_numbers({name}, {self.layout.count(port)});"
+                    self.put(f"{name} = 0.0;" if scalar else zero)
+
+    def updated(self, block: str, update: Evaluation) -> None:
+        """Call an update; no event happens in a part that is off."""
+        enables = self.selection.plan.enables.get(block, ())
+        with self.block(f"if ({self.all_on(enables)})" if enables else ""):
+            self.call(block, update)
+        spec = self.network.entries[block].cls.spec
+        events = [name for name, declared in spec.states.items() if declared.event]
+        held = [place for name in events if (place := self.layout.state(block, name))]
+        if enables and held:
+            with self.block(f"if (!({self.all_on(enables)}))"):
+                for place in held:
+                    member, start, size = place
+                    first = f"c->{member}" + (f" + {start}" if start else "")
+                    self.put(f"clear_numbers({first}, {size});")
+
+    def reset(self, enable: str) -> None:
+        """Bring the states of a part that is off back to what they were in the beginning."""
+        switched = {n for n, above in self.selection.plan.enables.items() if enable in above}
+        states = [s for s in self.layout.states() if s[0] in switched and s[2].size]
+        if states:
+            with self.block(f"if (!({self.all_on([enable])}))"):
+                for _, member, values in states:
+                    self.put(self.initialised(member, values))
 
     def call(self, block: str, evaluation: Evaluation) -> None:
         """The call of a method, and the way out if it fails."""
         text, place = self.layout.units.blocks[block], self.layout.names[block]
-        arguments = ["&ctx", f"&{place}", "t", *self.arguments(block, evaluation)]
+        arguments = ["&ctx", f"&entries_{place}", "t", *self.arguments(block, evaluation)]
         for port in evaluation.outputs:
             scalar = self.layout.kind((block, port)).form == "scalar"
             arguments.append(f"{'&' if scalar else ''}c->{self.layout.names[block, port]}")
         self.put(f"{text.prefix}__{evaluation.method}({', '.join(arguments)});")
-        failed = f"c->failure = {text.first + 1} + (int)ctx.failure"
-        self.put(f"if (ctx.failure >= 0) return {failed};")
+        if text.failures:
+            first, _ = self.layout.failures["block", block]
+            self.put(f"if (ctx.failure >= 0) return c->failure = {first} + (int)ctx.failure;")
 
     def arguments(self, block: str, evaluation: Evaluation) -> Iterator[str]:
         """The arguments of a method after t."""
@@ -308,6 +274,9 @@ class StepText:
         name = self.layout.names[port]
         if port in self.layout.constants:
             values = np.atleast_1d(np.asarray(self.layout.constants[port], dtype=np.float64))
-            self.tables[name] = table(name, values)
-            return f"{name}[0]" if self.layout.kind(port).form == "scalar" else name
-        return f"{'in' if port in self.selection.inputs else 'c'}->{name}"
+            self.tables[f"table_{name}"] = table(f"table_{name}", values)
+            scalar = self.layout.kind(port).form == "scalar"
+            return f"table_{name}[0]" if scalar else f"table_{name}"
+        if port not in self.selection.inputs:
+            return f"c->{name}"
+        return f"c->{self.layout.names[(*port, 'held')]}" if self.layout.hold else f"in->{name}"

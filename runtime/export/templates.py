@@ -34,7 +34,7 @@ ${signals}
     /* States of blocks. */
 ${states}
     /* Local arrays of blocks. */
-    int64_t arena[${arena}];
+${most}    int64_t arena[${arena}];
 };
 
 /* Set everything to its initial value. */
@@ -44,7 +44,7 @@ void ${name}_init(struct ${name} *c);
 void ${name}_reset(struct ${name} *c);
 
 /* One step. Returns 0, or the number of a failure. The outputs are then unchanged, and further
- * steps do nothing until init or reset. */
+ * steps do nothing until init or reset. ${wrong} */
 int ${name}_step(struct ${name} *c, const struct ${name}_inputs *in, struct ${name}_outputs *out);
 
 /* What a failure means. */
@@ -67,7 +67,7 @@ void ${name}_reset(struct ${name} *c)
 {
     c->tick = 0;
     c->failure = 0;
-${reset}
+${unmeasured}${reset}
 }
 
 void ${name}_init(struct ${name} *c)
@@ -83,10 +83,10 @@ int ${name}_step(struct ${name} *c, const struct ${name}_inputs *in, struct ${na
     struct context ctx = {0};
     ctx.failure = -1;
     ctx.arena = (unsigned char *)c->arena;
-    ctx.arena_size = (int64_t)sizeof c->arena;
+    ctx.arena_size = (int64_t)sizeof c->arena;${measuring}
 ${body}
 ${outputs}
-    c->tick++;
+    c->tick++;${measured}
     return 0;
 }
 

@@ -5,33 +5,33 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from blocks.core import BlockState
-from runtime.codegen import support, unused
+from runtime.codegen import unused
 from runtime.engine.compiled import Kernel, fixed_sizes, make_kernels
 from runtime.errors import GraphError, Problem
+from runtime.export.operations import counter
 from runtime.export.selection import Selection
 
 ENTRIES = re.compile(r"^struct entries \{\n(.*?)^\};", re.MULTILINE | re.DOTALL)
 MEMBER = re.compile(r"^    (.*?)(\w+);$", re.MULTILINE)
-TAKEN = re.compile(r"\btake\(ctx, ([^,]*), \d+\)")
-ALIGNED = 32  # bytes that local arrays are multiples of
 
 
 @dataclass(frozen=True)
 class BlockText:
     """One block: the prefix of its functions, and the values of its entries.
 
-    first : the number of its first failure.
+    failures : by number, as the text has them: what went wrong, and where.
     words : the members of its ``struct <prefix>_entries`` with their C types, and for each the
         value: a number, or an array. owned : which arrays are the state's.
     """
 
     prefix: str
-    first: int
+    failures: tuple[str, ...]
     words: tuple[tuple[str, str], ...]
     values: tuple[Any, ...]
     owned: tuple[bool, ...]
@@ -41,26 +41,23 @@ class BlockText:
 class Units:
     """The text of all blocks, and each block's part in it.
 
-    failures : by number, as the text names them: what went wrong, and where.
-    arena : bytes that the local arrays of one call take at most, where that is known.
-    largest : bytes of the largest local array of known size.
-    open : whether the sizes of some local arrays depend on data.
+    reserved : bytes that the local arrays of one call take at most, of those of known size.
+    open : whether the sizes or the number of some local arrays depend on data.
     """
 
     text: str = ""
     blocks: dict[str, BlockText] = field(default_factory=dict)
-    failures: list[str] = field(default_factory=list)
-    arena: int = 0
-    largest: int = 0
+    reserved: int = 0
     open: bool = False
 
 
-def write_units(selection: Selection, states: Mapping[str, BlockState]) -> Units:
+def write_units(selection: Selection, states: Mapping[str, BlockState], controller: str) -> Units:
     """The C text of the selected blocks.
 
     Parameters
     ----------
     states : after ``start``.
+    controller : the name of its struct and functions.
 
     Raises
     ------
@@ -70,8 +67,8 @@ def write_units(selection: Selection, states: Mapping[str, BlockState]) -> Units
     with fixed_sizes():
         kernels = make_kernels(network, states)
     units, problems = Units(), []
-    known: dict[tuple[str, str], tuple[str, int]] = {}
-    taken: set[str] = set()
+    known: dict[tuple[str, str], str] = {}
+    taken = {controller}
     texts = []
     for name in selection.blocks:
         entry = network.entries[name]
@@ -86,13 +83,13 @@ def write_units(selection: Selection, states: Mapping[str, BlockState]) -> Units
             continue
         key = (entry.cls.__name__, kernel.text)
         if key not in known:
-            prefix = unused(_snake(entry.cls.__name__), taken)
-            known[key] = prefix, len(units.failures)
-            texts.append(kernel.enclosed(prefix).text)
-            units.failures += [f"{prefix}: {message}" for _, message, *_ in kernel.failures]
-            _measure(units, kernel.text.replace(support(), ""))
-        words = _words(kernel.text)
-        units.blocks[name] = BlockText(*known[key], words, values, _owned(kernel, values))
+            known[key] = unused(f"block_{_snake(entry.cls.__name__)}", taken)
+            enclosed = kernel.enclosed(known[key])
+            texts.append(enclosed.text)
+            _measure(units, enclosed)
+        words, failures = _words(kernel.text), tuple(map(_said, kernel.failures))
+        owned = _owned(kernel, values)
+        units.blocks[name] = BlockText(known[key], failures, words, values, owned)
     if problems:
         raise GraphError(problems)
     units.text = "\n".join(texts)
@@ -122,14 +119,22 @@ def _words(text: str) -> tuple[tuple[str, str], ...]:
     return tuple((name, kind.strip()) for kind, name in members if name != "none")
 
 
-def _measure(units: Units, text: str) -> None:
+def _said(failure: tuple[str, str, str, int]) -> str:
+    """What went wrong in a block, and where; an index is not in the text of a controller."""
+    _, message, file, line = failure
+    message = re.sub(r"\{(index|size|axis)\}", "...", message)
+    return f"{message} ({Path(file).name}:{line})" if file else message
+
+
+def _measure(units: Units, kernel: Kernel) -> None:
     """What a unit's local arrays need."""
-    sizes = TAKEN.findall(text)
-    fixed = [-(-int(size) // ALIGNED) * ALIGNED for size in sizes if size.isdigit()]
-    units.arena = max(units.arena, sum(fixed))
-    units.largest = max([units.largest, *fixed])
-    units.open |= len(fixed) < len(sizes)
+    count = counter(kernel.text)
+    for method in kernel.symbols.values():
+        found = count.of(method)
+        units.reserved = max(units.reserved, found.reserved)
+        units.open |= found.is_open
 
 
 def _snake(name: str) -> str:
-    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name).lower()
+    plain = re.sub(r"\W", "_", name, flags=re.ASCII)
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", plain).lower()

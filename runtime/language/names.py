@@ -99,14 +99,29 @@ class Project:
         return [
             (self.models[path], replace(symbol, scope=(*scope, *symbol.scope)))
             for path, base, scope in self._links
-            if base == here and path != here and not self._replaced(path, scope, symbol)
+            if base == here and path != here and not self._replaced(path, here, scope, symbol)
         ]
 
-    def _replaced(self, path: Path, scope: tuple[str, ...], symbol: Symbol) -> bool:
+    def _replaced(self, path: Path, base: Path, scope: tuple[str, ...], symbol: Symbol) -> bool:
         """Whether a file has another part in place of the one that defines a symbol of its base."""
         inner = (*scope, *symbol.scope)
-        own = {used for user, _, used in self._links if user == path and used and used != scope}
+        own = self._parts_over(path, base) - {scope}
         return any(inner[: len(used)] == used for used in own)
+
+    def _parts_over(self, path: Path, base: Path) -> set[tuple[str, ...]]:
+        """The parts that a file has itself, or from what it extends after ``base``."""
+        direct = [below for user, below, used in self._links if user == path and not used]
+        later = direct[direct.index(base) + 1 :] if base in direct else []
+        files = {path, *self._with_extended(later)}
+        return {used for user, _, used in self._links if user in files and used}
+
+    def _with_extended(self, paths: list[Path]) -> list[Path]:
+        """Some files and all that they extend."""
+        found = list(paths)
+        for each in found:
+            links = (link for link in self._links if link[0] == each)
+            found += [below for _, below, used in links if not used and below not in found]
+        return found
 
     def roots(self, model: Model, symbol: Symbol) -> list[tuple[Model, Symbol]]:
         """The files furthest up that define a symbol, with its name there."""
@@ -130,6 +145,12 @@ class Project:
         upper = self.above(model, symbol)
         return any(self.defined_by(base, inner) for base, inner in upper if base is not model)
 
+    def _mentioned_by(self, model: Model, symbol: Symbol) -> bool:
+        """Whether a file, or one that it extends, mentions a symbol."""
+        paths = self._with_extended([model.path.resolve()])
+        found = (self.model(path, model) for path in paths)
+        return any(m.symbol == symbol for each in found if each for m in mentions(each))
+
     def family(self, model: Model, symbol: Symbol) -> list[tuple[Model, Symbol]]:
         """All files that mean the same by a symbol, each with its name there."""
         queue, found = self.roots(model, symbol), {}
@@ -141,7 +162,7 @@ class Project:
                 queue += self.below(at, known)
                 # What a file extends besides the one that defines the name means the same by it.
                 upper = self.above(at, known)
-                queue += [up for up in upper if any(m.symbol == up[1] for m in mentions(up[0]))]
+                queue += [up for up in upper if self._mentioned_by(*up)]
         return list(found.values())
 
 

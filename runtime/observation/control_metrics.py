@@ -9,6 +9,8 @@ import numpy as np
 
 from blocks.core import FloatArray, param, show
 from runtime.observation.metric_kinds import (
+    POSITIVE,
+    SHARE,
     Checks,
     MetricKind,
     MetricOptions,
@@ -112,12 +114,14 @@ CONTROL_KINDS: Mapping[str, MetricKind] = {
         "root of the mean square of a command, its columns taken together, each divided by `scale`",
         options=Scaled,
         forms=("columns",),
+        ends=POSITIVE,
     ),
     "effort_change": MetricKind(
         effort_change,
         "the same of the change from one recorded row to the next",
         options=Scaled,
         forms=("columns",),
+        ends=POSITIVE,
     ),
     "smoothness": MetricKind(
         smoothness,
@@ -126,12 +130,14 @@ CONTROL_KINDS: Mapping[str, MetricKind] = {
         options=Scaled,
         unit="1/s",
         forms=("columns",),
+        ends=POSITIVE,
     ),
     "saturation": MetricKind(
         saturation,
         "share of the rows in which a column is at its `limit` or beyond",
         options=Limits,
         forms=("columns",),
+        ends=SHARE,
     ),
     "recovery_time": MetricKind(
         recovery_time,
@@ -141,5 +147,7 @@ CONTROL_KINDS: Mapping[str, MetricKind] = {
         unit="s",
         forms=("columns",),
         agrees=_ordered,
+        never="never recovered",
+        ends=POSITIVE,
     ),
 }

@@ -14,6 +14,8 @@ from blocks.world import World
 
 Checks = Iterable[tuple[str, str]]
 Form = Literal["number", "position", "columns"]
+# Where the values of a metric may lie.
+ANY, POSITIVE, SHARE = (-math.inf, math.inf), (0.0, math.inf), (0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,9 @@ class MetricKind:
     roles that may be missing. ``forms`` are the signals it accepts: one number, a position (x and
     y first), or any columns. ``in_world`` is a formula that also needs the walls, instead of
     ``function``. ``agrees`` checks conditions across options and signals. ``unit`` is that of the
-    value; ``of`` stands for the unit of the signal.
+    value; ``of`` stands for the unit of the signal. ``ends`` are the least and the largest value
+    that it can have. ``never`` says what no value means where that is worse than any value, as of a
+    time until something good (``never settled``); experiments count it as infinite.
     """
 
     function: Callable[[Mapping[str, Series], Mapping[str, Any]], float | None]
@@ -79,6 +83,8 @@ class MetricKind:
     in_world: Callable[[World, FloatArray, Mapping[str, Any]], float] | None = None
     agrees: Callable[[Mapping[str, Any], Mapping[str, ProbeInfo]], Checks] | None = None
     unit: str = ""
+    never: str = ""
+    ends: tuple[float, float] = ANY
 
     @property
     def keys(self) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -13,7 +13,14 @@ from blocks.core import FloatArray, param, show
 from blocks.world import World
 from runtime.document import in_time
 from runtime.observation import control_metrics, neural_metrics, wall_metrics
-from runtime.observation.metric_kinds import Bounds, Checks, MetricKind, MetricOptions
+from runtime.observation.metric_kinds import (
+    POSITIVE,
+    SHARE,
+    Bounds,
+    Checks,
+    MetricKind,
+    MetricOptions,
+)
 from runtime.observation.metric_kinds import ProbeInfo as ProbeInfo
 from runtime.observation.metric_kinds import Series as Series
 from runtime.streaming import row_blocks
@@ -35,7 +42,7 @@ class Metric:
 
     def value(self, probes: Mapping[str, Series], world: World | None = None) -> float | None:
         """The metric's value; None if it has none (never settled, or not recorded)."""
-        if any(name is None or name not in probes for name in self.inputs.values()):
+        if not self.is_recorded(probes):
             return None
         after = float(self.options.get("after", 0.0))
         series = {role: probes[name].after(after) for role, name in self.inputs.items() if name}
@@ -46,6 +53,15 @@ class Metric:
             series["of"] = series["of"].after(math.inf if engaged is None else engaged)
         number = METRIC_KINDS[self.kind].value(series, self.options, world)
         return None if number is None or math.isnan(number) else float(number)
+
+    @property
+    def never(self) -> str:
+        """What it means that it has no value, where that is worse than any; see MetricKind."""
+        return METRIC_KINDS[self.kind].never
+
+    def is_recorded(self, probes: Container[str]) -> bool:
+        """Whether all signals that it measures are recorded."""
+        return all(name is not None and name in probes for name in self.inputs.values())
 
     def unit(self, units: Mapping[str, tuple[str, ...]], time_unit: str) -> str:
         """The unit of its value, given the units of the probes' columns; '' if it has none."""
@@ -183,15 +199,26 @@ METRIC_KINDS: dict[str, MetricKind] = {
         options=Band,
         unit="s",
         forms=("columns",),
+        never="never settled",
+        ends=POSITIVE,
     ),
     "mean_abs": MetricKind(
-        lambda s, o: float(np.abs(_flat(s)).mean()), "mean of the absolute value", unit="of"
+        lambda s, o: float(np.abs(_flat(s)).mean()),
+        "mean of the absolute value",
+        unit="of",
+        ends=POSITIVE,
     ),
     "rms": MetricKind(
-        lambda s, o: float(np.sqrt(np.mean(_flat(s) ** 2))), "root of the mean square", unit="of"
+        lambda s, o: float(np.sqrt(np.mean(_flat(s) ** 2))),
+        "root of the mean square",
+        unit="of",
+        ends=POSITIVE,
     ),
     "max_abs": MetricKind(
-        lambda s, o: float(np.abs(_flat(s)).max()), "largest absolute value", unit="of"
+        lambda s, o: float(np.abs(_flat(s)).max()),
+        "largest absolute value",
+        unit="of",
+        ends=POSITIVE,
     ),
     "min": MetricKind(lambda s, o: float(_flat(s).min()), "smallest value", unit="of"),
     "final": MetricKind(lambda s, o: float(_flat(s)[-1]), "last value", unit="of"),
@@ -200,6 +227,7 @@ METRIC_KINDS: dict[str, MetricKind] = {
         "first time (s) above `level`; null if never",
         options=Level,
         unit="s",
+        ends=POSITIVE,
     ),
     STOP_TIME: MetricKind(
         lambda s, o: None,
@@ -207,10 +235,20 @@ METRIC_KINDS: dict[str, MetricKind] = {
         options=Bounds,
         inputs=(),
         unit="s",
+        ends=POSITIVE,
     ),
-    "share_above": MetricKind(share_above, "share of the time above `level`", options=Level),
+    "share_above": MetricKind(
+        share_above,
+        "share of the time above `level`",
+        options=Level,
+        ends=SHARE,
+    ),
     "path_length": MetricKind(
-        path_length, "length of the path of a pose (m)", forms=("position",), unit="m"
+        path_length,
+        "length of the path of a pose (m)",
+        forms=("position",),
+        unit="m",
+        ends=POSITIVE,
     ),
     "displacement": MetricKind(
         displacement,

@@ -9,7 +9,14 @@ from typing import Any
 import numpy as np
 
 from blocks.core import FloatArray, param
-from runtime.observation.metric_kinds import Checks, MetricKind, MetricOptions, ProbeInfo, Series
+from runtime.observation.metric_kinds import (
+    POSITIVE,
+    Checks,
+    MetricKind,
+    MetricOptions,
+    ProbeInfo,
+    Series,
+)
 
 
 class Delayed(MetricOptions):
@@ -82,12 +89,14 @@ NEURAL_KINDS: dict[str, MetricKind] = {
         forms=("columns",),
         agrees=_alike,
         unit="of",
+        ends=POSITIVE,
     ),
     "firing_rate": MetricKind(
         firing_rate,
         "mean firing rate of the neurons of a probe of spikes or rates",
         forms=("columns",),
         unit="Hz",
+        ends=POSITIVE,
     ),
     "synaptic_operations": MetricKind(
         synaptic_operations,
@@ -95,5 +104,6 @@ NEURAL_KINDS: dict[str, MetricKind] = {
         options=Synapses,
         forms=("columns",),
         unit="1/s",
+        ends=POSITIVE,
     ),
 }

@@ -6,7 +6,8 @@ from collections.abc import Container
 from dataclasses import dataclass, field, replace
 
 from runtime.document import SECOND
-from runtime.observation.metrics import Metric
+from runtime.observation.metric_kinds import ANY
+from runtime.observation.metrics import METRIC_KINDS, Metric
 from runtime.observation.plots import PlotSpec
 from runtime.observation.probes import Probe, Signal
 
@@ -47,6 +48,17 @@ class Observation:
         columns = {name: probe.units for name, probe in self.probes.items()}
         found = {metric.name: metric.unit(columns, self.time_unit) for metric in self.metrics}
         return {name: unit for name, unit in found.items() if unit}
+
+    @property
+    def metric_ends(self) -> dict[str, tuple[float, float]]:
+        """The least and the largest possible value of the metrics that have one."""
+        found = {metric.name: METRIC_KINDS[metric.kind].ends for metric in self.metrics}
+        return {name: ends for name, ends in found.items() if ends != ANY}
+
+    @property
+    def metric_never(self) -> dict[str, str]:
+        """What no value of a metric means, of those where it is worse than any value."""
+        return {metric.name: metric.never for metric in self.metrics if metric.never}
 
     def reduced(self, kinds: Container[str]) -> Observation:
         """Only the probes that metrics and plots of these kinds need."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from blocks.core import FloatArray, IntArray, Options, param
 from blocks.world import World
-from runtime.observation.metric_kinds import MetricKind, MetricOptions
+from runtime.observation.metric_kinds import ANY, POSITIVE, MetricKind, MetricOptions
 
 REACHED = 0.02
 CLEAR = 0.1
@@ -135,6 +135,7 @@ def _kind(
     options: type[Options] = StandOff,
     optional: tuple[str, ...] = ("engaged",),
     unit: str = "m",
+    ends: tuple[float, float] = POSITIVE,
 ) -> MetricKind:
     return MetricKind(
         lambda series, options: None,
@@ -144,6 +145,7 @@ def _kind(
         forms=("position",),
         in_world=formula,
         unit=unit,
+        ends=ends,
     )
 
 
@@ -176,5 +178,6 @@ WALL_KINDS: Mapping[str, MetricKind] = {
         loops,
         "turns around the contour that was reached first; negative with the wall on the left",
         unit="",
+        ends=ANY,
     ),
 }

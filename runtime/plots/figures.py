@@ -257,10 +257,8 @@ def _lines(figure: Figure, axes: Axes, lines: list[_Column], names: list[str], e
     for i, (line, name) in enumerate(zip(lines, names, strict=True)):
         t, y = line.t, line.y
         how: dict[str, Any] = (
-            {"color": colours(i), "linewidth": 0.5} if many else style.line_style(i)
+            {"color": colours(i), "linewidth": 0.5} if many else style.line_style(i, covered[i])
         )
-        if covered[i]:
-            how["linestyle"] = (0.0, (4.0, 3.0) if covered[i] == 1 else (1.5, 5.5))
         how["zorder"] = layers[i]
         if len(y) == 1:
             # A single row is a constant, or a probe slower than the run: it is marked by a dot.

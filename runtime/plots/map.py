@@ -145,16 +145,19 @@ def draw_contacts(
 
 
 def mark_contacts(axes: Axes, xy: FloatArray, is_named: bool = True) -> Line2D:
-    """Crosses at positions (n, 2); ``is_named`` gives them an entry in the legend."""
+    """Dots at positions (n, 2), a thick line where they follow each other along a wall.
+
+    ``is_named`` gives them an entry in the legend.
+    """
     (marks,) = axes.plot(
         *xy.T,
         linestyle="none",
-        marker="x",
-        markersize=7.0,
-        markeredgewidth=1.8,
-        color=START,
+        marker="o",
+        markersize=5.0,
+        markeredgewidth=0.0,
+        color="black",
         label="contact" if is_named else "_contact",
-        zorder=4.3,
+        zorder=2.8,
     )
     return marks
 

@@ -215,9 +215,11 @@ def coincident(lines: Sequence[FloatArray]) -> list[int]:
     return counts
 
 
-def line_style(i: int) -> dict[str, Any]:
-    """Colour and dashes of the i-th line of an axes."""
-    dashes = LINESTYLES[i // len(COLOURS) % len(LINESTYLES)]
+def line_style(i: int, covers: int = 0) -> dict[str, Any]:
+    """Colour and dashes of the i-th line of an axes, with gaps that show lines that it covers."""
+    dashes: Any = LINESTYLES[i // len(COLOURS) % len(LINESTYLES)]
+    if covers:
+        dashes = (0.0, (4.0, 3.0) if covers == 1 else (1.5, 5.5))
     return {"color": COLOURS[i % len(COLOURS)], "linestyle": dashes}
 
 
@@ -361,9 +363,11 @@ def place_power(axes: Axes) -> None:
 
 
 def headline(figure: Figure, text: str) -> None:
-    """Write a title above all axes of a figure, in as many lines as its width needs."""
-    room = int(72.0 * float(figure.get_size_inches()[0]) / (LETTER * TITLE_SIZE))
-    figure.suptitle(textwrap.fill(text, room), fontsize=TITLE_SIZE)
+    """Write a title above all axes, in lines as its width needs; the figure grows for them."""
+    width, height = map(float, figure.get_size_inches())
+    lines = textwrap.wrap(text, int(72.0 * width / (LETTER * TITLE_SIZE)))
+    figure.set_size_inches(width, height + 1.3 * TITLE_SIZE / 72.0 * (len(lines) - 1))
+    figure.suptitle("\n".join(lines), fontsize=TITLE_SIZE)
 
 
 def signal_of(label: str) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from runtime.errors import UsageError
-from runtime.experiments.analysis import LEVEL, verdict
+from runtime.experiments.analysis import LEVEL, NEVER, SAME, SAME_RUNS, too_few
 from runtime.experiments.analysis.ablation_plots import ablation_figure, read_facts
 from runtime.experiments.execution import (
     DIAGRAMS,
@@ -100,37 +100,40 @@ def _differences(found: Mapping[str, Any]) -> Html:
     groups: dict[str, list[list[str]]] = {}
     for line in found["table"]:
         name = with_unit(line["metric"], found.get("units") or {})
-        groups.setdefault(name, []).append(_line(line))
+        never = (found.get("never") or {}).get(line["metric"], NEVER)
+        groups.setdefault(name, []).append(_line(line, never))
     note = element(
         "p",
         f"Differences are from the baseline, paired by seed ({found['test']}). A difference is "
         f"significant if p < {LEVEL:.2g} after {found['correction']}'s correction for all "
         "comparisons of the table. n/N: n of N seeds have a value (for a difference, in both "
-        "variants), and means are over those; “yes, in seeds”: the share of seeds with a value "
-        "differs significantly from the baseline's. “removed”: the variant does not have the "
-        "signal that the metric measures.",
+        "variants), and means are over those; what is never reached counts as worse than any "
+        "value, in a sign test. “yes, in seeds”: the share of seeds with a value differs "
+        f"significantly from the baseline's. “too few seeds”: {too_few()} by an exact test. "
+        f"“{SAME}”: {SAME_RUNS}. “removed”: the variant does not have the signal that the metric "
+        "measures.",
         class_="soft small",
     )
     return join(grouped_table(head, groups, range(1, 7), label="differences"), note)
 
 
-def _line(line: Mapping[str, Any]) -> list[str]:
+def _line(line: Mapping[str, Any], never: str) -> list[str]:
     seeds = str(line["runs"]) if line["n"] == line["runs"] else f"{line['n']}/{line['runs']}"
     cells = [
         line["variant"],
-        seeds,
-        pieces.number(line["mean"]),
+        SAME if line.get("identical") else seeds,
+        pieces.number(line["mean"]) if line["n"] else pieces.mean(line, line["runs"], never),
         pieces.interval(line["low"], line["high"]),
     ]
     difference = line["difference"]
     if difference is None:
         return [*cells, "", "", "", "" if line["recorded"] else "removed"]
-    keys = ("n", "mean", "p", "p_presence", "distinguishable")
-    word = verdict(*(difference[key] for key in keys))
+    plain = {True: "yes", False: "no", None: "–"}[difference["distinguishable"]]
+    word = str(difference.get("verdict", plain))  # none in folders of earlier versions
     shown = element("strong", word) if word.startswith("yes") else word
     return [
         *cells,
-        pieces.mean(difference["mean"], difference["n"], line["runs"], signed=True),
+        pieces.mean(difference, line["runs"], signed=True),
         pieces.interval(difference["low"], difference["high"], signed=True),
         pieces.probability(difference["p_adjusted"]),
         shown,

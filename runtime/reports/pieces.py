@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from runtime import terminal
 from runtime.diagrams import TOO_LARGE, draw, read_picture, to_svg
+from runtime.experiments.analysis import NEVER
 from runtime.files import read_text, slug
 from runtime.reports.html import Html, element, facts, join, scrolling, table
 from runtime.reports.svg import diagram_svg, figure_svg
@@ -43,10 +44,21 @@ def interval(low: float | None, high: float | None, *, signed: bool = False) -> 
     return f"[{_digits(low, signed)}, {_digits(high, signed)}]"
 
 
-def mean(value: float | None, n: int, runs: int, *, signed: bool = False) -> Html:
-    """A mean, with the number of runs that have a value if not all have."""
-    shown = number(value, signed=signed)
-    return join(shown, element("span", f" {n}/{runs}", class_="soft")) if 0 < n < runs else shown
+def mean(found: Mapping[str, Any], runs: int, never: str = NEVER, *, signed: bool = False) -> Html:
+    """A mean, with the number of runs that have a value if not all have.
+
+    Parameters
+    ----------
+    found : an estimate as plain data.
+    never : what it means if every value is infinite.
+    """
+    n = found["n"]
+    if not n and found.get("never") and not signed:
+        return element("span", f"{never}, 0 of {runs}", class_="bad")
+    shown = number(found["mean"], signed=signed)
+    if found.get("identical") or not 0 < n < runs:
+        return shown
+    return join(shown, element("span", f" {n}/{runs}", class_="soft"))
 
 
 def probability(p: float | None) -> str:

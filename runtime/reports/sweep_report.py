@@ -10,10 +10,13 @@ from typing import Any
 
 from runtime.compare import text_of
 from runtime.experiments.analysis import (
+    ANY,
+    NEVER,
+    SAME,
+    SAME_RUNS,
     Group,
     SweepData,
     Tally,
-    estimate,
     gather,
     read_sweep,
 )
@@ -94,7 +97,10 @@ def _read(folder: Path) -> _Sweep:
     column = None
     if data.objective is not None and data.objective.metric in data.metrics:
         column = list(data.metrics).index(data.objective.metric)
-    swept = _Sweep(folder, plan, data, Tally(data.seeds, column, data.objective), plan["points"])
+    metric = "" if data.objective is None else data.objective.metric
+    ends, never = data.ends.get(metric, ANY), data.never.get(metric, NEVER)
+    tally = Tally(data.seeds, column, data.objective, ends, never)
+    swept = _Sweep(folder, plan, data, tally, plan["points"])
     for row in swept.rows():
         swept.tally.add(row)
     return swept
@@ -150,28 +156,33 @@ def _table(swept: _Sweep, best: Mapping[tuple[str, ...], int] | None, label: str
         head += [swept.data.label(metric), f"{metric}: 95 % interval"]
     rows = [_configuration(swept, group) for group in chosen]
     numbers = range(len(swept.factors), len(head))
-    note = element(
-        "p",
-        "Means and intervals are over the seeds; n/N: only n of the N seeds have a value.",
-        class_="soft small",
-    )
+    words = "Means and intervals are over the seeds; n/N: only n of the N seeds have a value."
+    if swept.data.seeds > 1 and swept.data.is_same(swept.metrics):
+        words = f"{SAME}: {SAME_RUNS}."
+    note = element("p", words, class_="soft small")
     return join(table(head, rows, numbers, label=label), note)
 
 
 def _configuration(swept: _Sweep, group: Group) -> list[str]:
     ok = sum(row.status == "ok" for row in group.rows)
-    cells = [*map(short, group.cells), f"{ok}/{swept.data.seeds}"]
+    data = swept.data
+    cells = [*map(short, group.cells), f"{ok}/{data.seeds}"]
     for metric in swept.shown:
-        found = estimate(group.values(swept.metrics.index(metric)))
-        mean = pieces.mean(found.mean, found.n, swept.data.seeds)
-        cells += [mean, pieces.interval(found.low, found.high)]
+        ends = data.ends.get(metric, ANY)
+        found = group.estimate(swept.metrics.index(metric), ends).to_dict()
+        cells += [pieces.mean(found, data.seeds, data.never.get(metric, NEVER))]
+        cells += [pieces.interval(found["low"], found["high"])]
     return cells
 
 
 def _figures(swept: _Sweep) -> Iterator[Html]:
-    seeds = "means over the seeds" if swept.data.seeds > 1 else "one seed"
+    seeds, ends = "means over the seeds", ", with 95 % intervals"
+    if swept.data.seeds == 1:
+        seeds, ends = "one seed", ""
+    elif swept.data.is_same(swept.metrics):
+        seeds, ends = f"{SAME}, {SAME_RUNS}", ""
     captions = {
-        "curves": f"Each metric over the factor: {seeds}, with 95 % intervals.",
+        "curves": f"Each metric over the factor: {seeds}{ends}.",
         "maps": f"Each metric over the two factors: {seeds}.",
     }
     for i, (name, figure) in enumerate(sweep_figures(swept.folder)):

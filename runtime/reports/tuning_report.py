@@ -9,8 +9,9 @@ from typing import Any
 
 from runtime.compare import text_of
 from runtime.errors import UsageError
+from runtime.experiments.analysis import NEVER, SAME, SAME_RUNS, too_few
 from runtime.experiments.execution import GRAPH, read_plan
-from runtime.experiments.tuning import TUNING
+from runtime.experiments.tuning import NOTHING, TUNING
 from runtime.experiments.tuning.tuning_plots import tuning_figures
 from runtime.files import MAYBE_NUMBER, check_form, read_text
 from runtime.reports import pieces
@@ -18,8 +19,9 @@ from runtime.reports.html import Html, element, facts, join, page, table
 from runtime.runs import DIAGRAM
 from runtime.terminal import with_unit
 
+NONE = "No configuration satisfies the constraints."
 FEW = 60  # configurations that are all listed
-_MEAN = {"mean": MAYBE_NUMBER, "low": MAYBE_NUMBER, "high": MAYBE_NUMBER}
+_MEAN = {"n": int, "mean": MAYBE_NUMBER, "low": MAYBE_NUMBER, "high": MAYBE_NUMBER}
 _STORED = {
     "experiment": str,
     "graph": str,
@@ -123,14 +125,19 @@ def _words(bound: Any) -> str:
 
 def _winners(stored: Mapping[str, Any]) -> Html:
     if not stored["front"]:
-        return element("p", "No configuration satisfies the constraints.", class_="warn")
+        own = stored["configurations"][0].get("feasible")
+        words = f"{NOTHING[0].upper()}{NOTHING[1:]}." if own else NONE
+        return element("p", words, class_="warn")
     by_number = {one["number"]: one for one in stored["configurations"]}
     factors = list(stored["vary"])
     rows = [
         [str(number), *(text_of(by_number[number]["values"][path]) for path in factors)]
         for number in stored["front"]
     ]
-    return table(["configuration", *factors], rows, range(1, len(factors) + 1), label="winners")
+    found = table(["configuration", *factors], rows, range(1, len(factors) + 1), label="winners")
+    if stored["table"] and not stored.get("better", stored["front"]):
+        return join(found, element("p", f"On the held-out runs, {NOTHING}.", class_="warn"))
+    return found
 
 
 def _judged(stored: Mapping[str, Any]) -> Html:
@@ -145,24 +152,26 @@ def _judged(stored: Mapping[str, Any]) -> Html:
         name = str(line["configuration"]) if line["configuration"] else "own"
         row: list[str | Html] = [with_unit(line["metric"], stored["units"]), name]
         for runs in ("training", "held_out"):
-            row += _cells(line[runs])
+            row += _cells(line[runs], (stored.get("never") or {}).get(line["metric"], NEVER))
         rows.append([*row, pieces.number(line.get("optimism"), signed=True)])
     note = element(
         "p",
         "Own: the graph's own values. Differences are from them on the same runs (paired t, p by "
-        "Benjamini-Hochberg). Optimism: training minus held-out.",
+        "Benjamini-Hochberg; what is never reached counts as worse than any value, in a sign "
+        f"test). Optimism: training minus held-out. {SAME}: {SAME_RUNS}.",
         class_="soft small",
     )
     return join(table(head, rows, range(2, len(head)), label="training and held-out runs"), note)
 
 
-def _cells(judged: Mapping[str, Any]) -> list[str | Html]:
+def _cells(judged: Mapping[str, Any], never: str) -> list[str | Html]:
     apart = judged.get("difference") or {}
+    few = 0 < apart.get("pairs", 0) < apart.get("needed", 0) and not apart["identical"]
     return [
-        pieces.number(judged["mean"]),
-        pieces.interval(judged["low"], judged["high"]),
+        pieces.mean(judged, judged.get("runs", judged["n"]), never),
+        SAME if judged.get("identical") else pieces.interval(judged["low"], judged["high"]),
         pieces.number(apart.get("mean"), signed=True),
-        pieces.probability(apart.get("p_adjusted")),
+        too_few(apart["needed"]) if few else pieces.probability(apart.get("p_adjusted")),
     ]
 
 

@@ -39,8 +39,8 @@ from tests.studies.ablation.judge import (
 from tests.studies.ablation.page import page
 from tests.studies.ablation.runs import (
     CONFIGURATIONS,
-    COURSE,
     PRINTED,
+    ROBUST,
     RULES,
     Configuration,
     Measured,
@@ -162,7 +162,7 @@ def judged() -> Judged:
     def error(configuration: Configuration, rule: str, name: str) -> float:
         if rule == PRINTED and name == BASELINE:
             return {"A": 0.5, "B": 2.0}.get(configuration.case, 1.0)
-        if rule == COURSE and name == "integrator":
+        if rule == ROBUST and name == "integrator":
             return {"A": 1.3, "B": 1.03}.get(configuration.case, 1.0)
         return 1.0
 
@@ -182,9 +182,9 @@ def test_verdicts_are_those_of_the_numbers(judged: Judged) -> None:
 
 
 def test_what_stands_in_is_held_against_a_margin(judged: Judged) -> None:
-    assert judged(LINE, COURSE, "integrator", BASELINE).stands_in == WORSE
+    assert judged(LINE, ROBUST, "integrator", BASELINE).stands_in == WORSE
     # Significantly different from what it replaces, but by 3 %.
-    small = judged(SINE, COURSE, "integrator", BASELINE)
+    small = judged(SINE, ROBUST, "integrator", BASELINE)
     assert (small.verdict, small.stands_in) == (HURTS, AS_WELL)
 
 

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 import numpy as np
 
 import runtime
-from runtime.document.loader import SHIPPED
 from runtime.experiments.analysis import Estimate, difference, estimate
 from tests.studies.following import ENGINE
 from tests.studies.kept import kept
@@ -16,14 +15,14 @@ from tests.studies.kept import kept
 CASES = {"A": "line_actuator_failure", "B": "sine_estimation_error"}
 GAINS = {"of the graph": None, "Q = R = 1": [1.0, 1.0, 1.0]}
 LQR = "LQR"
-RULES = (LQR, "LQR + feedforward", "as printed", "robust", "course")
+RULES = (LQR, "LQR + feedforward", "as printed", "robust")
 HEAD = "## Cases A and B beyond the paper's one setting"
 TEXT = """
 Fresh seeds {first} to {last}, nothing tuned on them. Each draws, besides neurons and noise, a start
 (x in 0..3 m, y in -1..3 m, heading within a quarter turn of the path's) and in case B the path
 (amplitude 0.5..1.5 m, wavelength 4..9 m); beside it, the same seeds in the paper's setting. Mean
 position error in m (lateral in A; from 10 s on in B) with its 95 % interval, and the paired
-difference from the LQR alone. `course` is `rules/course.yaml` as it is shipped.
+difference from the LQR alone. `robust` is the shipped rule.
 """
 
 
@@ -45,8 +44,6 @@ def graph_of(case: str, rule: str) -> runtime.Graph:
         graph = graph.without("adaptive")
     if rule == LQR:
         graph = graph.set("match.alpha", 0.0)
-    if rule == "course":
-        graph = graph.overlay(SHIPPED / "rules" / "course.yaml")
     return graph.set("plots", {}).set("run.engine", ENGINE)
 
 

@@ -128,7 +128,7 @@ def _print(done: AblationResult, pictures: list[Path], quiet: bool) -> None:
                 tell(f"note: {variant.name}: {note}")
     show(f"{plan.name}: {len(plan.variants)} variants, seeds {plan.seeds}")
     lines = done.lines()
-    show(f"{comparison_table(lines, plan.units)}\n\n{legend(lines, done.test)}")
+    show(f"{comparison_table(lines, plan.units, plan.never)}\n\n{legend(lines, done.test)}")
     for name, rows in done.rows.items():
         bad = [row for row in rows if row.status != "ok"]
         if bad:

@@ -122,7 +122,7 @@ def _additions(options: Namespace) -> Additions:
 
 
 def _print(result: SweepResult, pictures: list[Path]) -> None:
-    from runtime.experiments.analysis import interval
+    from runtime.experiments.analysis import SAME, SAME_RUNS, interval, mean_of
 
     plan, tally = result.plan, result.tally
     counts = ", ".join(f"{count} {status}" for status, count in sorted(tally.counts.items()))
@@ -136,13 +136,17 @@ def _print(result: SweepResult, pictures: list[Path]) -> None:
     elif plan.objective is not None:
         goal = "smallest" if plan.objective.goal == "minimize" else "largest"
         metric = with_unit(plan.objective.metric, plan.units)
-        show(f"{goal} {metric}, mean and 95 % interval over seeds:")
+        is_same = all(ranked.objective.is_same for ranked in tally.best)
+        show(f"{goal} {metric}{'' if is_same else ', mean and 95 % interval over seeds'}:")
         for ranked in tally.best:
             found = ranked.objective
+            mean = mean_of(found, len(plan.seeds), tally.never)
             ends = f"  {interval(found)}" if found.n > 1 else ""
             values = zip(plan.columns.factors, ranked.cells, strict=True)
             configuration = ", ".join(f"{factor}={short(value)}" for factor, value in values)
-            show(f"  {found.mean:<10.4g}{ends}  {configuration}".rstrip())
+            show(f"  {mean:<10}{ends}  {configuration}".rstrip())
+        if any(ranked.objective.is_same for ranked in tally.best):
+            show(f"{SAME}: {SAME_RUNS}")
     for reason in tally.top_reasons():
         tell(f"  {reason['count']} x {reason['reason']}")
     show_folder("sweep", result.folder, pictures)

@@ -13,7 +13,8 @@ from runtime.errors import Where
 from runtime.terminal import show, show_json, tell
 
 if TYPE_CHECKING:
-    from runtime.experiments import TuningRequest
+    from runtime.experiments import TuningRequest, TuningResult
+    from runtime.experiments.design import Experiment
 
 HELP = "find values that minimise metrics, and judge them on held-out runs (extra tune)"
 ABOUT = """
@@ -37,7 +38,9 @@ def add(parser: ArgumentParser) -> None:
     )
     parser.add_argument("--no-stopping", action="store_true", help="run every trial to its end")
     parser.add_argument(
-        "--write", action="store_true", help="write the winner's values into the file"
+        "--write",
+        action="store_true",
+        help="write the winner's values into the file, if they are better on the held-out runs",
     )
     parser.add_argument("--name", help="name of the folder (the graph's, or the experiment's)")
     parser.add_argument("--resume", action="store_true", help="continue an interrupted tuning")
@@ -96,7 +99,6 @@ def run(options: Namespace) -> int:
         run_tuning,
         save_json,
         summary,
-        write_values,
     )
     from runtime.terminal import Progress
 
@@ -119,17 +121,29 @@ def run(options: Namespace) -> int:
         from runtime.experiments.tuning.tuning_plots import save_tuning_figures
 
         pictures = save_tuning_figures(result.folder)
-    if options.write and result.winners:
-        best = result.winners[0]
-        path = write_values(experiment, dict(zip(plan.paths, best.values or (), strict=True)))
-        tell(f"note: the values of {best.number} are written into {path}")
     if options.json:
         show_json({**stored, "plots": [str(path) for path in pictures]})
     else:
         show(summary(result))
         show()
         show_folder("tuning", result.folder, pictures)
-    return 0 if result.winners else 3
+    if not result.has_feasible:
+        return 3
+    return _write(experiment, result) if options.write else 0
+
+
+def _write(experiment: Experiment, result: TuningResult) -> int:
+    """Write the best values into the file, if they are better; returns the exit code."""
+    from runtime.experiments.tuning import NOTHING, write_values
+
+    if not result.better:
+        tell(f"note: --write has written nothing: {NOTHING}")
+        return 1
+    best = result.better[0]
+    values = dict(zip(result.plan.paths, best.values or (), strict=True))
+    path = write_values(experiment, values)
+    tell(f"note: the values of {best.number} are written into {path}")
+    return 0
 
 
 def _request(options: Namespace) -> TuningRequest:

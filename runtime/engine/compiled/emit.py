@@ -302,7 +302,12 @@ class CompiledEmitter(StructEmitter):
                 numbers.append(f"plan->{name}")
             else:
                 numbers += [f"plan->{name}[{i}]" for i in range(len(kind.components))]
-        return [f"isfinite({' + '.join(numbers)})", *tests] if numbers else tests
+        if not numbers:
+            return tests
+        fast = f"isfinite({' + '.join(numbers)})"
+        if len(numbers) > 1:  # the sum of large numbers may be infinite
+            fast = f"({fast} || ({' && '.join(f'isfinite({number})' for number in numbers)}))"
+        return [fast, *tests]
 
     # Recordings
 

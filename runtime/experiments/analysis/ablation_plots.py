@@ -17,6 +17,7 @@ from matplotlib.lines import Line2D
 from blocks.core import FloatArray
 from runtime.errors import UsageError
 from runtime.experiments.analysis.statistics import is_significant
+from runtime.experiments.analysis.words import NEVER, SAME, SAME_RUNS, TOO_FEW, too_few
 from runtime.experiments.execution import (
     INDEX,
     RUNS,
@@ -33,9 +34,11 @@ from runtime.plots import (
     GREY,
     LINESTYLES,
     STYLE,
+    coincident,
     draw_world,
     explain_empty,
     headline,
+    line_style,
     save_figure,
     view_limits,
 )
@@ -48,6 +51,8 @@ WIDTH = 9.0  # inches
 SEEDS_BELOW = 0.25  # of the distance between two variants
 MAX_PLANE = 5.5  # inches
 LEGEND_COLUMNS = 4
+SMALL: Any = {"xycoords": ("axes fraction", "data"), "fontsize": 7.0, "va": "center"}
+MARK = "tab:red"
 PATH: dict[str, Any] = {"color": "0.35", "linestyle": (0, (5, 2)), "linewidth": 1.0}
 
 
@@ -83,10 +88,7 @@ def ablation_figure(folder: Path) -> Figure:
     below = _plane_height(trajectories)
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(WIDTH, above + below + 0.4), layout="constrained")
-        seeds = f"{len(facts['seeds'])} seeds: means, 95 % intervals, a dot for each seed"
-        hollow = "hollow: no significant difference to the baseline"
-        message = f"{facts['experiment']}  ·  {seeds}; {hollow}"
-        headline(figure, message)
+        headline(figure, f"{facts['experiment']}  ·  {_explained(facts)}")
         if trajectories:
             top, bottom = figure.subfigures(2, 1, height_ratios=[above, below], squeeze=False)[:, 0]
             _metrics(top, folder, facts, rows)
@@ -94,6 +96,20 @@ def ablation_figure(folder: Path) -> Figure:
         else:
             _metrics(figure, folder, facts, rows)
     return figure
+
+
+def _explained(facts: dict[str, Any]) -> str:
+    """What the marks of an ablation's figure mean."""
+    table = facts["table"]
+    if all(line.get("identical") for line in table if line["recorded"]):
+        return f"{SAME}: {SAME_RUNS}"
+    found = [f"{len(facts['seeds'])} seeds: means, 95 % intervals, a dot for each seed"]
+    verdicts = {(line["difference"] or {}).get("verdict") for line in table}
+    hollow = "hollow: no significant difference to the baseline"
+    found.append(hollow + f", or {too_few()}" * (TOO_FEW in verdicts))
+    if any(line.get("identical") for line in table):
+        found.append(f"a square: {SAME}, the seed changes nothing")
+    return "; ".join(found)
 
 
 def read_facts(folder: Path) -> dict[str, Any]:
@@ -125,48 +141,69 @@ def _metrics(figure: Figure | SubFigure, folder: Path, facts: dict[str, Any], ro
             continue
         axes.set_title(with_unit(metrics[i], facts.get("units") or {}))
         lines = [line for line in facts["table"] if line["metric"] == metrics[i]]
-        _metric(axes, lines, [[row.metrics[i] for row in values[name]] for name in names])
+        own = [[row.metrics[i] for row in values[name]] for name in names]
+        _metric(axes, lines, own, (facts.get("never") or {}).get(metrics[i], NEVER))
     grid[0][0].set_yticks(range(len(names)), names)
     grid[0][0].set_ylim(len(names) - 0.5, -0.5)
 
 
 def _metric(
-    axes: Axes, lines: Sequence[dict[str, Any]], values: Sequence[Sequence[float | None]]
+    axes: Axes,
+    lines: Sequence[dict[str, Any]],
+    values: Sequence[Sequence[float | None]],
+    never: str,
 ) -> None:
     if all(line["mean"] is None for line in lines):
-        explain_empty(axes, "no run has a value")
-        return
+        if not any(line.get("never") for line in lines):
+            explain_empty(axes, "no run has a value")
+            return
+        axes.set_xticks([])
     if lines[0]["mean"] is not None:
         look: dict[str, Any] = {"color": "0.5", "linewidth": 0.8, "linestyle": (0, (4, 2))}
         axes.axvline(lines[0]["mean"], **look, zorder=1.0)
     for y, (line, own) in enumerate(zip(lines, values, strict=True)):
-        found = [value for value in own if value is not None]
+        found = [value for value in own if value is not None and math.isfinite(value)]
+        if line.get("never"):
+            _never(axes, y, line, never)
+        if line.get("identical"):
+            found = found[:1]
         # Below the interval, which would hide them.
         axes.plot(found, [y + SEEDS_BELOW] * len(found), ".", color="0.55", markersize=3.0)
         if not found:
-            where: Any = ("axes fraction", "data")
-            message = "no value" if line["recorded"] else "removed"
-            axes.annotate(message, (0.02, y), xycoords=where, fontsize=7.0, va="center", color=GREY)
+            if not line.get("never"):
+                message = "no value" if line["recorded"] else "removed"
+                axes.annotate(message, (0.02, y), **SMALL, color=GREY)
             continue
         _estimate(axes, y, line)
-        if line["n"] < line["runs"]:
+        if line["n"] < line["runs"] and not line.get("identical"):
             at: dict[str, Any] = {"xytext": (4, 3), "textcoords": "offset points"}
             message = f"{line['n']}/{line['runs']}"
             axes.annotate(message, (line["mean"], y), **at, fontsize=7.0, color=GREY)
 
 
+def _never(axes: Axes, y: int, line: dict[str, Any], never: str) -> None:
+    """Mark runs whose value is infinite beyond the large end of the axis, which is the bad one."""
+    message = f"{line['never']} {never}" if line["n"] else f"{never}, 0 of {line['runs']}"
+    message = f"{never} ({SAME})" if line.get("identical") else message
+    look: dict[str, Any] = {"color": MARK, "ha": "right"}
+    look["bbox"] = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
+    axes.annotate(f"{message} ▸", (0.99, y), **SMALL, **look)
+
+
 def _estimate(axes: Axes, y: int, line: dict[str, Any]) -> None:
     mean, low, high = line["mean"], line["low"], line["high"]
     difference = line["difference"]
+    # Of a single run nothing is tested, and the difference is exact.
     is_filled = (
         difference is None
         or difference["distinguishable"]
         or is_significant(difference["p_presence"])
+        or difference.get("verdict") == SAME
     )
     axes.errorbar(
         *(mean, y),
         xerr=None if low is None else [[mean - low], [high - mean]],
-        fmt="o",
+        fmt="s" if line.get("identical") else "o",
         color=_colour(y),
         markerfacecolor=_colour(y) if is_filled else "white",
         markersize=4.5,
@@ -244,10 +281,13 @@ def _plane(
     low, high = _plane_extent(trajectories)
     if result.world is not None:
         draw_world(axes, result.world)
-    for i, name, _, xy in trajectories:
-        # The baseline is below and wider, so that variants that coincide with it are visible.
+    covered = coincident([xy for *_, xy in trajectories])
+    for (i, name, _, xy), count in zip(trajectories, covered, strict=True):
+        # The baseline is below and wider, so that a variant that coincides with it is visible; a
+        # variant that covers another one has gaps.
         look: dict[str, Any] = {"color": _colour(i), "linewidth": 1.2 if i else 2.8}
-        look["linestyle"] = _dashes(i)
+        gaps = line_style(i, max(0, count - 1))["linestyle"]
+        look["linestyle"] = gaps if count > 1 else _dashes(i)
         handles += axes.plot(*xy.T, label=name, **look)
     for label, path in _shown(result, "Path"):
         handles += axes.plot(*path.values[-1][:, :2].T, label=label, **PATH)

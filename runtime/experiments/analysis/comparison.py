@@ -8,23 +8,34 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from runtime.experiments.analysis.statistics import (
+    ANY,
     CORRECTION,
     LEVEL,
     TESTS,
     Difference,
+    Ends,
     Estimate,
     Test,
+    Values,
     adjusted,
     difference,
     estimate,
-    interval,
+    fewest,
     is_significant,
     number_or_none,
     presence,
 )
+from runtime.experiments.analysis.words import (
+    NEVER,
+    SAME,
+    SAME_RUNS,
+    TOO_FEW,
+    half_width,
+    interval,
+    seeds_of,
+    too_few,
+)
 from runtime.terminal import number, table, with_unit
-
-Values = Sequence[float | None]
 
 
 @dataclass(frozen=True)
@@ -33,7 +44,7 @@ class ComparisonLine:
 
     Parameters
     ----------
-    runs : number of seeds; ``own.n`` of them have a value.
+    runs : number of seeds; ``own.n`` of them have a value, ``own.never`` an infinite one.
     difference : the paired difference to the baseline; None for the baseline itself.
     p_adjusted : ``difference.p`` corrected for the number of comparisons in the table.
     p_presence : likewise, for having a value as often as the baseline.
@@ -61,6 +72,33 @@ class ComparisonLine:
         """Whether the share of seeds with a value differs significantly from the baseline's."""
         return is_significant(self.p_presence)
 
+    @property
+    def verdict(self) -> str:
+        """Whether the difference is significant, in a word or two."""
+        if self.is_removed:
+            return "removed"
+        found = self.difference
+        if found is None:
+            return ""
+        if self.has_significant_presence:
+            return "yes, in seeds"
+        if found.is_same:
+            return "equal" if found.mean == 0.0 else SAME
+        if found.pairs and found.p == 1.0 and not found.mean:
+            return "equal"
+        if self.has_significant_difference:
+            return "yes"
+        if found.is_too_small or self.needed > self.runs:
+            return TOO_FEW
+        return "-" if self.has_significant_difference is None else "no"
+
+    @property
+    def needed(self) -> int:
+        """The seeds that the tests of this line need for any result to be significant."""
+        if self.difference is None or self.difference.is_same:
+            return 0
+        return max(self.difference.needed, 0 if math.isnan(self.p_presence) else fewest())
+
     def to_dict(self) -> dict[str, Any]:
         """The line as plain data."""
         difference = self.difference
@@ -75,10 +113,10 @@ class ComparisonLine:
         if difference is not None:
             line["difference"] = {
                 **difference.to_dict(),
-                "p": number_or_none(difference.p),
                 "p_adjusted": number_or_none(self.p_adjusted),
                 "distinguishable": self.has_significant_difference,
                 "p_presence": number_or_none(self.p_presence),
+                "verdict": self.verdict,
             }
         return line
 
@@ -88,6 +126,8 @@ def compare(
     baseline: str,
     test: Test = "t",
     removed: Container[tuple[str, str]] = (),
+    same: Container[tuple[str, str]] = (),
+    ends: Mapping[str, Ends] | None = None,
 ) -> list[ComparisonLine]:
     """The lines of the table, metric by metric, the baseline first.
 
@@ -95,6 +135,8 @@ def compare(
     ----------
     values : for each variant and metric, one value per seed; all in the same order of seeds.
     removed : (variant, metric) where the variant removes what the metric measures.
+    same : (variant, metric) where the seed changes nothing, so that all runs are one.
+    ends : of the intervals of each metric's mean.
 
     Both kinds of p value, of differences and of missing values, are corrected together: without
     it, a table of many comparisons would show some that are significant by chance.
@@ -103,7 +145,9 @@ def compare(
     for metric, base in values[baseline].items():
         for variant, columns in values.items():
             mine = columns[metric]
-            own = estimate([value for value in mine if value is not None], test)
+            is_same = (variant, metric) in same
+            known = [value for value in mine if value is not None]
+            own = estimate(known, test, (ends or {}).get(metric, ANY), is_same)
             line = ComparisonLine(
                 variant, metric, len(mine), own, is_removed=(variant, metric) in removed
             )
@@ -111,7 +155,7 @@ def compare(
                 differs = [a is None for a in mine] != [b is None for b in base]
                 line = replace(
                     line,
-                    difference=difference(mine, base, test),
+                    difference=difference(mine, base, test, is_same and (baseline, metric) in same),
                     p_presence=presence(mine, base) if differs else math.nan,
                 )
             lines.append(line)
@@ -124,11 +168,15 @@ def compare(
 def comparison_rows(
     lines: Sequence[ComparisonLine],
     units: Mapping[str, str] | None = None,
+    never: Mapping[str, str] | None = None,
     shown: Callable[[Estimate, str], str] = interval,
 ) -> list[tuple[str, ...]]:
     """The table as texts: its header, and for each metric its name and a row per variant.
 
-    ``shown`` writes an interval, the second argument being the sign of its format.
+    Parameters
+    ----------
+    never : for each metric that may be infinite, what that means, such as ``never settled``.
+    shown : writes an interval, the second argument being the sign of its format.
     """
     rows: list[tuple[str, ...]] = [
         (
@@ -146,30 +194,42 @@ def comparison_rows(
         if line.metric != metric:
             metric = line.metric
             rows.append((with_unit(metric, units or {}),))
-        rows.append(_cells(line, shown))
+        rows.append(_cells(line, shown, (never or {}).get(metric, NEVER)))
     return rows
 
 
 def comparison_table(
-    lines: Sequence[ComparisonLine], units: Mapping[str, str] | None = None
+    lines: Sequence[ComparisonLine],
+    units: Mapping[str, str] | None = None,
+    never: Mapping[str, str] | None = None,
 ) -> str:
     """The table for a terminal; ``units`` are those of the metrics."""
     shorter = {"interval of mean": "±", "interval of difference": "±"}
-    rows = comparison_rows(lines, units, half_width)
+    rows = comparison_rows(lines, units, never, half_width)
     rows[0] = tuple(shorter.get(title, title) for title in rows[0])
     return table(rows, range(1, len(rows[0])), indent="")
 
 
 def legend(lines: Sequence[ComparisonLine], test: Test) -> str:
     """Explanations of the table's columns, as far as they are needed."""
+    if all(line.own.is_same or line.is_removed for line in lines):
+        return f"Differences are to the baseline. {SAME}: {SAME_RUNS}."
     notes = [
         f"±: 95 % interval, {TESTS[test]}. Differences are to the baseline on the same seed.",
         f"differs: p < {LEVEL:.2g}, corrected by {CORRECTION} for all comparisons.",
     ]
-    if any(line.own.n < line.runs for line in lines):
+    verdicts = {line.verdict for line in lines}
+    if any(line.own.is_same for line in lines):
+        notes.append(f"{SAME}: {SAME_RUNS}.")
+    if any(line.own.n < line.runs and not line.own.is_same for line in lines):
         notes.append(
             "n/N: n of N seeds have a value (of a difference: both); means are over those."
         )
+    if any(line.own.never for line in lines):
+        notes.append("Infinite values (never ...) count as worse than any other: sign test.")
+    if TOO_FEW in verdicts:
+        needed = max(line.needed for line in lines if line.verdict == TOO_FEW)
+        notes.append(f"{too_few(needed)}.")
     if any(line.has_significant_presence for line in lines):
         notes.append("in seeds: the share of seeds that have a value differs (McNemar's test).")
     if any(line.is_removed for line in lines):
@@ -177,39 +237,16 @@ def legend(lines: Sequence[ComparisonLine], test: Test) -> str:
     return "\n".join(notes)
 
 
-def half_width(found: Estimate, sign: str = "") -> str:
-    """Half of a confidence interval; both ends where its middle is not the mean."""
-    half = 0.5 * (found.high - found.low)
-    if math.isnan(half) or found.mean is None:
-        return "-"
-    if abs(0.5 * (found.low + found.high) - found.mean) > 1e-6 * half:
-        return interval(found, sign)
-    return f"{half:.2g}"
-
-
-def _cells(line: ComparisonLine, shown: Callable[[Estimate, str], str]) -> tuple[str, ...]:
-    seeds = f"{line.own.n}/{line.runs}" if line.own.n < line.runs else str(line.runs)
-    cells = [f"  {line.variant}", seeds, number(line.own.mean), shown(line.own, "")]
-    if line.is_removed:
-        cells += ["", "", "removed"]
-    elif line.difference is not None:
-        mean = number(line.difference.mean, "+")
-        if 0 < line.difference.n < line.runs:
-            mean += f" ({line.difference.n}/{line.runs})"
-        found, differs = line.difference, line.has_significant_difference
-        word = verdict(found.n, found.mean, found.p, line.p_presence, differs)
-        cells += [mean, shown(found, "+"), word]
-    else:
-        cells += ["", "", ""]
-    return tuple(cells)
-
-
-def verdict(
-    n: int, mean: float | None, p: float | None, p_presence: float | None, differs: bool | None
-) -> str:
-    """Whether a difference is significant, in a word or two."""
-    if is_significant(p_presence):
-        return "yes, in seeds"
-    if n and mean == 0.0 and p == 1.0:
-        return "equal"
-    return {True: "yes", False: "no", None: "-"}[differs]
+def _cells(
+    line: ComparisonLine, shown: Callable[[Estimate, str], str], never: str
+) -> tuple[str, ...]:
+    cells = [f"  {line.variant}", seeds_of(line.own, line.runs)]
+    cells += [number(line.own.mean) if line.own.n or not line.own.never else never]
+    cells += [shown(line.own, "")]
+    found = line.difference
+    if found is None:
+        return (*cells, "", "", line.verdict)
+    mean = number(found.mean, "+")
+    if 0 < found.n < line.runs and not found.is_same:
+        mean += f" ({found.n}/{line.runs})"
+    return (*cells, mean, shown(found, "+"), line.verdict)

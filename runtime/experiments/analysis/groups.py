@@ -4,12 +4,21 @@ from __future__ import annotations
 
 import heapq
 import itertools
+import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from runtime.experiments.analysis.statistics import Estimate, estimate
+from runtime.experiments.analysis.statistics import (
+    ANY,
+    Ends,
+    Estimate,
+    Test,
+    estimate,
+    is_same_run,
+)
+from runtime.experiments.analysis.words import NEVER, mean_of
 from runtime.experiments.design import Objective
 from runtime.experiments.execution import Row
 
@@ -25,10 +34,16 @@ class Group:
     cells: tuple[str, ...]
     rows: tuple[Row, ...]
 
-    def values(self, column: int) -> list[float]:
-        """The values of a metric, without missing ones."""
+    def estimate(self, column: int, ends: Ends = ANY, test: Test = "t") -> Estimate:
+        """The mean of a metric over the seeds that have a value."""
         found = (row.metrics[column] for row in self.rows)
-        return [value for value in found if value is not None]
+        known = [value for value in found if value is not None]
+        return estimate(known, test, ends, is_same(self.rows, column))
+
+
+def is_same(rows: Sequence[Row], column: int) -> bool:
+    """Whether the seed changes nothing of what a metric measures."""
+    return is_same_run([row.signals[column] if row.signals else "" for row in rows])
 
 
 class Grouping:
@@ -83,19 +98,23 @@ class Tally:
     """Statistics of a sweep while it runs: rows by status, reasons, and the best configurations.
 
     Only the first ``REASONS`` different reasons are counted. The best configurations have the best
-    means, among those with a value for every seed.
+    means, among those with a value for every seed; those with infinite values (never settled) come
+    last, the fewer the better. ``ends`` are those of the objective's interval, ``never`` says what
+    an infinite value means.
     """
 
     seeds: int
     column: int | None
     objective: Objective | None
+    ends: Ends = ANY
+    never: str = NEVER
     done: int = 0
     counts: Counter[str] = field(default_factory=Counter)
     reasons: Counter[str] = field(default_factory=Counter)
 
     def __post_init__(self) -> None:
         self._grouping = Grouping(self.seeds)
-        self._heap: list[tuple[float, int, Group]] = []
+        self._heap: list[tuple[tuple[int, float], int, Ranked]] = []
         self._order = itertools.count()
 
     def add(self, row: Row) -> None:
@@ -111,22 +130,20 @@ class Tally:
     def _rank(self, group: Group) -> None:
         if self.objective is None or self.column is None:
             return
-        values = group.values(self.column)
-        if len(values) < self.seeds:
+        if any(row.metrics[self.column] is None for row in group.rows):
             return
-        mean = sum(values) / len(values)
+        found = group.estimate(self.column, self.ends)
+        rank = -found.never, -self.objective.of(found.mean) if found.n else -math.inf
         # The first entry of a heap is the smallest: here the worst of the best.
-        if len(self._heap) == BEST and -self.objective.of(mean) <= self._heap[0][0]:
+        if len(self._heap) == BEST and rank <= self._heap[0][0]:
             return
         push = heapq.heappush if len(self._heap) < BEST else heapq.heappushpop
-        push(self._heap, (-self.objective.of(mean), -next(self._order), group))
+        push(self._heap, (rank, -next(self._order), Ranked(group.cells, found)))
 
     @property
     def best(self) -> list[Ranked]:
         """The best configurations, the best first."""
-        groups = [group for _, _, group in sorted(self._heap, reverse=True)]
-        column = self.column or 0
-        return [Ranked(group.cells, estimate(group.values(column))) for group in groups]
+        return [ranked for _, _, ranked in sorted(self._heap, reverse=True)]
 
     def line(self, factors: Sequence[str]) -> str:
         """The best configuration so far, in one line."""
@@ -134,10 +151,11 @@ class Tally:
         bad = f"  ({failed} not ok)" if failed else ""
         if not self._heap or self.objective is None:
             return f"{self.done} done{bad}"
-        cost, _, group = max(self._heap)
-        values = ", ".join(f"{k}={c}" for k, c in zip(factors, group.cells, strict=True))
+        best = self.best[0]
+        values = ", ".join(f"{k}={c}" for k, c in zip(factors, best.cells, strict=True))
         place = f" at {values}" if values else ""
-        return f"best {self.objective.metric} {self.objective.of(-cost):.4g}{place}{bad}"
+        mean = mean_of(best.objective, self.seeds, self.never)
+        return f"best {self.objective.metric} {mean}{place}{bad}"
 
     def top_reasons(self) -> list[dict[str, Any]]:
         """The most frequent reasons with their counts."""

@@ -13,7 +13,6 @@ from typing import Literal
 import numpy as np
 
 from blocks.core import FloatArray
-from runtime.terminal import number
 
 CONFIDENCE = 0.95
 LEVEL = 1.0 - CONFIDENCE  # of significance
@@ -24,57 +23,146 @@ TESTS: dict[Test, str] = {
     "bootstrap": "bootstrap (BCa) with a sign-flip permutation test",
 }
 CORRECTION = "Benjamini-Hochberg"
+Values = Sequence[float | None]
+Ends = tuple[float, float]
+ANY: Ends = (-math.inf, math.inf)
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A mean of ``n`` values with the ends of its confidence interval, NaN where it has none."""
+    """A mean of ``n`` values with the ends of its confidence interval, NaN where it has none.
+
+    Parameters
+    ----------
+    never : values that are infinite (never settled); the mean is over the others.
+    is_same : every seed gave the same run, so that all of them are one value.
+    """
 
     n: int
     mean: float
     low: float
     high: float
+    never: int = 0
+    is_same: bool = False
 
-    def to_dict(self) -> dict[str, float | None]:
+    def to_dict(self) -> dict[str, float | bool | None]:
         """The estimate as plain data."""
         ends = {name: number_or_none(getattr(self, name)) for name in ("mean", "low", "high")}
-        return {"n": self.n, **ends}
+        return {"n": self.n, **ends, "never": self.never, "identical": self.is_same}
+
+    def is_over(self, runs: int) -> bool:
+        """Whether the mean is over that many runs."""
+        return self.n == (1 if self.is_same else runs)
 
 
 @dataclass(frozen=True)
 class Difference(Estimate):
-    """A mean paired difference; ``p`` is the probability of one as large by chance alone."""
+    """A mean paired difference; ``p`` is the probability of one as large by chance alone.
 
-    p: float
+    Parameters
+    ----------
+    pairs : that were tested, with those in which one is infinite.
+    needed : so many pairs are needed for any result of the test to be significant.
+    """
+
+    p: float = math.nan
+    pairs: int = 0
+    needed: int = 0
+
+    def to_dict(self) -> dict[str, float | bool | None]:
+        tested = {"p": number_or_none(self.p), "pairs": self.pairs, "needed": self.needed}
+        return {**super().to_dict(), **tested}
+
+    @property
+    def is_too_small(self) -> bool:
+        """Whether there are too few pairs for any result to be significant."""
+        return 0 < self.pairs < self.needed and not self.is_same
 
 
-def estimate(values: Sequence[float], test: Test = "t") -> Estimate:
+def estimate(
+    values: Sequence[float], test: Test = "t", ends: Ends = ANY, is_same: bool = False
+) -> Estimate:
     """The mean of independent values, by Student's t or by a bootstrap.
 
-    A single value has no interval; for values that are all equal it has zero width.
+    Parameters
+    ----------
+    values : infinite where something is never reached; the mean is over the others.
+    ends : no value of this quantity lies outside.
+    is_same : the values are those of one run, repeated.
+
+    A single value has no interval, nor have values that are all equal: their scatter is unknown.
     """
-    data = np.asarray(values, dtype=float)
-    if not len(data):
-        return Estimate(0, math.nan, math.nan, math.nan)
-    low, high = _interval(data, test)
-    return Estimate(len(data), float(data.mean()), low, high)
+    data = np.asarray(values[:1] if is_same else values, dtype=float)
+    known = data[np.isfinite(data)]
+    never = len(data) - len(known)
+    if not len(known):
+        return Estimate(0, math.nan, math.nan, math.nan, never, is_same)
+    # The interval of a time or of an error ends where the quantity does. Cut there, it covers the
+    # true mean exactly as often as before, since that lies inside, too. A t interval of logarithms
+    # reaches hundreds of times too far up with two values, and a percentile bootstrap of three
+    # covers 70 instead of 95 %.
+    low, high = np.clip(_interval(known, test), *ends).tolist()
+    return Estimate(len(known), float(known.mean()), low, high, never, is_same)
 
 
 def difference(
-    values: Sequence[float | None], baseline: Sequence[float | None], test: Test = "t"
+    values: Values, baseline: Values, test: Test = "t", is_same: bool = False
 ) -> Difference:
     """The mean of ``values - baseline`` over the seeds on which both have a value.
 
     Parameters
     ----------
-    values, baseline : one value per seed, in the same order of seeds; None for a missing value.
+    values, baseline : one value per seed, in the same order of seeds; None for a missing value,
+        infinity for one that is never reached.
     test : ``t`` for a paired t test; ``bootstrap`` for a BCa interval, with the p value of a
-        permutation test that flips signs.
+        permutation test that flips signs. If a value is infinite, or all differences are equal,
+        neither applies: the test is the sign test, for which only the direction counts.
+    is_same : both sides repeat one run with every seed; there is nothing to test.
     """
+    if is_same:
+        values, baseline = values[:1], baseline[:1]
     pairs = [(a, b) for a, b in zip(values, baseline, strict=True) if None not in (a, b)]
-    apart = np.array([a - b for a, b in pairs if a is not None and b is not None], dtype=float)
-    found = estimate(apart.tolist(), test)
-    return Difference(found.n, found.mean, found.low, found.high, _p(apart, test))
+    # Never reached on both sides: no difference, as inf - inf is not.
+    apart = np.array(
+        [0.0 if a == b else a - b for a, b in pairs if a is not None and b is not None], dtype=float
+    )
+    both = [a - b for a, b in pairs if a is not None and b is not None and math.isfinite(a - b)]
+    found = estimate(both, test, is_same=is_same)
+    only_signs = len(both) < len(pairs) or (len(apart) > 1 and _is_constant(apart))
+    return Difference(
+        *(found.n, found.mean, found.low, found.high, len(apart) - len(both), is_same),
+        p=_p(apart, test, only_signs),
+        pairs=len(apart),
+        needed=fewest() if test == "bootstrap" or only_signs else 2,
+    )
+
+
+def is_same_run(signals: Sequence[str]) -> bool:
+    """Whether several runs recorded the same signals, to the bit: the seed changes nothing.
+
+    Parameters
+    ----------
+    signals : a hash of what each run recorded; '' where it is not known.
+    """
+    return len(signals) > 1 and signals[0] != "" and len(set(signals)) == 1
+
+
+def fewest(level: float = LEVEL) -> int:
+    """The smallest number of pairs for which an exact test of signs can be significant.
+
+    With n pairs, 2 of the 2^n equally likely patterns of signs are the most extreme: p >= 2 / 2^n.
+    """
+    pairs = 1
+    while sign_test(pairs, 0) >= level:
+        pairs += 1
+    return pairs
+
+
+def sign_test(larger: int, smaller: int) -> float:
+    """p value of the exact two-sided sign test, which leaves out ties."""
+    from scipy import special
+
+    return min(1.0, 2.0 * float(special.bdtr(min(larger, smaller), larger + smaller, 0.5)))
 
 
 def adjusted(p: Sequence[float]) -> list[float]:
@@ -87,16 +175,12 @@ def adjusted(p: Sequence[float]) -> list[float]:
     return [float(value) for value in values]
 
 
-def presence(values: Sequence[float | None], baseline: Sequence[float | None]) -> float:
+def presence(values: Values, baseline: Values) -> float:
     """p value of McNemar's exact test: do both have a value equally often?"""
-    from scipy.stats import binomtest
-
     pairs = list(zip(values, baseline, strict=True))
     gained = sum(a is not None and b is None for a, b in pairs)
     missed = sum(a is None and b is not None for a, b in pairs)
-    if not gained + missed:
-        return 1.0
-    return float(binomtest(gained, gained + missed).pvalue)
+    return sign_test(gained, missed)
 
 
 def is_significant(p: float | None) -> bool:
@@ -105,15 +189,8 @@ def is_significant(p: float | None) -> bool:
 
 
 def number_or_none(value: float) -> float | None:
-    """A number as JSON holds it: None for NaN."""
-    return None if math.isnan(value) else value
-
-
-def interval(found: Estimate, sign: str = "") -> str:
-    """The confidence interval of an estimate for users, or a dash."""
-    if math.isnan(found.low):
-        return "-"
-    return f"[{number(found.low, sign)}, {number(found.high, sign)}]"
+    """A number as JSON holds it: None for NaN and infinity."""
+    return value if math.isfinite(value) else None
 
 
 def _is_constant(data: FloatArray) -> bool:
@@ -123,10 +200,8 @@ def _is_constant(data: FloatArray) -> bool:
 
 def _interval(data: FloatArray, test: Test) -> tuple[float, float]:
     mean = float(data.mean())
-    if len(data) < 2:
+    if len(data) < 2 or _is_constant(data):
         return math.nan, math.nan
-    if _is_constant(data):
-        return mean, mean
     if test == "bootstrap":
         from scipy import stats
 
@@ -149,11 +224,11 @@ def _standard_error(data: FloatArray) -> float:
     return float(data.std(ddof=1)) / math.sqrt(len(data))
 
 
-def _p(apart: FloatArray, test: Test) -> float:
+def _p(apart: FloatArray, test: Test, only_signs: bool) -> float:
     if len(apart) < 2:
         return math.nan
-    if _is_constant(apart):
-        return 1.0 if not apart.any() else 0.0
+    if only_signs:
+        return sign_test(int((apart > 0.0).sum()), int((apart < 0.0).sum()))
     if test == "bootstrap":
         from scipy import stats
 

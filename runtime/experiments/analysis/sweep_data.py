@@ -14,7 +14,7 @@ from blocks.core import FloatArray
 from runtime.document import flow_yaml, from_python, parse_yaml
 from runtime.errors import Problems, UsageError
 from runtime.experiments.analysis.groups import Group, gather
-from runtime.experiments.analysis.statistics import Estimate, estimate
+from runtime.experiments.analysis.statistics import ANY, Ends, Estimate
 from runtime.experiments.design import Factor, Objective, Range, parse_factor, parse_seeds
 from runtime.experiments.execution import INDEX, Columns, read_plan, read_rows
 from runtime.terminal import with_unit
@@ -51,6 +51,8 @@ class SweepData:
     axes: tuple[Axis, ...]
     metrics: dict[str, list[Estimate]]
     units: dict[str, str]
+    ends: dict[str, Ends]
+    never: dict[str, str]
     objective: Objective | None
     skipped: int
 
@@ -64,7 +66,16 @@ class SweepData:
 
     def is_partial(self, metric: str) -> NDArray[np.bool_]:
         """Whether each configuration's mean is over only some of the seeds."""
-        return np.array([0 < found.n < self.seeds for found in self.metrics[metric]])
+        found = self.metrics[metric]
+        return np.array([each.n > 0 and not each.is_over(self.seeds) for each in found])
+
+    def is_never(self, metric: str) -> NDArray[np.bool_]:
+        """Whether the metric of each configuration is infinite with every seed that has one."""
+        return np.array([found.never > 0 and not found.n for found in self.metrics[metric]])
+
+    def is_same(self, metrics: Iterable[str]) -> bool:
+        """Whether the seed changes nothing anywhere, so that all seeds are one run."""
+        return all(found.is_same for name in metrics for found in self.metrics[name])
 
 
 def read_sweep(folder: Path) -> SweepData:
@@ -84,6 +95,7 @@ def read_sweep(folder: Path) -> SweepData:
     known = [factor for factor in factors if factor is not None]
     metrics = tuple(map(str, plan.get("metrics", ())))
     columns = Columns(tuple(factor.path for factor in known), metrics)
+    ends = plan["ends"]
     groups, skipped = _thinned(gather(read_rows(folder / INDEX, columns), len(seeds)))
     goals = ((plan.get(goal), goal) for goal in ("minimize", "maximize"))
     chosen = next(((str(metric), goal) for metric, goal in goals if metric), None)
@@ -95,9 +107,12 @@ def read_sweep(folder: Path) -> SweepData:
             _axis(factor, [group.cells[i] for group in groups]) for i, factor in enumerate(known)
         ),
         metrics={
-            name: [estimate(group.values(i)) for group in groups] for i, name in enumerate(metrics)
+            name: [group.estimate(i, ends.get(name, ANY)) for group in groups]
+            for i, name in enumerate(metrics)
         },
         units={str(name): str(unit) for name, unit in (plan.get("units") or {}).items()},
+        ends=ends,
+        never={str(name): str(words) for name, words in plan["never"].items()},
         objective=None if chosen is None else Objective(*chosen),  # type: ignore[arg-type]
         skipped=skipped,
     )

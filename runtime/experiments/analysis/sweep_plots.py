@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from blocks.core import FloatArray
 from runtime.experiments.analysis.sweep_data import Axis, SweepData, read_sweep, spread
+from runtime.experiments.analysis.words import NEVER, SAME, mean_of
 from runtime.experiments.design import Objective
 from runtime.files import own_folder, system_errors
 from runtime.plots import COLOURS, GREY, STYLE, headline, save_figure
@@ -30,6 +31,7 @@ MANY_TICKS = 12
 CROWD = 25  # up to this many, each point of a curve has a marker
 # The colour of means over fewer seeds than the others, and its explanation in the title.
 MARK = "tab:red"
+BEYOND = 1.05  # where lines end, on an axis from 0 to 1, that have no finite value
 PARTIAL = "n/N or red: only n of the N seeds have a value"
 
 
@@ -58,7 +60,11 @@ def sweep_figures(folder: Path) -> Iterator[tuple[str, Figure]]:
     folder : of a sweep, complete or not.
     """
     data = read_sweep(folder)
-    shown = [name for name in data.metrics if np.isfinite(data.means(name)).any()]
+    shown = [
+        name
+        for name in data.metrics
+        if np.isfinite(data.means(name)).any() or data.is_never(name).any()
+    ]
     if not shown or not data.axes or not len(data.axes[0].positions):
         return
     with matplotlib.rc_context(STYLE):
@@ -89,8 +95,14 @@ def _panels(data: SweepData, metrics: list[str], painter: Any) -> Figure:
 
 def _title(data: SweepData, metrics: list[str]) -> str:
     over = f"means over {data.seeds} seeds" if data.seeds > 1 else "one seed"
+    if data.seeds > 1 and data.is_same(metrics):
+        over = f"{SAME}, the seed changes nothing"
     if any(data.is_partial(metric).any() for metric in metrics):
         over += f" ({PARTIAL})"
+    lost = [name for name in metrics if data.is_never(name).any()]
+    if lost:
+        words = dict.fromkeys(data.never.get(name, NEVER) for name in lost)
+        over += f"; a red cross: {', '.join(words)}"
     left = f", {data.skipped} configurations not drawn" if data.skipped else ""
     return f"{data.name}  ·  {len(data.axes[0].positions)} configurations, {over}{left}"
 
@@ -115,14 +127,28 @@ def _curve(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
         some = data.is_partial(metric)[order]
         axes.plot(x[some], mean[some], ".", color=MARK, markersize=3.0)
     # The axis covers all configurations, also those without a value.
-    level = mean[np.isfinite(mean)][0]
+    level = mean[np.isfinite(mean)][0] if np.isfinite(mean).any() else 0.0
     axes.update_datalim(np.column_stack([x, np.full(len(x), level)]))
     axes.autoscale_view()
     where: Any = ("data", "axes fraction")
-    small: dict[str, Any] = {"fontsize": 7.0, "va": "top", "ha": "center", "color": GREY}
-    for place, estimate in zip(x, found, strict=True):
-        if estimate.n < data.seeds and len(x) <= CROWD:
-            axes.annotate(f"{estimate.n}/{data.seeds}", (place, 1.0), xycoords=where, **small)
+    lost = data.is_never(metric)[order]
+    # At the upper end, which is the bad one of what may be infinite.
+    cross: Any = {"linestyle": "none", "marker": "x", "color": MARK, "clip_on": False}
+    if lost.any():  # without a point, a line that is not clipped has no place in the layout
+        axes.plot(x[lost], np.ones(lost.sum()), transform=axes.get_xaxis_transform(), **cross)
+    if lost.all():
+        axes.set_yticks([])
+    small: dict[str, Any] = {"fontsize": 7.0, "va": "top", "ha": "center"}
+    small |= {"xytext": (0, -5), "textcoords": "offset points", "xycoords": where}
+    for place, estimate, is_lost in zip(x, found, lost, strict=True):
+        if len(x) > CROWD or (estimate.n and estimate.is_over(data.seeds)):
+            continue
+        message = f"{estimate.n}/{data.seeds}"
+        if is_lost:
+            message = mean_of(estimate, data.seeds, data.never.get(metric, NEVER))
+        # Upright, the words of neighbours do not overlap.
+        how = {"color": MARK, "rotation": 90} if is_lost else {"color": GREY}
+        axes.annotate(message, (place, 1.0), **small, **how)
     _label(axes, axis, "x")
 
 
@@ -156,18 +182,24 @@ def _heat(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
         ticks = range(0, len(names), -(-len(names) // MANY_TICKS))
         _name_ticks(axes, side, ticks, [names[i] for i in ticks])
         axes.set(**{f"{side}label": axis.path})
-    seeds = np.full(grid.shape, data.seeds)
-    seeds[at] = [found.n for found in data.metrics[metric]]
+    lost, some = (np.full(grid.shape, False) for _ in range(2))
+    lost[at], some[at] = data.is_never(metric), data.is_partial(metric)
+    axes.plot(*np.argwhere(lost)[:, ::-1].T, "x", color=MARK, markersize=4.0)
     if grid.size <= FEW_CELLS:
+        seeds = np.full(grid.shape, data.seeds)
+        seeds[at] = [
+            data.seeds if found.n and found.is_over(data.seeds) else found.n
+            for found in data.metrics[metric]
+        ]
         _numbers(axes, grid, seeds, data.seeds)
     else:
-        marked = np.argwhere((seeds > 0) & (seeds < data.seeds))
-        axes.plot(marked[:, 1], marked[:, 0], ".", color=MARK, markersize=3.0)
+        axes.plot(*np.argwhere(some)[:, ::-1].T, ".", color=MARK, markersize=3.0)
 
 
 def _numbers(axes: Axes, grid: FloatArray, seeds: NDArray[np.int_], most: int) -> None:
     """Write each cell's mean, and the number of seeds if it is not all of them."""
-    middle = 0.5 * (np.nanmin(grid) + np.nanmax(grid))
+    known = grid[np.isfinite(grid)]
+    middle = 0.5 * (known.min(initial=math.inf) + known.max(initial=-math.inf))
     look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 7.0}
     for (row, column), value in np.ndenumerate(grid):
         if np.isfinite(value):
@@ -176,7 +208,7 @@ def _numbers(axes: Axes, grid: FloatArray, seeds: NDArray[np.int_], most: int) -
             share = f"\n{n}/{most}" if n < most else ""
             axes.text(column, row, f"{value:.3g}{share}", color=colour, **look)
         else:
-            axes.text(column, row, f"{seeds[row, column]}/{most}", color=GREY, **look)
+            axes.text(column, row - 0.3, f"{seeds[row, column]}/{most}", color=GREY, **look)
 
 
 def _scatter(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
@@ -186,7 +218,12 @@ def _scatter(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
     known = np.isfinite(means)
     look: dict[str, Any] = {"s": 22.0, "zorder": 2.0}
     hollow: dict[str, Any] = {"facecolors": "none", "edgecolors": "0.5", "linewidths": 0.8}
-    axes.scatter(first.positions[~known], second.positions[~known], **look, **hollow)
+    lost = data.is_never(metric)
+    cross: dict[str, Any] = {"marker": "x", "c": MARK, "linewidths": 1.0}
+    none = ~known & ~lost
+    axes.scatter(first.positions[none], second.positions[none], **look, **hollow)
+    if lost.any():
+        axes.scatter(first.positions[lost], second.positions[lost], **look, **cross)
     look |= {"c": means[known], "cmap": MAP}
     edges = [MARK if some else "none" for some in data.is_partial(metric)[known]]
     drawn = axes.scatter(first.positions[known], second.positions[known], edgecolors=edges, **look)
@@ -205,11 +242,19 @@ def _parallel(data: SweepData, metric: str) -> Figure:
     verticals = [*data.axes, value]
     heights = np.column_stack([_height(axis) for axis in verticals])
     x = np.arange(len(verticals), dtype=float)
-    lost = [np.column_stack([x[:-1], row[:-1]]) for row in heights[~known]]
+    never = data.is_never(metric)
+    lost = [np.column_stack([x[:-1], row[:-1]]) for row in heights[~known & ~never]]
     axes.add_collection(LineCollection(lost, colors="0.8", linewidths=0.6, zorder=1.0))
+    # Beyond the upper end of the axis, which is the bad one of what may be infinite.
+    worst = [np.column_stack([x, [*row[:-1], BEYOND]]) for row in heights[never]]
+    if worst:
+        look: dict[str, Any] = {"linewidths": 0.6, "alpha": 0.7, "zorder": 1.5}
+        axes.add_collection(LineCollection(worst, colors=MARK, **look))
+        axes.plot(x[-1], BEYOND, "x", color=MARK)
     order = _best_last(means, known, data.objective if _is_goal(data, metric) else None)
     lines = [np.column_stack([x, heights[i]]) for i in order]
-    scale = Normalize(float(means[known].min()), float(means[known].max()))
+    low, high = _range(means[known])
+    scale = Normalize(low, high)
     colours = matplotlib.colormaps[MAP](scale(means[order]))
     drawn = LineCollection(lines, colors=colours, linewidths=0.9, alpha=0.85, zorder=2.0)
     axes.add_collection(drawn)
@@ -221,6 +266,11 @@ def _parallel(data: SweepData, metric: str) -> Figure:
     )
     axes.set_title(_title(data, [metric]), fontsize=10.0)
     return figure
+
+
+def _range(values: FloatArray) -> tuple[float, float]:
+    """The smallest and the largest value; 0 and 1 if there is none."""
+    return (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
 
 
 def _is_goal(data: SweepData, metric: str) -> bool:
@@ -238,7 +288,7 @@ def _best_last(means: FloatArray, known: Any, objective: Objective | None) -> An
 def _height(axis: Axis) -> FloatArray:
     """Positions of configurations on a vertical axis, from 0 to 1."""
     positions = np.log10(axis.positions) if axis.is_log else axis.positions
-    low, high = np.nanmin(positions), np.nanmax(positions)
+    low, high = _range(positions[np.isfinite(positions)])
     heights: FloatArray = (
         (positions - low) / (high - low) if high > low else np.full(len(positions), 0.5)
     )
@@ -260,7 +310,8 @@ def _vertical_axes(axes: Axes, verticals: list[Axis]) -> None:
     for x, axis in enumerate(verticals):
         axes.axvline(x, color="0.3", linewidth=0.8, zorder=3.0)
         heights = _height(axis)
-        ends = [np.nanmin(axis.positions), np.nanmax(axis.positions)]
+        known = axis.positions[np.isfinite(axis.positions)]
+        ends = [*_range(known)] if len(known) else []
         for place in axis.distinct if axis.names else ends:
             height = float(heights[np.nanargmin(np.abs(axis.positions - place))])
             message = axis.names[int(place)] if axis.names else f"{place:.4g}"

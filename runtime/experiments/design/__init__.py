@@ -1,7 +1,12 @@
 """What an experiment varies: factors, seeds, variants, the objective, and experiment files."""
 
 from runtime.experiments.design.additions import Additions
-from runtime.experiments.design.checks import check_design, check_factor, check_objective
+from runtime.experiments.design.checks import (
+    check_design,
+    check_factor,
+    check_objective,
+    own_value,
+)
 from runtime.experiments.design.experiment import (
     CHANGES,
     KEYS,
@@ -68,6 +73,7 @@ __all__ = [
     "complete",
     "grouped",
     "is_experiment",
+    "own_value",
     "parse_constraint",
     "parse_factor",
     "parse_seeds",

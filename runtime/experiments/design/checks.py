@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from blocks.core import hint
-from runtime.document import full_path
+from runtime.document import Node, full_path
 from runtime.errors import GraphError, Problems, UsageError, Where
 from runtime.experiments.design.factors import Factor
 from runtime.experiments.design.objective import Objective
@@ -29,6 +31,30 @@ def check_factor(graph: Graph, factor: Factor, where: Where, problems: Problems)
                 for problem in error.problems
             ]
             return
+
+
+def own_value(graph: Graph, path: str) -> object:
+    """What a graph itself says at a path, or a block's default; None if it says nothing there."""
+    network = graph.network
+    names = full_path(graph.document, path).split(".")
+    node: Node | None = network.document
+    for name in names:
+        if node is not None and node.is_list:
+            node = (
+                node.value[int(name)] if name.isdecimal() and int(name) < len(node.value) else None
+            )
+        elif node is not None:
+            node = node.get(name) if node.is_map else None
+    if node is not None:
+        return node.plain()
+    entry = network.entries.get(names[1]) if len(names) in (3, 4) else None
+    if entry is None or names[0] != "blocks" or names[2] not in entry.cls.spec.params:
+        return None
+    found = np.asarray(entry.made.value(names[2]), dtype=object)
+    if len(names) == 3:
+        return found.tolist()
+    index = int(names[3]) if names[3].isdecimal() else -1
+    return found.tolist()[index] if found.ndim == 1 and 0 <= index < len(found) else None
 
 
 def check_design(graph: Graph, design: Design, seeds: Seeds) -> None:

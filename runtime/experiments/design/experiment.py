@@ -41,7 +41,10 @@ from runtime.graph import Graph, load
 CHANGES = ("with", "set", "wire", "without", "bypass", "replace")
 SWEEP_KEYS = ("vary", "random", "sobol", "sampling_seed", "minimize", "maximize")
 # Further keys of plan.yaml, which is an experiment file as well.
-PLAN_KEYS = ("schema_version", "kind", "metrics", "units", "points", "digest", "made", "optimizer")
+PLAN_KEYS = (
+    *("schema_version", "kind", "metrics", "units", "ends", "never", "points", "digest"),
+    *("made", "optimizer"),
+)
 KEYS = (
     *("experiment", "graph", "until", *CHANGES, "seeds", *SWEEP_KEYS, "variants"),
     *(*TUNING_KEYS, *PLAN_KEYS),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
@@ -20,5 +21,10 @@ class Objective:
         return None if value is None else self.of(value)
 
     def of(self, value: float) -> float:
-        """The cost of a value; applied twice it gives the value again."""
+        """The cost of a value; applied twice it gives the value again, if it is finite.
+
+        Infinity stands for what is never reached, which is the worst of all.
+        """
+        if math.isinf(value):
+            return math.inf
         return value if self.goal == "minimize" else -value

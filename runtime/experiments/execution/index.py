@@ -17,8 +17,9 @@ from runtime.experiments.execution.trials import Trial
 from runtime.experiments.execution.worker import TrialResult
 from runtime.files import lock, open_file
 
-FIRST, MIDDLE, LAST = ("point",), ("seed", "status", "reason"), ("wall_s",)
+FIRST, MIDDLE, LAST = ("point",), ("seed", "status", "reason"), ("signals", "wall_s")
 RESERVED = (*FIRST, *MIDDLE, *LAST)
+NO_SIGNAL = "-"
 LONGEST_REASON = 2000  # characters that are written
 LONGEST_FIELD = 1 << 27  # characters that are read; the csv module stops at 128 KiB by default
 # A spreadsheet would interpret such a text as a formula, and run it.
@@ -27,7 +28,11 @@ _FORMULA = re.compile(r"'*[=+\-@\t\r]")
 
 @dataclass(frozen=True)
 class Row:
-    """One trial that has ended. ``metrics`` holds None where a metric has no value."""
+    """One trial that has ended.
+
+    ``metrics`` holds None where a metric has no value, and infinity for what was never reached.
+    ``signals`` has for each metric a hash of what it measured, '' where there is none.
+    """
 
     trial: int
     cells: tuple[str, ...]
@@ -36,13 +41,15 @@ class Row:
     reason: str
     metrics: tuple[float | None, ...]
     wall_s: float
+    signals: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, trial: Trial, done: TrialResult, metrics: Sequence[str]) -> Row:
         values = tuple(done.metrics.get(name) for name in metrics)
         cells, wall_s = trial.configuration.cells, round(done.wall_s, 4)
         reason = _shortened(done.reason)
-        return cls(trial.number, cells, trial.seed, done.status, reason, values, wall_s)
+        signals = tuple(done.signals.get(name, "") for name in metrics)
+        return cls(trial.number, cells, trial.seed, done.status, reason, values, wall_s, signals)
 
 
 @dataclass(frozen=True)
@@ -60,7 +67,8 @@ class Columns:
         values = ["" if value is None else repr(value) for value in row.metrics]
         middle = [str(row.seed), row.status, _escaped(row.reason)]
         cells = map(_escaped, row.cells)
-        return csv_line([str(row.trial), *cells, *middle, *values, repr(row.wall_s)])
+        signals = " ".join(signal or NO_SIGNAL for signal in row.signals)
+        return csv_line([str(row.trial), *cells, *middle, *values, signals, repr(row.wall_s)])
 
     def row(self, fields: Sequence[str]) -> Row:
         """Read a line's fields.
@@ -72,10 +80,14 @@ class Columns:
         if len(fields) != len(self.header):
             raise ValueError(f"expected {len(self.header)} fields, got {len(fields)}")
         factors, rest = fields[1 : 1 + len(self.factors)], fields[1 + len(self.factors) :]
-        values = tuple(float(text) if text else None for text in rest[3:-1])
+        values = tuple(float(text) if text else None for text in rest[3:-2])
+        signals = tuple("" if text == NO_SIGNAL else text for text in rest[-2].split())
+        if signals and len(signals) != len(values):
+            raise ValueError(f"expected {len(values)} signals, got {len(signals)}")
         seed, status = int(rest[0]), rest[1]
         cells, reason = tuple(map(_unescaped, factors)), _unescaped(rest[2])
-        return Row(int(fields[0]), cells, seed, status, reason, values, float(rest[-1]))
+        wall_s = float(rest[-1])
+        return Row(int(fields[0]), cells, seed, status, reason, values, wall_s, signals)
 
 
 def _shortened(reason: str) -> str:

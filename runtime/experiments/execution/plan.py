@@ -33,7 +33,7 @@ from runtime.experiments.execution.trials import (
     swept_configurations,
     trials_of,
 )
-from runtime.files import system_errors
+from runtime.files import check_form, system_errors
 from runtime.graph import Graph
 from runtime.runs import DIAGRAM
 
@@ -87,6 +87,16 @@ class ExperimentPlan:
     def units(self) -> dict[str, str]:
         """The units of the metrics that have one."""
         return self.graph.observation.metric_units
+
+    @property
+    def ends(self) -> dict[str, tuple[float, float]]:
+        """The least and the largest possible value of the metrics that have one."""
+        return self.graph.observation.metric_ends
+
+    @property
+    def never(self) -> dict[str, str]:
+        """What an infinite value of a metric means, such as ``never settled``."""
+        return self.graph.observation.metric_never
 
     @property
     def total(self) -> int:
@@ -146,6 +156,8 @@ class ExperimentPlan:
             **goal,
             "metrics": list(self.metrics),
             "units": self.units,
+            "ends": {name: list(ends) for name, ends in self.ends.items()},
+            "never": self.never,
             "points": self.total,
             "digest": self.digest,
             "made": {
@@ -274,7 +286,15 @@ def read_plan(folder: Path) -> dict[str, Any]:
         raise UsageError(f"cannot read the plan of '{folder}': {error}") from None
     if not isinstance(stored, dict) or stored.get("schema_version") != SCHEMA_VERSION:
         raise UsageError(f"'{path}' is not a plan of this version of the program")
-    return stored
+    try:
+        found = {"ends": {}, "never": {}, **stored}  # plans of earlier versions have neither
+        check_form(found, {"ends": dict, "never": dict})
+        for name, ends in found["ends"].items():
+            low, high = map(float, ends)
+            found["ends"][name] = (low, high)
+    except (TypeError, ValueError) as error:
+        raise UsageError(f"'{path}' is damaged: {error}") from None
+    return found
 
 
 def check_same(plan: ExperimentPlan, folder: Path) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import atexit
+import hashlib
+import math
 import shutil
 import tempfile
 import time
@@ -12,13 +14,18 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+
+from blocks.core import FloatArray
 from runtime.document import parse_yaml, rename_files
 from runtime.errors import GraphError, SimulationError, one_line
 from runtime.experiments.design import Objective
-from runtime.experiments.execution.trials import GraphBundle, Trial
+from runtime.experiments.execution.trials import Configuration, GraphBundle, Trial
 from runtime.files import write_whole
 from runtime.graph import Graph, load
+from runtime.observation import Metric
 from runtime.runs import Result, simulate
+from runtime.streaming import row_blocks
 
 Status = Literal["ok", "failed", "invalid", "timeout", "lost"]
 # What a trial records besides its metrics: nothing, its trajectory, or all plots of the graph.
@@ -48,13 +55,22 @@ class Task:
 
 @dataclass(frozen=True)
 class TrialResult:
-    """The outcome of a trial. ``metrics`` are empty unless it is ok; ``wall_s`` is in seconds."""
+    """The outcome of a trial.
+
+    Parameters
+    ----------
+    metrics : None without a value, infinite for what was never reached, also where the simulation
+        failed; otherwise empty unless it is ok.
+    wall_s : in seconds.
+    signals : for each metric a hash of the signals that it measured.
+    """
 
     status: Status
     reason: str = ""
     metrics: dict[str, float | None] = field(default_factory=dict)
     wall_s: float = 0.0
     result: Result | None = None
+    signals: dict[str, str] = field(default_factory=dict)
 
 
 class Deadline:
@@ -95,7 +111,8 @@ def run_task(task: Task) -> TrialResult:
     if deadline.is_exceeded:
         reached = "" if result is None else f", {result.ticks} ticks done"
         status, reason = "timeout", f"stopped after {task.timeout:g} s{reached}"
-    metrics = result.metrics if result is not None and status == "ok" else {}
+    measured = _metrics(task.trial.configuration) if result is not None else []
+    metrics = {} if result is None else _values(measured, result, status)
     # The worker's temporary folder of files means nothing to users.
     reason = reason.replace(f"{_file_folder(task.trial.configuration.bundle)}/", "")
     return TrialResult(
@@ -104,7 +121,53 @@ def run_task(task: Task) -> TrialResult:
         metrics=metrics,
         wall_s=deadline.spent,
         result=result if status in task.keep and _is_wanted(task, metrics) else None,
+        signals={} if result is None or status != "ok" else _signals(measured, result),
     )
+
+
+def _metrics(configuration: Configuration) -> list[Metric]:
+    return _built(configuration.bundle, configuration.edits).observation.metrics
+
+
+def _values(metrics: list[Metric], result: Result, status: Status) -> dict[str, float | None]:
+    """The metrics of a run; infinite for what was never reached, or not before it failed."""
+    if status not in ("ok", "failed"):
+        return {}
+    never = {m.name: math.inf for m in metrics if m.never and m.is_recorded(result.probes)}
+    if status == "failed":
+        return {**never}
+    return {
+        name: never.get(name) if value is None else value for name, value in result.metrics.items()
+    }
+
+
+def _signals(metrics: list[Metric], result: Result) -> dict[str, str]:
+    """For each metric, a hash of what its probes recorded.
+
+    Where all seeds have the same, they are one run. The values alone would not tell: twenty noisy
+    runs without a collision all count 0, and are twenty observations.
+    """
+    hashes: dict[str, bytes] = {}
+    found = {}
+    for metric in metrics:
+        if metric.is_recorded(result.probes):
+            names = [name for name in metric.inputs.values() if name]
+            for name in names:
+                if name not in hashes:
+                    hashes[name] = _hash(result.probes[name].values)
+            # A metric of no signal, as the time at which the run stopped, is its own.
+            content = (
+                b"".join(hashes[n] for n in names) or repr(result.metrics[metric.name]).encode()
+            )
+            found[metric.name] = hashlib.sha256(content).hexdigest()[:8]
+    return found
+
+
+def _hash(values: FloatArray) -> bytes:
+    digest = hashlib.blake2b(digest_size=8)
+    for _, (rows,) in row_blocks(values):
+        digest.update(np.ascontiguousarray(rows).data)
+    return digest.digest()
 
 
 def _is_wanted(task: Task, metrics: dict[str, float | None]) -> bool:

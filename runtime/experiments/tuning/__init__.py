@@ -1,7 +1,7 @@
 """Tuning: values of factors that are found by an optimiser, and judged by held-out runs."""
 
 from runtime.experiments.tuning.judging import Judged, Judgement, judge
-from runtime.experiments.tuning.output import judgements, save_json, summary
+from runtime.experiments.tuning.output import NOTHING, judgements, save_json, summary
 from runtime.experiments.tuning.plan import HELD_OUT, TUNING, TuningPlan, tuning_plan
 from runtime.experiments.tuning.request import TuningRequest, tuning_request
 from runtime.experiments.tuning.running import TuningOptions, TuningResult, run_tuning
@@ -10,6 +10,7 @@ from runtime.experiments.tuning.writing import check_writable, write_values
 
 __all__ = [
     "HELD_OUT",
+    "NOTHING",
     "TUNING",
     "Judged",
     "Judgement",

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from runtime.experiments.analysis import (
+    ANY,
     Difference,
     Estimate,
     adjusted,
     difference,
     estimate,
+    is_same,
     is_significant,
     number_or_none,
 )
@@ -26,10 +28,12 @@ class Judged:
     """A metric of a configuration on one set of runs, beside the baseline on the same runs.
 
     ``over`` is as in tuning: over the conditions the mean or the worst. ``mean`` and ``difference``
-    are over all runs, paired by condition and seed; ``p`` is corrected over the table.
+    are over all ``runs``, paired by condition and seed; ``p`` is corrected over the table. A
+    condition in which the seed changes nothing is one run.
     """
 
     mean: Estimate
+    runs: int
     over: float
     difference: Difference | None
     p: float = math.nan
@@ -39,11 +43,14 @@ class Judged:
         if self.difference is not None:
             p = number_or_none(self.p)
             apart = self.difference.to_dict() | {
-                "p": number_or_none(self.difference.p),
                 "p_adjusted": p,
                 "distinguishable": is_significant(p),
             }
-        return self.mean.to_dict() | {"over": number_or_none(self.over), "difference": apart}
+        return self.mean.to_dict() | {
+            "runs": self.runs,
+            "over": number_or_none(self.over),
+            "difference": apart,
+        }
 
 
 @dataclass(frozen=True)
@@ -81,31 +88,52 @@ def judge(
         for metric in plan.tuning.metrics:
             sets = []
             for runs, ran in ((plan.tuning.training, training), (plan.tuning.held_out, held_out)):
-                sets.append(_judged(scorer, metric, runs, ran[number], ran[BASELINE]))
+                sets.append(_judged(plan, scorer, metric, runs, ran[number], ran[BASELINE]))
             lines.append(Judgement(number, metric, *sets))
     return _corrected(lines)
 
 
-def _judged(scorer: Scorer, metric: str, runs: RunSet, one: Tried, baseline: Tried) -> Judged:
-    mine, theirs = (
-        [
-            value
-            for condition in scorer.values(metric, ran.rows, runs, runs.seeds)
-            for value in condition
-        ]
-        for ran in (one, baseline)
-    )
-    mean = estimate([value for value in mine if value is not None])
+def _judged(
+    plan: TuningPlan, scorer: Scorer, metric: str, runs: RunSet, one: Tried, baseline: Tried
+) -> Judged:
+    values, same = _by_condition(scorer, metric, runs, one)
+    own, own_same = _by_condition(scorer, metric, runs, baseline)
+    mine = _observations(values, same)
+    found = [value for value in mine if value is not None]
+    is_one = all(same) and len(same) == 1
+    mean = estimate(found, ends=plan.ends.get(metric, ANY), is_same=is_one)
     over = scorer.score(one.rows, runs, runs.seeds).metrics[metric]
-    apart = None if one.number == BASELINE else difference(mine, theirs)
-    return Judged(mean, over, apart)
+    apart = None
+    if one.number != BASELINE:
+        both = [a and b for a, b in zip(same, own_same, strict=True)]
+        is_one = all(both) and len(both) == 1
+        theirs = _observations(own, both)
+        apart = difference(_observations(values, both), theirs, is_same=is_one)
+    return Judged(mean, len(mine), over, apart)
+
+
+def _by_condition(
+    scorer: Scorer, metric: str, runs: RunSet, one: Tried
+) -> tuple[list[list[float | None]], list[bool]]:
+    """A metric's values in each condition, and whether the seed changes nothing there."""
+    values = scorer.values(metric, one.rows, runs, runs.seeds)
+    column = scorer.columns[metric]
+    rows = ([one.rows.get((name, seed)) for seed in runs.seeds] for name in runs.names)
+    same = [is_same([row for row in each if row is not None], column) for each in rows]
+    return values, same
+
+
+def _observations(values: list[list[float | None]], same: list[bool]) -> list[float | None]:
+    """All values; of a condition in which the seed changes nothing the first."""
+    pairs = zip(values, same, strict=True)
+    return [value for each, is_one in pairs for value in (each[:1] if is_one else each)]
 
 
 def _corrected(lines: list[Judgement]) -> list[Judgement]:
     """The lines with p values corrected over all differences of the table."""
     both = [judged for line in lines for judged in (line.training, line.held_out)]
     found = adjusted([math.nan if j.difference is None else j.difference.p for j in both])
-    fixed = [Judged(j.mean, j.over, j.difference, p) for j, p in zip(both, found, strict=True)]
+    fixed = [replace(judged, p=p) for judged, p in zip(both, found, strict=True)]
     return [
         Judgement(line.number, line.metric, fixed[2 * i], fixed[2 * i + 1])
         for i, line in enumerate(lines)

@@ -81,6 +81,18 @@ class Optimizer:
         low, high = float(factor.low), float(factor.high)
         return kinds.FloatDistribution(low, high, log=factor.scale == "log")
 
+    def begin_with(self, values: Sequence[Any]) -> Suggestion | None:
+        """Ask for these values first; None if the optimiser cannot try them itself.
+
+        That is so where one is outside of its factor's values.
+        """
+        drawn = [_drawn(factor, value) for factor, value in zip(self.factors, values, strict=True)]
+        if None in drawn:
+            return None
+        paths = [factor.path for factor in self.factors]
+        self._study.enqueue_trial(dict(zip(paths, drawn, strict=True)))
+        return self.ask(1)[0]
+
     def ask(self, count: int) -> list[Suggestion]:
         """The next configurations, before any of them is known."""
         found = []
@@ -114,6 +126,21 @@ def _value(factor: Factor, drawn: Any) -> Any:
         return int(drawn)
     rounded = float(f"{drawn:.{DIGITS}g}")
     return min(max(rounded, float(factor.low)), float(factor.high))
+
+
+def _drawn(factor: Factor, value: Any) -> Any:
+    """The parameter that stands for a factor's value; None if there is none."""
+    if not isinstance(factor, Range):
+        return factor.values.index(value) if value in factor.values else None
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return None
+    if factor.steps:
+        steps = range(factor.steps)
+        return next((i for i in steps if math.isclose(float(factor.value(i)), value)), None)
+    if factor.scale == "int" and value != int(value):
+        return None
+    inside = float(factor.low) <= value <= float(factor.high)
+    return (int(value) if factor.scale == "int" else float(value)) if inside else None
 
 
 def optimizer_version() -> str:

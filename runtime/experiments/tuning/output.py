@@ -6,7 +6,17 @@ import math
 from collections import Counter
 from typing import Any
 
-from runtime.experiments.analysis import CONFIDENCE, CORRECTION, is_significant
+from runtime.experiments.analysis import (
+    CONFIDENCE,
+    CORRECTION,
+    NEVER,
+    SAME,
+    SAME_RUNS,
+    is_significant,
+    mean_of,
+    number_or_none,
+    too_few,
+)
 from runtime.experiments.execution import SCHEMA_VERSION
 from runtime.experiments.tuning.judging import Judged, Judgement, judge
 from runtime.experiments.tuning.plan import BASELINE, TUNING, TuningPlan
@@ -14,6 +24,9 @@ from runtime.experiments.tuning.running import TuningResult
 from runtime.experiments.tuning.scores import Tried
 from runtime.files import write_json
 from runtime.terminal import number, table, with_unit
+
+NOTHING = "nothing that was tried is better than the graph's own values"
+FEW = "few"
 
 
 def to_dict(result: TuningResult) -> dict[str, Any]:
@@ -32,6 +45,7 @@ def to_dict(result: TuningResult) -> dict[str, Any]:
         "training": _runs(plan, "training"),
         "held_out": _runs(plan, "held_out"),
         "units": plan.units,
+        "never": plan.never,
         "counts": dict(counts),
         "runs": result.runs,
         "held_out_runs": sum(len(one.rows) for one in result.held_out.values()),
@@ -39,6 +53,7 @@ def to_dict(result: TuningResult) -> dict[str, Any]:
         "correction": CORRECTION,
         "configurations": [_tried(plan, one) for one in result.tried],
         "front": [one.number for one in result.winners],
+        "better": [one.number for one in result.better],
         "table": [line.to_dict() for line in judgements(result)],
         "wall_s": round(result.wall_s, 3),
     }
@@ -68,7 +83,8 @@ def _tried(plan: TuningPlan, one: Tried) -> dict[str, Any]:
         "values": None if one.values is None else dict(zip(plan.paths, one.values, strict=True)),
         "status": one.status,
         "feasible": score is not None and score.is_feasible and score.has_values,
-        "metrics": {name: None if math.isnan(v) else v for name, v in means.items()},
+        "metrics": {name: number_or_none(v) for name, v in means.items()},
+        "never": [name for name, value in means.items() if math.isinf(value)],
         "runs": len(one.rows),
     }
 
@@ -87,7 +103,7 @@ def summary(result: TuningResult) -> str:
     if tuning.constraints:
         lines.append(f"constraints: {', '.join(map(str, tuning.constraints))}")
     if not result.winners:
-        return "\n".join([*lines, _none_feasible(result)])
+        return "\n".join([*lines, NOTHING if result.has_feasible else _none_feasible(result)])
     kind = "winner" if len(tuning.objectives) == 1 else "front"
     lines.append(f"{kind}:")
     for one in result.winners:
@@ -98,14 +114,31 @@ def summary(result: TuningResult) -> str:
             )
     lines += [f"  {note}" for note in edges(result)]
     if result.held_out:
-        lines += ["", table(_rows(result), right=range(2, 8)), "", LEGEND]
+        lines += ["", table(_rows(result), right=range(2, 8)), "", _legend(judgements(result))]
+        worse = [str(one.number) for one in result.winners if one not in result.better]
+        if not result.better:
+            lines += ["", f"on the held-out runs, {NOTHING}"]
+        elif worse:
+            lines += ["", f"on the held-out runs, not better than own: {', '.join(worse)}"]
     return "\n".join(lines)
 
 
-LEGEND = (
-    "mean over all runs; difference from the graph's own values on the same runs, paired t, with "
-    "95 % intervals;\n* significant after Benjamini-Hochberg. optimism: training minus held-out."
-)
+def _legend(lines: list[Judgement]) -> str:
+    """Explanations of the table, as far as they are needed."""
+    both = [judged for line in lines for judged in (line.training, line.held_out)]
+    apart = [judged.difference for judged in both if judged.difference is not None]
+    notes = ["mean over all runs; difference from the graph's own values on the same runs"]
+    if any(not found.is_same for found in apart):
+        notes[0] += ", paired t, with 95 % intervals;\n* significant after Benjamini-Hochberg"
+    notes[0] += ". optimism: training minus held-out."
+    if any(judged.mean.is_same for judged in both):
+        notes.append(f"{SAME}: {SAME_RUNS}.")
+    if any(judged.mean.never for judged in both):
+        notes.append("Infinite values (never ...) count as worse than any other: sign test.")
+    needed = {found.needed for found in apart if found.is_too_small}
+    if needed:
+        notes.append(f"{FEW}: {too_few(max(needed))}.")
+    return "\n".join(notes)
 
 
 def _none_feasible(result: TuningResult) -> str:
@@ -145,6 +178,7 @@ def _rows(result: TuningResult) -> list[list[str]]:
     rows = [header]
     lines = judgements(result)
     for metric in result.plan.tuning.metrics:
+        never = result.plan.never.get(metric, NEVER)
         for line in lines:
             if line.metric == metric:
                 name = "own" if line.number == BASELINE else str(line.number)
@@ -152,9 +186,9 @@ def _rows(result: TuningResult) -> list[list[str]]:
                     [
                         with_unit(metric, units),
                         name,
-                        number(line.training.mean.mean),
+                        _mean(line.training, never),
                         _apart(line.training),
-                        number(line.held_out.mean.mean),
+                        _mean(line.held_out, never),
                         _apart(line.held_out),
                         number(line.optimism, "+"),
                     ]
@@ -162,13 +196,21 @@ def _rows(result: TuningResult) -> list[list[str]]:
     return rows
 
 
+def _mean(judged: Judged, never: str) -> str:
+    return mean_of(judged.mean, 1 if judged.mean.is_same else judged.runs, never)
+
+
 def _apart(judged: Judged) -> str:
     apart = judged.difference
-    if apart is None or math.isnan(apart.mean):
+    if apart is None:
         return "-"
+    if math.isnan(apart.mean):
+        return f"({FEW})" if apart.is_too_small else "*" if is_significant(judged.p) else "-"
     text = number(apart.mean, "+")
     if not math.isnan(apart.low):
         text += f" [{number(apart.low, '+')}, {number(apart.high, '+')}]"
+    if apart.is_too_small:
+        return f"{text} ({FEW})"
     return text + ("*" if is_significant(judged.p) else "")
 
 

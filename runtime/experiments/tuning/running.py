@@ -11,6 +11,7 @@ from typing import Any
 
 from runtime.document import dump_yaml
 from runtime.errors import UsageError
+from runtime.experiments.design import own_value
 from runtime.experiments.execution import (
     INDEX,
     PLAN,
@@ -55,8 +56,9 @@ class TuningOptions:
 class TuningResult:
     """A tuning that has ended, or was interrupted.
 
-    ``tried`` are all configurations, the baseline first, with their training runs; ``held_out`` the
-    held-out runs of the baseline and of the winners, by number.
+    ``tried`` are all configurations, the baseline first, with their training runs; ``winners`` are
+    those in the front of the training runs, without the baseline; ``held_out`` the held-out runs of
+    the baseline and of the winners, by number.
     """
 
     plan: TuningPlan
@@ -66,6 +68,22 @@ class TuningResult:
     held_out: dict[int, Tried] = field(default_factory=dict)
     wall_s: float = 0.0
     is_interrupted: bool = False
+
+    @property
+    def better(self) -> list[Tried]:
+        """The winners that are better than the graph's own values on the held-out runs, too."""
+        scores = {number: one.score for number, one in self.held_out.items()}
+        own = scores.get(BASELINE)
+        return [
+            one
+            for one in self.winners
+            if own is not None and (score := scores[one.number]) and score.improves_on(own)
+        ]
+
+    @property
+    def has_feasible(self) -> bool:
+        """Whether a configuration, or the graph itself, satisfies the constraints."""
+        return bool(front(self.tried))
 
     @property
     def runs(self) -> int:
@@ -95,8 +113,10 @@ def run_tuning(plan: TuningPlan, options: TuningOptions, progress: Progress) -> 
     ):
         try:
             _Training(plan, runner, index, result).run()
-            result.winners = _spaced(front(result.tried), WINNERS)
-            _judge(plan, runner, judged, result)
+            best = [one for one in front(result.tried) if one.number != BASELINE]
+            result.winners = _spaced(best, WINNERS)
+            if result.winners:
+                _judge(plan, runner, judged, result)
             runner.finished = True
         except KeyboardInterrupt:
             result.is_interrupted = True
@@ -190,9 +210,14 @@ class _Training:
 
     def run(self) -> None:
         """Try the baseline, then as many configurations as planned."""
-        tuning = self.plan.tuning
-        self._try([Tried(BASELINE, None)])
-        optimizer = Optimizer(self.plan.design.factors, tuning)
+        tuning, factors = self.plan.tuning, self.plan.design.factors
+        own = Tried(BASELINE, None)
+        self._try([own])
+        optimizer = Optimizer(factors, tuning)
+        # The optimiser learns from the graph's own values as from any others.
+        first = optimizer.begin_with([own_value(self.plan.graph, f.path) for f in factors])
+        if first is not None:
+            self._tell(optimizer, [first], [own])
         asked = 0
         while asked < tuning.trials:
             batch = optimizer.ask(min(tuning.batch, tuning.trials - asked))
@@ -242,6 +267,7 @@ class _Training:
         if best and best[0].score is not None:
             goals = zip(self.plan.tuning.objectives, best[0].score.costs, strict=True)
             note = "best: " + ", ".join(f"{o.metric} {o.of(cost):.4g}" for o, cost in goals)
+            note += " (own values)" if best[0].number == BASELINE else ""
         total = (1 + self.plan.tuning.trials) * len(self.plan.tuning.training)
         done = max(one.number for one in going) * len(self.plan.tuning.training)
         self.runner.progress(min(done, total), total, note)

@@ -47,6 +47,17 @@ class Score:
             return self.violation < other.violation
         return all(a < b for a, b in zip(self.costs, other.costs, strict=True))
 
+    def improves_on(self, other: Score) -> bool:
+        """Whether it is better: it holds the constraints where the other does not, or costs less.
+
+        With several objectives it must not be dominated: it may be another trade-off.
+        """
+        if not self.is_feasible or not self.has_values:
+            return False
+        if not other.is_feasible or not other.has_values:
+            return True
+        return not other.dominates(self) and self.costs != other.costs
+
     def dominates(self, other: Score) -> bool:
         """Whether it is at least as good in each objective, and better in one."""
         pairs = list(zip(self.costs, other.costs, strict=True))
@@ -139,12 +150,11 @@ def _cost(objective: Objective, value: float) -> float:
 def front(tried: Iterable[Tried]) -> list[Tried]:
     """The complete, feasible configurations that no other dominates, by their first objective.
 
-    With one objective it is the best one. The baseline is not among them.
+    With one objective it is the best one. The baseline competes: with one objective it is alone in
+    the front if nothing is better, and of equal costs the first that was tried is kept.
     """
     known = [
-        (one, one.score)
-        for one in tried
-        if one.status == "complete" and one.score is not None and one.values is not None
+        (one, one.score) for one in tried if one.status == "complete" and one.score is not None
     ]
     known = [(one, score) for one, score in known if score.is_feasible and score.has_values]
     best: list[tuple[Tried, Score]] = []

@@ -16,6 +16,7 @@ from matplotlib.ticker import MaxNLocator
 
 from blocks.core import FloatArray
 from runtime.errors import UsageError
+from runtime.experiments.analysis import NEVER
 from runtime.experiments.tuning.plan import TUNING
 from runtime.files import own_folder, system_errors
 from runtime.plots import COLOURS, GREY, STYLE, headline, save_figure
@@ -24,6 +25,7 @@ from runtime.terminal import with_unit
 WIDTH, COLUMNS = 9.0, 3
 BINS = 5
 NOTE: Any = {"ha": "center", "va": "center", "color": GREY, "style": "italic"}
+MARK = "tab:red"
 MARKS = {"complete": "o", "stopped": "x", "no value": "1"}
 
 
@@ -117,8 +119,17 @@ def _panels(count: int, title: str) -> tuple[Figure, list[Any]]:
     return figure, axes[:count]
 
 
-def _scatter(axes: Any, data: _Data, x: FloatArray, y: FloatArray) -> None:
-    """The configurations by status; those that violate a constraint are grey."""
+def _scatter(axes: Any, data: _Data, x: FloatArray, y: FloatArray, metric: str = "") -> None:
+    """The configurations by status; those that violate a constraint are grey.
+
+    Those in which the metric is infinite (never settled) are at the upper end, which is the bad
+    one.
+    """
+    lost = np.array([metric in one.get("never", ()) for one in data.tried])
+    if lost.any():
+        how: Any = {"transform": axes.get_xaxis_transform(), "clip_on": False}
+        words = (data.stored.get("never") or {}).get(metric, NEVER)
+        axes.plot(x[lost], np.ones(lost.sum()), "x", color=MARK, markersize=4, label=words, **how)
     feasible = np.array([one["feasible"] for one in data.tried])
     status = np.array([one["status"] for one in data.tried])
     for kind, mark in MARKS.items():
@@ -133,19 +144,30 @@ def _history(data: _Data) -> Figure:
     """Each configuration in the order tried, and the best so far."""
     figure, panels = _panels(len(data.metrics), f"{data.name}: history (training runs)")
     numbers = np.array([one["number"] for one in data.tried])
+    own = data.stored["configurations"][0]
     for axes, metric in zip(panels, data.metrics, strict=True):
         values = data.values(metric)
-        _scatter(axes, data, numbers, values)
+        _scatter(axes, data, numbers, values, metric)
         good = np.array(
             [o["feasible"] and o["status"] == "complete" for o in data.tried], dtype=bool
         )
         sign = 1.0 if metric in data.stored.get("minimize", []) else -1.0
+        # It starts from the graph's own values, which compete.
+        baseline = data.baseline(metric)
+        competes = own.get("feasible", True) and math.isfinite(baseline)
         costs = np.where(good & np.isfinite(values), sign * values, np.inf)
+        costs = np.concatenate([[sign * baseline if competes else np.inf], costs])
         best = sign * np.minimum.accumulate(costs)
         best[~np.isfinite(best)] = np.nan
-        axes.step(numbers, best, where="post", color=COLOURS[1], label="best so far")
-        if math.isfinite(data.baseline(metric)):
-            axes.axhline(data.baseline(metric), color=GREY, linestyle=":", label="own values")
+        axes.step(
+            [own["number"], *numbers], best, where="post", color=COLOURS[1], label="best so far"
+        )
+        if metric in own.get("never", ()):
+            words = f"own values: {(data.stored.get('never') or {}).get(metric, NEVER)}"
+            how: Any = {"transform": axes.get_xaxis_transform(), "clip_on": False}
+            axes.plot([own["number"]], [1.0], "x", color="black", label=words, **how)
+        if math.isfinite(baseline):
+            axes.axhline(baseline, color=GREY, linestyle=":", label="own values")
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.set_xlabel("configuration")
         axes.set_ylabel(data.label(metric))
@@ -225,7 +247,7 @@ def _slices(data: _Data) -> Figure:
     figure, panels = _panels(len(data.factors), f"{data.name}: each factor (training runs)")
     for axes, factor in zip(panels, data.factors, strict=True):
         positions, names = data.positions(factor)
-        _scatter(axes, data, positions, data.values(metric))
+        _scatter(axes, data, positions, data.values(metric), metric)
         if str(data.stored["vary"][factor]).startswith("log("):
             axes.set_xscale("log")
             axes.xaxis.set_minor_formatter("")

@@ -163,6 +163,41 @@ def test_the_output_that_is_not_finite_is_named(engine: str) -> None:
         graph.run(engine=engine)
 
 
+class Growing(blocks.Block):
+    """Numbers of which the squares, then the sums and at last they themselves are infinite."""
+
+    pair = blocks.Output(blocks.Twist)
+    vector = blocks.Output(blocks.Vector(3))
+    x = blocks.State(1)
+
+    def start(self, state):
+        state.x[0] = 1e150
+
+    def output(self, state, t):
+        big = float(state.x[0])
+        return (big, big), np.array([big, -big, 1.0])
+
+    def update(self, state, t):
+        big = float(state.x[0])
+        state.x[0] = big * (10.0 if big < 1e307 else 1.1)
+
+
+@pytest.mark.parametrize("engine", ["python", "compiled"])
+def test_large_numbers_are_finite_as_long_as_they_are(engine: str) -> None:
+    graph = runtime.Graph("growing", dt=0.1, until=50.0)
+    graph = graph.add("block", Growing()).probe("block.vector")
+    with pytest.raises(runtime.SimulationError) as caught:
+        graph.run(engine=engine)
+    x = 1e150
+    seen = []
+    while math.isfinite(x):
+        seen.append(x)
+        x *= 10.0 if x < 1e307 else 1.1
+    assert "output 'pair' is not finite" in str(caught.value)
+    assert f"tick {len(seen)} " in str(caught.value)
+    assert caught.value.result["block.vector"][:, 0].tolist() == seen
+
+
 def test_a_kernel_that_does_not_compile_is_named_with_the_reason() -> None:
     graph = runtime.Graph("promise", dt=0.1, until=1.0).add("bad", Broken()).probe("bad.out")
     notes: list[str] = []

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import random
 import tracemalloc
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
 
@@ -55,9 +57,32 @@ def test_a_setting_with_a_hole_is_not_the_best() -> None:
 def test_rows_are_grouped_in_any_order() -> None:
     groups = list(gather((row(trial, float(trial)) for trial in shuffled(29)), SEEDS))
     assert sorted(group.number for group in groups) == list(range(10))
-    whole = {group.number: group.values(0) for group in groups}
+    whole = {group.number: [row.metrics[0] for row in group.rows] for group in groups}
     assert whole[4] == [12.0, 13.0, 14.0]
     assert whole[9] == [27.0, 28.0]
+    assert {group.number: group.estimate(0).mean for group in groups}[4] == 13.0
+
+
+def test_what_is_never_reached_comes_last_and_the_fewer_the_better() -> None:
+    inf = math.inf
+    found = tally("maximize")
+    for trial, value in enumerate([inf] * 3 + [1.0, inf, 9.0] + [2.0, 3.0, 4.0]):
+        found.add(row(trial, value))
+    assert [ranked.cells for ranked in found.best] == [("2",), ("1",), ("0",)]
+    assert [ranked.objective.never for ranked in found.best] == [0, 1, 3]
+    alone = tally()
+    for trial in range(3):
+        alone.add(row(trial, inf))
+    assert alone.line(["k"]) == "best m never, 0 of 3 at k=0"
+
+
+def test_runs_that_recorded_the_same_are_one() -> None:
+    found = tally()
+    for trial in range(6):
+        same = "abcd" if trial < SEEDS else f"abc{trial}"
+        found.add(replace(row(trial, 3.0), signals=(same,)))
+    one, three = (ranked.objective for ranked in found.best)
+    assert (one.n, one.is_same, three.n, three.is_same) == (1, True, SEEDS, False)
 
 
 def test_memory_does_not_grow_with_the_sweep() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import math
 import resource
 import subprocess
@@ -68,7 +69,12 @@ def is_number(text: str) -> bool:
 
 def test_numbers_are_written_as_they_are() -> None:
     line = COLUMNS.line(Row(0, ("-1.5", "+2"), 3, "ok", "-", (-0.5, None), 0.5))
-    assert line == "0,-1.5,+2,3,ok,'-,-0.5,,0.5\n"
+    assert line == "0,-1.5,+2,3,ok,'-,-0.5,,,0.5\n"
+    never = Row(0, ("-1.5", "+2"), 3, "ok", "", (math.inf, None), 0.5, ("01ab", ""))
+    line = COLUMNS.line(never)
+    assert line == "0,-1.5,+2,3,ok,,inf,,01ab -,0.5\n"
+    [fields] = csv.reader([line])
+    assert COLUMNS.row(fields) == never
 
 
 def test_texts_of_any_length_are_read_and_long_reasons_shortened(path: Path) -> None:
@@ -89,9 +95,9 @@ def test_rows_are_appended_and_read(index: Index) -> None:
     index.append(row(0))
     assert [found.trial for found in index.rows()] == [1, 0]
     assert index.path.read_text().splitlines() == [
-        "point,a.b,c,seed,status,reason,rms,final,wall_s",
-        '1,1.0,"[1, 2]",0,ok,,0.1,,0.25',
-        '0,1.0,"[1, 2]",0,ok,,0.1,,0.25',
+        "point,a.b,c,seed,status,reason,rms,final,signals,wall_s",
+        '1,1.0,"[1, 2]",0,ok,,0.1,,,0.25',
+        '0,1.0,"[1, 2]",0,ok,,0.1,,,0.25',
     ]
 
 
@@ -204,10 +210,11 @@ def test_rows_of_another_plan_are_refused(index: Index, rows: list[Row], message
         ("point,x,seed\n", "got point, x, seed"),
         (
             csv_line(COLUMNS.header) + "1,2\n",
-            "index.csv:2: not a row of this plan: expected 9 fields",
+            "index.csv:2: not a row of this plan: expected 10 fields",
         ),
-        (csv_line(COLUMNS.header) + "x,1,2,0,ok,,1,2,3\n", "index.csv:2: not a row of this plan"),
-        (csv_line(COLUMNS.header) + "1,1,2,0,ok,,1,y,3\n", "index.csv:2: not a row of this plan"),
+        (csv_line(COLUMNS.header) + "x,1,2,0,ok,,1,2,,3\n", "index.csv:2: not a row of this plan"),
+        (csv_line(COLUMNS.header) + "1,1,2,0,ok,,1,y,,3\n", "index.csv:2: not a row of this plan"),
+        (csv_line(COLUMNS.header) + "1,1,2,0,ok,,1,2,ab,3\n", "expected 2 signals, got 1"),
     ],
 )
 def test_what_is_no_index(path: Path, text: str, message: str) -> None:

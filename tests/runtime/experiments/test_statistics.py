@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from runtime.experiments.analysis.comparison import (
     compare,
     comparison_table,
-    half_width,
     legend,
 )
-from runtime.experiments.analysis.statistics import adjusted, difference, estimate, presence
+from runtime.experiments.analysis.statistics import (
+    adjusted,
+    difference,
+    estimate,
+    fewest,
+    is_same_run,
+    presence,
+)
+from runtime.experiments.analysis.words import half_width
 
 # Hours of sleep gained by ten patients under two drugs (Student 1908, Biometrika 6, 1-25).
 FIRST = [0.7, -1.6, -0.2, -1.2, -0.1, 3.4, 3.7, 0.8, 0.0, 2.0]
@@ -56,11 +66,93 @@ def test_too_few_and_too_equal() -> None:
     assert estimate([]).n == 0 and math.isnan(estimate([]).mean)
     assert estimate([3.0]).mean == 3.0 and math.isnan(estimate([3.0]).low)
     same = difference([1.0, 2.0, 3.0], [1.0, 2.0, 3.0])
-    assert (same.mean, same.low, same.high, same.p) == (0.0, 0.0, 0.0, 1.0)
+    assert (same.mean, same.p) == (0.0, 1.0)
+    # Equal values tell nothing about their scatter: no interval, and only signs can be tested.
+    assert math.isnan(same.low) and math.isnan(same.high)
     shifted = difference([1.1, 2.1, 3.1], [1.0, 2.0, 3.0])
-    assert (shifted.low, shifted.high) == pytest.approx((0.1, 0.1))
-    assert shifted.p == 0.0
+    assert shifted.mean == pytest.approx(0.1) and math.isnan(shifted.low)
+    assert shifted.p == pytest.approx(2 / 2**3) and shifted.is_too_small
     assert math.isnan(difference([1.0], [2.0]).p)
+
+
+@pytest.mark.parametrize("level", [0.5, 0.05, 0.01, 1e-4])
+def test_the_fewest_pairs_that_an_exact_test_needs(level: float) -> None:
+    needed = fewest(level)
+    enough, less = ([1.0] * n for n in (needed, needed - 1))
+    for test in (presence, lambda a, b: difference(a, b, "bootstrap").p):
+        assert test(enough, [None if test is presence else 0.0] * needed) < level
+        assert test(less, [None if test is presence else 0.0] * (needed - 1)) >= level
+    assert fewest() == 6
+
+
+@given(st.lists(st.tuples(st.integers(-3, 3), st.integers(-3, 3)), min_size=1, max_size=9))
+def test_the_sign_test_counts_what_is_never_reached_as_worst(
+    pairs: list[tuple[int, int]],
+) -> None:
+    """Values above 2 stand for infinity; p is that of all 2^n patterns of signs."""
+    a, b = ([math.inf if v > 2 else float(v) for v in side] for side in zip(*pairs, strict=True))
+    if all(map(math.isfinite, (*a, *b))):
+        a[0] = math.inf
+    found = difference(a, b)
+    signs = [(x > y) - (x < y) for x, y in zip(a, b, strict=True)]
+    size, total = len([s for s in signs if s]), abs(sum(signs))
+    extreme = sum(abs(sum(p)) >= total for p in itertools.product((-1, 1), repeat=size))
+    if len(pairs) > 1:
+        assert found.p == pytest.approx(extreme / 2**size)
+        assert found.pairs == len(pairs) and found.needed == 6
+    finite = [x - y for x, y in zip(a, b, strict=True) if math.isfinite(x) and math.isfinite(y)]
+    assert found.n == len(finite)
+    assert found.n == 0 or found.mean == pytest.approx(np.mean(finite))
+
+
+def test_one_run_repeated_is_one() -> None:
+    found = estimate([3.89] * 20, is_same=True)
+    assert (found.n, found.mean) == (1, 3.89) and math.isnan(found.low)
+    apart = difference([3.89] * 20, [5.0] * 20, is_same=True)
+    assert (apart.n, apart.pairs) == (1, 1) and math.isnan(apart.p) and not apart.is_too_small
+    assert is_same_run(["ab", "ab"]) and not is_same_run(["ab", "cd"])
+    assert not is_same_run(["ab"]) and not is_same_run(["", ""])
+
+
+def test_an_interval_ends_where_the_quantity_does_and_covers_as_often() -> None:
+    """The mean of exponential times is positive: cutting at 0 loses none of the coverage."""
+    found = estimate([1.0, 16.0], ends=(0.0, math.inf))
+    whole = estimate([1.0, 16.0])
+    assert whole.low < -80.0 and (found.low, found.high) == (0.0, whole.high)
+    rng = np.random.default_rng(3)
+    for sample in rng.exponential(size=(300, 3)):
+        cut, uncut = estimate(sample.tolist(), ends=(0.0, math.inf)), estimate(sample.tolist())
+        assert (cut.low <= 1.0 <= cut.high) == (uncut.low <= 1.0 <= uncut.high)
+
+
+def test_a_table_of_what_never_settles() -> None:
+    values = {
+        "baseline": {"settled": [3.0, 3.1, 3.3]},
+        "never": {"settled": [math.inf] * 3},
+        "once": {"settled": [math.inf, 3.2, 3.4]},
+    }
+    lines = compare(values, "baseline", ends={"settled": (0.0, math.inf)})
+    text = comparison_table(lines, {}, {"settled": "never settled"})
+    [never] = [line for line in text.splitlines() if line.startswith("  never ")]
+    assert never.split() == [
+        "never",
+        "0/3",
+        "never",
+        "settled",
+        "-",
+        "-",
+        "-",
+        "too",
+        "few",
+        "seeds",
+    ]
+    assert "too few seeds to test (6 needed)" in legend(lines, "t")
+    assert max(map(len, f"{text}\n{legend(lines, 't')}".splitlines())) <= 100
+    six = {name: {"settled": found["settled"] * 2} for name, found in values.items()}
+    tested = {line.variant: line for line in compare(six, "baseline")}
+    assert tested["never"].verdict == "yes"
+    assert tested["never"].difference is not None
+    assert tested["never"].difference.p == pytest.approx(2 / 2**6)
 
 
 def test_benjamini_and_hochbergs_own_example() -> None:

@@ -12,11 +12,23 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 import runtime
-from runtime.errors import GraphError, UsageError
-from runtime.experiments.design import Constraint, Objective, RunSet, Seeds, Tuning, Variant
+from runtime.document import parse_yaml
+from runtime.errors import GraphError, Problems, UsageError
+from runtime.experiments.design import (
+    Constraint,
+    Objective,
+    RunSet,
+    Seeds,
+    Tuning,
+    Variant,
+    own_value,
+    parse_factor,
+)
 from runtime.experiments.execution import Row
+from runtime.experiments.tuning.optimizer import Optimizer
 from runtime.experiments.tuning.scores import Scorer, Tried, front
 from runtime.experiments.tuning.tuning_plots import importance
 from tests.conftest import Run
@@ -49,7 +61,9 @@ class TestTheCommand:
         self, here: Run, draw: Path, tmp_path: Path
     ) -> None:
         """drawn = level + N(seed): differences are those of the level, optimism that of noise."""
-        done = here(*TUNE, "--trials", "24", *QUIET)
+        # Differences that are all equal are tested by their signs, which takes six.
+        runs = ("--seeds", "0..5", "--held-out", "10..15")
+        done = here(*TUNE, "--trials", "24", *QUIET, *runs)
         assert done.returncode == 0, done.stderr
         found = stored(tmp_path / "tunings" / "draw")
         (winner,) = found["front"]
@@ -60,11 +74,11 @@ class TestTheCommand:
         for kind in ("training", "held_out"):
             apart = lines[winner][kind]["difference"]
             assert apart["mean"] == pytest.approx(level - 1.0)
-            assert apart["distinguishable"]
-        noise = np.mean([normal(s) for s in (0, 1, 2)]) - np.mean([normal(s) for s in (10, 11, 12)])
+            assert apart["p"] == pytest.approx(2 / 2**6) and apart["distinguishable"]
+        noise = np.mean(list(map(normal, range(6)))) - np.mean(list(map(normal, range(10, 16))))
         assert lines[winner]["optimism"] == pytest.approx(noise)
         assert lines[0]["training"]["mean"] == pytest.approx(
-            1.0 + np.mean([normal(seed) for seed in (0, 1, 2)])
+            1.0 + np.mean(list(map(normal, range(6))))
         )
         assert "optimism" in done.stdout and f"draw.level={level:g}" in done.stdout
 
@@ -128,7 +142,7 @@ class TestTheCommand:
 
     def test_conditions_are_named_and_paired(self, here: Run, draw: Path, tmp_path: Path) -> None:
         (tmp_path / "exp.yaml").write_text(
-            "experiment: conditions\ngraph: draw.yaml\nvary: {draw.level: '0..10'}\n"
+            "experiment: conditions\ngraph: draw.yaml\nvary: {draw.level: '-5..5'}\n"
             "minimize: drawn\ntrials: 6\nover: worst\n"
             "training: {seeds: 0..1, conditions: {low: {}, high: {set: {draw.count: 5}}}}\n"
             "held_out: {seeds: 4, conditions: {other: {set: {draw.count: 7}}}}\n"
@@ -153,12 +167,13 @@ class TestTheCommand:
     ) -> None:
         done = here(
             *("tune", "draw.yaml", "--vary", "draw.how=[fine, raise]", "--seeds", "0..1"),
+            *("--vary", "draw.level=[-1.0, -2.0]"),  # better than its own 1.0
             *("-j", "1", "--trials", "6", "--sampler", "random", *QUIET),
         )
         assert done.returncode == 0, done.stderr
         found = stored(tmp_path / "tunings" / "draw")
         assert found["counts"]["no value"] >= 1
-        assert found["configurations"][found["front"][0]]["values"] == {"draw.how": "fine"}
+        assert found["configurations"][found["front"][0]]["values"]["draw.how"] == "fine"
 
 
 class TestSurvival:
@@ -232,7 +247,7 @@ class TestWriting:
         text = draw.read_text().replace("level: 1.0}", "level: 1.0}   # to be found")
         draw.write_text(f"# A comment\n{text}")
         done = here(
-            *(*TUNE, "--vary", "params.gain=1..2", "--trials", "6", *QUIET, "--write"),
+            *(*TUNE, "--vary", "params.gain=1..2", "--trials", "24", *QUIET, "--write"),
         )
         assert done.returncode == 0, done.stderr
         best = stored(draw.parent / "tunings" / "draw")
@@ -247,7 +262,7 @@ class TestWriting:
         path = tmp_path / "exp.yaml"
         path.write_text(
             "# Mine\nexperiment: mine\ngraph: draw.yaml  # beside it\nset:\n"
-            "  params.gain: 3.0  # stays\nvary: {draw.level: '0..10'}\ntrials: 4\n"
+            "  params.gain: 3.0  # stays\nvary: {draw.level: '-5..5'}\ntrials: 4\n"
         )
         done = here("tune", "exp.yaml", "-j", "1", "--seeds", "0", *QUIET, "--write")
         assert done.returncode == 0, done.stderr
@@ -323,7 +338,7 @@ def test_from_python(draw: Path, tmp_path: Path) -> None:
     graph = runtime.load(draw)
     found = runtime.tune(
         graph,
-        {"draw.level": "0..10"},
+        {"draw.level": "-5..5"},
         minimize="drawn",
         constraints={"drawn": {"above": -1000, "below": 1e3}},
         trials=8,
@@ -344,6 +359,91 @@ def test_from_python(draw: Path, tmp_path: Path) -> None:
         runtime.tune(graph, {"draw.level": "0..10"}, seeds="0..3", held_out="3..4")
     with pytest.raises(GraphError, match="no metric 'x'"):
         runtime.tune(graph, {"draw.level": "0..10"}, minimize="x")
+
+
+# The error is |v - target|: the best value is known, and the seed changes nothing.
+KNOWN = """
+graph: known
+run: {dt: 0.01, until: 0.05}
+params: {v: 0.5, target: 0.5}
+blocks:
+  value: {type: Constant, value: $v}
+  target: {type: Constant, value: $target}
+  error: {type: Sum, signs: [1, -1]}
+wires:
+  error: {terms: [value.value, target.value]}
+metrics:
+  error: {kind: max_abs, of: error.out}
+  settled: {kind: settling_time, of: error.out, band: 0.2, hold: 0.0}
+"""
+KNOWN_TUNE = ("--trials", "8", "-j", "1", "--no-plots", "-q", "--write")
+
+
+class TestTheGraphsOwnValues:
+    def test_nothing_beats_values_that_are_best(self, here: Run, tmp_path: Path) -> None:
+        (tmp_path / "known.yaml").write_text(KNOWN)
+        done = here("tune", "known.yaml", "--vary", "params.v=0..1", *KNOWN_TUNE)
+        assert done.returncode == 1
+        assert "nothing that was tried is better than the graph's own values" in done.stdout
+        assert "--write has written nothing" in done.stderr
+        assert (tmp_path / "known.yaml").read_text() == KNOWN
+        found = stored(tmp_path / "tunings" / "known")
+        assert found["front"] == found["better"] == found["table"] == []
+
+    def test_a_winner_that_is_worse_on_held_out_runs_is_not_written(
+        self, here: Run, tmp_path: Path
+    ) -> None:
+        """Trained for a target of 1, judged with one of 0, to which the own value is closer."""
+        (tmp_path / "known.yaml").write_text(KNOWN)
+        text = "graph: known.yaml\nexperiment: e\nvary: {params.v: 0..1}\nminimize: error\n"
+        for runs, seeds, target in (("training", "0..1", 1.0), ("held_out", "2..9", 0.0)):
+            changed = f"{{{runs}: {{set: {{params.target: {target}}}}}}}"
+            text += f"{runs}: {{seeds: {seeds}, conditions: {changed}}}\n"
+        (tmp_path / "e.yaml").write_text(text)
+        done = here("tune", "e.yaml", *KNOWN_TUNE)
+        assert done.returncode == 1, done.stderr
+        assert "on the held-out runs, nothing that was tried is better" in done.stdout
+        assert (tmp_path / "e.yaml").read_text() == text
+        found = stored(tmp_path / "tunings" / "e")
+        (winner,) = found["front"]
+        assert found["better"] == []
+        judged = table(found, "error")[winner]["held_out"]
+        # All eight seeds give the same run: it is one, and nothing is tested.
+        assert (judged["n"], judged["identical"], judged["low"]) == (1, True, None)
+        value = found["configurations"][winner]["values"]["params.v"]
+        assert judged["difference"]["mean"] == pytest.approx(value - 0.5)
+        assert judged["difference"]["p"] is None and not judged["difference"]["distinguishable"]
+        assert "n = 1: the seed changes nothing" in done.stdout
+
+    def test_own_values_that_never_settle_are_the_worst(self, here: Run, tmp_path: Path) -> None:
+        (tmp_path / "known.yaml").write_text(KNOWN.replace("v: 0.5", "v: 3.0"))
+        goal = ("--vary", "params.v=0..1", "--minimize", "settled", "--seeds", "0..2")
+        done = here("tune", "known.yaml", *goal, *KNOWN_TUNE)
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert "never settled (n = 1)" in done.stdout
+        found = stored(tmp_path / "tunings" / "known")
+        assert found["configurations"][0]["never"] == ["settled"]
+        written = yaml.safe_load((tmp_path / "known.yaml").read_text())["params"]["v"]
+        assert abs(written - 0.5) <= 0.2
+
+    @pytest.mark.parametrize("values", ["0..1", "[0.25, 0.5]", "0..1:5", "[0.25, 0.75]"])
+    def test_the_optimiser_begins_with_them(self, tmp_path: Path, values: str) -> None:
+        problems = Problems()
+        factor = parse_factor("params.v", parse_yaml(values, "v"), "v", problems)
+        assert factor is not None
+        graph = tmp_path / "known.yaml"
+        graph.write_text(KNOWN)
+        own = own_value(runtime.load(graph), "params.v")
+        assert own == 0.5
+        goals = (Objective("error"),)
+        runs = RunSet(Seeds(((0, 0),)), ())
+        tuning = Tuning(goals, (), 10, "tpe", 4, 0, "mean", True, runs, runs)
+        optimizer = Optimizer([factor], tuning)
+        first = optimizer.begin_with([own])
+        assert (first is None) == (values == "[0.25, 0.75]")
+        if first is not None:
+            assert first.values == (0.5,)
+            optimizer.tell(first, (0.0,), ())
 
 
 # -- the rules, by themselves

@@ -225,7 +225,9 @@ def test_a_failure_is_reported_and_stays_until_reset(tmp_path: Path) -> None:
     assert "division by zero" in made.step(4.0) and made.outputs[0] == 0.25
     made.reset()
     assert made.step(8.0) == "" and made.outputs[0] == 0.125
-    assert made.step(math.nan) == "output block.out is not finite"
+    assert made.step(math.nan) == "input noise.out is not finite"
+    made.reset()
+    assert made.step(1e-320) == "output block.out is not finite"
 
 
 @needs_compiler

@@ -29,9 +29,9 @@ def shipped() -> Project:
 
 
 SHARING_LQR = {
-    *("wall_following.yaml", "walls.yaml", "walls_course.yaml", "course.yaml"),
-    *("line_actuator_failure.yaml", "line.yaml", "line_course.yaml"),
-    *("sine_estimation_error.yaml", "sine.yaml", "sine_course.yaml"),
+    *("wall_following.yaml", "walls.yaml", "walls_robust.yaml", "robust.yaml"),
+    *("line_actuator_failure.yaml", "line.yaml", "line_robust.yaml"),
+    *("sine_estimation_error.yaml", "sine.yaml", "sine_robust.yaml"),
 }
 
 
@@ -81,16 +81,16 @@ def test_a_type_is_defined_by_its_python_class(shipped: Project) -> None:
 
 
 def test_a_block_of_the_graph_below_is_defined_there(shipped: Project) -> None:
-    path = GRAPHS / "line_actuator_failure_robust.yaml"
-    model, offset = at(shipped, path, "input: err¦or.lateral")
+    path = GRAPHS / "gallery" / "zero_order_hold.yaml"
+    model, offset = at(shipped, path, "input: ga¦in.out")
     [place] = definition(model, offset, shipped)
-    assert place.path.name == "line_actuator_failure.yaml"
+    assert place.path.name == "step_feedback.yaml"
 
 
 def test_references_reach_experiments_overlays_and_parts(shipped: Project) -> None:
     model, offset = at(shipped, CASE_C, "  lq¦r: {type")
     files = {place.path.name for place in references(model, offset, shipped)}
-    # An overlay of all three cases, rules/course.yaml, names the block as well.
+    # An overlay of all three cases, rules/robust.yaml, names the block as well.
     assert files == SHARING_LQR
     part = GRAPHS / "parts" / "adaptive_snn.yaml"
     model, offset = at(shipped, part, "command: jo¦in.out")

@@ -221,9 +221,9 @@ async def test_definition_references_and_highlights(client: LanguageClient, case
     )
     assert uses is not None
     assert {Path(place.uri).name for place in uses} == {
-        *("wall_following.yaml", "walls.yaml", "walls_course.yaml", "course.yaml"),
-        *("line_actuator_failure.yaml", "line.yaml", "line_course.yaml"),
-        *("sine_estimation_error.yaml", "sine.yaml", "sine_course.yaml"),
+        *("wall_following.yaml", "walls.yaml", "walls_robust.yaml", "robust.yaml"),
+        *("line_actuator_failure.yaml", "line.yaml", "line_robust.yaml"),
+        *("sine_estimation_error.yaml", "sine.yaml", "sine_robust.yaml"),
     }
     marks = await client.text_document_document_highlight_async(
         types.DocumentHighlightParams(**case_c.where("  lq¦r: {type"))

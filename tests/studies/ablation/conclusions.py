@@ -22,7 +22,7 @@ from tests.studies.ablation.judge import (
     Effect,
     Judged,
 )
-from tests.studies.ablation.runs import CONFIGURATIONS, COURSE, PRINTED, RULES
+from tests.studies.ablation.runs import CONFIGURATIONS, PRINTED, ROBUST, RULES
 from tests.studies.ablation.words import Word, grouped, markdown, share, stands_in, tally, verdict
 
 RATES, INTEGRATOR = "rate neurons", "integrator"
@@ -74,7 +74,7 @@ FORWARD = Question("feedforward, no SNN", PRINTED, ALONE, BARE)
 EXACTLY = Question("exact feedforward, no SNN", PRINTED, EXACT, BARE)
 WITH_EXACT = _both("SNN beside exact feedforward", EXACT.removesuffix(APART), EXACT)
 INSTEAD = [
-    Question(f"{name} for LQR with SNN, our rule", COURSE, name + APART, BASELINE, stands_in)
+    Question(f"{name} for LQR with SNN, robust rule", ROBUST, name + APART, BASELINE, stands_in)
     for name in (TUNED, FED, *TRACKERS)
 ]
 ALL = [
@@ -108,11 +108,11 @@ def opening(judged: Judged) -> str:
     both, least = len(RULES) * len(CONFIGURATIONS), (BETTER, AS_WELL)
     return (
         f"In the {len(CONFIGURATIONS)} configurations above the spiking term as printed "
-        f"{times(ADDED[0])}; with our rule it {times(ADDED[1])}. In its place, rate neurons "
+        f"{times(ADDED[0])}; with the robust rule it {times(ADDED[1])}. In its place, rate neurons "
         f"do at least as well in {count(UNSPIKED, *least)} of {both} comparisons, a plain "
-        f"integrator in {count(INTEGRATED, *least)}. In place of learning by our rule beside the "
-        f"graph's LQR, a tuned LQR does at least as well in {count(INSTEAD[:1], *least)} of "
-        f"{len(CONFIGURATIONS)}.\n"
+        f"integrator in {count(INTEGRATED, *least)}. In place of learning by the robust rule, "
+        "beside the graph's LQR, a tuned LQR does at least as well in "
+        f"{count(INSTEAD[:1], *least)} of {len(CONFIGURATIONS)}.\n"
     )
 
 
@@ -123,12 +123,12 @@ def conclusions(judged: Judged) -> list[str]:
         printed, ours = (question.message(judged) for question in questions)
         if printed == ours:
             return f"{printed}, with either rule"
-        return f"as printed, {printed}. With our rule, {ours}"
+        return f"as printed, {printed}. With the robust rule, {ours}"
 
     return [
         f"**The printed rule**, beside the graph's LQR, which nobody tuned, and feedforward: "
         f"{ADDED[0].message(judged, numbers=True)}.",
-        f"**Our rule**, likewise: {ADDED[1].message(judged, numbers=True)}.",
+        f"**The robust rule**, likewise: {ADDED[1].message(judged, numbers=True)}.",
         f"**Beside the tuned LQR**: {sentence(BESIDE_TUNED)}. With its feedforward tuned, too: "
         f"{sentence(BESIDE_FED)}.",
         f"**Beside PID, PurePursuit and Stanley**: {_trackers(judged)}.",
@@ -136,13 +136,13 @@ def conclusions(judged: Judged) -> list[str]:
         f"**Does a network matter?** A plain integrator in its place: {sentence(INTEGRATED)}. Both "
         f"twice as fast: {sentence(FASTER)}.",
         f"**Which half?** As printed, without the speed's: {STILL.message(judged)}. Without the "
-        f"turn rate's: {UNTURNED.message(judged)}. Our rule has only the turn rate's.",
+        f"turn rate's: {UNTURNED.message(judged)}. The robust rule has only the turn rate's.",
         f"**Feedforward alone**, beside the LQR: {FORWARD.message(judged, numbers=True)}. "
         f"The network "
         f"without it: {sentence(UNAIDED)}.",
         f"**Exact feedforward alone** (alpha = v_r where the graph has less): "
         f"{EXACTLY.message(judged, numbers=True)}. The network beside it: {sentence(WITH_EXACT)}.",
-        f"**In place of learning**, against the graph's LQR with our rule. The tuned LQR: "
+        f"**In place of learning**, against the graph's LQR with the robust rule. The tuned LQR: "
         f"{INSTEAD[0].message(judged)}; its feedforward tuned, too: {INSTEAD[1].message(judged)}. "
         f"PID, PurePursuit and Stanley: {_tally(judged, INSTEAD[2:])}.",
     ]
@@ -153,7 +153,7 @@ def _trackers(judged: Judged) -> str:
         _tally(judged, [Question("", rule, name, name + APART) for name in TRACKERS])
         for rule in RULES
     )
-    return f"as printed, {printed}. With our rule, {ours}"
+    return f"as printed, {printed}. With the robust rule, {ours}"
 
 
 def _tally(judged: Judged, questions: Sequence[Question]) -> str:

@@ -84,7 +84,9 @@ class Effect:
     @property
     def is_equal(self) -> bool:
         """Whether nothing differs but rounding."""
-        ends = max(abs(self.apart.low), abs(self.apart.high))
+        # Differences that are all equal have no interval.
+        found = (self.apart.low, self.apart.high, self.apart.mean)
+        ends = max((abs(end) for end in found if not math.isnan(end)), default=math.nan)
         return self.own.n == self.base.n and ends <= ROUNDING * abs(self.base.mean)
 
     @property

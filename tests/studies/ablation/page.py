@@ -19,8 +19,8 @@ engine. One of these experiments is
 * **A**: a line, half of the turn rate lost. **B**: y = sin x, pose noise of 5 cm and 0.1 rad.
   **C**: along the walls of the paper's room; *turn loss*: half of the turn rate lost; *turn bias*:
   0.15 rad/s; *mixed*: 30 % of the turn rate lost, lag, delay, slip and noise.
-* **As printed** is the paper's learning rule, **our rule** that of `graphs/rules/course.yaml`, with
-  one setting for all cases.
+* **As printed** is the paper's learning rule, the **robust rule** that of
+  `graphs/rules/robust.yaml`, with one setting for all cases.
 * **The graph's LQR is not tuned**: soft by choice in A and B, so that there is something to learn.
   The *tuned LQR*, PID, PurePursuit and Stanley have the settings found in
   [comparison.md](comparison.md) with equal budget and under a limit of effort (0.03 rad/s in A,
@@ -41,7 +41,7 @@ WORTH = """
 Each controller alone, then the difference that the adaptive part makes to it, with 95 % intervals
 where the seeds differ. No word: the difference is not significant. "Closed" is on how many seeds
 the robot went all the way round, "contact" the part of the run in which it touched something:
-alone, as printed, with our rule.
+alone, as printed, with the robust rule.
 """
 
 OVERVIEW = """
@@ -67,9 +67,9 @@ READING = """
   slow by its rate or by its kind is asked by letting it learn twice as fast. How the rate of the
   printed rule was chosen is described in [reproduction.md](reproduction.md).
 * An integrator learns one number, an ensemble a function of its input: as printed of the heading
-  error in A and B, in C of the turn rate that LQR and feedforward ask for; with our rule of that
-  turn rate and of the path's. The integrator's gain is that of the network in whose place it
-  stands about an input of 0, worked out, not tuned.
+  error in A and B, in C of the turn rate that LQR and feedforward ask for; with the robust rule
+  of that turn rate and of the path's. The integrator's gain is that of the network in whose place
+  it stands about an input of 0, worked out, not tuned.
 * Case C is chaotic: single runs differ between machines and engines, while means agree.
 
 Versions: {versions}.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,8 +20,8 @@ from runtime.terminal import Progress
 from tests.studies.following import ENGINE, WORKERS
 
 EXPERIMENTS = SHIPPED / "experiments"
-PRINTED, COURSE = "as printed", "our rule"
-RULES = (PRINTED, COURSE)
+PRINTED, ROBUST = "as printed", "robust rule"
+RULES = (PRINTED, ROBUST)
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class Configuration:
 
     def file(self, rule: str) -> str:
         """The experiment's name, for one of the two rules."""
-        return self.experiment + ("_course" if rule == COURSE else "")
+        return self.experiment + ("_robust" if rule == ROBUST else "")
 
 
 CONFIGURATIONS = (
@@ -101,7 +102,11 @@ def measure(
         raise KeyboardInterrupt
     rows = done.rows
     values = {
-        name: {metric: [row.metrics[i] for row in own] for i, metric in enumerate(plan.metrics)}
+        name: {
+            # What never settles has no value here: McNemar's test asks how often that is.
+            metric: [None if row.metrics[i] in (None, math.inf) else row.metrics[i] for row in own]
+            for i, metric in enumerate(plan.metrics)
+        }
         for name, own in rows.items()
     }
     broken = tuple(

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from runtime.experiments.design.variants import BASELINE
 from tests.studies.ablation.judge import METRICS, Judged, Metric
 from tests.studies.ablation.judge import controllers as controllers_of
-from tests.studies.ablation.runs import CONFIGURATIONS, COURSE, PRINTED, RULES, Configuration
+from tests.studies.ablation.runs import CONFIGURATIONS, PRINTED, ROBUST, RULES, Configuration
 from tests.studies.ablation.words import change, markdown, own
 
 NAMES = {
@@ -40,7 +40,7 @@ def _worth(judged: Judged, case: str, metric: Metric) -> str:
             i = METRICS[case].index(metric)
             cells += [change(judged(configuration, rule, adaptive, alone, i)) for rule in RULES]
             for counts, tell in counted.values():
-                asked = ((PRINTED, alone), (PRINTED, adaptive), (COURSE, adaptive))
+                asked = ((PRINTED, alone), (PRINTED, adaptive), (ROBUST, adaptive))
                 found = (judged.results[configuration, rule](v, counts) for rule, v in asked)
                 cells.append(", ".join(map(tell, found)))
             rows.append(cells)
@@ -65,7 +65,7 @@ def _touching(contacts: Sequence[float | None]) -> str:
 
 
 # Beside a metric: on how many seeds the loop was closed, and in what part of the time the body
-# touched something; alone, as printed and with our rule.
+# touched something; alone, as printed and with the robust rule.
 COUNTED: dict[str, dict[str, tuple[str, Tell]]] = {
     "distance_mae": {"closed": ("loops", _closed), "contact": ("contacts", _touching)}
 }

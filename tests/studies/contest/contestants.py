@@ -15,7 +15,7 @@ EXPERIMENTS = HERE / "experiments"
 TRIALS = 40
 # Whose front of error against effort is sought, below a limit beyond which none is of use.
 FRONT, WIDEST = "front", 0.5
-FRONTS = ("LQR", "robust rule", "our rule", "PurePursuit")
+FRONTS = ("LQR", "robust rule", "PurePursuit")
 
 WEIGHTS = {"params.q_y": "log(1..100000)", "params.q_theta": "log(0.001..1000)"}
 LEARN = {"lqr.learn": "learning.out"}
@@ -34,7 +34,7 @@ PID = {
     "lqr.kd": "log(0.001..2)",
     "lqr.lookahead_time": "log(0.2..4)",
 }
-COURSE = {"graph": "../../course.yaml"}
+ROBUST = {"graph": "../../robust.yaml"}
 
 
 def _tracker(kind: str, vary: dict[str, str], **more: Any) -> dict[str, Any]:
@@ -43,8 +43,8 @@ def _tracker(kind: str, vary: dict[str, str], **more: Any) -> dict[str, Any]:
 
 
 def _helped(kind: str, vary: dict[str, str]) -> dict[str, Any]:
-    """Another tracker in the LQR's place, with our rule beside it."""
-    return {**COURSE, "replace": {"lqr": kind}, "vary": {**vary, **STEPS}}
+    """Another tracker in the LQR's place, with the robust rule beside it."""
+    return {**ROBUST, "replace": {"lqr": kind}, "vary": {**vary, **STEPS}}
 
 
 CONTESTANTS: dict[str, dict[str, Any]] = {
@@ -54,8 +54,8 @@ CONTESTANTS: dict[str, dict[str, Any]] = {
         "set": {"match.alpha": 0.0},
         "vary": WEIGHTS,
     },
-    "our rule": {**COURSE, "vary": {**WEIGHTS, **STEPS}},
-    "our rule, one setting": {**COURSE, "vary": WEIGHTS},
+    "robust rule": {**ROBUST, "vary": {**WEIGHTS, **STEPS}},
+    "robust rule, one setting": {**ROBUST, "vary": WEIGHTS},
     "SNN as printed": {
         "vary": {
             **WEIGHTS,
@@ -63,8 +63,8 @@ CONTESTANTS: dict[str, dict[str, Any]] = {
             "adaptive.params.leak": "log(1e-3..5)",
         }
     },
-    "robust rule": {
-        "graph": "../../robust.yaml",
+    "lateral rule": {
+        "graph": "../../lateral.yaml",
         "vary": {
             **WEIGHTS,
             "adaptive.params.rate_omega": "log(1e-6..1e-1)",
@@ -73,9 +73,9 @@ CONTESTANTS: dict[str, dict[str, Any]] = {
         },
     },
     "Stanley": _tracker("Stanley", STANLEY),
-    "Stanley and our rule": _helped("Stanley", STANLEY),
+    "Stanley and robust rule": _helped("Stanley", STANLEY),
     "PathPID": _tracker("PathPID", PID),
-    "PathPID and our rule": _helped("PathPID", PID),
+    "PathPID and robust rule": _helped("PathPID", PID),
     "LQI": _tracker(
         "LQI",
         {**WEIGHTS, "lqr.q_integral": "log(0.01..10000)"},
@@ -97,13 +97,13 @@ CONTESTANTS: dict[str, dict[str, Any]] = {
         wire={"lqr.turn": "match.feedforward.omega"},
     ),
     "PurePursuit": _tracker("PurePursuit", {"lqr.lookahead_time": "log(0.2..4)"}),
-    "our rule, MRAC for spikes": {
-        **COURSE,
+    "robust rule, MRAC for spikes": {
+        **ROBUST,
         "replace": {"adaptive.snn_omega": "MRAC"},
         "vary": {**WEIGHTS, **STEPS},
     },
-    "our rule, integrator for spikes": {
-        **COURSE,
+    "robust rule, integrator for spikes": {
+        **ROBUST,
         "replace": {"adaptive.snn_omega": "AdaptiveBias"},
         "vary": {**WEIGHTS, **STEPS},
     },
@@ -161,7 +161,7 @@ FED = "LQR, feedforward tuned"
 def _on_track(graph: str, overlay: str) -> dict[str, dict[str, Any]]:
     """Who takes part in the cases A and B, with the paper's feedforward, alpha = 0.06."""
     own = {"graph": graph, "with": f"../../{overlay}.yaml"}
-    course = {"graph": graph, "with": ["rules/course.yaml", f"../../{overlay}.yaml"]}
+    robust = {**own, "graph": f"{graph}_robust"}
     return {
         "LQR": {**own, "without": "adaptive", "vary": WEIGHTS},
         FED: {
@@ -169,12 +169,12 @@ def _on_track(graph: str, overlay: str) -> dict[str, dict[str, Any]]:
             "without": "adaptive",
             "vary": {**WEIGHTS, "match.alpha": "log(0.01..5)"},
         },
-        "our rule": {**course, "vary": {**WEIGHTS, **STEPS}},
-        "our rule, one setting": {**course, "vary": WEIGHTS},
+        "robust rule": {**robust, "vary": {**WEIGHTS, **STEPS}},
+        "robust rule, one setting": {**robust, "vary": WEIGHTS},
         "SNN as printed": {**own, "vary": {**WEIGHTS, **RATE}},
-        "robust rule": {
+        "lateral rule": {
             **own,
-            "graph": f"{graph}_robust",
+            "graph": f"../../{overlay.replace('tuned', 'lateral')}.yaml",
             "vary": {**WEIGHTS, **RATE, "lateral.gain": "log(0.1..20)"},
         },
         "Stanley": {**own, **_tracker("Stanley", STANLEY)},
@@ -249,10 +249,10 @@ TASKS = {
 # Ranges that were widened since the optimum lay at an end of the range of all.
 WIDER: dict[tuple[str, str], dict[str, str]] = {
     ("gentle", "MPC"): {"params.q_theta": "log(1e-6..1000)"},
-    ("sine", "our rule, one setting"): {"params.q_y": "log(1e-6..100000)"},
+    ("sine", "robust rule, one setting"): {"params.q_y": "log(1e-6..100000)"},
     ("sine", "PathPID"): {"lqr.ki": "log(0.001..100)"},
     ("sine", "Stanley"): {"lqr.k": "log(0.01..10)", "lqr.wheel_base": "log(0.003..10)"},
-    ("sine", "robust rule"): {"params.q_theta": "log(1e-6..1000)"},
+    ("sine", "lateral rule"): {"params.q_theta": "log(1e-6..1000)"},
 }
 LIMITS = tuple(name for name in TASKS if name != FRONT)
 

@@ -26,7 +26,7 @@ in both the mean error and the mean effort over the seeds, the smallest effort f
 (mm) and effort (rad/s); those with spikes in bold. Three seeds a condition: neighbours may change
 places.
 """
-ONE = "our rule, one setting"
+ONE = "robust rule, one setting"
 
 
 @dataclass(frozen=True)

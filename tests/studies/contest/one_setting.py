@@ -1,4 +1,4 @@
-"""One setting of our rule for the cases A, B and C: tuned over all three, and held out."""
+"""One setting of the robust rule for the cases A, B and C: tuned over all three, and held out."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ NAME = "one_setting"
 ALONE = "lqr_alone.json"
 TEXT = """## One setting for the cases A, B and C
 
-`runtime tune {file}` found one setting of our rule for
+`runtime tune {file}` found one setting of the robust rule for
 all three cases, over {trials} trials: {values}.
 Errors in mm on held-out runs, as the experiment weighs them: 3 % of the lateral error in A and 5 %
 of the position error in B, so that no case outweighs the others. Each is beside the graph's own LQR
@@ -70,7 +70,7 @@ def section(out: Path) -> str:
         trials=stored["trials"],
         values=", ".join(f"`{path}` = {value:g}" for path, value in values.items()),
     )
-    header = ("held-out condition", "LQR alone", "our rule", "difference")
+    header = ("held-out condition", "LQR alone", "robust rule", "difference")
     return f"{text}\n{table(header, lines)}"
 
 

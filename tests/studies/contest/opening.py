@@ -18,10 +18,10 @@ from tests.studies.contest.results import (
 )
 from tests.studies.contest.words import interval, listed, mm, table
 
-SPIKES = ("robust rule", "our rule", "our rule, one setting", "SNN as printed")
+SPIKES = ("lateral rule", "robust rule", "robust rule, one setting", "SNN as printed")
 BARE = "LQR without feedforward"
-OURS = ("our rule", "our rule, one setting")
-OTHERS = "our rule, "  # what stands in the neurons' place, or keeps its setting
+OURS = ("robust rule", "robust rule, one setting")
+OTHERS = "robust rule, "  # what stands in the neurons' place, or keeps its setting
 TABLE = """What spiking adaptation adds to the error of the tuned {rival}, on the same runs, in mm:
 """
 WORDS = ("better", "equivalent", "undecided", "worse")
@@ -166,6 +166,6 @@ def _without_spikes(limits: Sequence[_Limit], contest: Contest) -> str:
         else ""
     )
     return (
-        "Other learners in place of the neurons of our rule, tuned like them, change its error by "
-        f"{listed(parts)}{told}."
+        "Other learners in place of the robust rule's neurons, tuned like them, change its error "
+        f"by {listed(parts)}{told}."
     )

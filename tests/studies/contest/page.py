@@ -43,6 +43,10 @@ the conditions.
 
 READING = """## How to read this
 
+* **Robust rule**: the rule of `graphs/*_robust.yaml`, tuned here like everyone; with *one setting*
+  only the LQR beside it is tuned, and the rule is as it is shipped. **Lateral rule**: an earlier
+  one of ours, which descends the heading error and lambda times the lateral error, with constants
+  for each case (`tests/studies/contest/lateral*.yaml`).
 * **Error**: mean distance from the contour 180 mm from the walls, in mm, from when it is first
   reached. The floor of a robot with a turning radius of 0.2 m is 4.4 mm in the paper's room.
 * **Effort**: root of the mean square of the change of the commanded turn rate from one record to

@@ -23,8 +23,8 @@ SPANS = {
     "10 s after": (HEALED, HEALED + 10.0),
     "10 to 40 s after": (HEALED + 10.0, HEALED + 40.0),
 }
-LQR, PRINTED, ROBUST, COURSE = "LQR", "as printed", "robust rule", "our rule, one setting"
-RULES = {LQR: "walls.yaml", PRINTED: "walls.yaml", ROBUST: "robust.yaml", COURSE: "course.yaml"}
+LQR, PRINTED, LATERAL, ROBUST = "LQR", "as printed", "lateral rule", "robust rule, one setting"
+RULES = {LQR: "walls.yaml", PRINTED: "walls.yaml", LATERAL: "lateral.yaml", ROBUST: "robust.yaml"}
 HALF = {"fault.gain": [1.0, 0.5]}
 NOISE = {
     "1 cm": {},
@@ -32,10 +32,11 @@ NOISE = {
     "3 cm, which it is told": {"lidar.sigma": 0.03, "fitter.sigma": 0.03},
 }
 BIAS = {"fault.gain": [1.0, 1.0], "fault.bias": [0.0, 0.15], "run.until": 35.0}
-LINE_RULES = {LQR: "LQR", PRINTED: "as printed", ROBUST: "robust", COURSE: "course"}
+TRACKS = {"A": "lateral_line.yaml", "B": "lateral_sine.yaml"}
+ON_TRACK = {LQR: "LQR", PRINTED: "as printed", ROBUST: "robust"}
 # Constants of each rule: address, and where it has an entry.
 CONSTANTS = {
-    ROBUST: (
+    LATERAL: (
         "adaptive.snn_omega.learning_rate",
         "adaptive.snn_omega.leak",
         "adaptive.snn_omega.radius",
@@ -45,7 +46,7 @@ CONSTANTS = {
         "adaptive.snn_v.learning_rate",
         "lateral.gain",
     ),
-    COURSE: (
+    ROBUST: (
         "adaptive.snn_omega.learning_rate",
         "adaptive.snn_omega.leak",
         "adaptive.snn_omega.e_leak",
@@ -56,7 +57,6 @@ CONSTANTS = {
         "course.lookahead_time",
     ),
 }
-ENDINGS = {ROBUST: "robust", COURSE: "course"}
 
 HEAD = """## What the rules do badly
 
@@ -119,13 +119,18 @@ def _set(graph: runtime.Graph, changes: Mapping[str, object]) -> runtime.Graph:
     return graph
 
 
+def track(case: str, rule: str) -> runtime.Graph:
+    """Case A or B with a rule of ``RULES``."""
+    if rule == LATERAL:
+        return runtime.load(str(HERE / TRACKS[case]))
+    return variations.graph_of(case, ON_TRACK[rule])
+
+
 def bias() -> dict[str, dict[str, list[float | None]]]:
     """For each rule when each seed settles (s), and its lateral offset at the end (m)."""
     found = {}
-    for rule, name in LINE_RULES.items():
-        graph = _set(variations.graph_of("A", name), BIAS).probe(
-            "lateral", "error.lateral", every=10
-        )
+    for rule in RULES:
+        graph = _set(track("A", rule), BIAS).probe("lateral", "error.lateral", every=10)
         results = [graph.run(seed=seed) for seed in SEEDS]
         found[rule] = {
             "settled": [result.metrics["converged_at"] for result in results],
@@ -195,7 +200,7 @@ def _added(own: list[float | None], alone: list[float | None], is_alone: bool) -
 
 def differing(rule: str) -> int:
     """How many of a rule's constants have another value in one of the cases A, B and C."""
-    graphs = [variations.graph_of(case, ENDINGS[rule]) for case in variations.CASES]
+    graphs = [track(case, rule) for case in variations.CASES]
     graphs.append(walls(rule, {}))
     count = 0
     for address in CONSTANTS[rule]:

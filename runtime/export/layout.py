@@ -1,0 +1,195 @@
+"""What the C text of a controller is written from: names, states, and what may fail."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from blocks.core import SignalType
+from runtime.export.names import member_name, unused
+from runtime.export.selection import Port, Selection
+from runtime.export.units import Units
+
+LEARNT = ("weights",)  # states that a reset keeps
+# Members of the struct beside signals and states.
+MEMBERS = frozenset(("tick", "failure", "arena", "arena_most", "none"))
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Everything that the C text is written from.
+
+    Parameters
+    ----------
+    name : of the controller's struct and functions.
+    units : the blocks' functions.
+    constants : the values of constant outputs.
+    arena : bytes for local arrays of blocks.
+    hold : whether inputs that are not finite keep their last value, instead of a failure.
+    """
+
+    name: str
+    selection: Selection
+    units: Units
+    constants: Mapping[Port, Any]
+    arena: int
+    hold: bool = False
+
+    @cached_property
+    def names(self) -> dict[Any, str]:
+        """C names of signals by (block, port), of states by (block, word, "state"), of held inputs
+        by (block, port, "held"), and of blocks by name."""
+        taken = set(MEMBERS)
+        selection = self.selection
+        ports = dict.fromkeys(
+            [
+                *(*selection.inputs, *selection.constants),
+                *((s.block, port) for s in selection.steps for port in s.evaluation.outputs),
+            ]
+        )
+        found: dict[Any, str] = {}
+        for key in (*ports, *selection.blocks):
+            text = key if isinstance(key, str) else "_".join(key)
+            found[key] = unused(member_name(text), taken)
+        for block, unit in self.units.blocks.items():
+            for (word, _), owned in zip(unit.words, unit.owned, strict=True):
+                if owned:
+                    name = f"{found[block]}__{word.removeprefix('state_')}"
+                    found[block, word, "state"] = unused(name, taken)
+        for port in selection.inputs:
+            found[(*port, "held")] = unused(f"{found[port]}__held", taken)
+        return found
+
+    @property
+    def arena_words(self) -> int:
+        """The arena's length, in words of eight bytes."""
+        return max(1, -(-self.arena // 8))
+
+    def kind(self, port: Port) -> SignalType:
+        return self.selection.network.types[port]
+
+    def count(self, port: Port) -> int:
+        """How many numbers an output has."""
+        kind = self.kind(port)
+        return math.prod(kind.shape) if kind.form == "array" else len(kind.components) or 1
+
+    def declared(self, port: Port, name: str = "") -> str:
+        """The declaration of a signal's member, with what it is."""
+        kind = self.kind(port)
+        size = "" if kind.form == "scalar" else f"[{self.count(port)}]"
+        return (
+            f"    double {name or self.names[port]}{size}; /* {comment('.'.join(port))}: {kind} */"
+        )
+
+    def is_learnt(self, member: str) -> bool:
+        """Whether a reset keeps a state."""
+        return self.said[member] in LEARNT
+
+    @cached_property
+    def failures(self) -> dict[tuple[str, ...], tuple[int, str]]:
+        """What can go wrong, with its number and message, by key.
+
+        Keys are ("input", block, port), ("output", block, port), ("state", member), and, of
+        the first of a block's own failures, ("block", block).
+        """
+        found: list[tuple[tuple[str, ...], str]] = []
+        for block, port in self.selection.inputs:
+            found.append((("input", block, port), f"input {block}.{port} is not finite"))
+        states = {member: (block, state) for block, member, state, _ in self.checked_states()}
+        outputs = [(s.block, port) for s in self.selection.steps for port in s.evaluation.outputs]
+        for name in self.selection.blocks:
+            for i, message in enumerate(self.units.blocks[name].failures):
+                found.append((("block", name, *([str(i)] if i else [])), f"{name}: {message}"))
+            for block, port in outputs:
+                if block == name:
+                    found.append((("output", block, port), f"output {name}.{port} is not finite"))
+            for member, (block, state) in states.items():
+                if block == name:
+                    found.append((("state", member), f"state {name}.{state} is not finite"))
+        return {key: (number, text) for number, (key, text) in enumerate(found, 1)}
+
+    def checked_states(self) -> Iterator[tuple[str, str, str, str]]:
+        """The states that must stay finite: block, member, state, and the function that tests them.
+
+        A state that begins as NaN or infinite says so that there is no value yet. Where a signal
+        of the block may be infinite (a miss of a LiDAR), only NaN is wrong.
+        """
+        types = self.selection.network.types
+        for block, member, values in self.states():
+            if values.size and values.dtype.kind == "f" and np.isfinite(values).all():
+                finite = all(kind.finite for (name, _), kind in types.items() if name == block)
+                yield block, member, self.said[member], "all_finite" if finite else "no_nan"
+
+    def states(self) -> Iterator[tuple[str, str, np.ndarray[Any, Any]]]:
+        """The state arrays: block, member of the struct, initial values."""
+        for (block, word), (member, start) in self.places.items():
+            if not start and member == self.member(block, word):
+                yield block, member, self.arrays[block, word]
+
+    @cached_property
+    def said(self) -> dict[str, str]:
+        """The states' own names, by member."""
+        own = [(member, key[1]) for key, (member, start) in self.places.items() if not start]
+        return {m: w.removeprefix("state_") for m, w in reversed(own)}
+
+    @cached_property
+    def sizes(self) -> dict[str, int]:
+        """How many numbers each member for a state has."""
+        return {member: values.size for _, member, values in self.states()}
+
+    def state(self, block: str, name: str) -> tuple[str, int, int] | None:
+        """Where a state is: the member, the element of its first number, and how many it has."""
+        key = block, f"state_{name}"
+        if key not in self.places or not self.arrays[key].size:
+            return None
+        return (*self.places[key], self.arrays[key].size)
+
+    @cached_property
+    def arrays(self) -> dict[tuple[str, str], np.ndarray[Any, Any]]:
+        """The arrays of the blocks' states, by block and word."""
+        return {
+            (block, word): value
+            for block, text in self.units.blocks.items()
+            for (word, _), value, owned in zip(text.words, text.values, text.owned, strict=True)
+            if owned
+        }
+
+    @cached_property
+    def places(self) -> dict[tuple[str, str], tuple[str, int]]:
+        """Where each state array is: a member of the struct, and the element of its first one.
+
+        A state may have several names: arrays that share memory share a member.
+        """
+
+        def order(key: tuple[str, str]) -> tuple[int, int, bool, tuple[str, str]]:
+            array = self.arrays[key]
+            return (
+                array.ctypes.data,
+                -array.nbytes,
+                key[1].removeprefix("state_") not in LEARNT,
+                key,
+            )
+
+        found: dict[tuple[str, str], tuple[str, int]] = {}
+        member, first, end = "", 0, 0
+        for key in sorted(self.arrays, key=order):
+            array = self.arrays[key]
+            start = array.ctypes.data
+            if not start < end or not array.size:
+                member, first, end = self.member(*key), start, start + array.nbytes
+            found[key] = member, (start - first) // array.itemsize
+        return {key: found[key] for key in self.arrays}
+
+    def member(self, block: str, word: str) -> str:
+        """The struct's member for an array of its own."""
+        return self.names[block, word, "state"]
+
+
+def comment(text: str) -> str:
+    """A text inside of a C comment, on one line."""
+    return " ".join(text.split()).replace("*/", "* /").replace("/*", "/ *")
