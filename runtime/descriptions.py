@@ -21,13 +21,21 @@ TableRow = tuple[str, str, str, str]
 
 def library(module: str | None = None) -> dict[str, type[Block]]:
     """All block types: built in, of installed packages that work, and those of a file."""
-    own: dict[str, type[Block]] = {}
-    if module is not None:
-        try:
-            own = blocks_of_module(Path(module))
-        except Exception as error:  # noqa: BLE001 -- a user's file may raise any exception
-            raise UsageError(f"cannot load '{module}': {type(error).__name__}: {error}") from None
+    own = {} if module is None else own_blocks(module)
     return {**BUILTIN, **INSTALLED.usable(), **own}
+
+
+def own_blocks(file: str) -> dict[str, type[Block]]:
+    """The block types that a Python file defines.
+
+    Raises
+    ------
+    UsageError : it cannot be loaded.
+    """
+    try:
+        return blocks_of_module(Path(file))
+    except Exception as error:  # noqa: BLE001 -- a user's file may raise any exception
+        raise UsageError(f"cannot load '{file}': {type(error).__name__}: {error}") from None
 
 
 def families(known: Mapping[str, type[Block]]) -> dict[str, list[str]]:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from blocks.core import FloatArray, ParameterError
+from runtime.engine.beside import Beside
 from runtime.engine.diagnosis import Diagnosis
 from runtime.engine.interrupts import stoppable
 from runtime.engine.naming import GLOBALS
@@ -146,7 +147,10 @@ class Engine:
             RunContext(self.program, self.state.blocks, self.namespace, self.note)
         )
         self.state.arrays["run/plan"] = made.numbers
-        self.runner = self.exact = ExactRunner(self.state, made, self._python)
+        self.state.compiled = set(made.blocks)
+        own = self.state.own & self.state.compiled
+        beside = Beside(self.state, own, self.namespace, made.read) if own else None
+        self.runner = self.exact = ExactRunner(self.state, made, self._python, beside)
         return made
 
     def solve(self) -> list[Problem]:

@@ -5,6 +5,9 @@ an index out of range, a division by zero, integers of more than 64 bits, an out
 finite. The ticks of a call then run again from a checkpoint up to the one that failed, with the
 same results, and this one runs under the Python plan. If Python raises, too, that is the error of
 the run: the same as without compiling. Otherwise the run goes on under the Python engine.
+
+Some ticks of blocks that are not built in are compared with their Python form, see
+:mod:`.beside`; at a difference, that tick and the rest of the run are under the Python engine.
 """
 
 from __future__ import annotations
@@ -12,7 +15,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from runtime.engine.runners import CompiledError, Run, Runner
+from runtime.engine.beside import Beside
+from runtime.engine.runners import CompiledError, CompiledPlan, Run
 from runtime.engine.solvers import FOUND
 from runtime.engine.state import Checkpoint, Held, NotCopiedError, RunState
 
@@ -24,19 +28,20 @@ class ExactRunner:
     Parameters
     ----------
     state : of the run. compiled : runs its ticks. python : makes the function of the Python plan.
+    beside : compares own compiled blocks with their Python form; None if there are none.
 
     ``python_from`` is the tick from which the run is under the Python engine; ``notes`` say why.
     """
 
     state: RunState
-    compiled: Runner
+    compiled: CompiledPlan
     python: Callable[[], Run]
+    beside: Beside | None
     notes: list[str] = field(default_factory=list)
     python_from: int | None = None
 
     def __post_init__(self) -> None:
-        self.held, self.numbers = self.compiled.held, self.compiled.numbers
-        self.adopt = self.compiled.adopt
+        self.held, self.adopt = self.compiled.held, self.compiled.adopt
         self._python: Run | None = None
 
     def locate(self, error: BaseException) -> tuple[int, str] | None:
@@ -50,41 +55,58 @@ class ExactRunner:
         ------
         CompiledError : compiled code failed, and the tick cannot be run again.
         """
-        if self._python is not None:
-            return self._python(first, last, held)
+        while first < last and not self.state.stop[FOUND]:
+            if self._python is not None:
+                return self._python(first, last, held)
+            due = last if self.beside is None else self.beside.next(first)
+            end = min(last, max(due, first + 1))
+            held = self._ticks(first, end, held, compare=due == first)
+            first = end
+        return held
+
+    def _ticks(self, first: int, last: int, held: Held, compare: bool) -> Held:
+        """Run ticks, of which the first is compared with own blocks' Python form."""
         self.state.tick, self.state.held = first, held
         try:
             saved = self.state.checkpoint()
         except NotCopiedError as why:
             return self._once(first, last, held, str(why))
         try:
-            return self.compiled.run(first, last, held)
+            held = self.compiled.run(first, last, held)
         except CompiledError as error:
-            return self._again(saved, error, last)
+            cause = f"{error.place}: compiled code ended with {error}, which Python does not do"
+            return self._again(saved, error.tick, last, cause)
+        if compare and self.beside is not None and not self.state.stop[FOUND]:
+            self.state.tick, self.state.held = last, held
+            difference = self.beside.difference(saved, self.state.checkpoint())
+            if difference is not None:
+                return self._again(saved, first, last, str(difference))
+        return held
 
     def _once(self, first: int, last: int, held: Held, why: str) -> Held:
         """Run ticks that cannot be run again."""
+        if self.beside is not None:
+            own = ", ".join(self.beside.own)
+            self.notes.append(f"{own}: not compared with the Python form, since {why}")
+            self.beside = None
         try:
             return self.compiled.run(first, last, held)
         except CompiledError as error:
             text = f"{error}; Python could not run the tick again, since {why}"
             raise CompiledError(error.block, error.tick, text) from None
 
-    def _again(self, saved: Checkpoint, error: CompiledError, last: int) -> Held:
-        """Run the ticks after a checkpoint again, from the one that failed under Python."""
+    def _again(self, saved: Checkpoint, tick: int, last: int, cause: str) -> Held:
+        """Run the ticks after a checkpoint again, from this one on under Python."""
         self.state.restore(saved)
-        held, tick = saved.held, error.tick
+        held = saved.held
         if tick > saved.tick:
             held = self.compiled.run(saved.tick, tick, held)
         self._python = self.python()
         held = self._python(tick, tick + 1, held)
         self.python_from = tick
         network = self.state.program.network
-        t = f"{tick * network.dt:g} {network.time_unit}"
-        self.notes.append(
-            f"{error.place}: compiled code ended with {error}, which Python does not do; from "
-            f"t = {t} (tick {tick}) on, the run is under the Python engine"
-        )
+        t = f"t = {tick * network.dt:g} {network.time_unit} (tick {tick})"
+        self.notes.append(f"{cause}; from {t} on, the run is under the Python engine")
         if tick + 1 == last or self.state.stop[FOUND]:
             return held
         return self._python(tick + 1, last, held)

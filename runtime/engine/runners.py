@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-import numpy as np
-
 from blocks.core import BlockState
 from runtime.engine.program import FILENAME, Program
-from runtime.engine.state import Held
+from runtime.engine.state import Array, Held
 
 Progress = Callable[[int, int], None]
 Run = Callable[[int, int, Held], Held]
@@ -37,13 +35,9 @@ class CompiledError(Exception):
 
 
 class Runner(Protocol):
-    """Runs ticks; ``held`` are the variables that go into each call and come out of it.
-
-    ``numbers`` are the memory of a compiled plan, which moves with the run's state.
-    """
+    """Runs ticks; ``held`` are the variables that go into each call and come out of it."""
 
     held: list[str]
-    numbers: np.ndarray[Any, Any]
 
     @property
     def run(self) -> Run:
@@ -54,6 +48,20 @@ class Runner(Protocol):
 
     def locate(self, error: BaseException) -> tuple[int, str] | None:
         """The tick and the block that raised an exception."""
+
+
+class CompiledPlan(Runner, Protocol):
+    """A runner of compiled code.
+
+    ``numbers`` are the memory of the plan, which moves with the run's state; ``blocks`` are those
+    that are compiled.
+    """
+
+    numbers: Array
+    blocks: Collection[str]
+
+    def read(self, block: str, port: str) -> Any:
+        """An output as it is now, in the form that Python blocks take."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +78,7 @@ class RunContext:
     note: Callable[[str], None]
 
 
-MakeRunner = Callable[[RunContext], Runner]
+MakeRunner = Callable[[RunContext], CompiledPlan]
 
 
 class PythonRunner:
@@ -79,7 +87,6 @@ class PythonRunner:
     def __init__(self, held: list[str], run: Run) -> None:
         self.held = held
         self.run = run
-        self.numbers = np.zeros(0)
 
     def adopt(self, held: Held) -> Held:
         """The first tick's variables, as they are."""

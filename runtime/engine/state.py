@@ -15,7 +15,7 @@ import copy
 import hashlib
 import math
 import types
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -55,13 +55,15 @@ class Checkpoint:
     """What a run's state was before a tick.
 
     arrays : copies by the names of :attr:`RunState.arrays`.
-    generators : by block, the generator and the state of its bit generator.
+    apart : arrays that own blocks keep undeclared, by ``block.attribute``, with their copies.
+    generators : by ``block.attribute``, with the state of the bit generator.
     others : what puts back the rest of the states of own blocks.
     """
 
     tick: int
     held: Held
     arrays: Mapping[str, Array]
+    apart: Mapping[str, tuple[Array, Array]]
     generators: Mapping[str, tuple[np.random.Generator, Mapping[str, Any]]]
     others: tuple[Restored, ...]
 
@@ -70,10 +72,12 @@ class Checkpoint:
 class RunState:
     """The state of one run of a program.
 
-    ``blocks`` are the states by block; ``continuous`` is the row of all continuous states, of which
-    the blocks' arrays are views; ``held`` are the variables that go into the next tick, as the
-    runner has them; ``stop`` says whether and where ``run.stop`` ended the run. ``arrays`` are all
-    arrays that move, by ``block.state`` or by ``run/name``, each in place for the whole run.
+    ``blocks`` are the states by block; ``own`` names the blocks that are not built in, and
+    ``compiled`` those that are compiled, of which only arrays and generators can move;
+    ``continuous`` is the row of all continuous states, of which the blocks' arrays are views;
+    ``held`` are the variables that go into the next tick, as the runner has them; ``stop`` says
+    whether and where ``run.stop`` ended the run. ``arrays`` are all arrays that move, by
+    ``block.state`` or by ``run/name``, each in place for the whole run.
     """
 
     program: Program
@@ -84,6 +88,8 @@ class RunState:
     continuous: FloatArray = field(init=False)
     stop: FloatArray = field(init=False)
     arrays: dict[str, Array] = field(init=False)
+    own: set[str] = field(init=False)
+    compiled: set[str] = field(init=False, default_factory=set)
 
     def __post_init__(self) -> None:
         part, entries = self.program.plan.continuous, self.program.network.entries
@@ -92,7 +98,7 @@ class RunState:
         self.stop[BEFORE] = math.nan
         self.arrays = {"run/continuous": self.continuous, "run/stop": self.stop}
         self.blocks = {name: self._block(name) for name in entries}
-        self._own = [name for name, entry in entries.items() if not is_built_in(entry.cls)]
+        self.own = {name for name, entry in entries.items() if not is_built_in(entry.cls)}
 
     def _block(self, name: str) -> BlockState:
         part, shapes = self.program.plan.continuous, self.program.shapes[name]
@@ -112,13 +118,16 @@ class RunState:
         NotCopiedError : an own block keeps something that cannot be copied.
         """
         arrays = {name: array.copy() for name, array in self.arrays.items()}
-        generators = {}
-        for name, state in self.blocks.items():
-            rng = vars(state).get("rng")  # made when it is first used
-            if rng is not None:
-                generators[name] = rng, rng.bit_generator.state
-        others = tuple(map(self._others, self._own))
-        return Checkpoint(self.tick, self.held, arrays, generators, others)
+        apart = {
+            f"{name}.{key}": (a, a.copy()) for name in self.own for key, a in self._apart(name)
+        }
+        generators = {
+            f"{name}.{key}": (generator, generator.bit_generator.state)
+            for name in self.blocks
+            for key, generator in self.generators(name).items()
+        }
+        others = tuple(map(self._others, sorted(self.own - self.compiled)))
+        return Checkpoint(self.tick, self.held, arrays, apart, generators, others)
 
     def restore(self, saved: Checkpoint) -> None:
         """Put back what a checkpoint of this run holds; it may be restored again."""
@@ -126,14 +135,27 @@ class RunState:
         for name, array in self.arrays.items():
             array[...] = saved.arrays[name]
         for name, state in self.blocks.items():
-            if name in saved.generators:
-                rng, bits = saved.generators[name]
-                rng.bit_generator.state = bits
-                vars(state)["rng"] = rng
-            else:
-                vars(state).pop("rng", None)
+            if f"{name}.rng" not in saved.generators:
+                vars(state).pop("rng", None)  # made when it is first used
         for put_back in saved.others:
             put_back()
+        for array, numbers in saved.apart.values():
+            array[...] = numbers
+        for generator, bits in saved.generators.values():
+            generator.bit_generator.state = bits
+
+    def generators(self, name: str) -> dict[str, np.random.Generator]:
+        """The generators in a block's state: its own, and others of an own block."""
+        held = vars(self.blocks[name])
+        keys = held if name in self.own else ("rng",) if "rng" in held else ()
+        return {key: held[key] for key in keys if isinstance(held[key], np.random.Generator)}
+
+    def _apart(self, name: str) -> Iterator[tuple[str, Array]]:
+        """The arrays in a block's state that nothing declares, and that can be written to."""
+        for key in self._undeclared(name):
+            value = getattr(self.blocks[name], key)
+            if isinstance(value, np.ndarray) and value.flags.writeable and not _is_copied(value):
+                yield key, value
 
     def _undeclared(self, name: str) -> set[str]:
         """The attributes of a block's state that nothing declares."""
@@ -143,12 +165,12 @@ class RunState:
     def _others(self, name: str) -> Restored:
         """What puts back the undeclared attributes of a block's state."""
         held, undeclared = vars(self.blocks[name]), self._undeclared(name)
-        in_place = [_in_place(held[key]) for key in undeclared]
         found = {key: held[key] for key in undeclared}
         loose = {key: value for key, value in found.items() if _is_copied(value)}
         # What belongs to the run stays the same object where a copied one refers to it.
-        run = (value for key, value in held.items() if key not in loose)
-        memo = {id(value): value for value in (*run, self.program.network.entries[name].made)}
+        run = [value for key, value in held.items() if key not in loose]
+        run += [self.program.network.entries[name].made, held["context"].world]
+        memo = {id(value): value for value in run}
         for key, value in loose.items():
             try:
                 loose[key] = copy.deepcopy(value, memo)
@@ -163,8 +185,6 @@ class RunState:
                 del held[key]
             # Copied again, so that a checkpoint can be restored twice.
             held.update(found | copy.deepcopy(loose, dict(memo)))
-            for put_back in in_place:
-                put_back()
 
         return restored
 
@@ -172,18 +192,7 @@ class RunState:
 def _is_copied(value: Any) -> bool:
     """Whether a value can only be put back as a copy."""
     if isinstance(value, tuple):
-        return any(map(_is_copied, value))
+        return any(isinstance(part, np.ndarray) or _is_copied(part) for part in value)
     if isinstance(value, np.ndarray):
         return bool(value.dtype.hasobject)
     return not isinstance(value, (*FIXED, np.random.Generator))
-
-
-def _in_place(value: Any) -> Restored:
-    """What puts back the content of an array or a generator that stays the same object."""
-    if isinstance(value, np.random.Generator):
-        bits = value.bit_generator.state
-        return lambda: setattr(value.bit_generator, "state", bits)
-    if isinstance(value, np.ndarray) and value.flags.writeable and not _is_copied(value):
-        numbers = value.copy()
-        return lambda: np.copyto(value, numbers)
-    return lambda: None

@@ -16,7 +16,7 @@ from typing import Protocol, cast
 from runtime.terminal import show
 
 NAMES = (
-    *("new", "run", "validate", "draw", "explain", "linearize", "blocks", "graphs"),
+    *("new", "run", "validate", "draw", "explain", "linearize", "blocks", "check", "graphs"),
     *("ablate", "sweep", "tune", "compare", "report", "render"),
     *("export", "clean", "completion", "lsp", "schema"),
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -26,7 +26,7 @@ from runtime.engine.compiled.memory import Context, Words
 from runtime.engine.compiled.structs import PlanText
 from runtime.engine.program import Program
 from runtime.engine.runners import CompiledError, RunContext
-from runtime.engine.state import Held
+from runtime.engine.state import Array, Held
 from runtime.toolchain import QUICK, THOROUGH, Builder, BuildError, Unit, folder
 
 DRIVER = "<the loop around the compiled plan>"
@@ -165,7 +165,8 @@ class CompiledRunner:
         self.function = made.function
         self.held = context.program.emitter().held()
         self.words = Words(self.text.words)
-        self.numbers = self.words.ints
+        self.numbers: Array = self.words.ints
+        self.blocks: Collection[str] = self.kernels.compiled.keys()
         self.memory = Context()
         self.fields = [self._pointer(name, *to) for name, to in self.text.pointers.items()]
         for name, value in self.text.fills.items():

@@ -26,6 +26,18 @@ probes: {y: plant.out}
 plots: {y: {kind: timeseries, of: y}}
 metrics: {mean: {kind: mean_abs, of: y}}
 """
+OWN = '''from blocks import Block, Input, Output, Scalar
+
+
+class Twice(Block):
+    """Twice the input."""
+
+    x = Input(Scalar)
+    out = Output(Scalar)
+
+    def output(self, state, t, x):
+        return 2.0 * x
+'''
 SET = "--vary=plant.numerator.0=[1,2]"
 COMMANDS = (
     "new copy.yaml --from tracking",
@@ -36,6 +48,7 @@ COMMANDS = (
     "explain g.yaml",
     "linearize g.yaml --inputs sum.out --outputs plant.out",
     "blocks",
+    "check own.py",
     "graphs",
     f"sweep g.yaml {SET} --seeds 0..1 --no-plots",
     f"sweep g.yaml {SET} --seeds 0..1 --no-plots --resume -j 2",
@@ -78,6 +91,7 @@ print(json.dumps(found))
 def test_every_verb_runs_or_says_what_is_missing(system: str, tmp_path: Path) -> None:
     assert {line.split()[0] for line in COMMANDS} == set(NAMES)
     (tmp_path / "g.yaml").write_text(GRAPH)
+    (tmp_path / "own.py").write_text(OWN)
     done = subprocess.run(
         [sys.executable, "-c", DRIVER, json.dumps(COMMANDS)],
         cwd=tmp_path,
