@@ -137,8 +137,9 @@ def test_blocks_and_parts_may_have_any_name(kind: str, tmp_path: Path) -> None:
     for name, source in zip(HOSTILE, ["x", *HOSTILE], strict=False):
         lines.append(f"  {name}: {{input: {source}.out}}")
     lines.append("  M: {a: in.out}")
-    part = f"graph: p\ninputs: {{a: Scalar}}\noutputs: {{PI: PI.out}}\nblocks:\n  PI: {{type: {kind}{options}}}\n"
-    (tmp_path / "P*part.yaml").write_text(part + "wires:\n  PI: {input: inputs.a}\n")
+    part = "graph: p\ninputs: {a: Scalar}\noutputs: {PI: PI.out}\nwires:\n  PI: {input: inputs.a}\n"
+    part += f"blocks:\n  PI: {{type: {kind}{options}}}\n"
+    (tmp_path / "P*part.yaml").write_text(part)
     (tmp_path / "graph.yaml").write_text("\n".join(lines) + "\n")
     folder = tmp_path / "a folder? * 'x'"
     made = export(runtime.load(tmp_path / "graph.yaml"), folder, others=["x"])
