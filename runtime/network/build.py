@@ -389,7 +389,12 @@ def _check_contexts(network: Network, problems: Problems) -> MissingPackageError
     lost = {at for at, flags in network.terms.items() if not all(flags)}
     unsettled = {block for block, _ in lost - removed}
     for name, entry in network.entries.items():
-        if entry.block is None or not network.is_typed(name) or name in unsettled:
+        if (
+            entry.block is None
+            or not network.is_typed(name)
+            or network.waits(name)
+            or name in unsettled
+        ):
             continue
         try:
             context = network.context(name)
