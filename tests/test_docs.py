@@ -133,7 +133,12 @@ def test_examples_of_docstrings(module: str) -> None:
 
 def test_the_readme_is_short_and_its_first_command_shows_both_runs() -> None:
     assert README.count("\n") < 150
-    assert "runtime run starters/adaptive --vs without=adaptive" in README
+    one_line = re.findall(r"^ +((?:python3|py) -m venv .*)$", README, re.M)
+    first, windows, tests = one_line
+    run = "pip install -e . && runtime run starters/adaptive --vs without=adaptive"
+    assert first == f"python3 -m venv .venv && . .venv/bin/activate && {run}"
+    assert windows == rf"py -m venv .venv && .venv\Scripts\activate && {run}"
+    assert tests.endswith("pytest -n auto")
 
 
 HOW_TO = (ROOT / "docs" / "how-to.md").read_text(encoding="utf-8")

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from runtime.codegen.body import Body, offset
-from runtime.codegen.types import BOOL, FLOAT, INT, Array, NotTypedError, Number
+from runtime.codegen.types import BOOL, EITHER, FLOAT, INT, Array, NotTypedError, Number
 from runtime.codegen.values import (
     ATOM,
     LOOSE,
@@ -44,6 +44,8 @@ def elements(value: Value) -> Number:
 def common(values: Sequence[Value]) -> Number:
     """The type of a result of numbers and arrays together."""
     kinds = [elements(value) for value in values]
+    if EITHER in kinds and FLOAT not in kinds:
+        raise NotTypedError("computes with arrays and an int or float; write 0.0 instead of 0")
     return FLOAT if FLOAT in kinds else INT if INT in kinds else BOOL
 
 
@@ -56,9 +58,8 @@ def _number(value: Value) -> Number:
 def index_text(body: Body, array: Value, axis: int, index: Value) -> str:
     """An index as C text: negative ones count from the end, checked if asked for."""
     if index.type != INT:
-        if index.type != BOOL:
-            raise NotTypedError(f"uses a {index.type} as an index; use int(...)")
-        index = converted(index, INT)
+        # A bool is a mask to NumPy.
+        raise NotTypedError(f"uses a {index.type} as an index; use int(...)")
     size = size_text(array, axis)
     known = array_type(array).dims[axis]
     if index.const is not UNKNOWN:
@@ -251,6 +252,7 @@ def write(body: Body, target: Value, value: Value) -> None:
         _shared(body, [target, value], exact=True)
     else:
         value = body.kept(value)
+    body.changes += 1
     body.fill(target, value)
 
 
@@ -266,6 +268,9 @@ def elementwise(
     ready = [v if isinstance(v.type, Array) else body.kept(v) for v in values]
     dims, sizes = _shared(body, ready)
     axes = len(dims)
+    if not axes:
+        # NumPy gives a number, not an array without axes.
+        return converted(function(*[body.at(value, []) for value in ready]), kind)
 
     def each(indices: Sequence[str]) -> Value:
         return converted(function(*[body.at(value, indices) for value in ready]), kind)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Protocol
 
@@ -11,6 +11,7 @@ from runtime.codegen.names import local_name
 from runtime.codegen.source import Function, Source
 from runtime.codegen.types import (
     BOOL,
+    EITHER,
     FLOAT,
     INT,
     Array,
@@ -71,12 +72,23 @@ class Body:
     all values assigned to it; :attr:`widened` tells that a text used a type that was too narrow,
     and the function is written again with the types found.
 
+    A :class:`Value` is a text that is evaluated where it is put, which may be after the values of
+    later operands. So whoever evaluates several operands goes through :meth:`in_order`, which
+    keeps those that read memory in temporaries where a later one changes memory or draws a number:
+
+        state.h[0] + self.f(state)   ->   const double value_1_ = h[0];
+                                          const double f_1_ = f(ctx, self);
+                                          value_1_ + f_1_
+
+    ``effects`` counts lines that must stay, as those that may fail; ``changes`` those after which
+    memory or a generator is not what it was.
+
     Parameters
     ----------
     function : the source.
     failures : of the unit.
     types : of variables, from an earlier pass.
-    check : whether indexes that may be outside of an array are checked while running.
+    check : the source is not ours: indexes and integers that may be too large are checked.
     """
 
     def __init__(
@@ -91,6 +103,7 @@ class Body:
         self.depth = 1
         self.nested = 0
         self.effects = 0
+        self.changes = 0
         self.widened = False
         self.uses_entries = False
         self.stable: set[str] = set()
@@ -146,6 +159,33 @@ class Body:
         return self.failures.number(kind, message, self.function.file, self.line)
 
     # Values
+
+    def in_order(self, evaluations: Iterable[Callable[[], Value]]) -> list[Value]:
+        """Values evaluated one after the other, each as it was at its turn."""
+        values: list[Value] = []
+        for evaluate in evaluations:
+            before = self.changes
+            with self.captured() as lines:
+                value = evaluate()
+            if self.changes > before:
+                values = [self.kept(v) if _reads_memory(v) else v for v in values]
+            self.lines += lines
+            values.append(value)
+        return values
+
+    def as_type(self, value: Value, kind: Type) -> Value:
+        """A value as one of a wider type; an int that a float cannot hold fails."""
+        return converted(self.exact(value) if kind == EITHER else value, kind)
+
+    def exact(self, value: Value) -> Value:
+        """An integer as a float of the same value, or a failure; other values as they are."""
+        if value.type != INT or value.is_known or not self.check or _is_index(value):
+            return value
+        return Value(FLOAT, (f"exact(ctx, {value.text}, {self.too_large()})",))
+
+    def too_large(self) -> str:
+        """The number of the failure of an integer that Python holds and C does not."""
+        return str(self.fail("OverflowError", "an integer has more digits than are compiled"))
 
     def kept(self, value: Value, stem: str = "value") -> Value:
         """The value in temporaries, so that it is computed once and here."""
@@ -243,6 +283,11 @@ class Body:
         known = self.types.get(key)
         if known is None:
             self.types[key] = value.type
+        elif known != value.type and key in self.declared and not self.nested:
+            # From here on the name stands for another variable.
+            self.versions[name] = version + 1
+            self.assign(name, value)
+            return
         elif known != value.type:
             try:
                 joined = join(known, value.type)
@@ -254,7 +299,7 @@ class Body:
                 return
             self.widened = self.widened or (joined != known and key in self.declared)
             self.types[key] = joined
-        self.write(name, key, converted(value, self.types[key]))
+        self.write(name, key, self.as_type(value, self.types[key]))
 
     def parameter(self, name: str, kind: Type) -> None:
         """A parameter of the function."""
@@ -293,6 +338,9 @@ class Body:
                 self.put(f"{_constant(c_type, fixed)}{target}{suffix} = {text};")
             elif text != f"{target}{suffix}":
                 self.put(f"{target}{suffix} = {text};")
+        if name in self.function.uncertain:
+            self.tops[f"{target}_set_"] = BOOL
+            self.put(f"{target}_set_ = true;")
         if fixed:
             texts = tuple(f"{target}{suffix}" for suffix, _ in leaves(value.type))
             self.stable.update(texts)
@@ -313,7 +361,23 @@ class Body:
         if kind is None:
             raise NotTypedError(f"uses '{name}' before it is assigned")
         target = self.c_name(name)
+        if name in self.function.uncertain:
+            self.tops[f"{target}_set_"] = BOOL
+            failure = self.fail("UnboundLocalError", f"'{name}' is used before it is assigned")
+            self.put(f"if (!{target}_set_) fail(ctx, {failure});")
         return Value(kind, tuple(f"{target}{suffix}" for suffix, _ in leaves(kind)))
+
+
+def _reads_memory(value: Value) -> bool:
+    """Whether a value that is not evaluated yet depends on what memory holds."""
+    return value.each is not None or any("[" in t or "(" in t for t in value.texts)
+
+
+def _is_index(value: Value) -> bool:
+    """Whether an integer is certainly exact as a float: a count, an index, or a small number."""
+    if value.low is None or value.low < -(2**53) or value.high is None:
+        return False
+    return isinstance(value.high, str) or value.high <= 2**53
 
 
 def offset(array: Value, indices: Sequence[str]) -> str:

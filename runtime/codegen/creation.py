@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
-from runtime.codegen import arrays, scalars
+from runtime.codegen import arrays
 from runtime.codegen.body import Body
-from runtime.codegen.types import BOOL, FLOAT, INT, Array, NotTypedError, Number, Tuple
+from runtime.codegen.types import (
+    BOOL,
+    FLOAT,
+    INT,
+    NONE,
+    Array,
+    Known,
+    NotTypedError,
+    Number,
+    Tuple,
+)
 from runtime.codegen.values import (
     UNKNOWN,
     Value,
@@ -18,7 +28,6 @@ from runtime.codegen.values import (
     size_text,
 )
 
-Given = Sequence[Value]
 KINDS = {"float64": FLOAT, "float": FLOAT, "int64": INT, "int": INT, "bool_": BOOL, "bool": BOOL}
 
 
@@ -30,11 +39,11 @@ def shape_of(value: Value) -> list[Value]:
     return sizes
 
 
-def kind_of(given: Given, options: Mapping[str, Value], at: int, default: Number) -> Number:
-    value = given[at] if len(given) > at else options.get("dtype")
-    if value is None:
+def kind_of(dtype: Value | None, default: Number) -> Number:
+    """The type that a ``dtype`` names."""
+    if dtype is None or dtype.type == NONE:
         return default
-    found = KINDS.get(value.type.value) if value.is_known and not value.texts else None  # type: ignore[union-attr]
+    found = KINDS.get(dtype.type.value) if isinstance(dtype.type, Known) else None
     if found is None:
         raise NotTypedError("uses a dtype other than float64, int64 and bool")
     return found
@@ -45,68 +54,91 @@ def new_array(body: Body, sizes: Sequence[Value], kind: Number) -> Value:
     for size in sizes:
         text = size.text
         if size.const is UNKNOWN and (size.low is None or size.low < 0):
-            text = f"not_negative({text})"
+            failure = body.fail("ValueError", "negative dimensions are not allowed")
+            text = f"array_size(ctx, {text}, {failure})"
         texts.append(text)
     dims = tuple(int(s.const) if s.const is not UNKNOWN else None for s in sizes)
     return body.new(kind.kind, texts, dims)
 
 
-def filled(fill: float | None, body: Body, given: Given, options: Mapping[str, Value]) -> Value:
-    kind = kind_of(given, options, 1, FLOAT)
-    made = new_array(body, shape_of(given[0]), kind)
+def filled(fill: float | None, body: Body, shape: Value, dtype: Value | None = None) -> Value:
+    """``np.zeros``, ``np.ones`` and ``np.empty``."""
+    kind = kind_of(dtype, FLOAT)
+    made = new_array(body, shape_of(shape), kind)
     if fill is not None:
         body.fill(made, number({BOOL: bool, INT: int}.get(kind, float)(fill)))
     return made
 
 
-def full(body: Body, given: Given, options: Mapping[str, Value]) -> Value:
-    value = body.kept(given[1])
-    kind = kind_of(given, options, 2, arrays.elements(value))
-    made = new_array(body, shape_of(given[0]), kind)
+def full(body: Body, shape: Value, fill_value: Value, dtype: Value | None = None) -> Value:
+    """``np.full``."""
+    value = body.kept(fill_value)
+    kind = kind_of(dtype, arrays.common([value]))
+    made = new_array(body, shape_of(shape), kind)
     body.fill(made, converted(value, kind))
     return made
 
 
-def like(fill: float | None, body: Body, given: Given, options: Mapping[str, Value]) -> Value:
-    kind = kind_of(given, options, 1, arrays.elements(given[0]))
-    axes = range(len(array_type(given[0]).dims))
-    made = new_array(body, [size_of(given[0], k) for k in axes], kind)
+def like(fill: float | None, body: Body, a: Value, dtype: Value | None = None) -> Value:
+    """``np.zeros_like``, ``np.ones_like`` and ``np.empty_like``."""
+    kind = kind_of(dtype, arrays.elements(a))
+    made = new_array(body, [size_of(a, k) for k in range(len(array_type(a).dims))], kind)
     if fill is not None:
         body.fill(made, number({BOOL: bool, INT: int}.get(kind, float)(fill)))
     return made
 
 
-def eye(body: Body, given: Given, options: Mapping[str, Value]) -> Value:
-    n = given[0]
-    made = new_array(body, [n, n], FLOAT)
+def eye(body: Body, N: Value, M: Value | None = None, k: Value | None = None) -> Value:
+    """``np.eye``; the arguments have NumPy's names."""
+    columns = N if M is None or M.type == NONE else M
+    (offset,) = shape_of(number(0) if k is None else body.kept(k))
+    made = new_array(body, [*shape_of(N), *shape_of(columns)], FLOAT)
     i, j = arrays.loops(body, [size_text(made, 0), size_text(made, 1)])
-    body.act(f"{body.place(made, [i, j])} = {i} == {j} ? 1.0 : 0.0;")
+    shifted = i if offset.const == 0 else f"{i} + {offset.text}"
+    body.act(f"{body.place(made, [i, j])} = {j} == {shifted} ? 1.0 : 0.0;")
     arrays.close(body, 2)
     return made
 
 
-def arange(body: Body, given: Given, options: Mapping[str, Value]) -> Value:
-    if len(given) != 1 or options or given[0].type != INT:
-        raise NotTypedError("calls np.arange with more than a length; write the loop")
-    made = new_array(body, given, INT)
+def identity(body: Body, n: Value) -> Value:
+    """``np.identity``."""
+    return eye(body, n)
+
+
+def arange(body: Body, stop: Value, /) -> Value:
+    """``np.arange`` of a length."""
+    if stop.type != INT:
+        raise NotTypedError("calls np.arange with a number that is no integer; write the loop")
+    made = new_array(body, [stop], INT)
     (i,) = arrays.loops(body, [size_text(made, 0)])
     body.act(f"{body.place(made, [i])} = {i};")
     arrays.close(body, 1)
     return made
 
 
-def as_array(body: Body, given: Given, options: Mapping[str, Value]) -> Value:
-    """``np.array`` of an array, a number, or tuples of numbers."""
-    value = given[0]
-    if isinstance(value.type, Array):
+def as_kind(body: Body, value: Value, kind: Number) -> Value:
+    """A new array with elements of another type, which holds all of theirs."""
+    have = arrays.elements(value)
+    if have == kind:
         return arrays.copied(body, value)
+    if (have, kind) not in ((INT, FLOAT), (BOOL, FLOAT), (BOOL, INT)):
+        raise NotTypedError(f"makes {kind}s of {have}s, which may lose something; write the loop")
+    return body.stored(arrays.elementwise(body, [value], lambda v: v, kind))
+
+
+def as_array(body: Body, object: Value, dtype: Value | None = None) -> Value:
+    """``np.array`` of an array, a number, or tuples of numbers."""
+    value = object
+    if isinstance(value.type, Array):
+        return as_kind(body, value, kind_of(dtype, arrays.elements(value)))
     if not isinstance(value.type, Tuple):
-        made = body.new(scalars.as_number(value).type.kind, [], ())  # type: ignore[union-attr]
-        body.fill(made, value)
+        kind = kind_of(dtype, arrays.common([value]))
+        made = body.new(kind.kind, [], ())
+        body.fill(made, converted(value, kind))
         return made
     rows = parts_of(value)
     numbers = [n for r in rows for n in (parts_of(r) if isinstance(r.type, Tuple) else [r])]
-    kind = kind_of(given, options, 1, arrays.common(numbers) if numbers else FLOAT)
+    kind = kind_of(dtype, arrays.common(numbers) if numbers else FLOAT)
     dims: tuple[int, ...] = (len(rows),)
     lengths = {len(r.type.parts) if isinstance(r.type, Tuple) else None for r in rows}
     if lengths not in ({None}, set()):
@@ -120,9 +152,20 @@ def as_array(body: Body, given: Given, options: Mapping[str, Value]) -> Value:
     return made
 
 
-def unchanged(body: Body, given: Given, options: Mapping[str, Value]) -> Value:
-    value = given[0]
-    if not isinstance(value.type, Array):
-        return as_array(body, given, options)
-    value = body.stored(value)
-    return value if array_type(value).packed else arrays.copied(body, value)
+def copy(body: Body, a: Value) -> Value:
+    """``np.copy``."""
+    return as_array(body, a)
+
+
+def unchanged(body: Body, a: Value, dtype: Value | None = None) -> Value:
+    """``np.asarray``: the very array, if it has the type."""
+    if not isinstance(a.type, Array) or kind_of(dtype, arrays.elements(a)) != arrays.elements(a):
+        return as_array(body, a, dtype)
+    return body.stored(a)
+
+
+def contiguous(body: Body, a: Value) -> Value:
+    """``np.ascontiguousarray``, which is the very array if it is contiguous."""
+    if not array_type(a).packed or not array_type(a).dims:
+        raise NotTypedError("makes a view contiguous, which copies it or not; use .copy()")
+    return body.stored(a)

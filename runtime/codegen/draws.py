@@ -3,53 +3,87 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 from runtime.codegen import arrays, creation, scalars
 from runtime.codegen.body import Body
-from runtime.codegen.types import FLOAT, NotTypedError
-from runtime.codegen.values import Value, array_type, size_text
+from runtime.codegen.types import FLOAT, NONE
+from runtime.codegen.values import Value, array_type, number, size_text
+
+Size = Value | None
+ZERO, ONE = number(0.0), number(1.0)
 
 
-def drawn(body: Body, generator: Value, name: str, given: Sequence[Value]) -> Value:
-    """A draw, or an array of draws, with NumPy's arithmetic."""
-    functions: dict[str, tuple[str, int]] = {
-        **{"random": ("uniform", 0), "standard_normal": ("normal", 0)},
-        **{"standard_exponential": ("exponential", 0), "exponential": ("exponential", 1)},
-        **{"uniform": ("uniform", 2), "normal": ("normal", 2)},
-    }
-    if name not in functions:
-        raise NotTypedError(f"draws with '{name}', which is not compiled")
-    function, wanted = functions[name]
-    if len(given) < wanted:
-        raise NotTypedError(f"draws with '{name}' without its {wanted} numbers")
-    parameters = [body.kept(scalars.as_float(value)) for value in given[:wanted]]
-    size = given[wanted] if len(given) > wanted else None
-    if size is None:
-        return body.kept(_one_draw(body, generator, function, name, parameters), "drawn")
+def _random(body: Body, generator: Value, size: Size = None) -> Value:
+    return _drawn(body, generator, size, "uniform", lambda draw: draw)
+
+
+def _standard_normal(body: Body, generator: Value, size: Size = None) -> Value:
+    return _drawn(body, generator, size, "normal", lambda draw: draw)
+
+
+def _standard_exponential(body: Body, generator: Value, size: Size = None) -> Value:
+    return _drawn(body, generator, size, "exponential", lambda draw: draw)
+
+
+def _uniform(
+    body: Body, generator: Value, low: Value = ZERO, high: Value = ONE, size: Size = None
+) -> Value:
+    low, high = _numbers(body, low, high)
+    width = body.kept(scalars.binary(body, ast.Sub(), high, low), "width")
+    _sound(body, f"isfinite({width.text}) && {width.within(2)} >= 0.0")
+    return _drawn(body, generator, size, "uniform", lambda draw: _moved(body, low, width, draw))
+
+
+def _normal(
+    body: Body, generator: Value, loc: Value = ZERO, scale: Value = ONE, size: Size = None
+) -> Value:
+    loc, scale = _numbers(body, loc, scale)
+    _sound(body, f"!signbit({scale.text})")
+    return _drawn(body, generator, size, "normal", lambda draw: _moved(body, loc, scale, draw))
+
+
+def _exponential(body: Body, generator: Value, scale: Value = ONE, size: Size = None) -> Value:
+    (scale,) = _numbers(body, scale)
+    _sound(body, f"!signbit({scale.text})")
+    times = ast.Mult()
+    of = lambda draw: scalars.binary(body, times, scale, draw)  # noqa: E731
+    return _drawn(body, generator, size, "exponential", of)
+
+
+# The arguments have NumPy's names.
+DRAWS: dict[str, Callable[..., Value]] = {
+    **{"random": _random, "standard_normal": _standard_normal, "uniform": _uniform},
+    **{"standard_exponential": _standard_exponential, "normal": _normal},
+    **{"exponential": _exponential},
+}
+
+
+def _numbers(body: Body, *values: Value) -> list[Value]:
+    return [body.kept(scalars.as_float(value)) for value in values]
+
+
+def _sound(body: Body, test: str) -> None:
+    """Fail where NumPy refuses the parameters of a distribution."""
+    failure = body.fail("ValueError", "parameters of a distribution are not valid")
+    body.act(f"if (!LIKELY({test})) fail(ctx, {failure});")
+
+
+def _moved(body: Body, start: Value, width: Value, draw: Value) -> Value:
+    return scalars.binary(body, ast.Add(), start, scalars.binary(body, ast.Mult(), width, draw))
+
+
+def _drawn(
+    body: Body, generator: Value, size: Size, function: str, of: Callable[[Value], Value]
+) -> Value:
+    """One draw, or an array of draws in the order in which NumPy takes them."""
+    body.changes += 1
+    draw = Value(FLOAT, (f"{generator.text}->{function}({generator.text}->bits)",))
+    if size is None or size.type == NONE:
+        return body.kept(of(draw), "drawn")
     made = creation.new_array(body, creation.shape_of(size), FLOAT)
-    axes = range(len(array_type(made).dims))
+    axes: Sequence[int] = range(len(array_type(made).dims))
     indices = arrays.loops(body, [size_text(made, k) for k in axes])
-    one = _one_draw(body, generator, function, name, parameters)
-    body.act(f"{body.place(made, indices)} = {one.text};")
+    body.act(f"{body.place(made, indices)} = {of(draw).text};")
     arrays.close(body, len(indices))
     return made
-
-
-def _one_draw(
-    body: Body, generator: Value, function: str, name: str, parameters: Sequence[Value]
-) -> Value:
-    body.effects += 1
-    draw = Value(FLOAT, (f"{generator.text}->{function}({generator.text}->bits)",))
-    times: Any = ast.Mult()
-    if name == "uniform":
-        low, high = parameters
-        width = scalars.binary(body, ast.Sub(), high, low)
-        return scalars.binary(body, ast.Add(), low, scalars.binary(body, times, width, draw))
-    if name == "normal":
-        mean, sigma = parameters
-        return scalars.binary(body, ast.Add(), mean, scalars.binary(body, times, sigma, draw))
-    if name == "exponential":
-        return scalars.binary(body, times, parameters[0], draw)
-    return draw

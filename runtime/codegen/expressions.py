@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 from runtime.codegen import arrays, builtins, creation, library, scalars
 from runtime.codegen.body import Body, Caller, Failures
-from runtime.codegen.knowing import both, constant, identical, is_instance, is_module, lowest
+from runtime.codegen.knowing import (
+    both,
+    calls,
+    constant,
+    identical,
+    lowest,
+)
 from runtime.codegen.names import local_name
 from runtime.codegen.source import Function
 from runtime.codegen.types import (
     BOOL,
+    INT,
     NONE,
     Array,
     Known,
@@ -22,12 +30,10 @@ from runtime.codegen.types import (
     Type,
     join,
     leaves,
-    unknown_call,
 )
 from runtime.codegen.values import (
     UNKNOWN,
     Value,
-    converted,
     group,
     known,
     none,
@@ -35,8 +41,6 @@ from runtime.codegen.values import (
     parts_of,
     size_of,
 )
-
-KINDS = {"float64", "int64", "bool_"}
 
 
 class Expressions(Body, ast.NodeVisitor):
@@ -75,20 +79,12 @@ class Expressions(Body, ast.NodeVisitor):
 
     def each(self, nodes: Sequence[ast.expr]) -> list[Value]:
         """The values of expressions that are evaluated from left to right."""
-        values: list[Value] = []
-        for node in nodes:
-            if isinstance(node, ast.Starred):
-                values += parts_of(self.expr(node.value))
-                continue
-            before = self.effects
-            with self.captured() as lines:
-                value = self.expr(node)
-            if self.effects > before and any("[" in t for v in values for t in v.texts):
-                # What follows may change what was read.
-                values = [self.kept(v) for v in values]
-            self.lines += lines
-            values.append(value)
-        return values
+        inner = [node.value if isinstance(node, ast.Starred) else node for node in nodes]
+        values = self.in_order(partial(self.expr, node) for node in inner)
+        found: list[Value] = []
+        for node, value in zip(nodes, values, strict=True):
+            found += parts_of(value) if isinstance(node, ast.Starred) else [value]
+        return found
 
     # Names and constants
 
@@ -135,11 +131,11 @@ class Expressions(Body, ast.NodeVisitor):
             if node.attr == "ndim":
                 return number(len(axes))
             if node.attr == "size":
-                return size_of(arrays.flat(self, value), 0)
+                return library.size(value)
             if node.attr == "T":
                 return arrays.transposed(self.stored(value))
             if node.attr == "flat":
-                return arrays.flat(self, value)
+                return library.ravel(self, value)
         raise NotTypedError(f"reads '{ast.unparse(node)}'")
 
     def visit_Tuple(self, node: ast.Tuple | ast.List) -> Value:
@@ -156,11 +152,12 @@ class Expressions(Body, ast.NodeVisitor):
             return scalars.inverted(self.truth(value))
         if isinstance(node.op, ast.USub):
             return library.negated(self, value)
-        if isinstance(node.op, ast.UAdd):
+        is_bool = arrays.elements(value) == BOOL
+        if isinstance(node.op, ast.UAdd) and not is_bool:
             return value
-        if isinstance(value.type, (Array, Number)) and arrays.elements(value) == BOOL:
+        if isinstance(node.op, ast.Invert) and is_bool and isinstance(value.type, Array):
             return library.lifted(self, [value], scalars.inverted, BOOL)
-        raise NotTypedError("inverts bits")
+        raise NotTypedError("inverts bits, or gives a bool a sign; use 'not' or int(...)")
 
     def visit_BinOp(self, node: ast.BinOp) -> Value:
         a, b = self.each([node.left, node.right])
@@ -170,11 +167,11 @@ class Expressions(Body, ast.NodeVisitor):
         """A binary operator."""
         if isinstance(a.type, Tuple) and isinstance(b.type, Tuple) and isinstance(op, ast.Add):
             return group([*parts_of(a), *parts_of(b)])
-        if isinstance(a.type, Tuple) and isinstance(op, ast.Mult) and b.is_known:
+        if isinstance(a.type, Tuple) and isinstance(op, ast.Mult) and b.type == INT and b.is_known:
             return group(parts_of(a) * int(b.const))
         if isinstance(op, ast.MatMult):
-            return library.dot(self, [a, b], {})
-        a, b = (creation.as_array(self, [v], {}) if self._mixed(v, a, b) else v for v in (a, b))
+            return library.matmul(self, a, b)
+        a, b = (creation.as_array(self, v) if self._mixed(v, a, b) else v for v in (a, b))
         return library.operator(self, op, [a, b])
 
     @staticmethod
@@ -184,11 +181,22 @@ class Expressions(Body, ast.NodeVisitor):
         return arrays_too and isinstance(value.type, Tuple)
 
     def visit_Compare(self, node: ast.Compare) -> Value:
-        values = self.each([node.left, *node.comparators])
-        if len(node.ops) > 1:
-            values[1:-1] = [self.kept(value) for value in values[1:-1]]
-        found = [self.compared(op, *values[i : i + 2]) for i, op in enumerate(node.ops)]
-        return found[0] if len(found) == 1 else both(found, "&&")
+        a, b = self.each([node.left, node.comparators[0]])
+        return self.compared_on(node.ops, a, b, node.comparators[1:])
+
+    def compared_on(
+        self, ops: Sequence[ast.cmpop], a: Value, b: Value, nodes: Sequence[ast.expr]
+    ) -> Value:
+        """``a < b < ...``: what follows is evaluated only if the first comparison holds."""
+        if not nodes:
+            return self.compared(ops[0], a, b)
+        b = self.kept(b)
+        first = self.compared(ops[0], a, b)
+
+        def rest() -> Value:
+            return self.compared_on(ops[1:], b, self.expr(nodes[0]), nodes[1:])
+
+        return self.decided(first, rest, "&&")
 
     def compared(self, op: ast.cmpop, a: Value, b: Value) -> Value:
         """One comparison."""
@@ -216,7 +224,7 @@ class Expressions(Body, ast.NodeVisitor):
         if isinstance(value.type, Maybe):
             return Value(BOOL, value.texts[:1])
         if isinstance(value.type, Array):
-            value = library.method(self, value, "item", [], {})
+            value = library.item(self, value)
         return scalars.truth(value)
 
     def visit_BoolOp(self, node: ast.BoolOp) -> Value:
@@ -233,17 +241,19 @@ class Expressions(Body, ast.NodeVisitor):
             decides = bool(tested.const) == (sign == "||")
             return first if decides else self.chained(nodes[1:], sign)
         first = first if first.type == BOOL else self.kept(first)
+        return self.decided(first, partial(self.chained, nodes[1:], sign), sign)
+
+    def decided(self, first: Value, following: Callable[[], Value], sign: str) -> Value:
+        """The first value if it decides, or else what follows, which is evaluated only then."""
         tested = self.truth(first)
-        before = self.effects
         with self.captured() as lines:
             self.depth += 1
             self.nested += 1
-            rest = self.chained(nodes[1:], sign)
+            rest = following()
             self.depth -= 1
             self.nested -= 1
         if first.type == BOOL and rest.type == BOOL and not lines:
             return both([tested, rest], sign)
-        self.effects = max(self.effects, before)
         return self.chosen(tested, (lines, rest), ([], first), sign == "||")
 
     def visit_IfExp(self, node: ast.IfExp) -> Value:
@@ -272,7 +282,7 @@ class Expressions(Body, ast.NodeVisitor):
         if swapped:
             yes, no = no, yes
         kind = join(yes[1].type, no[1].type)
-        a, b = converted(yes[1], kind), converted(no[1], kind)
+        a, b = self.as_type(yes[1], kind), self.as_type(no[1], kind)
         if not yes[0] and not no[0] and len(a.texts) == 1 and isinstance(kind, Number):
             text = f"{test.within(3)} ? {a.within(1)} : {b.within(1)}"
             return Value(kind, (f"({text})",), low=lowest(a, b))
@@ -295,9 +305,12 @@ class Expressions(Body, ast.NodeVisitor):
         if isinstance(value.type, Maybe):
             value = Value(value.type.part, value.texts[1:])
         if isinstance(value.type, Tuple):
-            return self.part(value, node.slice)
+            return self.part(self.kept(value) if calls(node.slice) else value, node.slice)
         if not isinstance(value.type, Array):
             raise NotTypedError(f"takes an element of a {value.type}")
+        whole = isinstance(node.slice, ast.Constant) and node.slice.value is Ellipsis
+        if whole and not value.type.dims:
+            return value
         indices = self.indices(node.slice, value)
         if len(indices) == 1 and isinstance(indices[0], Value):
             chosen = indices[0]
@@ -328,19 +341,24 @@ class Expressions(Body, ast.NodeVisitor):
         held = Value(Array(kind.kind, (len(parts),), frozen=True), (name,))
         return arrays.subscript(self, held, [index])
 
-    def indices(self, node: ast.expr, array: Value) -> list[arrays.Index]:
-        """The indices of a subscript; ``...`` stands for whole axes."""
+    def indices(self, node: ast.expr, array: Value, stored: bool = False) -> list[arrays.Index]:
+        """The indices of a subscript, ``stored`` to or read; ``...`` stands for whole axes."""
         nodes = node.elts if isinstance(node, ast.Tuple) else [node]
         found: list[arrays.Index] = []
+        before = self.changes
         axes = len(array.type.dims) if isinstance(array.type, Array) else 0
         for part in nodes:
             if isinstance(part, ast.Constant) and part.value is Ellipsis:
                 found += [arrays.Cut()] * (axes - len(nodes) + 1)
+                if axes < len(nodes) and axes and not stored:
+                    raise NotTypedError("takes an element with '...', which is an array of one")
             elif isinstance(part, ast.Slice):
                 found.append(self.cut(part))
             else:
                 value = self.expr(part)
                 found += parts_of(value) if isinstance(value.type, Tuple) else [value]
+        if self.changes > before and len(nodes) > 1:
+            raise NotTypedError("changes something in one of several indices; assign it before")
         return found
 
     def cut(self, node: ast.Slice) -> arrays.Cut:
@@ -350,95 +368,3 @@ class Expressions(Body, ast.NodeVisitor):
         if step.const is UNKNOWN or not isinstance(step.const, int):
             raise NotTypedError("uses a slice with a step that is not a literal number")
         return arrays.Cut(bounds[0], bounds[1], step.const)
-
-    # Calls
-
-    def visit_Call(self, node: ast.Call) -> Value:
-        function = node.func
-        if isinstance(function, ast.Name):
-            return self.called(node, function.id)
-        if isinstance(function, ast.Attribute):
-            owner = function.value
-            if ast.unparse(owner).startswith(("np.", "math.")):
-                name = ast.unparse(function)
-                raise NotTypedError(f"calls {name}, which is not compiled; write the loop")
-            given = [] if is_module(owner) else [self.expr(owner)]
-            values = self.each(node.args)
-            options = {k.arg or "**": self.expr(k.value) for k in node.keywords}
-            if given:
-                return library.method(self, given[0], function.attr, values, options)
-            if isinstance(owner, ast.Name) and owner.id == "math":
-                return scalars.function(self, function.attr, values)
-            if function.attr in KINDS:
-                return builtins.BUILTINS[function.attr.rstrip("_64")](self, values)
-            return library.numpy(self, function.attr, values, options)
-        raise NotTypedError(unknown_call(ast.unparse(function)))
-
-    def called(self, node: ast.Call, name: str) -> Value:
-        """A call of a function of the unit, or of one that Python has."""
-        target = self.writer.source.functions.get(name)
-        if target is not None and name not in self.function.counts:
-            nodes = node.args[1:] if target.bound else node.args
-            options = {k.arg or "**": self.expr(k.value) for k in node.keywords}
-            return self.writer.call(self, target, self.each(nodes), options)
-        if name == "isinstance" and len(node.args) == 2:
-            return number(is_instance(self.expr(node.args[0]), node.args[1]))
-        if name == "tuple" and len(node.args) == 1:
-            return self.as_tuple(node.args[0])
-        function = builtins.BUILTINS.get(name)
-        if function is None or node.keywords:
-            raise NotTypedError(unknown_call(ast.unparse(node)))
-        return function(self, self.each(node.args))
-
-    def as_tuple(self, node: ast.expr) -> Value:
-        """``tuple(...)`` of a tuple, a comprehension over tuples, or an array of known length."""
-        if isinstance(node, (ast.ListComp, ast.GeneratorExp)):
-            return self.visit_ListComp(node)
-        value = self.expr(node)
-        if isinstance(value.type, Array) and len(value.type.dims) == 1:
-            size = value.type.dims[0]
-            if size is None:
-                raise NotTypedError("makes a tuple of an array of unknown length")
-            value = self.stored(value)
-            return group([arrays.subscript(self, value, [number(i)]) for i in range(size)])
-        parts_of(value)
-        return value
-
-    def visit_ListComp(self, node: ast.ListComp | ast.GeneratorExp) -> Value:
-        """A comprehension over tuples, written out."""
-        (loop,) = node.generators if len(node.generators) == 1 else (None,)
-        if loop is None or loop.ifs:
-            raise NotTypedError("uses a comprehension with a condition; write the loop")
-        found = []
-        for part in self.items(loop.iter):
-            self.unpack(loop.target, part)
-            found.append(self.kept(self.expr(node.elt)))
-        return group(found)
-
-    def visit_GeneratorExp(self, node: ast.GeneratorExp) -> Value:
-        return self.visit_ListComp(node)
-
-    def items(self, node: ast.expr) -> list[Value]:
-        """The items of a tuple, of a zip of tuples, or of a range of known length."""
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-            inside = [v for v in node.args if not isinstance(v, ast.Starred)]
-            if node.func.id == "zip":
-                columns = [self.items(part) for part in inside]
-                return [group(list(row)) for row in zip(*columns, strict=False)]
-            if node.func.id == "enumerate":
-                items = self.items(inside[0])
-                return [group([number(i), item]) for i, item in enumerate(items)]
-            if node.func.id == "range":
-                bounds = [self.expr(part) for part in inside]
-                if all(b.const is not UNKNOWN for b in bounds):
-                    return [number(i) for i in range(*[int(b.const) for b in bounds])]
-        value = self.expr(node)
-        if isinstance(value.type, Array) and value.type.dims[0] is not None:
-            value = self.stored(value)
-            rows = range(value.type.dims[0])  # type: ignore[union-attr,arg-type]
-            return [arrays.subscript(self, value, [number(i)]) for i in rows]
-        return parts_of(value)
-
-    def unpack(self, target: ast.expr, value: Value) -> None:
-        """Assign to a target; defined by :class:`Statements`."""
-        raise NotImplementedError

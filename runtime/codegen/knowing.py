@@ -32,8 +32,10 @@ def both(values: Sequence[Value], sign: str) -> Value:
     for value in values:
         if value.const is UNKNOWN:
             left.append(value)
-        elif bool(value.const) == (sign == "||"):
+        elif bool(value.const) == (sign == "||") and not any("(ctx" in v.text for v in left):
             return number(bool(value.const))
+        elif bool(value.const) == (sign == "||"):
+            left.append(value)
     if not left:
         return number(sign == "&&")
     if len(left) == 1:
@@ -72,6 +74,24 @@ def is_module(node: ast.expr) -> bool:
     return isinstance(node, ast.Name) and node.id in ("math", "np")
 
 
+def calls(node: ast.expr) -> bool:
+    """Whether an expression calls something."""
+    return any(isinstance(part, ast.Call) for part in ast.walk(node))
+
+
+def is_strict(node: ast.Call) -> bool:
+    """Whether ``zip`` is called with ``strict=True``.
+
+    Raises
+    ------
+    NotTypedError : it has another keyword, or the keyword is no literal.
+    """
+    for keyword in node.keywords:
+        if keyword.arg != "strict" or not isinstance(keyword.value, ast.Constant):
+            raise NotTypedError(f"calls '{ast.unparse(node)}' with a keyword; write the loop")
+    return any(keyword.value.value for keyword in node.keywords)  # type: ignore[attr-defined]
+
+
 def constant(module: str, name: str) -> Value:
     found: Any = getattr(math if module == "math" else np, name, None)
     if isinstance(found, (bool, int, float)):
@@ -86,14 +106,15 @@ def constant(module: str, name: str) -> Value:
 def is_instance(value: Value, kinds: ast.expr) -> bool:
     names = [ast.unparse(n) for n in (kinds.elts if isinstance(kinds, ast.Tuple) else [kinds])]
     kind = value.type
-    if isinstance(kind, Draws):
-        raise NotTypedError("tests the type of a generator")
+    if isinstance(kind, Draws) or (isinstance(kind, Number) and kind.kind != "float"):
+        # NumPy's integers and bools are no int and no bool.
+        raise NotTypedError(f"tests the type of a {kind}")
     of = {
         "tuple": isinstance(kind, Tuple),
         "np.ndarray": isinstance(kind, Array),
         "float": isinstance(kind, Number) and kind.kind == "float",
-        "int": isinstance(kind, Number) and kind.kind in ("int", "bool"),
-        "bool": kind == BOOL,
+        "int": False,
+        "bool": False,
         "str": isinstance(kind, Known) and isinstance(kind.value, str),
     }
     if any(name not in of for name in names):

@@ -6,6 +6,7 @@ import ast
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from inspect import signature
 
 from runtime.codegen import arrays, creation, draws, scalars
 from runtime.codegen.body import Body
@@ -16,7 +17,7 @@ from runtime.codegen.values import (
     array_type,
     converted,
     group,
-    known,
+    none,
     number,
     parts_of,
     product_text,
@@ -25,7 +26,25 @@ from runtime.codegen.values import (
 )
 
 Given = Sequence[Value]
-Call = Callable[[Body, Given, Mapping[str, Value]], Value]
+Options = Mapping[str, Value]
+
+
+def applied(
+    name: str, function: Callable[..., Value], body: Body, given: Given, options: Options
+) -> Value:
+    """Write a call of a function of Python or NumPy.
+
+    Its form here has the parameters of the original that are compiled, by the same names, so that
+    an argument is either used or refused: ``np.eye(3, k=1)`` is written, ``np.eye(3, order="F")``
+    refused.
+    """
+    try:
+        call = signature(function).bind(body, *given, **options)
+    except TypeError as error:
+        reason = f"calls {name} in a form that is not compiled ({error}); write the loop"
+        raise NotTypedError(reason) from None
+    return function(*call.args, **call.kwargs)
+
 
 # Elementwise functions of floats: NumPy's name, and that of C.
 FLOATS = {
@@ -57,6 +76,8 @@ FLOATS = {
     **{"arccosh": "acosh", "arctanh": "atanh"},
 }
 FLOATS_TWO = {"arctan2": "atan2", "hypot": "hypot", "copysign": "copysign", "fmod": "fmod"}
+# Those that give integers for integers, by a rule that changed between versions of NumPy.
+OF_FLOATS = ("floor", "ceil", "trunc", "fmod")
 OPERATORS: dict[str, ast.operator] = {
     **{"add": ast.Add(), "subtract": ast.Sub(), "multiply": ast.Mult(), "divide": ast.Div()},
     **{"power": ast.Pow(), "mod": ast.Mod(), "remainder": ast.Mod()},
@@ -64,11 +85,18 @@ OPERATORS: dict[str, ast.operator] = {
 TESTS = ("isnan", "isinf", "isfinite")
 
 
-def lifted(body: Body, values: Given, function: Callable[..., Value], kind: Number) -> Value:
-    """A function of numbers, applied to numbers or to the elements of arrays."""
+def lifted(
+    body: Body, values: Given, function: Callable[..., Value], kind: Number | None = None
+) -> Value:
+    """A function of numbers, applied to numbers or to the elements of arrays.
+
+    Parameters
+    ----------
+    kind : of the elements of the result; None for what the operands have in common.
+    """
     if any(isinstance(value.type, Array) for value in values):
-        return arrays.elementwise(body, values, function, kind)
-    return converted(function(*values), kind)
+        return arrays.elementwise(body, values, function, kind or arrays.common(values))
+    return function(*values)
 
 
 def operator(body: Body, op: ast.operator, values: Given) -> Value:
@@ -77,101 +105,110 @@ def operator(body: Body, op: ast.operator, values: Given) -> Value:
     if not each:
         return scalars.binary(body, op, values[0], values[1])
     kind = FLOAT if isinstance(op, ast.Div) else arrays.common(values)
-    if kind == BOOL and type(op) not in scalars.BITS:
-        kind = INT
     return lifted(body, values, lambda a, b: scalars.binary(body, op, a, b, each=True), kind)
 
 
 def compared(body: Body, op: ast.cmpop, values: Given) -> Value:
     """A comparison of numbers and arrays."""
-    return lifted(body, values, partial(scalars.compared, op), BOOL)
+    return lifted(body, values, partial(scalars.compared, body, op), BOOL)
 
 
 def negated(body: Body, value: Value) -> Value:
-    kind = INT if arrays.common([value]) == BOOL else arrays.common([value])
-    return lifted(body, [value], scalars.negated, kind)
+    return lifted(body, [value], partial(scalars.negated, body))
 
 
 def _c_function(name: str, *values: Value) -> Value:
     return scalars.call(name, *[scalars.as_float(v).text for v in values])
 
 
-def _test(name: str, value: Value) -> Value:
-    return scalars.call(name, scalars.as_float(value).text, kind=BOOL)
+def _of_floats(name: str, c_name: str, *values: Value) -> Value:
+    """A function of NumPy that gives float64 for float64 and int64."""
+    kinds = {v.type for v in values}
+    if BOOL in kinds or (name in OF_FLOATS and kinds != {FLOAT}):
+        raise NotTypedError(f"calls np.{name} of something else than floats; use float(...)")
+    return _c_function(c_name, *values)
 
 
-def _absolute(body: Body, given: Given, options: Mapping[str, Value]) -> Value:
-    return lifted(body, given, scalars.absolute, arrays.common(given))
+def _one(name: str, c_name: str, body: Body, x: Value, /) -> Value:
+    return lifted(body, [x], partial(_of_floats, name, c_name), FLOAT)
 
 
-def _extreme(name: str, body: Body, given: Given, options: Mapping[str, Value]) -> Value:
-    kind = arrays.common(given)
+def _two(name: str, c_name: str, body: Body, x1: Value, x2: Value, /) -> Value:
+    return lifted(body, [x1, x2], partial(_of_floats, name, c_name), FLOAT)
+
+
+def _operator(op: ast.operator, body: Body, x1: Value, x2: Value, /) -> Value:
+    return operator(body, op, [x1, x2])
+
+
+def _test(name: str, body: Body, x: Value, /) -> Value:
+    of = lambda v: scalars.call(name, scalars.as_float(v).text, kind=BOOL)  # noqa: E731
+    return lifted(body, [x], of, BOOL)
+
+
+def absolute(body: Body, x: Value, /) -> Value:
+    """``abs`` and ``np.abs``."""
+    return lifted(body, [x], partial(scalars.absolute, body))
+
+
+def _extreme(name: str, body: Body, x1: Value, x2: Value, /) -> Value:
+    kind = arrays.common([x1, x2])
 
     def of(a: Value, b: Value) -> Value:
         if kind != FLOAT:
             return scalars.extreme(body, name, [a, b])
-        function = {"min": "np_least", "max": "np_greatest"}[name]
-        return _c_function(function, a, b)
+        return _c_function({"min": "np_least", "max": "np_greatest"}[name], a, b)
 
-    return lifted(body, given, of, kind)
-
-
-def _clip(body: Body, given: Given, options: Mapping[str, Value]) -> Value:
-    value, low, high = given
-    return _extreme("min", body, [_extreme("max", body, [value, low], {}), high], {})
+    return lifted(body, [x1, x2], of, kind)
 
 
-def _sign(body: Body, given: Given, options: Mapping[str, Value]) -> Value:
-    return lifted(body, given, lambda v: _c_function("sign_of", v), FLOAT)
+def _clip(body: Body, a: Value, a_min: Value, a_max: Value) -> Value:
+    if arrays.common([a, a_min, a_max]) != FLOAT:
+        return _extreme("min", body, _extreme("max", body, a, a_min), a_max)
+    return lifted(body, [a, a_min, a_max], partial(_c_function, "np_clip"), FLOAT)
 
 
-def _square(body: Body, given: Given, options: Mapping[str, Value]) -> Value:
-    return operator(body, ast.Mult(), [given[0], given[0]])
+def _sign(body: Body, x: Value, /) -> Value:
+    return _one("sign", "sign_of", body, x)
 
 
-def _where(body: Body, given: Given, options: Mapping[str, Value]) -> Value:
-    kind = arrays.common(given[1:])
+def _square(body: Body, x: Value, /) -> Value:
+    x = x if isinstance(x.type, Array) else body.kept(x)
+    return operator(body, ast.Mult(), [x, x])
+
+
+def _where(body: Body, condition: Value, x: Value, y: Value, /) -> Value:
+    kind = arrays.common([x, y])
 
     def of(test: Value, a: Value, b: Value) -> Value:
         a, b = converted(a, kind), converted(b, kind)
-        text = f"({scalars.truth(test).within(3)} ? {a.text} : {b.text})"
-        return Value(kind, (text,))
+        return Value(kind, (f"({scalars.truth(test).within(3)} ? {a.text} : {b.text})",))
 
-    return lifted(body, given, of, kind)
-
-
-def _nan_to_num(body: Body, given: Given, options: Mapping[str, Value]) -> Value:
-    raise NotTypedError("calls np.nan_to_num, which is not compiled; test with math.isfinite")
+    return lifted(body, [condition, x, y], of, kind)
 
 
 # Reductions
 
 
-def whole_array(given: Given, options: Mapping[str, Value], name: str) -> Value:
-    """The one array of a reduction over all elements."""
-    if len(given) != 1 or options:
-        raise NotTypedError(f"reduces along an axis with {name}; write the loop")
-    return given[0]
-
-
-def _sum(body: Body, given: Given, options: Mapping[str, Value]) -> Value:
-    value = whole_array(given, options, "sum")
+def _sum(body: Body, a: Value) -> Value:
+    value = body.stored(a)
     kind = arrays.common([value])
     if kind == FLOAT:
-        flat = arrays.flat(body, body.stored(value))
+        flat = arrays.flat(body, value)
         text = f"sum_of({flat.text}, {size_text(flat, 0)})"
         return body.kept(Value(FLOAT, (text,)), "sum")
     add = ast.Add()
     return arrays.reduced(body, value, number(0), lambda a, b: scalars.binary(body, add, a, b))
 
 
-def _mean(body: Body, given: Given, options: Mapping[str, Value]) -> Value:
-    total = converted(_sum(body, given, options), FLOAT)
-    size = converted(_size(given[0]), FLOAT)
-    return Value(FLOAT, (f"{total.within(2)} / {size.within(3)}",), 2)
+def _mean(body: Body, a: Value) -> Value:
+    a = body.stored(a)
+    total = converted(_sum(body, a), FLOAT)
+    count = converted(size(a), FLOAT)
+    return Value(FLOAT, (f"{total.within(2)} / {count.within(3)}",), 2)
 
 
-def _size(value: Value) -> Value:
+def size(value: Value) -> Value:
     sizes = [size_of(value, k) for k in range(len(array_type(value).dims))]
     if all(size.const is not UNKNOWN for size in sizes):
         found = 1
@@ -181,14 +218,14 @@ def _size(value: Value) -> Value:
     return Value(INT, (" * ".join(f"({size.text})" for size in sizes),), 2, low=0)
 
 
-def _ends(name: str, body: Body, given: Given, options: Mapping[str, Value]) -> Value:
+def _ends(name: str, body: Body, a: Value) -> Value:
     """``min`` and ``max`` of all elements: NaN if there is any, an error if there are none."""
-    value = body.stored(whole_array(given, options, name))
-    first = _first(body, value, f"zero-size array to reduction operation {name}")
-    return arrays.reduced(body, value, first, lambda a, b: _extreme(name, body, [a, b], {}))
+    value = body.stored(a)
+    start = first(body, value, f"zero-size array to reduction operation {name}")
+    return arrays.reduced(body, value, start, partial(_extreme, name, body))
 
 
-def _first(body: Body, value: Value, message: str) -> Value:
+def first(body: Body, value: Value, message: str) -> Value:
     """An array's first element; an array without elements fails."""
     flat = size_text(arrays.flat(body, value), 0)
     if not flat.isdigit() or int(flat) == 0:
@@ -198,18 +235,18 @@ def _first(body: Body, value: Value, message: str) -> Value:
     return Value(arrays.elements(value), (body.place(value, zeros),))
 
 
-def _place_of(name: str, body: Body, given: Given, options: Mapping[str, Value]) -> Value:
+def _place_of(name: str, body: Body, a: Value) -> Value:
     """``argmin`` and ``argmax`` in the flat array: the first of equals, or the first NaN."""
-    value = arrays.flat(body, body.stored(whole_array(given, options, name)))
-    first = _first(body, value, f"attempt to get {name} of an empty sequence")
+    value = arrays.flat(body, body.stored(a))
+    start = first(body, value, f"attempt to get {name} of an empty sequence")
     best, at = body.fresh("best"), body.fresh("at")
-    c_type = {"bool": "bool", "int": "int64_t", "float": "double"}[first.type.kind]  # type: ignore[union-attr]
-    body.put(f"{c_type} {best} = {first.text};")
+    c_type = {"bool": "bool", "int": "int64_t", "float": "double"}[start.type.kind]  # type: ignore[union-attr]
+    body.put(f"{c_type} {best} = {start.text};")
     body.put(f"int64_t {at} = 0;")
     (index,) = arrays.loops(body, [size_text(value, 0)])
     element = body.at(value, [index]).text
     sign = "<" if name == "argmin" else ">"
-    nan = f" || ({element} != {element} && {best} == {best})" if first.type == FLOAT else ""
+    nan = f" || ({element} != {element} && {best} == {best})" if start.type == FLOAT else ""
     body.put(f"if ({element} {sign} {best}{nan}) {{")
     body.put(f"    {best} = {element};")
     body.put(f"    {at} = {index};")
@@ -218,25 +255,36 @@ def _place_of(name: str, body: Body, given: Given, options: Mapping[str, Value])
     return Value(INT, (at,), low=0, high=size_text(value, 0))
 
 
-def _tests_all(name: str, body: Body, given: Given, options: Mapping[str, Value]) -> Value:
-    value = whole_array(given, options, name)
+def tests_all(name: str, body: Body, a: Value) -> Value:
+    value = body.stored(a)
     sign = "&&" if name == "all" else "||"
     join = lambda a, b: Value(BOOL, (f"{a.text} {sign} ({scalars.truth(b).text})",), 0)  # noqa: E731
     return arrays.reduced(body, value, number(name == "all"), join)
 
 
-def _count(body: Body, given: Given, options: Mapping[str, Value]) -> Value:
+def _count(body: Body, a: Value) -> Value:
     add = ast.Add()
-    return arrays.reduced(
-        body, given[0], number(0), lambda a, b: scalars.binary(body, add, a, scalars.truth(b))
-    )
+    count = lambda so_far, b: scalars.binary(body, add, so_far, scalars.truth(b))  # noqa: E731
+    return arrays.reduced(body, body.stored(a), number(0), count)
 
 
-def dot(body: Body, given: Given, options: Mapping[str, Value]) -> Value:
-    """``np.dot`` and ``@`` of arrays with one or two axes, summed in order."""
-    a, b = (body.stored(value) for value in given)
+def _dot(body: Body, a: Value, b: Value) -> Value:
     if not all(isinstance(v.type, Array) for v in (a, b)):
         return operator(body, ast.Mult(), [a, b])
+    return matmul(body, a, b)
+
+
+def _vdot(body: Body, a: Value, b: Value, /) -> Value:
+    if any(len(array_type(v).dims) != 1 for v in (a, b)):
+        raise NotTypedError("calls np.vdot of something else than vectors; write the loop")
+    return matmul(body, a, b)
+
+
+def matmul(body: Body, x1: Value, x2: Value, /) -> Value:
+    """``@`` and ``np.matmul`` of arrays with one or two axes, summed in order."""
+    a, b = body.stored(x1), body.stored(x2)
+    if any(arrays.elements(v) != FLOAT or not array_type(v).dims for v in (a, b)):
+        raise NotTypedError("multiplies something else than arrays of floats; write the loop")
     left, right = len(array_type(a).dims), len(array_type(b).dims)
     if left > 2 or right > 2:
         raise NotTypedError("multiplies arrays with more than two axes; write the loop")
@@ -262,105 +310,105 @@ def dot(body: Body, given: Given, options: Mapping[str, Value]) -> Value:
     return made or Value(FLOAT, (total,))
 
 
-FUNCTIONS: dict[str, Call] = {
-    **{
-        n: lambda b, g, o, c=c: lifted(b, g, partial(_c_function, c), FLOAT)  # type: ignore[misc]
-        for n, c in {**FLOATS, **FLOATS_TWO}.items()
-    },
-    **{n: lambda b, g, o, n=n: lifted(b, g, partial(_test, n), BOOL) for n in TESTS},  # type: ignore[misc]
-    **{n: lambda b, g, o, op=op: operator(b, op, g) for n, op in OPERATORS.items()},  # type: ignore[misc]
-    **{"abs": _absolute, "absolute": _absolute, "sign": _sign, "square": _square},
+FUNCTIONS: dict[str, Callable[..., Value]] = {
+    **{name: partial(_one, name, c_name) for name, c_name in FLOATS.items()},
+    **{name: partial(_two, name, c_name) for name, c_name in FLOATS_TWO.items()},
+    **{name: partial(_test, name) for name in TESTS},
+    **{name: partial(_operator, op) for name, op in OPERATORS.items()},
+    **{"abs": absolute, "absolute": absolute, "sign": _sign, "square": _square},
     **{"minimum": partial(_extreme, "min"), "maximum": partial(_extreme, "max")},
-    **{"clip": _clip, "where": _where, "dot": dot, "matmul": dot, "vdot": dot},
+    **{"clip": _clip, "where": _where, "dot": _dot, "matmul": matmul, "vdot": _vdot},
     **{"sum": _sum, "mean": _mean, "min": partial(_ends, "min"), "max": partial(_ends, "max")},
     **{"amin": partial(_ends, "min"), "amax": partial(_ends, "max")},
-    **{n: partial(_place_of, n) for n in ("argmin", "argmax")},
-    **{n: partial(_tests_all, n) for n in ("all", "any")},
-    **{
-        "count_nonzero": _count,
-        "zeros": partial(creation.filled, 0.0),
-        "ones": partial(creation.filled, 1.0),
-    },
-    **{
-        "empty": partial(creation.filled, None),
-        "full": creation.full,
-        "eye": creation.eye,
-        "identity": creation.eye,
-    },
+    **{name: partial(_place_of, name) for name in ("argmin", "argmax")},
+    **{name: partial(tests_all, name) for name in ("all", "any")},
+    "count_nonzero": _count,
+    **{"zeros": partial(creation.filled, 0.0), "ones": partial(creation.filled, 1.0)},
+    **{"empty": partial(creation.filled, None), "full": creation.full},
+    **{"eye": creation.eye, "identity": creation.identity, "arange": creation.arange},
     **{"zeros_like": partial(creation.like, 0.0), "ones_like": partial(creation.like, 1.0)},
-    **{
-        "empty_like": partial(creation.like, None),
-        "arange": creation.arange,
-        "array": creation.as_array,
-    },
-    **{
-        "asarray": creation.unchanged,
-        "ascontiguousarray": creation.unchanged,
-        "copy": creation.as_array,
-    },
+    "empty_like": partial(creation.like, None),
+    **{"array": creation.as_array, "copy": creation.copy, "asarray": creation.unchanged},
+    "ascontiguousarray": creation.contiguous,
 }
 
 
-def numpy(body: Body, name: str, given: Given, options: Mapping[str, Value]) -> Value:
+def numpy(body: Body, name: str, given: Given, options: Options) -> Value:
     """A call of a function of NumPy."""
     function = FUNCTIONS.get(name)
     if function is None:
         raise NotTypedError(f"calls np.{name}, which is not compiled; write the loop")
-    for option in options:
-        if option != "dtype":
-            text = f"np.{name} with the keyword {option}= is not compiled; write the loop"
-            raise NotTypedError(text)
-    return function(body, given, options)
+    return applied(f"np.{name}", function, body, given, options)
 
 
-METHODS = ("sum", "mean", "min", "max", "argmin", "argmax", "all", "any", "dot", "copy")
-
-
-def method(
-    body: Body, value: Value, name: str, given: Given, options: Mapping[str, Value]
-) -> Value:
+def method(body: Body, value: Value, name: str, given: Given, options: Options) -> Value:
     """A call of a method of an array or a generator."""
     if isinstance(value.type, Draws):
-        return draws.drawn(body, value, name, given)
+        function = draws.DRAWS.get(name)
+        if function is None:
+            raise NotTypedError(f"draws with '{name}', which is not compiled")
+        return applied(name, function, body, [value, *given], options)
     if not isinstance(value.type, Array):
-        if isinstance(value.type, Number) and name == "item" and not given:
+        if isinstance(value.type, Number) and name == "item" and not given and not options:
             return value
         raise NotTypedError(f"calls a method '{name}' of a {value.type}")
-    if name in METHODS:
-        return numpy(body, name, [value, *given], options)
-    if name in ("ravel", "flatten", "reshape") and not options:
-        if name == "flatten":
-            return arrays.flat(body, arrays.copied(body, value))
-        return arrays.flat(body, value) if name == "ravel" else _reshaped(body, value, given)
-    if name == "item":
-        return _item(body, value, given)
-    if name == "fill" and len(given) == 1:
-        arrays.write(body, value, given[0])
-        return Value(known(None).type)
-    if name == "transpose" and not given:
-        return arrays.transposed(body.stored(value))
-    if name == "astype" and len(given) == 1:
-        kind = creation.kind_of(given, {}, 0, FLOAT)
-        if kind == FLOAT or arrays.elements(value) == kind:
-            return body.stored(lifted(body, [value], lambda v: v, kind))
-    raise NotTypedError(f"calls the method '{name}' of an array, which is not compiled")
+    function = FUNCTIONS[name] if name in METHODS else OF_ARRAYS.get(name)
+    if function is None:
+        raise NotTypedError(f"calls the method '{name}' of an array, which is not compiled")
+    return applied(f"the method '{name}'", function, body, [value, *given], options)
 
 
-def _item(body: Body, value: Value, given: Given) -> Value:
+def item(body: Body, value: Value, *given: Value) -> Value:
+    """``a.item()``, ``a.item(i)`` and ``a.item(i, j)``."""
     value = body.stored(value)
-    if len(given) == 1 and len(array_type(value).dims) != 1:
-        value = arrays.flat(body, value)
     if not given:
-        return _first(body, value, "can only convert an array of size 1 to a Python scalar")
+        count = size(value)
+        if count.const != 1:
+            message = "can only convert an array of size 1 to a Python scalar"
+            failure = body.fail("ValueError", message)
+            body.act(f"same_size(ctx, {count.text}, 1, {failure});")
+        return Value(arrays.elements(value), (body.place(value, ["0"] * _axes(value)),))
     indices = parts_of(given[0]) if isinstance(given[0].type, Tuple) else list(given)
+    if len(indices) == 1 and _axes(value) != 1:
+        value = arrays.flat(body, value)
+    if len(indices) != _axes(value):
+        raise NotTypedError(f"takes an item by {len(indices)} indices")
     return arrays.subscript(body, value, indices)
 
 
-def _reshaped(body: Body, value: Value, given: Given) -> Value:
-    sizes = creation.shape_of(given[0] if len(given) == 1 else group(given))
+def _axes(value: Value) -> int:
+    return len(array_type(value).dims)
+
+
+def _fill(body: Body, a: Value, value: Value) -> Value:
+    arrays.write(body, a, converted(scalars.as_number(value), arrays.elements(a)))
+    return none()
+
+
+def _transpose(body: Body, a: Value) -> Value:
+    return arrays.transposed(body.stored(a))
+
+
+def _astype(body: Body, a: Value, dtype: Value) -> Value:
+    return creation.as_kind(body, a, creation.kind_of(dtype, FLOAT))
+
+
+def _flatten(body: Body, a: Value) -> Value:
+    return arrays.flat(body, arrays.copied(body, a))
+
+
+def ravel(body: Body, a: Value) -> Value:
+    """``a.ravel()``: a view, where the array is contiguous."""
+    if not array_type(body.stored(a)).packed:
+        raise NotTypedError("makes a view flat, which copies it or not; use .flatten()")
+    return arrays.flat(body, a)
+
+
+def _reshape(body: Body, a: Value, *shape: Value) -> Value:
+    sizes = creation.shape_of(shape[0] if len(shape) == 1 else group(shape))
     if any(size.const is not UNKNOWN and size.const < 0 for size in sizes):
         raise NotTypedError("reshapes to a size of -1; write the size")
-    flat = arrays.flat(body, value)
+    flat = ravel(body, a)
     dims = tuple(None if size.const is UNKNOWN else int(size.const) for size in sizes)
     total = product_text([size.text for size in sizes])
     if size_text(flat, 0) != total:
@@ -369,3 +417,21 @@ def _reshaped(body: Body, value: Value, given: Given) -> Value:
     kind = array_type(flat)
     held = [size.text for size in sizes if size.const is UNKNOWN]
     return Value(replace(kind, dims=dims), (flat.text, *held))
+
+
+def _to_list(body: Body, a: Value) -> Value:
+    """``a.tolist()`` as a tuple of what the elements are now."""
+    a = body.stored(a)
+    dims = array_type(a).dims
+    if not dims:
+        return item(body, a)
+    if len(dims) > 1 or dims[0] is None:
+        raise NotTypedError("makes a list of an array of unknown length; use the array")
+    return group([body.kept(arrays.subscript(body, a, [number(i)])) for i in range(dims[0])])
+
+
+METHODS = ("sum", "mean", "min", "max", "argmin", "argmax", "all", "any", "dot", "copy")
+OF_ARRAYS: dict[str, Callable[..., Value]] = {
+    **{"item": item, "fill": _fill, "transpose": _transpose, "astype": _astype},
+    **{"flatten": _flatten, "ravel": ravel, "reshape": _reshape, "tolist": _to_list},
+}

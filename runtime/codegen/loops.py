@@ -6,7 +6,8 @@ import ast
 from collections.abc import Sequence
 
 from runtime.codegen import arrays, scalars
-from runtime.codegen.expressions import Expressions
+from runtime.codegen.calls import Calls
+from runtime.codegen.knowing import is_strict
 from runtime.codegen.types import INT, Array, NotTypedError, Tuple, join, leaves
 from runtime.codegen.values import (
     SUM,
@@ -20,7 +21,7 @@ from runtime.codegen.values import (
 )
 
 
-class Loops(Expressions, ast.NodeVisitor):
+class Loops(Calls, ast.NodeVisitor):
     """Writes the loops of one function."""
 
     def all(self, statements: Sequence[ast.stmt]) -> bool:
@@ -53,8 +54,8 @@ class Loops(Expressions, ast.NodeVisitor):
             raise NotTypedError("uses 'else' after a loop")
         source = node.iter
         if isinstance(source, ast.Call) and isinstance(source.func, ast.Name):
-            name = source.func.id
-            if name == "range":
+            name = source.func.id if source.func.id not in self.function.counts else ""
+            if name == "range" and not source.keywords:
                 self.counted(node, self.each(source.args))
                 return
             if name in ("enumerate", "zip", "reversed") and self.walks_arrays(node, name, source):
@@ -75,12 +76,16 @@ class Loops(Expressions, ast.NodeVisitor):
         values = [self.stored(self.expr(a)) for a in call.args]
         if not values or not any(isinstance(v.type, Array) for v in values):
             return False
-        if not all(isinstance(v.type, Array) for v in values):
+        if name == "enumerate" and isinstance(values[0].type, Tuple):
+            return False
+        if name != "enumerate" and not all(isinstance(v.type, Array) for v in values):
             if all(_length(v) is not None for v in values):
                 return False
             raise NotTypedError("walks along arrays and tuples at once; write the loop")
         if name == "enumerate":
-            start = self.expr(call.args[1]) if len(call.args) > 1 else number(0)
+            if call.keywords or len(values) > 2:
+                raise NotTypedError("calls enumerate with a keyword; write enumerate(x, start)")
+            start = self.kept(values[1]) if len(values) > 1 else number(0)
             self.walked(
                 node,
                 values[:1],
@@ -91,6 +96,12 @@ class Loops(Expressions, ast.NodeVisitor):
             return True
         if name == "reversed":
             raise NotTypedError("walks along an array from its end; write the loop over its index")
+        if is_strict(call):
+            sizes = [size_text(value, 0) for value in values]
+            for other in dict.fromkeys(sizes[1:]):
+                if other != sizes[0]:
+                    failure = self.fail("ValueError", "zip() arguments are of different lengths")
+                    self.act(f"same_size(ctx, {sizes[0]}, {other}, {failure});")
         self.walked(node, values, lambda items, i: group(items))
         return True
 

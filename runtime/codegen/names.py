@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import re
+from functools import cache
+
+from runtime.codegen.source import support
 
 C_WORDS = [
     "auto",
@@ -52,7 +55,7 @@ C_WORDS = [
     "draws",
     "context",
 ]
-# Functions of math.h and of support.h, which a variable or function of the source must not hide.
+# Functions of the C library, which a variable or function of the source must not hide.
 FUNCTIONS = [
     "acos",
     "acosh",
@@ -125,35 +128,6 @@ FUNCTIONS = [
     "remquo",
     "ilogb",
     "scalbn",
-    "fail",
-    "fail_index",
-    "take",
-    "wrapped",
-    "checked",
-    "clamped",
-    "not_negative",
-    "same_size",
-    "divide",
-    "modulo",
-    "modulo_checked",
-    "floor_divide",
-    "int_floor_divide",
-    "int_modulo",
-    "int_power",
-    "power",
-    "to_int",
-    "least",
-    "greatest",
-    "int_least",
-    "int_greatest",
-    "np_least",
-    "np_greatest",
-    "int_abs",
-    "sign_of",
-    "length_of",
-    "sum_few",
-    "sum_of",
-    "copy_numbers",
     "setjmp",
     "longjmp",
     "jmp_buf",
@@ -161,7 +135,16 @@ FUNCTIONS = [
     "div",
 ]
 SUFFIX = re.compile(r"_(?:[nsv]?[0-9]+|given|v)$")
-RESERVED = {*C_WORDS, *FUNCTIONS}
+# Those of support.h, whose macros REAL define one for each function of the math module.
+DEFINED = re.compile(r"^(?:INLINE|static \w+)\b[^(;]*?(\w+)\(", re.MULTILINE)
+REAL = re.compile(r"^REAL\w*\((\w+)\)$", re.MULTILINE)
+
+
+@cache
+def reserved() -> frozenset[str]:
+    """Names that a variable or function of the source must not have in C."""
+    helpers = [*DEFINED.findall(support()), *(f"real_{name}" for name in REAL.findall(support()))]
+    return frozenset([*C_WORDS, *FUNCTIONS, *helpers])
 
 
 def local_name(name: str) -> str:
@@ -169,7 +152,7 @@ def local_name(name: str) -> str:
     plain = name if name.isascii() else name.encode("ascii", "backslashreplace").decode()
     plain = plain.replace("\\", "_")
     # Names that end with an underscore are those of temporaries, others with a suffix of leaves.
-    taken = plain in RESERVED or plain[-1] == "_" or SUFFIX.search(plain)
+    taken = plain in reserved() or plain[-1] == "_" or SUFFIX.search(plain)
     return f"{plain.rstrip('_') or 'unused'}_v" if taken else plain
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from runtime.codegen.body import Body
-from runtime.codegen.types import BOOL, FLOAT, INT, NotTypedError, Number
+from runtime.codegen.types import BOOL, EITHER, FLOAT, INT, NotTypedError, Number, join
 from runtime.codegen.values import (
     ATOM,
     LOOSE,
@@ -27,6 +27,8 @@ PLAIN: dict[type, tuple[str, int]] = {
     ast.Sub: ("-", SUM),
     ast.Mult: ("*", PRODUCT),
 }
+WHOLE_NAMES: dict[type, str] = {ast.Add: "add", ast.Sub: "subtract", ast.Mult: "multiply"}
+LOGICAL = (ast.BitAnd, ast.BitOr, ast.BitXor)
 BITS: dict[type, str] = {
     ast.BitAnd: "&",
     ast.BitOr: "|",
@@ -54,40 +56,15 @@ COMPARED: dict[type, str] = {
     ast.Gt: ">",
     ast.GtE: ">=",
 }
-# Functions of one and two floats that C has with Python's results.
-MATH = {
-    name: name
-    for name in [
-        "sin",
-        "cos",
-        "tan",
-        "asin",
-        "acos",
-        "atan",
-        "sinh",
-        "cosh",
-        "tanh",
-        "asinh",
-        "acosh",
-        "atanh",
-        "exp",
-        "expm1",
-        "exp2",
-        "log1p",
-        "log2",
-        "log10",
-        "sqrt",
-        "cbrt",
-        "erf",
-        "erfc",
-        "lgamma",
-        "fabs",
-    ]
-} | {"gamma": "tgamma"}
-MATH_TWO = {
-    **{name: name for name in ("atan2", "copysign", "fmod", "remainder")},
-    **{"hypot": "length_of", "pow": "power"},
-}
+# Functions of the math module that give the bits of the C library's (math.gamma and math.lgamma do
+# not). TOTAL ones have a result for every number, the others raise for some: see REAL in support.h.
+TOTAL = {name: name for name in ("atan", "tanh", "asinh", "erf", "erfc", "cbrt", "fabs")}
+TOTAL_TWO = {"atan2": "atan2", "copysign": "copysign", "hypot": "length_of"}
+REAL = (
+    *("sin", "cos", "tan", "asin", "acos", "sinh", "cosh", "acosh", "atanh"),
+    *("exp", "exp2", "expm1", "log", "log1p", "log2", "log10", "sqrt"),
+)
+REAL_TWO = {"fmod": "real_fmod", "remainder": "real_remainder", "pow": "real_power"}
 TESTS = ("isnan", "isinf", "isfinite")
 WHOLE = {"floor": "floor", "ceil": "ceil", "trunc": "trunc"}
 
@@ -123,12 +100,18 @@ def truth(value: Value) -> Value:
     return Value(BOOL, (f"{value.within(SUM)} != {zero}",), LOOSE)
 
 
-def negated(value: Value) -> Value:
+def negated(body: Body, value: Value) -> Value:
+    """``-x``."""
     if value.const is not UNKNOWN:
         return number(-value.const)
-    kind = INT if as_number(value).type == BOOL else value.type
-    text = value.within(ATOM)
-    return Value(kind, (f"-{text}",), SIGN)
+    kind = as_number(value).type
+    if kind == BOOL:
+        raise NotTypedError("negates a bool, which NumPy refuses and Python does not; use int(...)")
+    if kind == EITHER:
+        raise NotTypedError("negates an int or float, which differ in -0; write 0.0 instead of 0")
+    if kind == INT and body.check and value.low is None:
+        return _checked(body, "int_subtract", number(0), value)
+    return Value(kind, (f"-{value.within(ATOM)}",), SIGN)
 
 
 def inverted(value: Value) -> Value:
@@ -137,6 +120,12 @@ def inverted(value: Value) -> Value:
     if value.const is not UNKNOWN:
         return number(not value.const)
     return Value(BOOL, (f"!{value.within(ATOM)}",), SIGN)
+
+
+def common(a: Value, b: Value) -> Number:
+    """The type of a result of two numbers."""
+    kinds = (a.type, b.type)
+    return FLOAT if FLOAT in kinds else EITHER if EITHER in kinds else INT
 
 
 def binary(body: Body, op: ast.operator, a: Value, b: Value, each: bool = False) -> Value:
@@ -150,23 +139,58 @@ def binary(body: Body, op: ast.operator, a: Value, b: Value, each: bool = False)
     found = _folded(op, a, b)
     if found is not None:
         return found
-    kind = FLOAT if FLOAT in (a.type, b.type) else INT
+    if a.type == BOOL and b.type == BOOL and not isinstance(op, (*LOGICAL, ast.Div)):
+        # True + True is 2 in Python, and True for NumPy's bools.
+        raise NotTypedError("computes with two bools; use int(...), or '&', '|' and '^'")
+    kind = common(a, b)
     if type(op) in BITS:
-        return _bits(op, a, b)
+        return _bits(body, op, a, b)
     if type(op) in PLAIN:
-        return _plain(op, *(converted(v, kind) for v in (a, b)))
+        return _arithmetic(body, op, converted(a, kind), converted(b, kind), each)
     if isinstance(op, ast.Div):
-        a, b = converted(a, FLOAT), converted(b, FLOAT)
-        if each or (b.const is not UNKNOWN and b.const != 0):
-            right = b.within(SIGN)
-            return Value(FLOAT, (f"{a.within(PRODUCT)} / {right}",), PRODUCT)
-        return call("divide", "ctx", a.text, b.text, str(_no_zero(body, "float division by zero")))
+        return _divided(body, a, b, each)
+    if kind == EITHER:
+        raise NotTypedError("divides or raises an int or float; write 0.0 instead of 0, or float()")
     a, b = converted(a, kind), converted(b, kind)
     if isinstance(op, ast.Pow):
-        return _power(a, b, each)
+        return _power(body, a, b, each)
     if isinstance(op, (ast.FloorDiv, ast.Mod)):
         return _whole(body, op, a, b, each)
     raise NotTypedError(f"uses the operator {type(op).__name__} on numbers")
+
+
+def _arithmetic(body: Body, op: ast.operator, a: Value, b: Value, each: bool) -> Value:
+    """``+``, ``-`` and ``*`` of numbers of one type."""
+    plain = _plain(op, a, b)
+    if a.type == EITHER:
+        return call("either", "ctx", plain.text, body.too_large(), kind=EITHER)
+    if a.type == FLOAT or not body.check or _is_small(plain):
+        return plain
+    name = WHOLE_NAMES[type(op)]
+    if each:
+        return call(f"wrap_{name}", a.text, b.text, kind=INT)
+    found = _checked(body, f"int_{name}", a, b)
+    return Value(INT, found.texts, ATOM, low=plain.low, high=plain.high)
+
+
+def _is_small(value: Value) -> bool:
+    """Whether an integer is certainly far from 64 bits."""
+    bounds = (value.low, value.high)
+    return all(isinstance(bound, int) and abs(bound) < 2**62 for bound in bounds)
+
+
+def _checked(body: Body, name: str, *values: Value) -> Value:
+    """A function of integers that fails beyond 64 bits."""
+    return call(name, "ctx", *(v.text for v in values), body.too_large(), kind=INT)
+
+
+def _divided(body: Body, a: Value, b: Value, each: bool) -> Value:
+    """``/``: Python divides integers exactly, NumPy's arrays divide floats."""
+    a, b = (v if each else body.exact(v) for v in (a, b))
+    a, b = converted(a, FLOAT), converted(b, FLOAT)
+    if each or (b.const is not UNKNOWN and b.const != 0):
+        return Value(FLOAT, (f"{a.within(PRODUCT)} / {b.within(SIGN)}",), PRODUCT)
+    return call("divide", "ctx", a.text, b.text, str(_no_zero(body, "float division by zero")))
 
 
 def _folded(op: ast.operator, a: Value, b: Value) -> Value | None:
@@ -207,14 +231,14 @@ def _bounds(op: ast.operator, a: Value, b: Value) -> tuple[int | None, int | Non
     return None, None
 
 
-def _bits(op: ast.operator, a: Value, b: Value) -> Value:
-    if FLOAT in (a.type, b.type):
+def _bits(body: Body, op: ast.operator, a: Value, b: Value) -> Value:
+    if {FLOAT, EITHER} & {a.type, b.type}:
         raise NotTypedError("uses bitwise operators on floats")
-    shift = isinstance(op, (ast.LShift, ast.RShift))
-    both = a.type == BOOL and b.type == BOOL and not shift
-    kind = BOOL if both else INT
-    if not both:
-        a, b = converted(a, INT), converted(b, INT)
+    if isinstance(op, (ast.LShift, ast.RShift)):
+        name = "shift_left" if isinstance(op, ast.LShift) else "shift_right"
+        return _checked(body, name, converted(a, INT), converted(b, INT))
+    kind = BOOL if a.type == BOOL and b.type == BOOL else INT
+    a, b = converted(a, kind), converted(b, kind)
     return Value(kind, (f"({a.within(ATOM)} {BITS[type(op)]} {b.within(ATOM)})",), ATOM)
 
 
@@ -222,17 +246,19 @@ def _no_zero(body: Body, message: str) -> int:
     return body.fail("ZeroDivisionError", message)
 
 
-def _power(a: Value, b: Value, each: bool) -> Value:
+def _power(body: Body, a: Value, b: Value, each: bool) -> Value:
     if a.type == INT:
-        if b.const is UNKNOWN or b.const < 0:
-            raise NotTypedError("raises an integer to a power that may be negative; use floats")
-        return call("int_power", a.text, b.text, kind=INT)
-    if each and b.const == 2:
-        # NumPy squares.
-        return _plain(ast.Mult(), a, a)
-    if each and b.const == 0.5:
-        return call("sqrt", a.text)
-    return call("power", a.text, b.text)
+        return _checked(body, "int_power", a, b)
+    if each:
+        if b.const == 2:
+            return _plain(ast.Mult(), a, a)
+        return call("np_power", a.text, b.text)
+    return call("real_power", "ctx", a.text, b.text, _domain(body, "**"))
+
+
+def _domain(body: Body, name: str) -> str:
+    """The number of the failure of a function that has no result."""
+    return str(body.fail("ValueError", f"no finite real result of {name}"))
 
 
 def _whole(body: Body, op: ast.operator, a: Value, b: Value, each: bool) -> Value:
@@ -241,6 +267,8 @@ def _whole(body: Body, op: ast.operator, a: Value, b: Value, each: bool) -> Valu
     if a.type == FLOAT:
         if not divides and b.const is not UNKNOWN and b.const != 0:
             return call("modulo", a.text, b.text)
+        if each:
+            return call("np_floor_divide" if divides else "np_modulo", a.text, b.text)
         message = "float floor division by zero" if divides else "float modulo"
         name = "floor_divide" if divides else "modulo_checked"
         return call(name, "ctx", a.text, b.text, str(_no_zero(body, message)))
@@ -259,7 +287,7 @@ def _whole(body: Body, op: ast.operator, a: Value, b: Value, each: bool) -> Valu
     return Value(INT, found.texts, ATOM, low=0, high=high)
 
 
-def compared(op: ast.cmpop, a: Value, b: Value) -> Value:
+def compared(body: Body, op: ast.cmpop, a: Value, b: Value) -> Value:
     """A comparison of two numbers."""
     a, b = as_number(a), as_number(b)
     sign = COMPARED.get(type(op))
@@ -267,7 +295,9 @@ def compared(op: ast.cmpop, a: Value, b: Value) -> Value:
         raise NotTypedError(f"compares numbers by {type(op).__name__}")
     if a.const is not UNKNOWN and b.const is not UNKNOWN:
         return number(_result(sign, a.const, b.const))
-    kind = FLOAT if FLOAT in (a.type, b.type) else INT
+    if a.type != b.type and INT in (a.type, b.type) and BOOL not in (a.type, b.type):
+        a, b = body.exact(a), body.exact(b)
+    kind = FLOAT if {FLOAT, EITHER} & {a.type, b.type} else INT
     left, right = converted(a, kind), converted(b, kind)
     return Value(BOOL, (f"{left.within(SUM)} {sign} {right.within(SUM)}",), LOOSE)
 
@@ -293,10 +323,14 @@ def extreme(body: Body, name: str, values: list[Value]) -> Value:
         if a.const is not UNKNOWN and b.const is not UNKNOWN:
             found = number(min(a.const, b.const) if name == "min" else max(a.const, b.const))
             continue
-        kind = FLOAT if FLOAT in (a.type, b.type) else INT
+        kind = a.type if a.type == b.type else join(a.type, b.type)
+        if kind == BOOL:
+            raise NotTypedError(f"takes the {name} of bools; use 'and' or 'or'")
+        if kind == EITHER:
+            a, b = body.exact(a), body.exact(b)
         a, b = converted(a, kind), converted(b, kind)
         function = {"min": "least", "max": "greatest"}[name]
-        function = function if kind == FLOAT else f"int_{function}"
+        function = f"int_{function}" if kind == INT else function
         low, high = None, None
         if kind == INT:
             low, high = _extreme_bounds(name, a, b)
@@ -316,19 +350,22 @@ def _extreme_bounds(name: str, a: Value, b: Value) -> tuple[int | None, int | st
     return low, min(highs, default=None)  # type: ignore[type-var]
 
 
-def absolute(value: Value) -> Value:
+def absolute(body: Body, value: Value) -> Value:
+    """``abs`` of a number."""
     value = as_number(value)
     if value.const is not UNKNOWN:
         return number(abs(value.const))
-    if value.type == FLOAT:
-        return call("fabs", value.text)
-    return Value(INT, (f"int_abs({value.text})",), ATOM, low=0)
+    if value.type == BOOL:
+        raise NotTypedError("takes the absolute value of a bool; use int(...)")
+    if value.type != INT:
+        return call("fabs", value.text, kind=FLOAT if value.type == FLOAT else EITHER)
+    return Value(INT, _checked(body, "int_abs", value).texts, ATOM, low=0)
 
 
 def whole(body: Body, value: Value, function: str = "") -> Value:
     """A float as an int64, after rounding by a C function."""
     value = as_number(value)
-    if value.type != FLOAT:
+    if value.type in (INT, BOOL):
         return converted(value, INT)
     if value.const is not UNKNOWN and math.isfinite(value.const):
         python: dict[str, Callable[[float], int]] = {"floor": math.floor, "ceil": math.ceil}
@@ -345,21 +382,27 @@ def function(body: Body, name: str, values: list[Value]) -> Value:
         return whole(body, values[0], WHOLE[name] if name != "trunc" else "")
     numbers = [as_float(value) for value in values]
     known = [value.const for value in numbers]
-    if all(value is not UNKNOWN for value in known) and hasattr(math, name):
+    if all(value is not UNKNOWN for value in known):
         try:
-            return number(getattr(math, name)(*known))
-        except (ValueError, OverflowError):
+            found = getattr(math, name, None)(*known)  # type: ignore[misc]
+            if isinstance(found, (bool, float)):
+                return number(found)
+        except (ArithmeticError, ValueError, TypeError):
             pass  # fails while running, if it is reached
     texts = [value.text for value in numbers]
-    if len(texts) == 1 and name in MATH:
-        return call(MATH[name], *texts)
+    if len(texts) == 1 and name in TOTAL:
+        return call(TOTAL[name], *texts)
+    if len(texts) == 1 and name in REAL:
+        return call(f"real_{name}", "ctx", *texts, _domain(body, f"math.{name}"))
     if len(texts) == 1 and name in TESTS:
         return call(name, *texts, kind=BOOL)
-    if len(texts) == 2 and name in MATH_TWO:
-        return call(MATH_TWO[name], *texts)
-    if name == "log" and texts:
-        logs = [call("log", text) for text in texts]
-        return logs[0] if len(logs) == 1 else binary(body, ast.Div(), logs[0], logs[1])
+    if len(texts) == 2 and name in TOTAL_TWO:
+        return call(TOTAL_TWO[name], *texts)
+    if len(texts) == 2 and name in REAL_TWO:
+        return call(REAL_TWO[name], "ctx", *texts, _domain(body, f"math.{name}"))
+    if len(texts) == 2 and name == "log":
+        logs = [call("real_log", "ctx", text, _domain(body, "math.log")) for text in texts]
+        return binary(body, ast.Div(), logs[0], logs[1])
     factors = {"radians": math.pi / 180.0, "degrees": 180.0 / math.pi}
     if name in factors and len(texts) == 1:
         return _plain(ast.Mult(), numbers[0], number(factors[name]))

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
 
+from runtime.codegen.scopes import separated, uncertain
 from runtime.codegen.types import Type
 
 
@@ -61,6 +62,14 @@ class Function:
     line: int = 0
     bound: bool = False
     note: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "statements", separated(self.statements))
+
+    @cached_property
+    def uncertain(self) -> frozenset[str]:
+        """Variables that are read where they may not be assigned yet."""
+        return uncertain(self.parameters, self.statements)
 
     @cached_property
     def counts(self) -> Counter[str]:

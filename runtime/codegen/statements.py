@@ -5,11 +5,14 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Sequence
+from functools import partial
 
 from runtime.codegen import arrays, builtins, creation, library, scalars
+from runtime.codegen.knowing import calls
 from runtime.codegen.loops import Loops, in_parentheses
 from runtime.codegen.types import (
     FLOAT,
+    INT,
     NONE,
     Array,
     Maybe,
@@ -126,9 +129,9 @@ class Statements(Loops, ast.NodeVisitor):
         if not isinstance(array.type, Array) or array.each is not None:
             raise NotTypedError(f"assigns to a part of a {array.type}")
         value = self.stored(value)
-        if any(isinstance(part, ast.Call) for part in ast.walk(target.slice)):
+        if calls(target.slice):
             value = self.kept(value)
-        indices = self.indices(target.slice, array)
+        indices = self.indices(target.slice, array, stored=True)
         first = indices[0] if indices else None
         if isinstance(first, Value) and isinstance(first.type, Array):
             builtins.select_and_write(self, array, first, value)
@@ -136,39 +139,42 @@ class Statements(Loops, ast.NodeVisitor):
         place = arrays.subscript(self, array, indices)
         if isinstance(place.type, Array):
             if isinstance(value.type, Tuple):
-                value = creation.as_array(self, [value], {})
+                value = creation.as_array(self, value)
             arrays.write(self, place, value)
             return
         if array_type(array).frozen:
             raise NotTypedError("writes into an input or a stored output; write to a copy")
         if isinstance(value.type, Array):
-            value = library.method(self, value, "item", [], {})
+            value = library.item(self, value)
+        self.changes += 1
         kind = arrays.elements(array)
-        if kind != FLOAT and value.type == FLOAT:
+        if kind == INT and value.type == FLOAT:
             value = scalars.whole(self, value)
         self.act(f"{place.text} = {converted(scalars.as_number(value), kind).text};")
 
     def visit_AugAssign(self, node: ast.AugAssign) -> None:
         target = node.target
         if isinstance(target, ast.Name):
-            before = self.expr(ast.Name(target.id, ast.Load(), lineno=node.lineno))
-            self.augmented(target, before, node)
+            name = ast.Name(target.id, ast.Load(), lineno=node.lineno)
+            before, value = self.each([name, node.value])
+            self.augmented(target, before, value, node)
         elif isinstance(target, ast.Subscript):
             self.augmented_part(target, node)
         else:
             raise NotTypedError(f"assigns to '{ast.unparse(target)}'")
 
-    def augmented(self, target: ast.Name, before: Value, node: ast.AugAssign) -> None:
+    def augmented(self, target: ast.Name, before: Value, value: Value, node: ast.AugAssign) -> None:
         """``x += value`` of a variable; arrays change in place."""
         if isinstance(before.type, Array):
-            value = self.operated(node.op, before, self.expr(node.value))
-            arrays.write(self, before, value)
+            arrays.write(self, before, self.operated(node.op, before, value))
             return
-        value = self.expr(node.value)
+        if isinstance(before.type, Tuple):
+            raise NotTypedError("extends a list or tuple in place; write x = x + y")
         made = self.operated(node.op, before, value)
         sign = {ast.Add: "+=", ast.Sub: "-=", ast.Mult: "*="}.get(type(node.op))
         short = isinstance(before.type, Number) and made.type == before.type and made.is_known
-        if sign and not short and before.type == made.type and isinstance(made.type, Number):
+        plain = made.type == FLOAT and before.type == FLOAT
+        if sign and not short and plain and before.text.isidentifier():
             key = f"{target.id}@{self.versions.get(target.id, 0)}"
             if key in self.declared or target.id in self.function.parameters:
                 self.put(f"{before.text} {sign} {converted(value, made.type).text};")
@@ -179,29 +185,33 @@ class Statements(Loops, ast.NodeVisitor):
         """``a[i] += value``; the index is evaluated once."""
         array = self.expr(target.value)
         indices = [
-            self.kept(i) if isinstance(i, Value) and not i.text.isidentifier() else i
-            for i in self.indices(target.slice, array)
+            self.kept(i) if isinstance(i, Value) else i
+            for i in self.indices(target.slice, array, stored=True)
         ]
         first = indices[0] if indices else None
         if isinstance(first, Value) and isinstance(first.type, Array):
-            before = builtins.selected(self, array, first)
-            value = self.operated(node.op, before, self.expr(node.value))
-            builtins.select_and_write(self, array, first, value)
+            selected = partial(builtins.selected, self, array, first)
+            before, value = self.in_order([selected, partial(self.expr, node.value)])
+            made = self.operated(node.op, before, value)
+            builtins.select_and_write(self, array, first, made)
             return
-        value = self.expr(node.value)
+        # An element is read before the value is evaluated; of a part, Python takes a view.
         place = arrays.subscript(self, array, indices)
+        before, value = self.in_order([lambda: place, partial(self.expr, node.value)])
         if array_type(array).frozen:
             raise NotTypedError("writes into an input or a stored output; write to a copy")
-        made = self.operated(node.op, place, value)
+        made = self.operated(node.op, before, value)
         if isinstance(place.type, Array):
             arrays.write(self, place, made)
             return
+        self.changes += 1
         kind = arrays.elements(array)
-        sign = {ast.Add: "+=", ast.Sub: "-=", ast.Mult: "*="}.get(type(node.op))
-        if sign and made.type == kind:
-            self.act(f"{place.text} {sign} {converted(value, kind).text};")
-            return
-        made = scalars.whole(self, made) if kind != FLOAT and made.type == FLOAT else made
+        if kind == FLOAT and made.type == FLOAT and before.texts == place.texts:
+            sign = {ast.Add: "+=", ast.Sub: "-=", ast.Mult: "*="}.get(type(node.op))
+            if sign:
+                self.act(f"{place.text} {sign} {converted(value, kind).text};")
+                return
+        made = scalars.whole(self, made) if kind == INT and made.type == FLOAT else made
         self.act(f"{place.text} = {converted(made, kind).text};")
 
     # Branches and ends
@@ -239,7 +249,7 @@ class Statements(Loops, ast.NodeVisitor):
         elif known != value.type:
             self.returned = join(known, value.type)
             self.widened = self.widened or self.returned != known
-        self.put(self.writer.returning(converted(value, self.returned or NONE)))
+        self.put(self.writer.returning(self.as_type(value, self.returned or NONE)))
         return False
 
     def visit_Raise(self, node: ast.Raise) -> bool:
@@ -266,14 +276,13 @@ def _uses(value: Value, target: ast.expr, body: Statements) -> bool:
 
 
 def _raised(node: ast.Raise) -> tuple[str, str]:
-    """The exception and the message of a ``raise``."""
+    """The exception and the message of a ``raise``; one that is computed as it is in the source."""
     call = node.exc
-    if isinstance(call, ast.Name):
-        return call.id, ""
-    if isinstance(call, ast.Call) and isinstance(call.func, ast.Name):
-        arguments = call.args
-        if not arguments:
-            return call.func.id, ""
-        if isinstance(arguments[0], ast.Constant) and isinstance(arguments[0].value, str):
-            return call.func.id, arguments[0].value
-    raise NotTypedError("raises an exception whose message is not a plain text")
+    if call is None:
+        raise NotTypedError("raises an exception again")
+    if not isinstance(call, ast.Call):
+        return ast.unparse(call), ""
+    message = call.args[0] if call.args else ast.Constant("")
+    constant = isinstance(message, ast.Constant) and isinstance(message.value, str)
+    text = message.value if constant else ast.unparse(message)  # type: ignore[attr-defined]
+    return ast.unparse(call.func), str(text)

@@ -124,6 +124,16 @@ INLINE int64_t not_negative(int64_t count)
     return count < 0 ? 0 : count;
 }
 
+/* The size of a new array along an axis. */
+INLINE int64_t array_size(struct context *ctx, int64_t size, int64_t failure)
+{
+    if (!LIKELY(size >= 0)) {
+        fail(ctx, failure);
+        return 0;
+    }
+    return size;
+}
+
 /* The size that two axes share; an axis of size one is repeated, so it must be known to be one. */
 INLINE int64_t same_size(struct context *ctx, int64_t a, int64_t b, int64_t failure)
 {
@@ -151,10 +161,16 @@ INLINE double modulo_checked(struct context *ctx, double a, double b, int64_t fa
     return modulo(a, b);
 }
 
-/* Python's float //. */
-INLINE double floor_divide(struct context *ctx, double a, double b, int64_t failure)
+/* NumPy's %, NaN for a divisor of zero. */
+INLINE double np_modulo(double a, double b)
 {
-    if (!LIKELY(b != 0.0)) fail(ctx, failure);
+    return b == 0.0 ? NAN : modulo(a, b);
+}
+
+/* Python's float //, and NumPy's: a / b for a divisor of zero. */
+INLINE double np_floor_divide(double a, double b)
+{
+    if (b == 0.0) return a / b;
     double rest = fmod(a, b), quotient = (a - rest) / b;
     if (rest != 0.0 && (b < 0.0) != (rest < 0.0)) quotient -= 1.0;
     if (quotient == 0.0) return copysign(0.0, a / b);
@@ -162,9 +178,68 @@ INLINE double floor_divide(struct context *ctx, double a, double b, int64_t fail
     return quotient - whole > 0.5 ? whole + 1.0 : whole;
 }
 
+INLINE double floor_divide(struct context *ctx, double a, double b, int64_t failure)
+{
+    if (!LIKELY(b != 0.0)) fail(ctx, failure);
+    return np_floor_divide(a, b);
+}
+
+/* Whole numbers: Python's have any size, so a result beyond 64 bits is a failure. NumPy's scalars
+ * wrap around with a warning, its arrays in silence (the functions wrap_...). */
+
+INLINE int64_t int_add(struct context *ctx, int64_t a, int64_t b, int64_t failure)
+{
+    if (!LIKELY(b < 0 ? a >= INT64_MIN - b : a <= INT64_MAX - b)) {
+        fail(ctx, failure);
+        return 0;
+    }
+    return a + b;
+}
+
+INLINE int64_t int_subtract(struct context *ctx, int64_t a, int64_t b, int64_t failure)
+{
+    if (!LIKELY(b < 0 ? a <= INT64_MAX + b : a >= INT64_MIN + b)) {
+        fail(ctx, failure);
+        return 0;
+    }
+    return a - b;
+}
+
+INLINE bool int_product_fits(int64_t a, int64_t b)
+{
+    if (LIKELY(a >= -INT32_MAX && a <= INT32_MAX && b >= -INT32_MAX && b <= INT32_MAX)) return true;
+    if (a == 0 || b == 0) return true;
+    if ((a == -1 && b == INT64_MIN) || (b == -1 && a == INT64_MIN)) return false;
+    return (int64_t)((uint64_t)a * (uint64_t)b) / b == a;
+}
+
+INLINE int64_t int_multiply(struct context *ctx, int64_t a, int64_t b, int64_t failure)
+{
+    if (!LIKELY(int_product_fits(a, b))) {
+        fail(ctx, failure);
+        return 0;
+    }
+    return a * b;
+}
+
+INLINE int64_t wrap_add(int64_t a, int64_t b)
+{
+    return (int64_t)((uint64_t)a + (uint64_t)b);
+}
+
+INLINE int64_t wrap_subtract(int64_t a, int64_t b)
+{
+    return (int64_t)((uint64_t)a - (uint64_t)b);
+}
+
+INLINE int64_t wrap_multiply(int64_t a, int64_t b)
+{
+    return (int64_t)((uint64_t)a * (uint64_t)b);
+}
+
 INLINE int64_t int_floor_divide(struct context *ctx, int64_t a, int64_t b, int64_t failure)
 {
-    if (!LIKELY(b != 0)) {
+    if (!LIKELY(b != 0 && (b != -1 || a != INT64_MIN))) {
         fail(ctx, failure);
         return 0;
     }
@@ -174,7 +249,7 @@ INLINE int64_t int_floor_divide(struct context *ctx, int64_t a, int64_t b, int64
 
 INLINE int64_t int_modulo(struct context *ctx, int64_t a, int64_t b, int64_t failure)
 {
-    if (!LIKELY(b != 0)) {
+    if (!LIKELY(b != 0 && (b != -1 || a != INT64_MIN))) {
         fail(ctx, failure);
         return 0;
     }
@@ -182,13 +257,79 @@ INLINE int64_t int_modulo(struct context *ctx, int64_t a, int64_t b, int64_t fai
     return rest != 0 && (rest < 0) != (b < 0) ? rest + b : rest;
 }
 
-INLINE int64_t int_power(int64_t base, int64_t exponent)
+INLINE int64_t int_power(struct context *ctx, int64_t base, int64_t exponent, int64_t failure)
 {
     int64_t result = 1;
-    for (; exponent > 0; exponent >>= 1, base *= base)
-        if (exponent & 1) result *= base;
+    bool fits = exponent >= 0;
+    for (; fits && exponent > 0; exponent >>= 1) {
+        if (exponent & 1) {
+            fits = int_product_fits(result, base);
+            if (fits) result *= base;
+        }
+        if (exponent > 1 && fits) {
+            fits = int_product_fits(base, base);
+            if (fits) base *= base;
+        }
+    }
+    if (!LIKELY(fits)) fail(ctx, failure);
     return result;
 }
+
+INLINE int64_t shift_left(struct context *ctx, int64_t a, int64_t count, int64_t failure)
+{
+    if (LIKELY(count >= 0 && count < 63)) {
+        int64_t shifted = (int64_t)((uint64_t)a << count);
+        if (LIKELY(shifted >> count == a)) return shifted;
+    }
+    fail(ctx, failure);
+    return 0;
+}
+
+INLINE int64_t shift_right(struct context *ctx, int64_t a, int64_t count, int64_t failure)
+{
+    if (!LIKELY(count >= 0)) {
+        fail(ctx, failure);
+        return 0;
+    }
+    return a >> (count < 63 ? count : 63);
+}
+
+/* A whole number as a float of the same value: Python compares and divides whole numbers exactly,
+ * beyond 2**53 too. */
+INLINE double exact(struct context *ctx, int64_t a, int64_t failure)
+{
+    if (!LIKELY(a >= -9007199254740992 && a <= 9007199254740992)) fail(ctx, failure);
+    return (double)a;
+}
+
+/* A result of numbers that may be whole ones in Python: as such it has no -0.0 and is not rounded. */
+INLINE double either(struct context *ctx, double a, int64_t failure)
+{
+    if (!LIKELY((a != 0.0 || !signbit(a)) && !(fabs(a) > 9007199254740992.0))) fail(ctx, failure);
+    return a;
+}
+
+/* Functions of the math module: Python raises ValueError where a result is NaN for numbers, and
+ * OverflowError where it is infinite for finite ones. */
+static COLD double not_real(struct context *ctx, double result, double x, double y, int64_t failure)
+{
+    bool overflows = isinf(result) && isfinite(x) && isfinite(y);
+    if (overflows || (isnan(result) && !isnan(x) && !isnan(y))) fail(ctx, failure);
+    return result;
+}
+
+#define REAL(name) \
+    INLINE double real_##name(struct context *ctx, double x, int64_t failure) \
+    { \
+        double result = name(x); \
+        return LIKELY(isfinite(result)) ? result : not_real(ctx, result, x, 0.0, failure); \
+    }
+#define REAL_TWO(name) \
+    INLINE double real_##name(struct context *ctx, double x, double y, int64_t failure) \
+    { \
+        double result = name(x, y); \
+        return LIKELY(isfinite(result)) ? result : not_real(ctx, result, x, y, failure); \
+    }
 
 /* The C library's pow; a compiler would write x * x for a known exponent. */
 INLINE double power(double base, double exponent)
@@ -197,13 +338,44 @@ INLINE double power(double base, double exponent)
     return pow(base, hidden);
 }
 
+REAL(sin)
+REAL(cos)
+REAL(tan)
+REAL(asin)
+REAL(acos)
+REAL(sinh)
+REAL(cosh)
+REAL(acosh)
+REAL(atanh)
+REAL(exp)
+REAL(exp2)
+REAL(expm1)
+REAL(log)
+REAL(log1p)
+REAL(log2)
+REAL(log10)
+REAL(sqrt)
+REAL_TWO(fmod)
+REAL_TWO(remainder)
+REAL_TWO(power)
+
+/* NumPy's power of an array by one number: some exponents have a shorter way. */
+INLINE double np_power(double base, double exponent)
+{
+    if (exponent == 2.0) return base * base;
+    if (exponent == 0.5) return sqrt(base);
+    if (exponent == -1.0) return 1.0 / base;
+    return power(base, exponent);
+}
+
 INLINE int64_t to_int(struct context *ctx, double x, int64_t failure)
 {
-    if (!LIKELY(x > -9.3e18 && x < 9.2e18)) {
+    if (!LIKELY(x >= -9223372036854775808.0 && x < 9223372036854775808.0)) {
         fail(ctx, failure);
         return 0;
     }
-    return (int64_t)x;
+    /* gcc takes (double)(int64_t)x for trunc(x), which is -0.0 for -0.5. */
+    return x > -1.0 && x < 1.0 ? 0 : (int64_t)x;
 }
 
 /* Python's min and max of two: the first, unless the second is smaller (greater). */
@@ -227,7 +399,7 @@ INLINE int64_t int_greatest(int64_t a, int64_t b)
     return b > a ? b : a;
 }
 
-/* NumPy's: NaN if either is. */
+/* NumPy's: NaN if either is; clip keeps a number that equals its bound, as -0.0. */
 INLINE double np_least(double a, double b)
 {
     return a < b || a != a ? a : b;
@@ -238,8 +410,15 @@ INLINE double np_greatest(double a, double b)
     return a > b || a != a ? a : b;
 }
 
-INLINE int64_t int_abs(int64_t a)
+INLINE double np_clip(double x, double low, double high)
 {
+    double found = x >= low || x != x ? x : low;
+    return found <= high || found != found ? found : high;
+}
+
+INLINE int64_t int_abs(struct context *ctx, int64_t a, int64_t failure)
+{
+    if (!LIKELY(a != INT64_MIN)) fail(ctx, failure);
     return a < 0 ? -a : a;
 }
 

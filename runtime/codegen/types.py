@@ -11,8 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
-C_NAMES = {"bool": "bool", "int": "int64_t", "float": "double"}
-ORDER = ("bool", "int", "float")
+C_NAMES = {"bool": "bool", "int": "int64_t", "either": "double", "float": "double"}
 
 
 class NotTypedError(Exception):
@@ -26,12 +25,18 @@ def unknown_call(text: str) -> str:
 
 @dataclass(frozen=True)
 class Number:
-    """A bool, an int64 or a float64."""
+    """A bool, an int64, a float64, or either of the last two.
+
+    ``either`` is a variable that holds an int at one time and a float at another, as ``total = 0``
+    before ``total += x``, or ``max(0, x)``. It is a double in C. Python's int 0 has no sign and its
+    ints are not rounded, so that ``-max(0, x)`` is 0 where ``-max(0.0, x)`` is -0.0; operators for
+    which this matters refuse it or check their result.
+    """
 
     kind: str
 
     def __str__(self) -> str:
-        return self.kind
+        return "int or float" if self.kind == "either" else self.kind
 
 
 @dataclass(frozen=True)
@@ -91,6 +96,7 @@ class Draws:
 
 Type = Number | Array | Tuple | Maybe | Known | Draws
 BOOL, INT, FLOAT = Number("bool"), Number("int"), Number("float")
+EITHER = Number("either")
 NONE = Known(None)
 
 
@@ -132,7 +138,10 @@ def join(a: Type, b: Type) -> Type:
     if a == b:
         return a
     if isinstance(a, Number) and isinstance(b, Number):
-        return Number(max(a.kind, b.kind, key=ORDER.index))
+        if BOOL in (a, b):
+            reason = f"is sometimes a {a} and sometimes a {b}"
+            raise NotTypedError(f"{reason}; use one type, as float(...)")
+        return EITHER
     if isinstance(a, Array) and isinstance(b, Array) and _alike(a, b):
         dims = tuple(m if m == n else None for m, n in zip(a.dims, b.dims, strict=True))
         return Array(a.kind, dims, a.packed and b.packed, a.frozen or b.frozen)

@@ -52,6 +52,7 @@ class Instance:
     name: str
     returned: Type
     effects: bool
+    changes: bool
     uses_context: bool
     uses_entries: bool
     text: str
@@ -95,7 +96,7 @@ class Writer:
             for suffix, c_type in leaves(kind)
         ]
         members = [f"    {_declared(c_type, name)};" for name, c_type in words]
-        head = ["/* " + line.replace("*/", "* /") for line in title.split("\n")] if title else []
+        head = ["/* " + line for line in _plain(title).split("\n")] if title else []
         if head:
             head = [
                 "\n * ".join(line.removeprefix("/* ") if i else line for i, line in enumerate(head))
@@ -166,9 +167,11 @@ class Writer:
         kinds = [c_type for _, c_type in leaves(instance.returned)]
         if not kinds:
             body.effects += 1
+            body.changes += instance.changes
             body.put(f"{text};")
             return none() if instance.returned == NONE else Value(instance.returned)
         body.effects += instance.effects
+        body.changes += instance.changes
         if len(kinds) == 1:
             made = Value(instance.returned, (text,))
             return body.kept(made, instance.name) if instance.effects else made
@@ -186,8 +189,10 @@ class Writer:
         named: Mapping[str, Value],
     ) -> list[Value]:
         """The values of all parameters; defaults are expressions of the source."""
-        if len(given) > len(target.parameters):
-            raise NotTypedError(f"calls '{target.name}' with {len(given)} arguments")
+        unknown = named.keys() - set(target.parameters[len(given) :])
+        if len(given) > len(target.parameters) or unknown:
+            count = len(given) + len(named)
+            raise NotTypedError(f"calls '{target.name}' with {count} arguments that do not fit")
         values = list(given)
         for name in target.parameters[len(given) :]:
             if name in named:
@@ -272,7 +277,6 @@ class Writer:
     ) -> Instance:
         """The text of a function."""
         nothing = self.returning(Value(returned, zero(returned)))
-        value = nothing.removeprefix("return").strip(" ;")
         lines = [line.replace(LEAVE, nothing) for line in body.lines]
         tops = [
             f"    {_declared(c_type, target_name + suffix)} = {text};"
@@ -280,7 +284,7 @@ class Writer:
             for (suffix, c_type), text in zip(leaves(kind), zero(kind), strict=True)
         ]
         heads = [f"    {line}" for line in body.heads.values()]
-        lines = leaving(tidied([*heads, *tops, *lines]), value)
+        lines = leaving(tidied([*heads, *tops, *lines]), nothing.removeprefix("return").strip(" ;"))
         whole = "\n".join(lines)
         parameters = [
             _declared(c_type, f"{local_name(parameter)}{suffix}")
@@ -297,7 +301,7 @@ class Writer:
         head = _declared(f"static {self.c_return(returned)}", name)
         text = "\n".join(
             [
-                *([f"/* {target.note} */"] if target.note else []),
+                *([f"/* {_plain(target.note)} */"] if target.note else []),
                 f"{head}({', '.join(parameters) or 'void'})",
                 "{",
                 *[f"    (void){p};" for p in unused],
@@ -306,7 +310,8 @@ class Writer:
                 "",
             ]
         )
-        return Instance(name, returned, body.effects > 0, uses_context, uses_entries, text, calls)
+        counts = (body.effects > 0, body.changes > 0, uses_context, uses_entries)
+        return Instance(name, returned, *counts, text, calls)
 
     def c_return(self, kind: Type) -> str:
         found = [c_type for _, c_type in leaves(kind)]
@@ -374,6 +379,11 @@ class Writer:
             ]
         )
         return text, calls
+
+
+def _plain(text: str) -> str:
+    """A text that neither ends a comment nor opens one in it."""
+    return text.replace("*/", "* /").replace("/*", "/ *")
 
 
 def _declared(c_type: str, name: str) -> str:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from runtime.codegen.types import (
     BOOL,
+    EITHER,
     FLOAT,
     INT,
     NONE,
@@ -220,7 +221,13 @@ def _number_as(value: Value, kind: Number) -> Value | None:
     if kind == FLOAT:
         if value.const is not UNKNOWN:
             return number(float(value.const))
+        if value.type == EITHER:
+            return replace(value, type=FLOAT)
         return Value(kind, (f"(double){value.within(ATOM)}",), SIGN)
+    if kind == EITHER and value.type != BOOL:
+        if value.const is not UNKNOWN:
+            return Value(EITHER, number(float(value.const)).texts, SIGN)
+        return replace(_number_as(value, FLOAT) or value, type=EITHER)
     if kind == INT and value.type == BOOL:
         if value.const is not UNKNOWN:
             return number(int(value.const))

@@ -56,7 +56,7 @@ from runtime.document.sections import (
     section,
     texts,
 )
-from runtime.document.substitution import fill_sections
+from runtime.document.substitution import fill_sections, without_unused
 from runtime.document.time_units import SECOND, TIME_UNITS, in_time, written_rate
 from runtime.document.writer import flow_yaml
 
@@ -116,5 +116,6 @@ __all__ = [
     "set_wire",
     "shipped_graphs",
     "texts",
+    "without_unused",
     "written_rate",
 ]

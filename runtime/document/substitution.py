@@ -45,6 +45,53 @@ def fill_sections(
     return document
 
 
+def without_unused(before: Node, after: Node, address: str = "") -> tuple[Node, list[str]]:
+    """A graph after a change, without the params that only what was replaced has used.
+
+    A file in which a param is not used is wrong; a change that makes one unused is not::
+
+        lqr: {q: $q}  --set lqr.q=1  lqr: {q: 1}      'q' is left out of params
+
+    Returns
+    -------
+    tuple : the graph, and a note for each param that was left out, at every depth.
+    """
+    notes = []
+    blocks, old = (each.get("blocks") or Node({}) for each in (after, before))
+    for name, entry in blocks.items():
+        known = old.get(name)
+        # What was not changed is the same object.
+        if known is not None and known is not entry and is_part(entry):
+            inner = f"{address}.{name}".lstrip(".")
+            kept, more = without_unused(known, entry, inner)
+            notes += more
+            blocks = blocks.with_item(name, kept) if more else blocks
+    if notes:
+        after = after.with_item("blocks", blocks)
+    declared = after.get("params")
+    params = [name for name, _ in declared.items()] if declared is not None else []
+    used = _used(after) if params else set()
+    unused = set(params) - used
+    for name in sorted(unused & _used(before) if unused else ()):
+        declared = declared.with_item(name, None) if declared is not None else None
+        place = f"{address}.params.{name}".lstrip(".")
+        notes.append(f"{place} is left out: nothing uses ${name} after the change")
+    return after if not unused else after.with_item("params", declared), notes
+
+
+def _used(graph: Node) -> set[str]:
+    """The params that a graph refers to; inside a part, names are its own."""
+    found = []
+    for key, node in graph.items():
+        if key == "blocks":
+            for entry in dict(node.items()).values():
+                inside = (entry.get(each) for each in ("params", "repeat", "share"))
+                found += [n for n in inside if n is not None] if is_part(entry) else [entry]
+        elif key not in ("params", "part"):
+            found.append(node)
+    return {item.value[1:] for node in found for item in _references(node)}
+
+
 def _references(node: Node) -> Iterator[Node]:
     if isinstance(node.value, str) and _NAME.fullmatch(node.value):
         yield node
@@ -61,6 +108,19 @@ class _Filler:
         self.problems = problems
         self.used: set[str] = set()
         self.missing: set[str] = set()
+        # With the values, since an id is unique only while its object exists.
+        self._known: dict[int, tuple[object, bool]] = {}
+
+    def _has_references(self, node: Node) -> bool:
+        """Whether a value holds another param; a shared part of it is looked through once."""
+        if not isinstance(node.value, (dict, list)):
+            return any(_references(node))
+        known = self._known.get(id(node.value))
+        if known is None:
+            items = node.value if node.is_list else [item for _, item in node.items()]
+            known = node.value, any(map(self._has_references, items))
+            self._known[id(node.value)] = known
+        return known[1]
 
     def refuse_nested(self) -> None:
         for name, node in (self.params or {}).items():
@@ -101,8 +161,8 @@ class _Filler:
         found = (self.params or {}).get(name)
         if found is not None and found.value is not None:
             self.used.add(name)
-            self.work.charge(self.work.measure.of(found)[0], node.where, address)
-            if any(_references(found)):
+            self.work.substitute(name, found, node.where, address)
+            if self._has_references(found):
                 self.problems.silence(found.where, address)
             return Node(found.value, found.where, node.key)
         if found is not None:

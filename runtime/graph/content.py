@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from blocks.core import Block, SignalType
 from blocks.registry import Modules
-from runtime.document import Node, Override
+from runtime.document import Node, Override, without_unused
 from runtime.errors import GraphError, MissingExtraError, Problem, Problems
 from runtime.network import Made, Network, build
 from runtime.observation import Observation, observe
@@ -37,6 +37,18 @@ class Content:
     modules: Modules = True
     files: Mapping[str, bytes] = field(default_factory=dict)
     made: Made | None = None
+
+    def changed(
+        self,
+        document: Node,
+        overrides: Sequence[Override],
+        notes: Sequence[str] = (),
+        **changes: Any,
+    ) -> Content:
+        """With another document; a param that the change makes unused is left out, with a note."""
+        document, unused = without_unused(self.document, document)
+        made, told = (*self.overrides, *overrides), (*self.notes, *notes, *unused)
+        return replace(self, document=document, overrides=made, notes=told, **changes)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Container, Mapping, Sequence
-from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -72,8 +71,7 @@ class Graph:
         return graph
 
     def _changed(self, document: Node, *overrides: Override, **changes: Any) -> Graph:
-        made = (*self.overrides, *overrides)
-        return Graph._of(replace(self._content, document=document, overrides=made, **changes))
+        return Graph._of(self._content.changed(document, overrides, **changes))
 
     @classmethod
     def of_document(cls, document: Node, source: Path, modules: Modules) -> Graph:
@@ -92,7 +90,7 @@ class Graph:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What :meth:`replace` dropped."""
+        """What :meth:`replace` dropped, and which params a change has made unused."""
         return self._content.notes
 
     @property
@@ -312,7 +310,7 @@ class Graph:
             self.document, name, kind, self._content.classes, origin, self._content.modules
         )
         override = Override("replace", name, kind)
-        return self._changed(changed, override, notes=(*self.notes, *notes))
+        return self._changed(changed, override, notes=notes)
 
     def with_seed(self, seed: int) -> Graph:
         """A copy with another seed, which shares what is checked and planned."""

@@ -59,7 +59,8 @@ def _of_problem(model: Model, problem: Problem) -> Diagnostic:
         span = _first_line(model)
     else:
         span = span_at(model, model.text.at(where))
-    return Diagnostic(span, "error", text, problem.address, problem.is_name, related)
+    severity: Severity = "warning" if model.refusal else "error"
+    return Diagnostic(span, severity, text, problem.address, problem.is_name, related)
 
 
 def span_at(model: Model, offset: int) -> Span:

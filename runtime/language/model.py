@@ -93,11 +93,27 @@ class Surroundings:
     unsaved : texts that editors hold, by resolved path; they take the place of the files.
     modules : whether, or how, Python files that graphs name are read.
     made : blocks of earlier versions, by type and parameters.
+    longest : characters of a text that is read; None for any number.
     """
 
     unsaved: Mapping[Path, str] = field(default_factory=dict)
     modules: Modules = False
     made: dict[tuple[type[Block], str], Block] = field(default_factory=dict, compare=False)
+    longest: int | None = None
+
+    def refusal(self, source: str) -> str:
+        """Why a text is not read; empty if it is."""
+        if self.longest is None or len(source) <= self.longest:
+            return ""
+        return (
+            f"nothing in this file is checked or completed here, since it has {len(source):,} "
+            f"characters, more than {self.longest:,}; 'runtime validate' checks it"
+        )
+
+    def _parsed(self, text: str, file: str) -> Node:
+        if reason := self.refusal(text):
+            raise GraphError([Problem(Where(file), "", reason)])
+        return _parsed(text, file)
 
     def constructed(self) -> dict[tuple[type[Block], str], Block]:
         """The blocks that were constructed for earlier versions of texts; blocks never change."""
@@ -107,7 +123,7 @@ class Surroundings:
 
     def completed(self, document: Node, path: Path) -> tuple[Node, list[Problem]]:
         """A document with all that it extends and its parts, and what is wrong with those."""
-        return complete_document(document, path, self.unsaved, _parsed)
+        return complete_document(document, path, self.unsaved, self._parsed)
 
     def text(self, path: Path) -> str | None:
         """The text of another file; None if it cannot be read."""
@@ -127,7 +143,7 @@ class Surroundings:
         GraphError : it cannot be read.
         """
         path = find_file(name, (NOWHERE, ""), Path())
-        document, problems = self.completed(_parsed(self.text(path) or "", str(path)), path)
+        document, problems = self.completed(self._parsed(self.text(path) or "", str(path)), path)
         if problems:
             raise GraphError(problems)
         return Graph.of_document(document, path, self.modules)
@@ -169,11 +185,18 @@ class Model:
 
     @cached_property
     def root(self) -> Item:
-        """The tree of what is written."""
-        return _scanned(self.text.source)
+        """The tree of what is written; empty if the text is too large to be read."""
+        return Item() if self.refusal else _scanned(self.text.source)
+
+    @property
+    def refusal(self) -> str:
+        """Why the text is not read; empty if it is."""
+        return self.surroundings.refusal(self.text.source)
 
     @cached_property
     def _strict(self) -> Node | list[Problem]:
+        if self.refusal:
+            return [Problem(Where(self.file), "", self.refusal)]
         try:
             with _no_collection():
                 return parse_yaml(self.text.source, self.file)

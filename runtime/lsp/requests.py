@@ -68,7 +68,7 @@ def _add_writing(server: LanguageServer, session: Session) -> None:
     )
     def completion(ls: LanguageServer, params: types.CompletionParams) -> types.CompletionList:
         model, offset = _at(session, params)
-        if not model.is_ours:
+        if not model.is_ours or model.refusal:
             return types.CompletionList(is_incomplete=False, items=[])
         return converter.completion(model, complete(model, offset), _snippets(ls))
 

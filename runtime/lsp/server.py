@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import gc
+import logging
+import os
+import sys
 from importlib.metadata import PackageNotFoundError, version
 
 from lsprotocol import types
+from pygls.exceptions import JsonRpcInvalidParams
 from pygls.io_ import run_async
 from pygls.lsp.server import LanguageServer
 
@@ -17,8 +21,15 @@ from runtime.lsp.convert import Converter
 from runtime.lsp.requests import add_requests
 from runtime.lsp.session import Session
 
+STDOUT, STDERR = 1, 2
 PATIENCE = 0.3  # how long a request waits for the import of a user's file, s
 PAUSE = 0.02  # how long to wait for more edits before a text is checked, s
+
+
+def _is_news(record: logging.LogRecord) -> bool:
+    """Whether a message of pygls is not about a refusal, which the editor shows."""
+    error = record.exc_info[1] if record.exc_info else next(iter(record.args or ()), None)
+    return not isinstance(error, JsonRpcInvalidParams)
 
 
 class _Checks:
@@ -62,6 +73,8 @@ def make_server(modules: bool = True) -> LanguageServer:
         number = version("spikeblocks")
     except PackageNotFoundError:
         number = "0"
+    for name in ("pygls.protocol.json_rpc", "pygls.server"):
+        logging.getLogger(name).addFilter(_is_news)
     server = LanguageServer(
         "spikeblocks", number, text_document_sync_kind=types.TextDocumentSyncKind.Incremental
     )
@@ -134,10 +147,22 @@ def settle() -> None:
 
 
 def serve_stdio(modules: bool) -> None:
-    """Serve the editor at the other end of standard input and output."""
+    """Serve the editor at the other end of standard input and output.
+
+    At the end pygls closes what it writes to, which is a copy, so that stdout stays open. Meanwhile
+    stdout is stderr: what a package prints would not be a message of the protocol.
+    """
     server = make_server(modules)
     settle()
-    server.start_io()
+    sys.stdout.flush()
+    kept = os.dup(STDOUT)
+    os.dup2(STDERR, STDOUT)
+    try:
+        with os.fdopen(os.dup(kept), "wb") as messages:
+            server.start_io(stdout=messages)
+    finally:
+        os.dup2(kept, STDOUT)
+        os.close(kept)
 
 
 class _Headers:

@@ -13,7 +13,7 @@ from runtime.language import Isolation, Model, Project, Span, Surroundings
 
 SUFFIXES = (".yaml", ".yml")
 MAX_FILES = 1_000  # of a folder that are searched for the same names
-MAX_SIZE = 2**20
+MAX_SIZE = 2**18  # characters; a larger text would take seconds at each edit
 SKIPPED = {"node_modules", "runs", "sweeps", "ablations", "__pycache__", "build", "dist"}
 
 
@@ -59,7 +59,7 @@ class Session:
             texts = self.server.workspace.text_documents
             unsaved = {path_of(uri).resolve(): each.source for uri, each in texts.items()}
             modules = self.isolation.reader if self.isolation is not None else False
-            self._surroundings = (self.epoch, Surroundings(unsaved, modules, self._made))
+            self._surroundings = (self.epoch, Surroundings(unsaved, modules, self._made, MAX_SIZE))
         return self._surroundings[1]
 
     def model(self, uri: str) -> Model:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -14,7 +13,6 @@ from runtime.errors import GraphError, Problem, Problems, UsageError, Where
 from runtime.network.block_types import block_class
 
 SIGNAL_FREE = ("kind", "title", "label", "labels", "unit")
-_REFERENCE = re.compile(r"\$([A-Za-z_]\w*)")
 IsGone = Callable[[str], bool]
 
 
@@ -136,9 +134,7 @@ class _Replacement:
                 mine = mine.with_item(port, None)
         if mine is not None:
             changed = changed.with_item("wires", wires.with_item(name, mine))
-        return _without_unused(
-            changed, {text for key in dropped for text in _references(given[key])}
-        )
+        return changed
 
     def wires(self, scope: Node, gone: IsGone) -> Node:
         """A scope without the wires from outputs that are gone."""
@@ -206,20 +202,3 @@ def _labels_of(entry: Node, items: Node, left: Node) -> Node:
             ]
             entry = entry.with_item(key, Node(kept, labels.where, labels.key))
     return entry
-
-
-def _references(node: Node) -> Iterable[str]:
-    """Names of the params that a value uses."""
-    if isinstance(node.value, str) and (match := _REFERENCE.fullmatch(node.value)):
-        yield match[1]
-    for item in node.value if node.is_list else [inner for _, inner in node.items()]:
-        yield from _references(item)
-
-
-def _without_unused(scope: Node, names: set[str]) -> Node:
-    """A graph or part without those params that are no longer used."""
-    params = scope.get("params") or Node({})
-    read = {text for key, node in scope.items() if key != "params" for text in _references(node)}
-    for name in names - read:
-        params = params.with_item(name, None)
-    return scope.with_item("params", params) if names - read else scope

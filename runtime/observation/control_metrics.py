@@ -42,9 +42,6 @@ class Step(MetricOptions):
     """A step in a fault, and when a signal has recovered from it."""
 
     at: float = param(unit="s", at_least=0.0, doc="time of the step")
-    until: float | None = param(
-        None, unit="s", above=0.0, doc="time of the next step; default: the end of the run"
-    )
     band: FloatArray = param(
         at_least=0.0,
         shape=[(), ("columns",)],

@@ -9,11 +9,12 @@ from typing import Any, Literal
 
 import numpy as np
 
-from blocks.core import FloatArray, Options, param
+from blocks.core import FloatArray, Options, param, show
 from blocks.world import World
 
 Checks = Iterable[tuple[str, str]]
 Form = Literal["number", "position", "columns"]
+ENGAGED = "engaged"  # the role of a switch that begins what is measured
 # Where the values of a metric may lie.
 ANY, POSITIVE, SHARE = (-math.inf, math.inf), (0.0, math.inf), (0.0, 1.0)
 
@@ -41,10 +42,11 @@ class Series:
     t: FloatArray
     values: FloatArray
 
-    def after(self, start: float) -> Series:
+    def between(self, start: float, end: float = math.inf) -> Series:
+        """The rows from ``start`` on and before ``end`` (s), up to rounding."""
         # Times ascend, so a slice is enough; it copies nothing.
-        first = int(np.searchsorted(self.t, start - 1e-9))
-        return Series(self.t[first:], self.values[first:])
+        first, last = np.searchsorted(self.t, (start - 1e-9, end - 1e-9)).tolist()
+        return Series(self.t[first:last], self.values[first:last])
 
 
 class Bounds(Options):
@@ -58,6 +60,29 @@ class MetricOptions(Bounds):
     """The options of metrics of signals."""
 
     after: float = param(0.0, unit="s", at_least=0.0, doc="rows before this time do not count")
+    until: float | None = param(
+        None, unit="s", above=0.0, doc="rows from this time on do not count; default: the end"
+    )
+
+
+class NumberOptions(MetricOptions):
+    """The options of metrics of one number."""
+
+    length: bool = param(
+        False, doc="of several columns of one unit, as those of a vector, measure the length"
+    )
+
+
+def alike(options: Mapping[str, Any], probes: Mapping[str, ProbeInfo]) -> Checks:
+    """Errors of a signal and its reference; a constant reference fits signals of any rate."""
+    of, reference = probes.get("of"), probes.get("reference")
+    if of is None or reference is None:
+        return
+    if of.width != reference.width:
+        message = f"has {reference.width} columns and 'of' has {of.width}; expected as many"
+        yield "reference", message
+    if of.every != reference.every and reference.every:
+        yield "reference", "is recorded at another rate than 'of'; give both the same 'every'"
 
 
 @dataclass(frozen=True)
@@ -76,7 +101,7 @@ class MetricKind:
 
     function: Callable[[Mapping[str, Series], Mapping[str, Any]], float | None]
     doc: str
-    options: type[Options] = MetricOptions
+    options: type[Options] = NumberOptions
     inputs: tuple[str, ...] = ("of",)
     optional: tuple[str, ...] = ()
     forms: tuple[Form, ...] = ("number",)
@@ -98,6 +123,8 @@ class MetricKind:
     ) -> float | None:
         """The metric of some series, with the options as written."""
         options = self.options.read(written)
+        if options.get("length") and "target" not in options:  # else of the deviation from it
+            series = {role: length_of(each) for role, each in series.items()}
         if self.in_world is None:
             return self.function(series, options)
         positions = series["of"].values[:, :2]
@@ -114,17 +141,28 @@ class MetricKind:
             sizes["columns"] = sizes["of"]
         faults = dict(self.options.check(options, sizes))
         yield from faults.items()
+        window = self.options.read(options) if not faults else {}
+        if window.get("until") is not None and window["until"] <= window["after"]:
+            yield (
+                "until",
+                f"must lie after after = {window['after']:g}, got {show(window['until'])}",
+            )
         for role, signal in probes.items():
-            message = self._misfit(role, signal)
+            message = self._misfit(role, signal, window.get("length") is True)
             if message:
                 yield role, message
         if self.agrees is not None and not faults:
             yield from self.agrees(options, probes)
 
-    def _misfit(self, role: str, signal: ProbeInfo) -> str:
+    def _misfit(self, role: str, signal: ProbeInfo, is_length: bool) -> str:
         if len(signal.shape) > 1:
             return "expected a scalar, a record or a vector, got a table"
-        if role in self.optional:
+        if is_length:
+            units = dict.fromkeys(signal.units)
+            if len(units) == 1:
+                return ""
+            return f"columns in {', '.join(map(repr, units))} have no common length; name some"
+        if role == ENGAGED:
             return "" if signal.width == 1 else "expected one column, as in explore.engaged"
         is_position = signal.width > 1 and signal.units[0] == signal.units[1] == "m"
         if "columns" in self.forms or ("position" in self.forms and is_position):
@@ -133,4 +171,14 @@ class MetricKind:
             return "expected x and y in m, as in plant.pose"
         if signal.width == 1:
             return ""
-        return f"expected one column, got {signal.width}; name one, as in plant.pose.theta"
+        has_length = "length" in self.options.declared and len(set(signal.units)) == 1
+        return (
+            f"expected one column, got {signal.width}; name one, as in plant.pose.theta"
+            f"{', or write length: true' * has_length}"
+        )
+
+
+def length_of(series: Series) -> Series:
+    """The Euclidean norm of each row."""
+    rows = series.values.reshape(len(series.t), -1)
+    return Series(series.t, np.sqrt(np.square(rows).sum(axis=1)))

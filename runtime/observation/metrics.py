@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Container, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -12,7 +13,12 @@ import numpy as np
 from blocks.core import FloatArray, param, show
 from blocks.world import World
 from runtime.document import in_time
-from runtime.observation import control_metrics, neural_metrics, wall_metrics
+from runtime.observation import (
+    control_metrics,
+    neural_metrics,
+    response_metrics,
+    wall_metrics,
+)
 from runtime.observation.metric_kinds import (
     POSITIVE,
     SHARE,
@@ -20,6 +26,8 @@ from runtime.observation.metric_kinds import (
     Checks,
     MetricKind,
     MetricOptions,
+    NumberOptions,
+    alike,
 )
 from runtime.observation.metric_kinds import ProbeInfo as ProbeInfo
 from runtime.observation.metric_kinds import Series as Series
@@ -27,6 +35,7 @@ from runtime.streaming import row_blocks
 
 # The kind of metric whose value is not that of a signal.
 STOP_TIME = "stop_time"
+REFERENCE = "reference"
 # A switch such as ``explore.engaged`` is on above this level.
 ENGAGED = 0.5
 
@@ -44,13 +53,21 @@ class Metric:
         """The metric's value; None if it has none (never settled, or not recorded)."""
         if not self.is_recorded(probes):
             return None
-        after = float(self.options.get("after", 0.0))
-        series = {role: probes[name].after(after) for role, name in self.inputs.items() if name}
+        after, until = float(self.options.get("after", 0.0)), self.options.get("until")
+        end = math.inf if until is None else float(until)
+        series = {
+            # A reference that is constant has one row, at the start.
+            role: probes[name]
+            if role == REFERENCE and len(probes[name].t) == 1
+            else probes[name].between(after, end)
+            for role, name in self.inputs.items()
+            if name
+        }
         if any(not len(s.t) for s in series.values()):
             return None
         if "engaged" in series:
             engaged = first_time({"of": series["engaged"]}, {"level": ENGAGED})
-            series["of"] = series["of"].after(math.inf if engaged is None else engaged)
+            series["of"] = series["of"].between(math.inf if engaged is None else engaged)
         number = METRIC_KINDS[self.kind].value(series, self.options, world)
         return None if number is None or math.isnan(number) else float(number)
 
@@ -67,7 +84,13 @@ class Metric:
         """The unit of its value, given the units of the probes' columns; '' if it has none."""
         declared = METRIC_KINDS[self.kind].unit
         columns = units.get(self.inputs.get("of") or "", ())
-        return (columns[0] if columns else "") if declared == "of" else in_time(declared, time_unit)
+        first, *rest = declared.split() or [""]
+        own = columns[0] if columns else ""
+        if first == "of²":
+            first = f"({own})²" if re.search(r"\W", own) else f"{own}²" if own else ""
+        else:
+            first = own if first == "of" else in_time(first, time_unit)
+        return " ".join([first, *(in_time(word, time_unit) for word in rest)]).strip()
 
     def expectation(self, value: float | None) -> str:
         """How a value violates ``below`` or ``above``; '' if it does not."""
@@ -84,7 +107,7 @@ def _matrix(weight: Any, n: int) -> FloatArray:
     return np.diag(array.reshape(n)) if array.shape == (n,) or n == array.size == 1 else array
 
 
-class Band(MetricOptions):
+class Band(response_metrics.Target):
     """When a signal is settled."""
 
     band: FloatArray = param(
@@ -97,7 +120,7 @@ class Band(MetricOptions):
     )
 
 
-class Level(MetricOptions):
+class Level(NumberOptions):
     """The level that a signal is compared with."""
 
     level: float = param(0.5, doc="the level")
@@ -151,7 +174,7 @@ def settling_time(series: Mapping[str, Series], options: Mapping[str, Any]) -> f
     A signal that reaches the band less than ``hold`` (s) before the last sample may leave it later:
     it is not settled.
     """
-    s = series["of"]
+    s = response_metrics.deviation(series, options)
     band = np.broadcast_to(np.atleast_1d(options["band"]), (1, *s.values.shape[1:]))
     first = 0
     for rows, (values,) in row_blocks(s.values):
@@ -194,9 +217,11 @@ def lqr_cost(series: Mapping[str, Series], options: Mapping[str, Any]) -> float:
 METRIC_KINDS: dict[str, MetricKind] = {
     "settling_time": MetricKind(
         settling_time,
-        "first time (s) from which all columns stay within ±`band` to the end, for `hold` at "
-        "least; null if never",
+        "first time (s) from which all columns stay within ±`band` of `target` or of the signal "
+        "`reference` to the end, for `hold` at least; null if never",
         options=Band,
+        optional=(REFERENCE,),
+        agrees=alike,
         unit="s",
         forms=("columns",),
         never="never settled",
@@ -220,6 +245,8 @@ METRIC_KINDS: dict[str, MetricKind] = {
         unit="of",
         ends=POSITIVE,
     ),
+    "mean": MetricKind(lambda s, o: float(_flat(s).mean()), "mean value", unit="of"),
+    "max": MetricKind(lambda s, o: float(_flat(s).max()), "largest value", unit="of"),
     "min": MetricKind(lambda s, o: float(_flat(s).min()), "smallest value", unit="of"),
     "final": MetricKind(lambda s, o: float(_flat(s)[-1]), "last value", unit="of"),
     "first_time": MetricKind(
@@ -246,6 +273,7 @@ METRIC_KINDS: dict[str, MetricKind] = {
     "path_length": MetricKind(
         path_length,
         "length of the path of a pose (m)",
+        options=MetricOptions,
         forms=("position",),
         unit="m",
         ends=POSITIVE,
@@ -253,6 +281,7 @@ METRIC_KINDS: dict[str, MetricKind] = {
     "displacement": MetricKind(
         displacement,
         "last value minus first; for a pose the straight distance",
+        options=MetricOptions,
         forms=("number", "position"),
         unit="of",
     ),
@@ -264,6 +293,7 @@ METRIC_KINDS: dict[str, MetricKind] = {
         forms=("columns",),
         agrees=_same_rows,
     ),
+    **response_metrics.RESPONSE_KINDS,
     **control_metrics.CONTROL_KINDS,
     **neural_metrics.NEURAL_KINDS,
     **wall_metrics.WALL_KINDS,

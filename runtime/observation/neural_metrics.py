@@ -11,11 +11,10 @@ import numpy as np
 from blocks.core import FloatArray, param
 from runtime.observation.metric_kinds import (
     POSITIVE,
-    Checks,
     MetricKind,
     MetricOptions,
-    ProbeInfo,
     Series,
+    alike,
 )
 
 
@@ -35,7 +34,8 @@ class Synapses(MetricOptions):
 def rmse(series: Mapping[str, Series], options: Mapping[str, Any]) -> float | None:
     """Root of the mean squared distance between two signals, of equal rows."""
     of, reference = series["of"], series["reference"]
-    values, wanted = (s.values.reshape(len(s.t), -1) for s in (of, reference))
+    values = of.values.reshape(len(of.t), -1)
+    wanted = np.broadcast_to(reference.values.reshape(len(reference.t), -1), values.shape)
     step = float(of.t[1] - of.t[0]) if len(of.t) > 1 else math.inf
     if options["tau"] > 0.0:
         wanted = _lowpassed(wanted, -math.expm1(-step / options["tau"]))
@@ -67,19 +67,6 @@ def synaptic_operations(series: Mapping[str, Series], options: Mapping[str, Any]
     return float(rows.mean(axis=0).sum() * options["synapses"])
 
 
-def _alike(options: Mapping[str, Any], probes: Mapping[str, ProbeInfo]) -> Checks:
-    of, reference = probes.get("of"), probes.get("reference")
-    if of is None or reference is None:
-        return
-    if of.width != reference.width:
-        yield (
-            "reference",
-            f"has {reference.width} columns and 'of' has {of.width}; expected as many",
-        )
-    if of.every != reference.every:
-        yield "reference", "is recorded at another rate than 'of'; give both the same 'every'"
-
-
 NEURAL_KINDS: dict[str, MetricKind] = {
     "rmse": MetricKind(
         rmse,
@@ -87,13 +74,14 @@ NEURAL_KINDS: dict[str, MetricKind] = {
         options=Delayed,
         inputs=("of", "reference"),
         forms=("columns",),
-        agrees=_alike,
+        agrees=alike,
         unit="of",
         ends=POSITIVE,
     ),
     "firing_rate": MetricKind(
         firing_rate,
         "mean firing rate of the neurons of a probe of spikes or rates",
+        options=MetricOptions,
         forms=("columns",),
         unit="Hz",
         ends=POSITIVE,

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
+from types import FunctionType
 from typing import Any
 
 import numpy as np
@@ -71,6 +72,14 @@ class Fields:
     attributes: tuple[Attribute, ...]
     types: tuple[str, ...]
     constants: Mapping[Attribute, Any]
+
+    @property
+    def has_functions_of_others(self) -> bool:
+        """Whether the text calls functions that are not the library's, as an expression's."""
+        return any(
+            isinstance(value, FunctionType) and not str(value.__module__).startswith("blocks.")
+            for value in self.constants.values()
+        )
 
     def values(self, made: Block, state: BlockState) -> tuple[Any, ...]:
         """The first argument of the functions, for a block and its state."""

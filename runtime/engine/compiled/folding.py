@@ -52,16 +52,17 @@ class Folding(ast.NodeTransformer):
     def visit_BoolOp(self, node: ast.BoolOp) -> Any:
         decides = isinstance(node.op, ast.Or)
         left: list[ast.expr] = []
-        for value in node.values:
+        for at, value in enumerate(node.values):
             value = self.visit(value)
             if isinstance(value, ast.Constant) and isinstance(value.value, bool):
                 if value.value is decides:
-                    # The terms before it have no side effects: no block's output has.
-                    return value
-                continue
+                    # What a call before it changes, or draws, stays.
+                    called = any(isinstance(n, ast.Call) for term in left for n in ast.walk(term))
+                    left = [*left, value] if called else [value]
+                    break
+                if at < len(node.values) - 1:
+                    continue
             left.append(value)
-        if not left:
-            return ast.Constant(not decides)
         return left[0] if len(left) == 1 else ast.BoolOp(node.op, left)
 
     def visit_UnaryOp(self, node: ast.UnaryOp) -> Any:

@@ -198,7 +198,7 @@ def make_kernel(
     """
     cls = type(made)
     found = translation(made, state, terms)
-    checked = checked or not is_built_in(cls)
+    checked = checked or not is_built_in(cls) or found.fields.has_functions_of_others
     title = f"{cls.__name__}: {(cls.__doc__ or '').strip()}"
     entries = [_entry(found.methods, call, kinds, terms, rates) for call in calls]
     key = digest(salt(), found.key, repr(entries), title, repr(checked))
@@ -228,6 +228,10 @@ def _written(
         return asdict(Writer(source, checked).unit(named, title))
     except RefusedError as error:
         return {"refused": str(error)}
+    except Exception as error:
+        # A fault of the generator must not end a run that Python can do.
+        text = f"cannot be written as C: {type(error).__name__}: {error}"
+        raise NotCompilableError(text) from error
 
 
 def _symbol(key: str, entry: Entry) -> str:

@@ -45,11 +45,15 @@ class Writer(Folding):
         node = parsed(source).body[0]
         if not isinstance(node, ast.FunctionDef):
             raise NotCompilableError(f"'{name}' is no plain function")
-        arguments = node.args.args
-        names = [a.arg for a in arguments]
+        others = (*node.args.posonlyargs, *node.args.kwonlyargs, node.args.vararg, node.args.kwarg)
+        if any(others) or code.co_freevars:
+            raise NotCompilableError(f"'{name}' has other parameters than plain ones")
+        names = [a.arg for a in node.args.args]
         if self.bound:
             names = [n for n in names if n not in ("self", "state")]
         self.locals = {*names, *_assigned(node)}
+        if self.locals & {"math", "np"}:
+            raise self.refuse(node, "has a variable that is called 'math' or 'np'")
         defaults = dict(zip(reversed(names), reversed(node.args.defaults), strict=False))
         note = (ast.get_docstring(node) or "").split("\n\n")[0]
         # The plan calls output methods without the inputs that the block declares indirect.
@@ -100,28 +104,16 @@ class Writer(Folding):
         return self.visit(ast.copy_location(ast.Assign([node.target], node.value), node))
 
     def visit_Assign(self, node: ast.Assign) -> Any:
-        target, value = node.targets[0], node.value
-        if len(node.targets) == 1 and isinstance(target, ast.Tuple) and _is_call(value, "tolist"):
-            return self.unpacked(target, value.func.value)  # type: ignore[attr-defined]
+        if all(isinstance(target, ast.Tuple) for target in node.targets):
+            node.value = _without_list(node.value)
         return self.generic_visit(node)
 
-    def unpacked(self, target: ast.Tuple, array: ast.expr) -> list[ast.stmt]:
-        """``x, y = a.tolist()``, entry by entry."""
-        whole = f"entries_{target.lineno}_{target.col_offset}"
-        self.locals.add(whole)
-        done: list[ast.stmt] = [ast.Assign([ast.Name(whole, ast.Store())], self.visit(array))]
-
-        def take(part: ast.expr, at: tuple[int, ...]) -> None:
-            if isinstance(part, ast.Tuple):
-                for i, inner in enumerate(part.elts):
-                    take(inner, (*at, i))
-                return
-            index = parsed(repr(at[0] if len(at) == 1 else at)).body[0].value  # type: ignore[attr-defined]
-            value = ast.Subscript(ast.Name(whole, ast.Load()), index, ast.Load())
-            done.append(ast.Assign([part], value))
-
-        take(target, ())
-        return [ast.copy_location(statement, target) for statement in done]
+    def visit_For(self, node: ast.For) -> Any:
+        source = node.iter
+        if isinstance(source, ast.Call) and isinstance(source.func, ast.Name):
+            source.args = [_copied(argument) for argument in source.args]
+        node.iter = _copied(source)
+        return self.generic_visit(node)
 
     def visit_AugAssign(self, node: ast.AugAssign) -> Any:
         node.value = self.visit(node.value)
@@ -137,17 +129,18 @@ class Writer(Folding):
     def stored(self, node: ast.Attribute) -> None:
         whole = isinstance(node.value, ast.Name) and node.value.id == "state"
         if not whole or node.attr not in type(self.owner.made).spec.states:
-            raise self.refuse(node, f"assigns to '{ast.unparse(node)}', which is no State")
+            text = f"assigns to '{ast.unparse(node)}', which is no State"
+            raise self.refuse(node, f"{text}; declare a State for what changes")
 
     def visit_Attribute(self, node: ast.Attribute) -> Any:
         if isinstance(node.value, ast.Name) and node.value.id not in self.locals:
             owner = node.value.id
             if self.bound and owner in ("self", "state"):
-                if isinstance(node.ctx, ast.Store):
-                    suggestion = "; write into it, as in state.x[...] = value"
-                    if node.attr not in type(self.owner.made).spec.states:
-                        suggestion = "; declare a State for what changes"
-                    raise self.refuse(node, f"assigns to '{owner}.{node.attr}'{suggestion}")
+                if not isinstance(node.ctx, ast.Load):
+                    # Assigning to a state copies into its array.
+                    self.stored(node)
+                    load = self.entry(ast.Attribute(node.value, node.attr, ast.Load()), owner)
+                    return ast.Subscript(load, ast.Constant(...), node.ctx)
                 return self.entry(node, owner)
             module = self.function.__globals__.get(owner)
             if isinstance(module, types.ModuleType):
@@ -188,8 +181,6 @@ class Writer(Folding):
                 value = getattr(of, function.attr, None)
                 if isinstance(value, types.MethodType):
                     return self.called(node, function.attr, value)
-            if function.attr == "tolist" and not node.args:
-                return self.visit(owner)
         if isinstance(function, ast.Name) and function.id not in self.locals:
             if function.id == "tuple" and len(node.args) == 1 and _is_call(node.args[0], "tolist"):
                 return self.spelled(node.args[0].func.value)  # type: ignore[attr-defined]
@@ -206,8 +197,6 @@ class Writer(Folding):
                 terms = self.owner.terms.get(node.args[0].id)
                 if self.bound and terms is not None:
                     return ast.Constant(terms)
-            if function.id == "zip":
-                node.keywords = [k for k in node.keywords if k.arg != "strict"]
         return self.generic_visit(node)
 
     def called(self, node: ast.Call, attribute: str, method: types.MethodType) -> Any:
@@ -221,7 +210,9 @@ class Writer(Folding):
             self.visit(a) for a in node.args if not (isinstance(a, ast.Name) and a.id == "state")
         ]
         name = self.owner.method(attribute)
-        return ast.Call(ast.Name(name, ast.Load()), [ast.Name("b", ast.Load()), *arguments], [])
+        keywords = [ast.keyword(k.arg, self.visit(k.value)) for k in node.keywords]
+        unit = ast.Name("b", ast.Load())
+        return ast.Call(ast.Name(name, ast.Load()), [unit, *arguments], keywords)
 
     def packed(self, kind: SignalType, array: ast.expr) -> Any:
         """An array of a signal's shape in the signal's own form."""
@@ -287,6 +278,19 @@ def _entries(array: ast.expr, length: int) -> ast.Tuple:
     return ast.Tuple(
         [ast.Subscript(array, ast.Constant(i), ast.Load()) for i in range(length)], ast.Load()
     )
+
+
+def _without_list(node: ast.expr) -> ast.expr:
+    """``a`` in place of ``a.tolist()`` where its elements are read one by one at once."""
+    return node.func.value if _is_call(node, "tolist") else node  # type: ignore[attr-defined]
+
+
+def _copied(node: ast.expr) -> ast.expr:
+    """``a.copy()`` in place of ``a.tolist()`` where its elements are read one by one later."""
+    if not _is_call(node, "tolist"):
+        return node
+    method = ast.Attribute(node.func.value, "copy", ast.Load())  # type: ignore[attr-defined]
+    return ast.copy_location(ast.Call(method, [], []), node)
 
 
 def _is_call(node: ast.expr, attribute: str) -> bool:

@@ -96,7 +96,14 @@ def _translated(made: Block, state: BlockState, terms: dict[str, int]) -> Transl
     # Imported where something is translated: most starts find everything in the cache.
     from runtime.engine.compiled.translate import translate
 
-    found = translate(made, state, terms)
+    try:
+        found = translate(made, state, terms)
+    except NotCompilableError:
+        raise
+    except Exception as error:
+        # A fault of the translator must not end a run that Python can do.
+        text = f"cannot be translated: {type(error).__name__}: {error}"
+        raise NotCompilableError(text) from error
     places = [(f.file, f.line) for f in found.source.functions.values()]
     key = digest(found.text, repr(found.source.entries), repr(places))
     return Translation(found.methods, found.fields, key)

@@ -83,8 +83,8 @@ def {name}(x, y, z):
 """
 
 
-def compiled(texts: dict[str, str], check: bool) -> Callable[..., Any]:
-    """All functions in one library; returns a caller by name."""
+def compiled(texts: dict[str, str], check: bool) -> Callable[..., float | None]:
+    """All functions in one library; returns a caller by name, None where C leaves it to Python."""
     functions = {}
     for name, text in texts.items():
         node = ast.parse(text).body[0]
@@ -93,18 +93,18 @@ def compiled(texts: dict[str, str], check: bool) -> Callable[..., Any]:
     arguments = [("x", FLOAT), ("y", FLOAT), ("z", FLOAT)]
     entries = [Entry(f"entry_{name}", name, arguments, [FLOAT]) for name in texts]
     made = Writer(Source(functions), check).unit(entries, "Random functions.")
-    library = build([Unit("random", made.text)]).functions
+    library = build([Unit("random", f"#define WITHOUT_JUMPS\n{made.text}")]).functions
     arena = np.zeros(1 << 16, dtype=np.uint8)
     context = np.zeros(11, dtype=np.int64)
     context[5:7] = arena.ctypes.data, arena.size
 
-    def call(name: str, *values: float) -> float:
+    def call(name: str, *values: float) -> float | None:
         out = ctypes.c_double()
         given = [ctypes.c_double(value) for value in values]
         context[1] = -1
         address = ctypes.c_void_p(context.ctypes.data)
         getattr(library, f"entry_{name}")(address, None, *given, ctypes.byref(out))
-        return out.value
+        return out.value if context[1] < 0 else None
 
     call.arena = arena  # type: ignore[attr-defined]
     return call
@@ -117,19 +117,25 @@ def test_random_functions_give_the_same_bits(check: bool) -> None:
     texts = {f"f{i}": method(draw, f"f{i}") for i in range(FUNCTIONS)}
     call = compiled(texts, check)
     scope: dict[str, Any] = {"math": math, "np": np}
+    left = 0
     for name, text in texts.items():
         exec(compile(text, name, "exec"), scope)
         for _ in range(INPUTS):
             values = [draw.choice([draw.gauss(0.0, 2.0), 0.0, -1.0, 1e-9]) for _ in range(3)]
             expected, found = float(scope[name](*values)), call(name, *values)
+            if found is None:
+                left += 1
+                continue
             same = found == expected or (math.isnan(found) and math.isnan(expected))
             assert same, (text, values, expected, found)
+    # A product of ints and floats that is -0.0 is left to Python: many inputs here are zero.
+    assert left < 0.2 * FUNCTIONS * INPUTS
 
 
 REFUSED = {
     "x = np.linalg.norm(a)": "calls np.linalg.norm",
-    "x = np.sum(a, axis=0)": "reduces along an axis|keyword axis=",
-    "x = np.exp(a, out=a)": "keyword out= is not compiled; write the loop",
+    "x = np.sum(a, axis=0)": "calls np.sum in a form .* argument 'axis'.*write the loop",
+    "x = np.exp(a, out=a)": "calls np.exp in a form .* argument 'out'.*write the loop",
     "x = {1: 2.0}": "holds a Dict",
     "a[0] = 'text'": "computes with a 'text'",
     "x = a[0.5]": "uses a float as an index; use int",

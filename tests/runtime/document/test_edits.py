@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import runtime
+from runtime.document import parse_yaml
 from runtime.errors import GraphError, UsageError
 
 PLAIN: dict[str, Any] = {
@@ -281,3 +282,38 @@ def test_a_command_line_names_a_block(graph: runtime.Graph, change: str) -> None
     with pytest.raises(UsageError, match=f"--{change}: expected a block's name"):
         getattr(graph, change)(origin=f"--{change} ")
     assert getattr(graph, change)() == graph.set(change, [])
+
+
+UNUSED = """
+graph: g
+run: {dt: 0.01, until: 0.02}
+params: {rate: 2.0, other: 3.0, inner: 4.0}
+blocks:
+  a: {type: Constant, value: $rate}
+  b: {type: Gain, gain: $other}
+  p:
+    part: p
+    params: {gain: $inner, kept: 1.0}
+    inputs: {in: Scalar}
+    outputs: {out: c.out}
+    blocks:
+      c: {type: Gain, gain: $gain}
+      d: {type: Constant, value: $kept}
+    wires: {c: {input: inputs.in}}
+wires: {b: {input: a.value}, p: {in: b.out}}
+"""
+
+
+def test_a_change_that_makes_a_param_unused_is_a_note_not_an_error() -> None:
+    graph = runtime.load(parse_yaml(UNUSED, "g.yaml").plain())
+    changed = graph.set("a.value", 1.0).check()
+    assert changed.notes == ("params.rate is left out: nothing uses $rate after the change",)
+    # What runs it again does not name it either.
+    assert set(changed.to_dict()["params"]) == {"other", "inner"}
+    inside = graph.set("p.c.gain", 1.0).check()
+    assert [note.split()[0] for note in inside.notes] == ["p.params.gain", "params.inner"]
+    assert graph.replace("b", "UnitDelay").check().notes[-1].startswith("params.other is left out")
+    with pytest.raises(GraphError, match=r"\$nosuch is not used"):
+        graph.set("params.nosuch", 1.0).check()
+    with pytest.raises(GraphError, match=r"\$rate is not used"):
+        graph.set("a.value", 1.0).set("params.rate", 3.0).check()

@@ -302,3 +302,25 @@ def test_a_run_and_a_sweep_say_so(cli: Run, tmp_path: Path) -> None:
         rows = list(csv.DictReader(lines))
     assert [row["status"] for row in rows] == ["ok", "ok"]
     assert all(row["reason"] == note for row in rows)
+
+
+class Lazy(blocks.Block):
+    """Draws from 0.05 s on; called from Python, since it has a lambda."""
+
+    out = blocks.Output(blocks.Scalar)
+    drawn = blocks.State()
+
+    def output(self, state, t):
+        return float(state.drawn)
+
+    def update(self, state, t):
+        draw = lambda: state.rng.random()  # noqa: E731
+        if t >= 0.05:
+            state.drawn[...] = draw()
+
+
+def test_a_block_called_from_python_draws_on_where_its_first_draw_is_compared() -> None:
+    graph = own(until=0.2).add("lazy", Lazy()).probe("lazy.out")
+    python, compiled, notes = both(graph)
+    assert notes == []
+    np.testing.assert_array_equal(compiled["lazy.out"], python["lazy.out"])

@@ -58,7 +58,10 @@ def test_what_both_types_have_stays() -> None:
     entry = changed.to_dict()["blocks"]["slow"]
     assert entry == {"type": "UnitDelay", "dt": 0.2}
     assert changed.to_dict()["wires"] == PLAIN["wires"]
-    assert changed.notes == ("'slow' is now a UnitDelay, which has no tau: dropped",)
+    assert changed.notes == (
+        "'slow' is now a UnitDelay, which has no tau: dropped",
+        "params.k is left out: nothing uses $k after the change",
+    )
     assert "params" not in changed.to_dict() or changed.to_dict()["params"] == {}
     assert graph.to_dict()["blocks"]["slow"]["type"] == "Lowpass"
     out = changed.probe("out", "slow.out").run()["out"]
@@ -95,6 +98,7 @@ def test_probes_plots_and_metrics_of_what_is_gone_fall_away() -> None:
     assert result.notes == [
         "'slow' is now a UnitDelay, which has no tau: dropped",
         "'slow' is now a UnitDelay, which has no 'nothing': 'slow.nothing' is dropped",
+        "params.k is left out: nothing uses $k after the change",
     ]
 
 
