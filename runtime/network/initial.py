@@ -78,7 +78,9 @@ def _states(
             )
         problems.add(node.where, address, message)
     except (*_BROKEN, zlib.error, struct.error) as error:
-        problems.add(node.where, address, f"'{folder / STATES}' is damaged: {error}")
+        problems.add(
+            node.where, address, f"'{folder / STATES}' is damaged: {error}; run that graph again"
+        )
     files[node.value] = arrays
     return arrays
 

@@ -336,8 +336,9 @@ def _check_facts(manifest: dict[str, Any]) -> None:
 
 def _text(path: Path) -> str:
     try:
-        with system_errors(f"read '{path}'"):
-            return read_text(path)
+        return read_text(path)
+    except OSError as error:
+        raise UsageError(f"cannot read '{path}': {error.strerror}{_way_out(path)}") from None
     except UnicodeDecodeError:
         raise _damaged(path, "it is no UTF-8 text") from None
     except ValueError as error:
@@ -362,7 +363,7 @@ def _arrays(path: Path) -> dict[str, FloatArray]:
             warnings.simplefilter("error")
             arrays = open_arrays(path)
     except FileNotFoundError:
-        raise UsageError(f"cannot read '{path}': No such file or directory") from None
+        raise UsageError(f"'{path}' is missing{_way_out(path)}") from None
     except _BROKEN_ARRAYS as error:
         raise _damaged(path, str(error) or type(error).__name__) from None
     for name, array in arrays.items():
@@ -397,4 +398,12 @@ def _changed_files(folder: Path, manifest: dict[str, Any]) -> list[str]:
 
 
 def _damaged(path: Path, message: str) -> UsageError:
-    return UsageError(f"'{path}' is damaged: {' '.join(message.split())}")
+    return UsageError(f"'{path}' is damaged: {' '.join(message.split())}{_way_out(path)}")
+
+
+def _way_out(path: Path) -> str:
+    """What to do about a file of a run folder that cannot be used."""
+    resolved = path.parent / RESOLVED
+    if resolved == path or not resolved.is_file():
+        return "; restore it from a copy"
+    return f"; restore it from a copy, or run the graph again: runtime run {resolved}"

@@ -142,7 +142,9 @@ def read_rows(path: Path, columns: Columns) -> Iterator[Row]:
                 try:
                     yield columns.row(fields)
                 except ValueError as error:
-                    raise UsageError(f"{path}:{number}: not a row of this plan: {error}") from None
+                    message = f"{path}:{number}: not a row of this plan: {error}"
+                    advice = "remove this line, and --resume runs its trial again"
+                    raise UsageError(f"{message}; {advice}") from None
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise UsageError(f"cannot read '{path}': {error}") from None
 

@@ -199,3 +199,32 @@ def test_metrics_that_are_not_numbers_are_refused(run: Path) -> None:
     (run / "metrics.json").write_text('{"end": "many"}')
     with pytest.raises(UsageError, match=r"metrics.json' is damaged: expected a number or null"):
         open_run(run)
+
+
+@pytest.mark.parametrize("name", ["manifest.json", "metrics.json", "probes.npz"])
+@pytest.mark.parametrize("damage", ["empty", "half", "zeros", "bit", "folder"])
+def test_a_damaged_file_is_named_with_what_to_do(tmp_path: Path, name: str, damage: str) -> None:
+    saved = runtime.load("starters/tracking").set("run.until", 0.05).run().save(tmp_path / "run")
+    path = saved / name
+    content = path.read_bytes()
+    half = len(content) // 2
+    path.unlink()
+    if damage == "folder":
+        path.mkdir()
+    else:
+        path.write_bytes(
+            {
+                "empty": b"",
+                "half": content[:half],
+                "zeros": bytes(len(content)),
+                "bit": content[:half] + bytes([content[half] ^ 0x80]) + content[half + 1 :],
+            }[damage]
+        )
+    with pytest.raises(UsageError) as caught:
+        open_run(saved)
+    message = str(caught.value)
+    if name == "manifest.json" and damage == "folder":
+        assert "holds no run (no manifest.json in it)" in message
+    else:
+        assert message.startswith((f"'{path}' is damaged: ", f"cannot read '{path}': "))
+        assert message.endswith(f"runtime run {saved / 'graph.resolved.yaml'}")
