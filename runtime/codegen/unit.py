@@ -96,7 +96,7 @@ class Writer:
             for suffix, c_type in leaves(kind)
         ]
         members = [f"    {_declared(c_type, name)};" for name, c_type in words]
-        head = ["/* " + line.replace("*/", "* /") for line in title.split("\n")] if title else []
+        head = ["/* " + line for line in _plain(title).split("\n")] if title else []
         if head:
             head = [
                 "\n * ".join(line.removeprefix("/* ") if i else line for i, line in enumerate(head))
@@ -301,7 +301,7 @@ class Writer:
         head = _declared(f"static {self.c_return(returned)}", name)
         text = "\n".join(
             [
-                *([f"/* {target.note} */"] if target.note else []),
+                *([f"/* {_plain(target.note)} */"] if target.note else []),
                 f"{head}({', '.join(parameters) or 'void'})",
                 "{",
                 *[f"    (void){p};" for p in unused],
@@ -379,6 +379,11 @@ class Writer:
             ]
         )
         return text, calls
+
+
+def _plain(text: str) -> str:
+    """A text that neither ends a comment nor opens one in it."""
+    return text.replace("*/", "* /").replace("/*", "/ *")
 
 
 def _declared(c_type: str, name: str) -> str:

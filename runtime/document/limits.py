@@ -15,6 +15,8 @@ from runtime.errors import GraphError, Problem, Problems, Where
 MAX_LEVELS = 50  # files that extend or contain each other
 MAX_BLOCKS = 20_000
 MAX_WORK = 3 * MAX_NODES
+MAX_VALUE_DEPTH = 10  # of the value of a param; those of parts may hold those of parts around them
+STEPS_OF_ITEM = 10  # a number in a list is checked, converted and copied wherever a param puts it
 
 
 class Measure:
@@ -74,6 +76,18 @@ class Work:
         if self.done > MAX_WORK:
             message = f"reading this graph takes more than {MAX_WORK} steps; extend, nest or repeat"
             self.stop(where, address, f"{message} less")
+
+    def substitute(self, name: str, value: Node, where: Where, address: str) -> None:
+        """Count the value of a param where it is used; a few lines can double it again and again.
+
+        Raises
+        ------
+        GraphError : it is nested too deep, or too much was substituted before.
+        """
+        size, depth = self.measure.of(value)
+        if depth > MAX_VALUE_DEPTH:
+            self.stop(where, address, f"${name} is nested more than {MAX_VALUE_DEPTH} deep")
+        self.charge(size * STEPS_OF_ITEM if depth else size, where, address)
 
     def block(self, where: Where, address: str) -> None:
         """Count a block.

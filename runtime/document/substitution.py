@@ -108,6 +108,19 @@ class _Filler:
         self.problems = problems
         self.used: set[str] = set()
         self.missing: set[str] = set()
+        # With the values, since an id is unique only while its object exists.
+        self._known: dict[int, tuple[object, bool]] = {}
+
+    def _has_references(self, node: Node) -> bool:
+        """Whether a value holds another param; a shared part of it is looked through once."""
+        if not isinstance(node.value, (dict, list)):
+            return any(_references(node))
+        known = self._known.get(id(node.value))
+        if known is None:
+            items = node.value if node.is_list else [item for _, item in node.items()]
+            known = node.value, any(map(self._has_references, items))
+            self._known[id(node.value)] = known
+        return known[1]
 
     def refuse_nested(self) -> None:
         for name, node in (self.params or {}).items():
@@ -148,8 +161,8 @@ class _Filler:
         found = (self.params or {}).get(name)
         if found is not None and found.value is not None:
             self.used.add(name)
-            self.work.charge(self.work.measure.of(found)[0], node.where, address)
-            if any(_references(found)):
+            self.work.substitute(name, found, node.where, address)
+            if self._has_references(found):
                 self.problems.silence(found.where, address)
             return Node(found.value, found.where, node.key)
         if found is not None:

@@ -49,7 +49,14 @@ from runtime.engine.solvers import (
     substep,
 )
 from runtime.engine.state import Held, RunState
-from runtime.engine.values import NotFiniteError, OutputChecks, bad_slope, sealed, unreached
+from runtime.engine.values import (
+    NotFiniteError,
+    OutputChecks,
+    bad_slope,
+    sealed,
+    unreached,
+    wrong_initial,
+)
 from runtime.errors import Problem, SimulationError, UsageError
 from runtime.network import Network, columns
 
@@ -294,6 +301,9 @@ class Engine:
         self._guard(name, partial(block.start, state))
         if name in self.network.initial:
             for key, array in self.network.initial[name].items():
+                wrong = wrong_initial(key, getattr(state, key), array)
+                if wrong:
+                    raise SimulationError(name, 0, 0.0, wrong)
                 getattr(state, key)[...] = array
             self._guard(name, partial(block.resume, state))
 

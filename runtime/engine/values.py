@@ -144,6 +144,21 @@ def _is_bad(kind: SignalType, value: Any) -> bool:
     return bool(np.isnan(numbers).any() or (kind.finite and np.isinf(numbers).any()))
 
 
+def wrong_initial(name: str, begun: FloatArray, array: FloatArray) -> str:
+    """What is wrong with a state that an earlier run ended with; '' if nothing is.
+
+    A state that is NaN after ``start`` says so that there is no value yet, and may be NaN again;
+    infinite numbers may come from the misses of a scan.
+    """
+    wrong = int(np.isnan(array).sum())
+    if wrong and not np.isnan(begun).any():
+        message = (
+            f"{wrong} of {array.size} numbers of the state '{name}' are NaN in the earlier run"
+        )
+        return f"{message}; begin from another run, or without this state"
+    return ""
+
+
 def brief(value: Any) -> str:
     """A value in at most 80 characters, for messages."""
     is_array = isinstance(value, np.ndarray)

@@ -68,9 +68,23 @@ class StepText:
 
     def initial(self, kept: bool) -> Iterator[str]:
         """The statements that set the states; ``kept`` are those that a reset leaves alone."""
+        tests = {member: test for _, member, _, test in self.layout.checked_states()}
         for _, member, values in self.layout.states():
-            if values.size and self.layout.is_learnt(member) == kept:
-                yield f"    {self.initialised(member, values)}"
+            if not values.size:
+                continue
+            begun = self.initialised(member, values)
+            learnt = self.layout.is_learnt(member)
+            if learnt == kept:
+                yield f"    {begun}"
+            elif learnt and member in tests:  # what is not finite was not learnt
+                yield f"    if (!{tests[member]}(c->{member}, {values.size})) {begun}"
+        for port in self.selection.inputs if self.layout.hold and not kept else ():
+            place = self.signal(port)  # nothing is held yet
+            if self.layout.kind(port).form == "scalar":
+                yield f"    {place} = (double)NAN;"
+            else:
+                count = self.layout.count(port)
+                yield f"    for (int i = 0; i < {count}; i++) {place}[i] = (double)NAN;"
 
     def initialised(self, member: str, values: np.ndarray[Any, Any]) -> str:
         """The statement that sets a state to what it begins with."""

@@ -72,8 +72,8 @@ ${unmeasured}${reset}
 
 void ${name}_init(struct ${name} *c)
 {
-    ${name}_reset(c);
 ${learnt}
+    ${name}_reset(c);
 }
 
 int ${name}_step(struct ${name} *c, const struct ${name}_inputs *in, struct ${name}_outputs *out)

@@ -382,7 +382,7 @@ def _check_contexts(network: Network, problems: Problems) -> MissingPackageError
     """
     missing: MissingPackageError | None = None
     for name, entry in network.entries.items():
-        if entry.block is None or not network.is_typed(name):
+        if entry.block is None or not network.is_typed(name) or network.waits(name):
             continue
         try:
             context = network.context(name)

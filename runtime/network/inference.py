@@ -54,15 +54,15 @@ def report_open(network: Network, problems: Problems) -> None:
     for name, entry in network.entries.items():
         spec = entry.cls.spec
         ports = [p for p in (*spec.inputs, *spec.outputs) if (name, p) not in network.types]
-        if ports:
+        if ports and not network.waits(name):
             where = entry.node.key
             published = frozenset(port for port, _ in network.publications(name))
             reason = "" if entry.block is None else entry.block.why_open(published)
-            message = reason or _open(name, ports[0], entry.cls.spec)
+            message = reason or _open(network, name, ports[0], entry.cls.spec)
             problems.add(where, entry.address if where == NOWHERE else "", message)
 
 
-def _open(block: str, port: str, spec: BlockSpec) -> str:
+def _open(network: Network, block: str, port: str, spec: BlockSpec) -> str:
     """What to do about a port whose type or length is not determined."""
     kind = spec.ports[port].type
     if isinstance(kind, Same):
@@ -75,7 +75,11 @@ def _open(block: str, port: str, spec: BlockSpec) -> str:
         )
     alike = [name for name, declared in spec.inputs.items() if declared.type == kind]
     inputs = " or ".join(f"'{block}.{name}'" for name in alike or [port])
-    return f"the length of '{block}.{port}' ({kind}) is open; wire a {kind.name} to {inputs}"
+    wired = {wire.port for wire in network.wires if wire.block == block}
+    message = f"the length of '{block}.{port}' ({kind}) is open"
+    if port in spec.inputs and not wired & {*alike}:
+        message = f"'{block}.{port}' is not connected, and its length ({kind}) is open"
+    return f"{message}; wire a {kind.name} to {inputs}"
 
 
 def compatible(source: SignalType, target: SignalType) -> bool:

@@ -207,6 +207,14 @@ class Network:
         spec = self.entries[name].cls.spec
         return all((name, port) in self.types for port in (*spec.inputs, *spec.outputs))
 
+    def waits(self, name: str) -> bool:
+        """Whether what a block receives from others depends on types that are open.
+
+        The lengths of a Decoder are those of the Ensemble whose spikes it reads, which may have no
+        input yet; that is reported of the Ensemble.
+        """
+        return any(not self.is_typed(end.block) for _, end in self.publications(name))
+
     def context(self, name: str) -> BlockContext:
         """What a block knows about its place in the graph: step, types, wires, world."""
         entry = self.entries[name]

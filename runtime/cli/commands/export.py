@@ -26,6 +26,8 @@ def add(parser: ArgumentParser) -> None:
         )
     parser.add_argument("--name", default="controller", help="of files and functions (controller)")
     parser.add_argument("--float32", action="store_true", help="compute in float, not in double")
+    message = "an input that is not finite keeps its last value, instead of a failure"
+    parser.add_argument("--hold-inputs", action="store_true", help=message)
     message = "length of the recorded run that the test replays"
     parser.add_argument("--ticks", type=integer(1, MOST_TICKS), metavar="N", help=message)
     add_json(parser)
@@ -43,6 +45,7 @@ def run(options: Namespace) -> int:
         name=options.name,
         float32=options.float32,
         ticks=options.ticks,
+        hold=options.hold_inputs,
     )
     if options.json:
         show_json(

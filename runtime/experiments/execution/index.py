@@ -11,14 +11,16 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import get_args
 
 from runtime.errors import UsageError
 from runtime.experiments.execution.trials import Trial
-from runtime.experiments.execution.worker import TrialResult
+from runtime.experiments.execution.worker import Status, TrialResult
 from runtime.files import lock, open_file
 
 FIRST, MIDDLE, LAST = ("point",), ("seed", "status", "reason"), ("signals", "wall_s")
 RESERVED = (*FIRST, *MIDDLE, *LAST)
+STATUSES = get_args(Status)
 NO_SIGNAL = "-"
 LONGEST_REASON = 2000  # characters that are written
 LONGEST_FIELD = 1 << 27  # characters that are read; the csv module stops at 128 KiB by default
@@ -85,6 +87,8 @@ class Columns:
         if signals and len(signals) != len(values):
             raise ValueError(f"expected {len(values)} signals, got {len(signals)}")
         seed, status = int(rest[0]), rest[1]
+        if status not in STATUSES:
+            raise ValueError(f"expected a status ({', '.join(STATUSES)}), got '{status}'")
         cells, reason = tuple(map(_unescaped, factors)), _unescaped(rest[2])
         wall_s = float(rest[-1])
         return Row(int(fields[0]), cells, seed, status, reason, values, wall_s, signals)

@@ -115,6 +115,37 @@ def test_params_that_double_are_counted(tmp_path: Path, monkeypatch: pytest.Monk
     assert "expands to more than 20000 values" in message
 
 
+@pytest.mark.parametrize(
+    ("levels", "inner", "reason"),
+    [
+        (20, "[$p, $p]", f"$p is nested more than {limits.MAX_VALUE_DEPTH} deep"),
+        (4, str(["$p"] * 60).replace("'", ""), f"takes more than {MAX_WORK} steps"),
+    ],
+)
+def test_params_of_parts_that_grow_are_refused_before_they_are_large(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, levels: int, inner: str, reason: str
+) -> None:
+    read = []
+    plain = Node.plain
+
+    def counted(self: Node) -> Any:
+        read.append(1)
+        return plain(self)
+
+    monkeypatch.setattr(Node, "plain", counted)
+    part = "params: {p: 1}\noutputs: {o: c.value}\nblocks: {c: {type: Constant, value: $p}}\n"
+    write(tmp_path, {"g0.yaml": part})
+    for i in range(1, levels):
+        text = f"params: {{p: 1}}\noutputs: {{o: a.o}}\nblocks: {{a: {{graph: g{i - 1}.yaml, "
+        write(tmp_path, {f"g{i}.yaml": f"{text}params: {{p: {inner}}}}}}}\n"})
+    top = f"params: {{z: [1]}}\nblocks: {{a: {{graph: g{levels - 1}.yaml, params: {{p: $z}}}}}}\n"
+    write(tmp_path, {"top.yaml": top})
+    message = refused(tmp_path / "top.yaml")
+    assert message.startswith(f"{tmp_path}/g")
+    assert reason in message
+    assert len(read) < 1000
+
+
 def test_sizes_and_depths_are_those_of_the_tree_written_out() -> None:
     node = Node([Node(1), Node({"a": Node(2)})])
     for _ in range(3):

@@ -62,7 +62,8 @@ def test_an_open_input_has_the_form_of_its_type(engine: str) -> None:
 
 def test_an_open_length_is_reported_with_what_gives_it() -> None:
     graph = runtime.Graph().add("o", Optional())
-    message = "blocks.o: the length of 'o.x' (Vector(n)) is open; wire a Vector to 'o.x'"
+    message = "blocks.o: 'o.x' is not connected, and its length (Vector(n)) is open; "
+    message += "wire a Vector to 'o.x'"
     assert messages(graph) == [message]
 
 
