@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -57,7 +56,7 @@ from runtime.engine.values import (
     unreached,
     wrong_initial,
 )
-from runtime.errors import Problem, SimulationError, UsageError
+from runtime.errors import Problem, SimulationError, UsageError, raised_at
 from runtime.network import Network, columns
 
 CHUNK_SECONDS = 0.1
@@ -413,10 +412,9 @@ class Engine:
 
 def _described(error: BaseException) -> str:
     """An exception in one line, with its location in the user's code."""
-    frames: Sequence[traceback.FrameSummary] = traceback.extract_tb(error.__traceback__)
+    place = raised_at(error)
     # Compiled text has no lines of its own.
-    inside = bool(frames) and Path(frames[-1].filename).parent.name != "compiled"
-    place = f" ({frames[-1].filename}:{frames[-1].lineno})" if inside else ""
+    place = f" ({place})" if place and Path(place).parent.name != "compiled" else ""
     suggestion = ""
     if isinstance(error, ValueError) and "read-only" in str(error):
         suggestion = "; arrays that a block receives or has returned are read-only: write to a copy"

@@ -18,6 +18,7 @@ from runtime.observation.plot_options import (
     Levels,
     Map,
     Overlaid,
+    Plane,
     Raster,
     Scans,
     moments,
@@ -267,7 +268,7 @@ _OWN: dict[str, PlotKind] = {
     "trajectory": PlotKind(
         "poses, paths and point clouds in the plane",
         "runtime.plots.trajectory:draw_trajectory",
-        options=Overlaid,
+        options=Plane,
         each=_in_plane,
     ),
     "xy": PlotKind(

@@ -13,6 +13,7 @@ from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 
+from blocks.core import pip_line
 from runtime.errors import SpikeblocksError
 from runtime.toolchain import store
 
@@ -206,7 +207,7 @@ def install_command() -> str:
     """The command that installs a C compiler on this system."""
     import platform
 
-    pip = f"pip install 'spikeblocks[{EXTRA}]'"
+    pip = pip_line(EXTRA)
     if sys.platform == "darwin":
         return f"xcode-select --install (or {pip})"
     try:

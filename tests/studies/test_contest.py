@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from scipy import stats
 
 import runtime
 from runtime.document import dump_yaml
+from runtime.document.loader import SHIPPED
 from tests.studies.causes import CASES
 from tests.studies.contest import budgets, fronts, opening, weaknesses
 from tests.studies.contest.contestants import (
@@ -155,6 +157,18 @@ def test_the_shipped_robust_graphs_differ_from_their_cases_by_one_rule() -> None
         rules.append({key: robust[key] for key in robust if robust[key] != plain.get(key)})
     assert rules[0] == rules[1] == rules[2]
     assert "adaptive.snn_omega" in rules[0]
+
+
+def test_the_shipped_setting_is_the_one_that_was_found() -> None:
+    text = (SHIPPED.parent / "docs" / "comparison.md").read_text(encoding="utf-8")
+    (told,) = re.findall(r"found one setting .*?trials: (.*?)\.\n", text, re.S)
+    found = re.findall(r"`(\S+)` = (\S+?)(?:,|$)", told)
+    assert len(found) == 5
+    entries = runtime.load("wall_following_robust").network.entries
+    for path, value in found:
+        address = path.replace("adaptive.params", "adaptive.snn_omega")
+        block, _, key = address.rpartition(".")
+        assert entries[block].made.value(key) == float(value), path
 
 
 def test_one_setting_has_no_constant_that_differs_from_case_to_case() -> None:

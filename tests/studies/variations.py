@@ -94,4 +94,6 @@ def section(seeds: range) -> str:
 
 
 def _interval(found: Estimate, sign: str = "") -> str:
+    if math.isnan(found.low):  # identical runs have none
+        return f"{found.mean:{sign}.3f}"
     return f"{found.mean:{sign}.3f} [{found.low:{sign}.3f}, {found.high:{sign}.3f}]"

@@ -256,3 +256,25 @@ def test_compared_ticks_depend_on_the_graph_and_the_seed_and_become_sparse() -> 
     assert ticks != list(islice(compared(program, 2, ["own"]), 400))
     # At most 0.01 of the time: a tick takes less than 1 us, comparing it 100 us or more.
     assert np.mean(np.diff(ticks[-100:])) > 5000.0
+
+
+class Lazy(blocks.Block):
+    """Draws from 0.05 s on; called from Python, since it has a lambda."""
+
+    out = blocks.Output(blocks.Scalar)
+    drawn = blocks.State()
+
+    def output(self, state, t):
+        return float(state.drawn)
+
+    def update(self, state, t):
+        draw = lambda: state.rng.random()  # noqa: E731
+        if t >= 0.05:
+            state.drawn[...] = draw()
+
+
+def test_a_block_called_from_python_draws_on_where_its_first_draw_is_compared() -> None:
+    graph = own(until=0.2).add("lazy", Lazy()).probe("lazy.out")
+    python, compiled, notes = both(graph)
+    assert notes == []
+    np.testing.assert_array_equal(compiled["lazy.out"], python["lazy.out"])

@@ -138,7 +138,7 @@ def _feedforward(limits: Sequence[_Limit]) -> str:
             [one for one in limit.found if one.name in SPIKES], fed, limit.task.counts
         )
         told = [
-            f"{name} by {interval(against[name].difference, '+')} mm ({against[name].word})"
+            f"the {name} by {interval(against[name].difference, '+')} mm ({against[name].word})"
             for name in OURS
             if name in against
         ]

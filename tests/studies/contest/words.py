@@ -16,7 +16,9 @@ def mm(value: float, sign: str = "") -> str:
 
 
 def interval(found: Estimate, sign: str = "") -> str:
-    """A mean in mm with the ends of its interval."""
+    """A mean in mm with the ends of its interval, where there is one: identical runs have none."""
+    if math.isnan(found.low):
+        return mm(found.mean, sign)
     return f"{mm(found.mean, sign)} [{mm(found.low, sign)}, {mm(found.high, sign)}]"
 
 
