@@ -17,6 +17,7 @@ from runtime.observation.plot_options import (
     Levels,
     Map,
     Overlaid,
+    Plane,
     Raster,
     Scans,
     moments,
@@ -265,7 +266,7 @@ PLOT_KINDS: Mapping[str, PlotKind] = {
     "trajectory": PlotKind(
         "poses, paths and point clouds in the plane",
         "runtime.plots.trajectory:draw_trajectory",
-        options=Overlaid,
+        options=Plane,
         each=_in_plane,
     ),
     "xy": PlotKind(

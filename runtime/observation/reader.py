@@ -34,6 +34,7 @@ from runtime.network import (
 from runtime.observation.default_plots import default_plots
 from runtime.observation.metrics import METRIC_KINDS, Metric, ProbeInfo
 from runtime.observation.observation import Observation, StopTest
+from runtime.observation.other_names import OTHER_NAMES
 from runtime.observation.plots import (
     COMMON,
     PLOT_KINDS,
@@ -384,8 +385,11 @@ class _Reader:
                 message = f"missing; expected one of {', '.join(known)}"
                 self.problems.add(node.key, address, message)
         else:
-            got = f"got {item.describe()}{hint(item.plain(), known)}"
-            self.problems.add(item.where, address, f"expected one of {', '.join(known)}, {got}")
+            near = hint(item.plain(), known, OTHER_NAMES)
+            message = f"expected one of {', '.join(known)}, got {item.describe()}{near}"
+            if near and isinstance(item.value, str):  # a long list would hide it
+                message = f"there is no kind '{item.value[:40]}'{near}"
+            self.problems.add(item.where, address, message)
         return ""
 
     def metric(self, name: str, node: Node, address: str) -> None:
