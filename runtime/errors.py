@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 
@@ -21,6 +23,7 @@ class Where:
         return f"{self.file}:{self.line}:{self.column}"
 
 
+ROOT = Path(__file__).resolve().parents[1]
 NOWHERE = Where()
 # Where something is written, and its address in the graph: 'blocks.lqr.q', or '' for the whole.
 Location = tuple[Where, str]
@@ -47,6 +50,27 @@ class Problem:
 def one_line(text: str) -> str:
     """A text as one line: characters that cannot be printed are escaped."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
+def raised_at(error: BaseException) -> str:
+    """``file.py:12``, where an exception was raised: in the user's own code if it passed there.
+
+    An error that our code raises, because of what a user's block did, is then blamed on the line
+    that did it. '' if the exception passed through no file.
+    """
+    from sysconfig import get_paths
+    from traceback import extract_tb
+
+    frames = [f for f in extract_tb(error.__traceback__) if not f.filename.startswith("<")]
+    ours = tuple(f"{ROOT / package}{os.sep}" for package in ("blocks", "runtime"))
+    others = (*ours, *(f"{get_paths()[key]}{os.sep}" for key in ("stdlib", "purelib", "platlib")))
+    own = [f for f in frames if not f.filename.startswith(others)]
+    own = own or [f for f in frames if not f.filename.startswith(ours)] or frames
+    if not own:
+        return ""
+    path = Path(own[-1].filename)
+    path = path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
+    return f"{path}:{own[-1].lineno}"
 
 
 class SpikeblocksError(Exception):
@@ -99,7 +123,9 @@ class MissingExtraError(SpikeblocksError):
     exit_code = 4
 
     def __init__(self, feature: str, extra: str) -> None:
-        super().__init__(f"{feature} needs an optional extra: pip install 'spikeblocks[{extra}]'")
+        from blocks.core import pip_line  # it loads NumPy, which --help does without
+
+        super().__init__(f"{feature} needs an optional extra: {pip_line(extra)}")
 
 
 class MissingLibraryError(SpikeblocksError):

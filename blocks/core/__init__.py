@@ -22,20 +22,22 @@ from blocks.core.expressions import (
     function_text,
     read_expression,
 )
-from blocks.core.extras import MissingPackageError, require
+from blocks.core.extras import MissingPackageError, pip_line, require
 from blocks.core.installed import BrokenPackageError, Installed
 from blocks.core.kernels import function_kernel, has_kernels, kernel_for, kernel_of
-from blocks.core.matrices import times
+from blocks.core.matrices import covariance_fault, times
 from blocks.core.options import Options
 from blocks.core.params import (
     REQUIRED,
     Param,
     ParameterError,
+    as_matrix,
     hint,
     maybe_degrees,
     param,
     plain,
     show,
+    size_of,
 )
 from blocks.core.portable import arctan2, cos, directions, product, sin, solve
 from blocks.core.scalar_functions import RESERVED, modulo, nearest
@@ -110,9 +112,11 @@ __all__ = [
     "Vector",
     "WheelSpeeds",
     "arctan2",
+    "as_matrix",
     "check_flat",
     "check_sized",
     "cos",
+    "covariance_fault",
     "differ",
     "directions",
     "expression_function",
@@ -128,6 +132,7 @@ __all__ = [
     "nearest",
     "param",
     "parsed",
+    "pip_line",
     "plain",
     "portable",
     "product",
@@ -136,6 +141,7 @@ __all__ = [
     "show",
     "signal_type",
     "sin",
+    "size_of",
     "solve",
     "spread_to",
     "times",

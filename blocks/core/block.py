@@ -59,7 +59,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from blocks.core.declarations import BlockSpec, DeclarationError, Evaluation, Input, Output, State
-from blocks.core.params import ParameterError, hint, plain, show
+from blocks.core.params import ParameterError, as_matrix, hint, plain, show
 from blocks.core.reading import STATED, read_declarations
 from blocks.core.settings import SettingError
 from blocks.core.signals import PortType, SignalType
@@ -161,16 +161,22 @@ class Block:
             own_variables=cls.variables is not Block.variables,
         )
 
-    def __init__(self, **values: Any) -> None:
+    def __init__(self, *unnamed: Any, **values: Any) -> None:
         problems: list[tuple[str, str]] = []
         known = self.spec.params
+        for name, value in zip([*known, *("",) * len(unnamed)], unnamed, strict=False):
+            written = f"{type(self).__name__}({name}={value!r})"
+            text = f"parameters are given by name, as in {written}" if name else "has no parameter"
+            problems.append((name or "value", text))
         problems += [
             (name, f"unknown parameter{hint(name, known) or _listed(known)}")
             for name in sorted(values.keys() - known.keys())
         ]
         for name, declared in known.items():
-            if name not in values and declared.required:
+            if name not in values and declared.required and not unnamed:
                 problems.append((name, f"missing; expected {declared.describe()}: {declared.doc}"))
+                continue
+            if name not in values and declared.required:
                 continue
             try:
                 value = declared.convert(values.get(name, declared.default))
@@ -196,11 +202,12 @@ class Block:
             message = f"expected a type with its length, as in {stated.name}(3), got {stated.name}"
             return [("signal", message)]
         return [
-            (name, f"expected {declared.describe()}, got {show(value)}")
+            (name, f"{expected}, got {show(plain(value))}{as_matrix(value, declared)}")
             for name, declared in self.spec.params.items()
             if declared.kind == "array"
             and (value := self.value(name)) is not None
             and not declared.fits(value, sizes)
+            and (expected := f"expected {declared.describe()}")
         ]
 
     def validate(self) -> None:
@@ -232,6 +239,10 @@ class Block:
     def files(self) -> Mapping[str, bytes]:
         """The content of the files that the block has read, by resolved path; a run keeps them."""
         return {}
+
+    def instead(self, wanted: SignalType) -> str:
+        """What to write for an output of another type, for messages; '' if unknown."""
+        return ""
 
     def why_not_finite(self) -> str:
         """Why an output may be NaN or infinite, and what to do, for messages; '' if unknown."""

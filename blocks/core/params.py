@@ -315,10 +315,28 @@ def show(value: Any) -> str:
     return text if len(text) <= 40 else text[:37] + "..."
 
 
-def hint(name: Any, known: Iterable[str]) -> str:
-    """``, did you mean 'neurons'?`` or nothing."""
+def as_matrix(value: FloatArray, declared: Param) -> str:
+    """How a number or a list is written as one row, where a parameter may be a matrix."""
+    if value.ndim > 1 or not any(len(shape) == 2 for shape in declared.shapes):
+        return ""
+    return f"; one row is written {show([np.atleast_1d(value).tolist()])}"
+
+
+def size_of(value: FloatArray) -> str:
+    """The size of an array in words: ``a number``, ``3 numbers``, ``2 x 3 numbers``."""
+    sides = " x ".join(map(str, value.shape))
+    return f"{sides} numbers" if sides else "a number"
+
+
+def hint(name: Any, known: Iterable[str], also: Mapping[str, str] | None = None) -> str:
+    """``, did you mean 'neurons'?`` or nothing.
+
+    ``also`` maps words that others use to one of the known names.
+    """
     folded = {entry.lower(): entry for entry in known}
     written = str(name).lower()[:LONGEST]
+    if (ours := (also or {}).get(written)) in folded:
+        return f", did you mean '{ours}'?"
     close = difflib.get_close_matches(written, _likely(written, tuple(folded)), n=1, cutoff=ALIKE)
     return f", did you mean '{folded[close[0]]}'?" if close else ""
 

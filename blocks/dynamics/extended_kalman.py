@@ -23,9 +23,10 @@ from blocks.core import (
     State,
     Vector,
     param,
+    size_of,
 )
 from blocks.dynamics.equations import Equations, input_count
-from blocks.dynamics.kalman import product, solved, transposed
+from blocks.dynamics.kalman import covariance_problems, product, solved, transposed
 
 # The relative step of a central difference: the cube root of the rounding error.
 STEP = float(np.finfo(np.float64).eps) ** (1.0 / 3.0)
@@ -88,10 +89,11 @@ class ExtendedKalmanFilter(Block):
         n, p = self.x0.size, self.measured
         wanted = {"Q": (self.q, n), "P0": (self.p0, n), "R": (self.r.reshape(p, -1), p)}
         problems = [
-            (name, f"expected {size} x {size} numbers, got {list(value.shape)}")
+            (name, f"expected {size} x {size} numbers, got {size_of(value)}")
             for name, (value, size) in wanted.items()
             if value is not None and value.shape != (size, size)
         ]
+        problems = problems or covariance_problems(self.q, self.p0, self.r.reshape(p, p))
         problems += self.equations.problems()
         for name, texts, count, method in (
             ("transition", self.transition, n, "following"),

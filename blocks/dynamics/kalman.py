@@ -18,8 +18,22 @@ from blocks.core import (
     SignalType,
     State,
     Vector,
+    covariance_fault,
     param,
+    size_of,
 )
+
+
+def covariance_problems(
+    q: FloatArray, p0: FloatArray | None, r: FloatArray
+) -> list[tuple[str, str]]:
+    """What is wrong with the covariances of a filter, by parameter."""
+    checked = {"Q": (q, False), "P0": (p0, False), "R": (r, True)}
+    return [
+        (name, fault)
+        for name, (matrix, definite) in checked.items()
+        if matrix is not None and (fault := covariance_fault(matrix, definite))
+    ]
 
 
 class KalmanFilter(Block):
@@ -63,18 +77,20 @@ class KalmanFilter(Block):
         p = self.c.size // n if n else 0
         wanted = {"A": (self.a, (n, n)), "Q": (self.q, (n, n)), "P0": (self.p0, (n, n))}
         problems = [
-            (name, f"expected {shape[0]} x {shape[1]} numbers, got {list(value.shape)}")
+            (name, f"expected {shape[0]} x {shape[1]} numbers, got {size_of(value)}")
             for name, (value, shape) in wanted.items()
             if value is not None and value.shape != shape
         ]
         if not n or self.c.shape[-1] != n:
-            problems.append(("C", f"expected {n} columns, as A has, got {list(self.c.shape)}"))
+            problems.append(("C", f"expected {n} columns, as A has, got {size_of(self.c)}"))
         if self.r.size != p * p:
-            problems.append(("R", f"expected {p} x {p} numbers, got {list(self.r.shape)}"))
+            problems.append(("R", f"expected {p} x {p} numbers, got {size_of(self.r)}"))
         if self.b is not None and len(self.b) != n:
             problems.append(("B", f"expected {n} rows, as A has, got {len(self.b)}"))
         if self.x0 is not None and len(self.x0) != n:
             problems.append(("x0", f"expected {n} numbers, one per state, got {len(self.x0)}"))
+        if not problems:
+            problems = covariance_problems(self.q, self.p0, self.r.reshape(p, p))
         if problems:
             raise ParameterError(problems)
 

@@ -22,6 +22,7 @@ from blocks.core import (
     Twist,
     TwistValue,
     Vector,
+    as_matrix,
     param,
     times,
 )
@@ -146,11 +147,17 @@ class Gain(Block):
         rows, columns = self.gain.shape
         return Vector(columns if name == "input" else rows)
 
+    def instead(self, wanted: SignalType) -> str:
+        if self.gain.ndim != 1 or wanted.shape not in ((), (1,)):
+            return ""
+        return f"; a number is the product with one row, gain: {[self.gain.tolist()]}"
+
     def validate_in(self, context: BlockContext) -> None:
         kind = context.types["out"]
         if self.gain.ndim == 1 and self.gain.shape != kind.shape:
             expected = f"a number or {kind.numbers}" if kind.shape else "a number"
             message = f"expected {expected} for {kind}, got {self.gain.tolist()}"
+            message += as_matrix(self.gain, self.spec.params["gain"])
             raise ParameterError([("gain", message)])
 
     def start(self, state: BlockState) -> None:

@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from blocks.world import nearest
+from blocks.world import TOUCH, nearest
 
 if TYPE_CHECKING:
     from blocks.world import World
 
-# A body this near (m) to a surface touches it.
-TOUCH = 1e-6
 # How deep (m) a body may be in a surface after sliding: rounding.
 DEPTH = 1e-11
 # Positions are tried at this spacing, as a share of the radius, so that no wall is skipped; their

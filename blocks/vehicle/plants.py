@@ -23,8 +23,8 @@ from blocks.core import (
     kernel_of,
     param,
 )
-from blocks.vehicle.contact import TOUCH, slide
-from blocks.world import Surfaces, World, misplaced, nearest, world_of
+from blocks.vehicle.contact import slide
+from blocks.world import TOUCH, Surfaces, World, misplaced, nearest, world_of
 
 # The distance (m) reported where there is nothing: signals are finite.
 NOTHING_NEAR = 1000.0

@@ -22,6 +22,8 @@ Nearest = tuple[float, float, float]
 
 # Nearer than this (m), the direction to a surface does not determine the side.
 TOUCHING = 1e-9
+# A body this near (m) to a surface touches it.
+TOUCH = 1e-6
 # Angles (rad) smaller than this are rounding.
 CUSP = 1e-9
 # What ends with an edge: nothing, since its polygon continues; an obstacle; the room.

@@ -14,6 +14,7 @@ from blocks.world.curves import LineOrArc, foot
 from blocks.world.level_set import deviation, kinks, level_set, loops, sampled
 from blocks.world.reader import Shapes, read_shapes
 from blocks.world.surfaces import (
+    TOUCH,
     TOUCHING,
     Edge,
     Nearest,
@@ -91,6 +92,10 @@ class World:
         """The data of :meth:`nearest` and :meth:`cast` for their kernels."""
         polygons = [(is_room, edges) for is_room, edges, _, _ in self._polygons]
         return as_arrays(polygons, self.circles, self.surfaces)
+
+    def touched(self, points: FloatArray, radius: float) -> BoolArray:
+        """Whether a round body of a radius (m) at each position (m, 2) touches a surface."""
+        return np.asarray(self.distance(points) - radius <= TOUCH)
 
     def distance(self, points: FloatArray) -> FloatArray:
         """Signed distance to the nearest surface (m), (m,).

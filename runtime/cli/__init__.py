@@ -42,19 +42,30 @@ class _Parser(argparse.ArgumentParser):
         """The verb or option that a misspelt one is close to."""
         from blocks.core import hint
 
-        verb = re.search(r"argument COMMAND: invalid choice: '([^']*)'", message)
-        if verb is not None:
-            return hint(verb[1], NAMES)
+        choice = re.search(r"invalid choice: '([^']*)' \(choose from (.*)\)", message)
+        if choice is not None:
+            close = hint(choice[1], re.findall(r"[\w-]+", choice[2]))
+            is_graph = "argument COMMAND" in message and (choice[1].endswith((".yaml", ".yml")))
+            return f", did you mean 'runtime run {choice[1]}'?" if is_graph else close
         option = re.match(r"unrecognized arguments: (--[\w-]+)", message)
         if option is None:
             return ""
         return hint(option[1], self._option_string_actions)
 
+    def _joined(self, words: Sequence[str], left: str) -> str:
+        """How an option takes NAME=VALUE, if its value was written as a word of its own."""
+        at = words.index(left) if left in words else 0
+        action = self._option_string_actions.get(words[at - 2]) if at > 1 else None
+        if action is None or "=" not in str(action.metavar) or "=" in words[at - 1]:
+            return ""
+        return f"; write {words[at - 2]} {words[at - 1]}={left}"
+
     def parse_known_args(self, args=None, namespace=None):  # type: ignore[no-untyped-def]
         """As in argparse; what a verb does not know is an error of the verb."""
+        words = list(sys.argv[1:] if args is None else args)
         found, rest = super().parse_known_args(args, namespace)
         if rest and " " in self.prog:
-            self.error(f"unrecognized arguments: {' '.join(rest)}")
+            self.error(f"unrecognized arguments: {' '.join(rest)}{self._joined(words, rest[0])}")
         return found, rest
 
 

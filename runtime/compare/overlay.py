@@ -22,6 +22,7 @@ from runtime.plots import (
     arrange,
     axis_label,
     coincident,
+    contacts,
     disable_math,
     display_names,
     draw,
@@ -35,6 +36,7 @@ from runtime.plots import (
     layers,
     line_style,
     map_axes,
+    mark_contacts,
     mean_rate,
     row_spacing,
     run_end,
@@ -248,7 +250,7 @@ def _plane(
     with matplotlib.rc_context({**STYLE, **LOOKS[look].settings}):
         figure = Figure(layout="constrained")
         if plot.kind == "map" and runs[0].result.world is not None:
-            top = _map(figure, runs[0], plot, poses)
+            top = _map(figure, runs, plot, poses)
         else:
             first = runs[0].result.probes
             labels = dict(zip(plot.of, plot.options.get("labels", ()), strict=False))
@@ -257,7 +259,8 @@ def _plane(
                 for n in plot.of
                 if n in first and first[n].kinds == ("Path",)
             ]
-            top = draw_trajectory(figure, [*poses, *paths], run_end(runs[0].result))
+            touched = contacts(plot, [run.result for run in runs])
+            top = draw_trajectory(figure, [*poses, *paths, *touched], run_end(runs[0].result))
         arrange(figure, top, replace(plot, options={**plot.options, "labels": ()}))
         write_title(top, plot.title, _subtitle(runs))
         disable_math(figure)
@@ -302,13 +305,15 @@ def _named(recorded: Recording, label: str) -> Recording:
     return replace(recorded, name=label, labels=labels, names=(), addresses={label: (0, 3)})
 
 
-def _map(figure: Figure, run: Run, plot: PlotSpec, poses: Sequence[Recording]) -> Axes:
+def _map(figure: Figure, runs: Sequence[Run], plot: PlotSpec, poses: Sequence[Recording]) -> Axes:
     """The first run's world, with the trajectories of all runs."""
     xy = np.concatenate([recorded.values[:, :2] for recorded in poses])
-    axes, handles = map_axes(figure, plot, run.result, xy)
+    axes, handles = map_axes(figure, plot, runs[0].result, xy)
     covered = _covered([recorded.values[:, :2] for recorded in poses])
     for i, recorded in enumerate(poses):
         look = line_style(i, covered[i]) | {"linewidth": LATER + 0.2 if i else FIRST}
         handles += axes.plot(*recorded.values[:, :2].T, label=recorded.name, zorder=2.6, **look)
+    for touched in contacts(plot, [run.result for run in runs]):
+        handles.append(mark_contacts(axes, touched.values))
     figure.legend(handles=handles, loc="outside right upper")
     return axes

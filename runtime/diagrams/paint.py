@@ -202,7 +202,10 @@ class _Painter:
     def ports_of(self, box: Box, placement: BoxPlacement) -> Iterator[Shape]:
         ink = GHOST if box.fate else PORT_INK
         for port, y in placement.inputs.items():
-            yield Text(placement.x + 7, y + 3, port, PORT_SIZE, ink)
+            is_open = port in box.open
+            yield Text(placement.x + 7, y + 3, port, PORT_SIZE, SOFT if is_open else ink)
+            if is_open:
+                yield Rect(placement.x - 3, y - 3, 6.0, 6.0, 3.0, CONSTANT_TINT, BORDER)
         for port, y in placement.outputs.items():
             right = placement.x + placement.width
             yield Text(right - 7, y + 3, port, PORT_SIZE, ink, "end")

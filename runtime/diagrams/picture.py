@@ -23,7 +23,8 @@ class Box:
     ``rate`` says how often: a frequency, "constant", or "continuous" for a block that a solver
     evaluates between ticks. ``fate`` is "removed" or "bypassed" for a block that does not run, else
     empty; ``part`` is the full name of the part that it belongs to. ``inputs`` and ``outputs`` are
-    the wired ports. ``signs`` are those of the terms of a Sum, which is drawn as a circle.
+    the wired ports, and the inputs in ``open``, which keep their default. ``signs`` are those of
+    the terms of a Sum, which is drawn as a circle.
     """
 
     name: str
@@ -37,6 +38,7 @@ class Box:
     inputs: list[str] = field(default_factory=list)
     outputs: list[str] = field(default_factory=list)
     signs: dict[str, str] = field(default_factory=dict)
+    open: list[str] = field(default_factory=list)
 
     @property
     def is_sum(self) -> bool:
@@ -135,6 +137,10 @@ def picture_of(network: Network) -> Picture:
             _add_port(boxes[name].inputs, port)
     for name, box in boxes.items():
         spec = entries[name].cls.spec
+        if not box.fate:
+            defaults = [name for name, port in spec.inputs.items() if port.default is not None]
+            box.open = [port for port in defaults if port not in box.inputs]
+            box.inputs += box.open
         box.inputs.sort(key=_as_declared(spec.inputs))
         box.signs = _signs(entries[name], box)
         box.outputs.sort(key=_as_declared(spec.outputs))

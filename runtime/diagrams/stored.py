@@ -99,6 +99,10 @@ def _box(entry: Mapping[str, Any]) -> Box:
     if not all(key in box.inputs and sign in ("+", MINUS) for key, sign in signs.items()):
         raise ValueError("boxes: expected a sign, + or −, for inputs only")
     box.signs = signs
+    box.open = entry.get("open", [])
+    check_form(box.open, [str])
+    if not set(box.open) <= set(box.inputs):
+        raise ValueError("boxes: expected open inputs among the inputs")
     for ports in (box.inputs, box.outputs):
         _check_distinct(ports, "inputs and outputs")
     return box

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from blocks.core import hint
 from runtime.document.node import Node
-from runtime.document.sections import RUN_KEYS, check_keys, section
+from runtime.document.sections import RUN_KEYS, RUN_OTHER_NAMES, check_keys, section
 from runtime.document.time_units import SECOND, TIME_UNITS
 from runtime.errors import Problems
 
@@ -90,7 +90,7 @@ class RunSection:
 def read_run(document: Node, problems: Problems) -> RunSection:
     """Read the section; wrong values are reported and replaced by defaults."""
     run = section(document, "run", "run", problems)
-    check_keys(document.get("run") or Node({}), RUN_KEYS, "run", problems, "key")
+    check_keys(document.get("run") or Node({}), RUN_KEYS, "run", problems, "key", RUN_OTHER_NAMES)
     unit = _choice(run, "time_unit", tuple(TIME_UNITS), SECOND, problems)
 
     def number(name: str, default: float) -> float:

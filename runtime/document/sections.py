@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from blocks.core import hint
@@ -76,6 +76,19 @@ RUN_DOCS = {
     "max_step": "dopri5, rodas4: the largest step, s",
     "stop": "ends the run early, as in {when: plant.contact, above: 0.5}; or below, or crosses",
 }
+# What other tools call the keys of the section.
+RUN_OTHER_NAMES = {
+    name: ours
+    for ours, names in {
+        "until": "duration length time t_end tend t_final tf tmax t_max end stop_time simtime",
+        "dt": "timestep time_step step step_size stepsize h delta_t sample_time fixed_step",
+        "solver": "method integrator ode scheme",
+        "time_unit": "unit units time_units",
+        "seed": "random_seed rng",
+        "stop": "stop_when until_when event",
+    }.items()
+    for name in names.split()
+}
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,99}")
 # Parameters of numpy.savez, which stores the probes by name.
 _RESERVED = ("file", "allow_pickle")
@@ -112,12 +125,17 @@ def is_part(entry: Node) -> bool:
 
 
 def check_keys(
-    node: Node, known: Iterable[str], address: str, problems: Problems, noun: str
+    node: Node,
+    known: Iterable[str],
+    address: str,
+    problems: Problems,
+    noun: str,
+    also: Mapping[str, str] | None = None,
 ) -> None:
-    """Report unknown entries of a mapping."""
+    """Report unknown entries of a mapping; ``also`` has other tools' names of known ones."""
     for name, item in node.items():
         if name not in known:
-            suggestion = hint(name, known) or f"; expected {', '.join(known)}"
+            suggestion = hint(name, known, also) or f"; expected {', '.join(known)}"
             place = f"{address}.{name or repr(name)}".lstrip(".")
             problems.add(item.key, place, f"unknown {noun}{suggestion}", True)
 

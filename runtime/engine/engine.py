@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -57,10 +56,12 @@ from runtime.engine.values import (
     unreached,
     wrong_initial,
 )
-from runtime.errors import Problem, SimulationError, UsageError
+from runtime.errors import Problem, SimulationError, UsageError, raised_at
 from runtime.network import Network, columns
 
-CHUNK_SECONDS = 0.1
+# The seconds that ticks run between two looks at signals and progress: more, up to the last number,
+# where the checkpoint before them takes more than a part of this time.
+CHUNK_SECONDS, CHUNK_COPIES, CHUNK_MOST = 0.1, 50.0, 2.0
 SMALL_STATE = 1024**2
 
 
@@ -221,14 +222,17 @@ class Engine:
             while self.state.tick < total and not self.state.stop[FOUND]:
                 stop = min(self.diagnosis.boundary(self.state.tick), self.state.tick + chunk)
                 stop = min(total, stop, recorder.boundary())
-                began = time.perf_counter()
-                self.state.held = held = run(self.state.tick, stop, held)
+                first, began = self.state.tick, time.perf_counter()
+                self.state.held = held = run(first, stop, held)
                 took = time.perf_counter() - began
                 stop = round(self.state.stop[TICK]) + 1 if self.state.stop[FOUND] else stop
-                ran, self.state.tick = stop - self.state.tick, stop
+                self.state.tick = stop
                 recorder.flush(stop)
                 self.diagnosis.look(stop)
-                chunk = max(1, min(4 * chunk, int(ran * CHUNK_SECONDS / max(took, 1e-6))))
+                copied = self.exact.copied if self.exact is not None else 0.0
+                wanted = max(CHUNK_SECONDS, min(CHUNK_COPIES * copied, CHUNK_MOST))
+                rate = (stop - first) / max(took - copied, 1e-6)
+                chunk = max(1, min(4 * chunk, int(wanted * rate)))
                 if progress is not None:
                     progress(self.state.tick, total)
         except KeyboardInterrupt:
@@ -413,10 +417,9 @@ class Engine:
 
 def _described(error: BaseException) -> str:
     """An exception in one line, with its location in the user's code."""
-    frames: Sequence[traceback.FrameSummary] = traceback.extract_tb(error.__traceback__)
+    place = raised_at(error)
     # Compiled text has no lines of its own.
-    inside = bool(frames) and Path(frames[-1].filename).parent.name != "compiled"
-    place = f" ({frames[-1].filename}:{frames[-1].lineno})" if inside else ""
+    place = f" ({place})" if place and Path(place).parent.name != "compiled" else ""
     suggestion = ""
     if isinstance(error, ValueError) and "read-only" in str(error):
         suggestion = "; arrays that a block receives or has returned are read-only: write to a copy"

@@ -12,6 +12,7 @@ Some ticks of blocks that are not built in are compared with their Python form, 
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -31,6 +32,7 @@ class ExactRunner:
     beside : compares own compiled blocks with their Python form; None if there are none.
 
     ``python_from`` is the tick from which the run is under the Python engine; ``notes`` say why.
+    ``copied`` is what the last checkpoint took (s).
     """
 
     state: RunState
@@ -43,6 +45,7 @@ class ExactRunner:
     def __post_init__(self) -> None:
         self.held, self.adopt = self.compiled.held, self.compiled.adopt
         self._python: Run | None = None
+        self.copied = 0.0
 
     def locate(self, error: BaseException) -> tuple[int, str] | None:
         """The tick and the block that raised an exception in compiled code."""
@@ -67,10 +70,12 @@ class ExactRunner:
     def _ticks(self, first: int, last: int, held: Held, compare: bool) -> Held:
         """Run ticks, of which the first is compared with own blocks' Python form."""
         self.state.tick, self.state.held = first, held
+        began = time.perf_counter()
         try:
             saved = self.state.checkpoint()
         except NotCopiedError as why:
             return self._once(first, last, held, str(why))
+        self.copied = time.perf_counter() - began
         try:
             held = self.compiled.run(first, last, held)
         except CompiledError as error:

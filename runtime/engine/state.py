@@ -141,7 +141,10 @@ class RunState:
             put_back()
         for array, numbers in saved.apart.values():
             array[...] = numbers
-        for generator, bits in saved.generators.values():
+        for key, (generator, bits) in saved.generators.items():
+            name, _, attribute = key.rpartition(".")
+            # An earlier checkpoint may have removed it: the block had not drawn yet.
+            vars(self.blocks[name])[attribute] = generator
             generator.bit_generator.state = bits
 
     def generators(self, name: str) -> dict[str, np.random.Generator]:

@@ -87,7 +87,7 @@ def export(
     }
     sizes = cortex_sizes(files)
     files[f"{name}_test.c"] = test(layout, replay, tolerance, said, float32)
-    files["report.txt"] = report(layout, about, native, sizes, tolerance, replay.ticks)
+    files["report.txt"] = report(layout, about, native, sizes, tolerance, replay)
     with system_errors(f"write to '{folder}'"):
         place = own_folder(Path(folder))
         for file, content in files.items():

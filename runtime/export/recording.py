@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -60,6 +61,11 @@ def record(graph: Graph, selection: Selection, ticks: int) -> Replay:
         for port, name in names.items()
     }
     return Replay(outcome.ticks, values)
+
+
+def still(replay: Replay, outputs: Sequence[Port]) -> list[str]:
+    """The outputs that have one value in the whole recording, by name."""
+    return [".".join(p) for p in outputs if not np.ptp(replay.values[p], axis=0).any()]
 
 
 @dataclass(frozen=True)

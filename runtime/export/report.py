@@ -8,9 +8,10 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from runtime.export.files import Replay
 from runtime.export.layout import Layout
 from runtime.export.operations import Operations, counter
-from runtime.export.recording import Native
+from runtime.export.recording import Native, still
 
 CORTEX = ("-mcpu=cortex-m4", "-mthumb", "-mfpu=fpv4-sp-d16", "-mfloat-abi=hard")
 COMPILER, SIZE = "arm-none-eabi-gcc", "arm-none-eabi-size"
@@ -61,7 +62,7 @@ def report(
     native: Native | None,
     sizes: dict[str, int] | None,
     tolerance: float,
-    ticks: int,
+    replay: Replay,
 ) -> str:
     """The report as text."""
     selection = layout.selection
@@ -81,13 +82,22 @@ def report(
         lines.append(f"    {sizes['static']} bytes of static data")
     lines += ["", "Largest number of operations of a step"]
     lines += _operations(layout)
-    lines += ["", f"Replay of {ticks} recorded ticks, tolerance {tolerance:g}"]
+    lines += ["", f"Replay of {replay.ticks} recorded ticks, tolerance {tolerance:g}"]
     if native is None:
         lines.append("  not run: there is no C compiler on this computer")
     else:
         for port, apart in native.largest.items():
             lines.append(f"  {'.'.join(port)}: largest difference {apart:.3g}")
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, *warnings(layout, replay)]) + "\n"
+
+
+def warnings(layout: Layout, replay: Replay) -> list[str]:
+    """What the recording does not show."""
+    names = still(replay, layout.selection.outputs)
+    if not names:
+        return []
+    what = f"{', '.join(names)} {'does' if len(names) == 1 else 'do'} not change"
+    return [f"  warning: {what} in the recording, which shows little; record more with --ticks"]
 
 
 def _listed(numbers: Sequence[int]) -> str:

@@ -18,7 +18,7 @@ from blocks.core import (
 )
 from blocks.registry import BUILTIN, INSTALLED, ModuleReader, Modules, variants_of_module
 from runtime.document import Node, closest
-from runtime.errors import Problems, UsageError
+from runtime.errors import Problems, UsageError, raised_at
 from runtime.network.other_names import ours_for
 
 Kind = TypeVar("Kind", bound=type)
@@ -165,9 +165,10 @@ def _imported(
     except SyntaxError as error:
         message = f"{file}:{error.lineno or 1}: {error.msg}"
     except DeclarationError as error:
-        message = f"{file}: {error}"
+        message = f"{raised_at(error) or file}: {error}"
     except (Exception, SystemExit) as error:  # noqa: BLE001 -- a user's file may raise anything
-        message = f"{file} failed: {type(error).__name__}: {error}"
+        place = raised_at(error)
+        message = f"{file} failed: {type(error).__name__}: {error}{f' ({place})' if place else ''}"
     problems.add(node.where, f"{address}.module", message)
     return None
 

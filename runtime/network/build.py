@@ -22,7 +22,7 @@ from blocks.core import (
 from blocks.registry import ModuleReader, Modules
 from blocks.world import World
 from runtime.document import MAX_TICKS, Node, closest, read_run, seconds, section
-from runtime.errors import MissingExtraError, Problems
+from runtime.errors import MissingExtraError, Problems, raised_at
 from runtime.network.addresses import Endpoint
 from runtime.network.block_types import block_class, own_types, own_variant, relative_with
 from runtime.network.enabling import check_enabling
@@ -30,7 +30,7 @@ from runtime.network.expansion import expand
 from runtime.network.inference import infer_types, report_open
 from runtime.network.initial import read_initial
 from runtime.network.network import Entry, Network, place_of
-from runtime.network.open_inputs import report_open_inputs
+from runtime.network.open_inputs import open_notes, report_open_inputs
 from runtime.network.removal import remove
 from runtime.network.scope import Scope
 from runtime.network.shapes import MAX_BYTES, whole_shape
@@ -86,7 +86,9 @@ def build(
         notes = check_units(network, problems)
         network = replace(network, notes=(*network.notes, *notes))
     report_open_inputs(network, wiring, problems)
-    network = replace(network, notes=(*network.notes, *_unused_solver(network)))
+    network = replace(
+        network, notes=(*network.notes, *open_notes(network), *_unused_solver(network))
+    )
     check_enabling(network, problems)
     if not problems.found:
         report_open(network, problems)
@@ -327,7 +329,8 @@ def _large_angles(cls: type[Block], address: str, values: Mapping[str, Node]) ->
 
 
 def _failed(cls: type[Block], error: BaseException) -> str:
-    return f"{cls.__name__} failed: {type(error).__name__}: {error}"
+    place = raised_at(error)
+    return f"{cls.__name__} failed: {type(error).__name__}: {error}{f' ({place})' if place else ''}"
 
 
 def _ticks(node: Node | None, network: Network, address: str, problems: Problems) -> int:
@@ -381,8 +384,17 @@ def _check_contexts(network: Network, problems: Problems) -> MissingPackageError
     Returns the error of a block that needs a package that is not installed: the graph is right.
     """
     missing: MissingPackageError | None = None
+    # A wire from a block of an unknown type is missing for a reason that is reported already.
+    removed = {(wire.block, wire.port) for wire in network.removed_wires}
+    lost = {at for at, flags in network.terms.items() if not all(flags)}
+    unsettled = {block for block, _ in lost - removed}
     for name, entry in network.entries.items():
-        if entry.block is None or not network.is_typed(name) or network.waits(name):
+        if (
+            entry.block is None
+            or not network.is_typed(name)
+            or network.waits(name)
+            or name in unsettled
+        ):
             continue
         try:
             context = network.context(name)

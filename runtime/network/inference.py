@@ -303,8 +303,10 @@ class _Inference:
         if target.form == "scalar" and coming.form == "record":
             fitting = ", ".join(f"{wire.source_text}.{c}" for c in coming.components)
             message += f"; one of its components fits: {fitting}"
-        elif not because:
-            message += self.fitting(wire, target)
+        else:
+            ends = (self.network.entries[end].made for end in (wire.source.block, wire.block))
+            message += "".join(end.instead(target) for end in ends)
+            message += "" if because else self.fitting(wire, target)
         self.problems.add(wire.where, wire.address, message)
 
     def fitting(self, wire: Wire, target: SignalType) -> str:

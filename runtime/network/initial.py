@@ -17,6 +17,10 @@ from runtime.network.shapes import whole_shape
 from runtime.streaming import open_arrays
 
 STATES = "states.npz"
+ANEW = (
+    "the run begins with states of another one, at t = 0: time and noise begin again, so with "
+    "noise it differs from a longer run"
+)
 Initial = dict[str, dict[str, FloatArray]]
 _BROKEN = (OSError, ValueError, TypeError, EOFError, KeyError, RuntimeError, zipfile.BadZipFile)
 
@@ -30,12 +34,13 @@ def read_initial(network: Network, problems: Problems) -> tuple[Initial, list[st
     found: Initial = {}
     notes: list[str] = []
     files: dict[str, dict[str, FloatArray] | None] = {}
-    whole = network.document.get("from")
+    whole, named = (network.document.get(key) for key in ("from", "initial"))
+    if any(node is not None and node.value for node in (whole, named)):
+        notes.append(ANEW)
     if whole is not None and whole.value is not None:
         arrays = _states(whole, "from", files, problems)
         if arrays is not None:
             notes += _take_all(network, arrays, found, whole, problems)
-    named = network.document.get("initial")
     if named is None or named.value is None:
         return found, notes
     if not named.is_map:

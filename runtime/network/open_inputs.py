@@ -51,6 +51,20 @@ def report_open_inputs(network: Network, wiring: Wiring, problems: Problems) -> 
             problems.add(where, found.address if where == NOWHERE else "", message)
 
 
+def open_notes(network: Network) -> list[str]:
+    """A note for each block that moves though nothing is wired to it: a plant without a command."""
+    notes = []
+    wired = {wire.block for wire in network.wires}
+    for name, entry in network.entries.items():
+        spec = entry.cls.spec
+        open_ = {key: port for key, port in spec.inputs.items() if port.default is not None}
+        if name in wired or not open_ or not (spec.update or spec.derivative):
+            continue
+        values = [f"{key} is {port.default:g} {port.unit}".rstrip() for key, port in open_.items()]
+        notes.append(f"{entry.address}: nothing is wired to it: {' and '.join(values)} throughout")
+    return notes
+
+
 def _of_blocks(network: Network) -> Iterator[_Open]:
     wired = {(wire.block, wire.port) for wire in network.wires}
     for entry in network.entries.values():

@@ -69,14 +69,19 @@ class Distance(Levels):
     distance: float = param(unit="m", above=0.0, doc="the distance from the walls to follow")
 
 
-class Map(Overlaid):
+class Plane(Overlaid):
+    """The robot in a plane, and the contact of its body with the graph's world."""
+
+    body_radius: float | None = param(
+        None, unit="m", above=0.0, doc="size of the robot; default: that of its block"
+    )
+
+
+class Map(Plane):
     """What a map shows, apart from the trajectory."""
 
     distance: float | None = param(
         None, unit="m", above=0.0, doc="draw the contour that far from the walls"
-    )
-    body_radius: float | None = param(
-        None, unit="m", above=0.0, doc="size of the robot; default: that of its block"
     )
 
 

@@ -7,11 +7,18 @@ from runtime.plots.figures import (
     save_figure,
     save_plots,
 )
+from runtime.plots.film import animate, animated
 from runtime.plots.linear import draw_linear
 from runtime.plots.looks import LOOKS, fit
-from runtime.plots.map import draw_wall_distance, draw_world, map_axes, view_limits
+from runtime.plots.map import (
+    contacts,
+    draw_wall_distance,
+    draw_world,
+    map_axes,
+    mark_contacts,
+    view_limits,
+)
 from runtime.plots.raster import mean_rate
-from runtime.plots.scans import animate, animated
 from runtime.plots.style import (
     COLOURS,
     GREY,
@@ -52,6 +59,7 @@ __all__ = [
     "arrange",
     "axis_label",
     "coincident",
+    "contacts",
     "disable_math",
     "display_names",
     "draw",
@@ -69,6 +77,7 @@ __all__ = [
     "layers",
     "line_style",
     "map_axes",
+    "mark_contacts",
     "mean_rate",
     "row_spacing",
     "run_end",

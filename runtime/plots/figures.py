@@ -24,6 +24,7 @@ from runtime.errors import UsageError, one_line
 from runtime.files import slug, write_whole
 from runtime.observation import PLOT_KINDS, PlotSpec, Recording, RunData, offered
 from runtime.plots import looks, style, titles
+from runtime.plots.map import contacts
 from runtime.plots.trajectory import equal_scales
 
 DPI = 150
@@ -75,6 +76,8 @@ def draw(plot: PlotSpec, result: RunData, look: str = "screen") -> Figure:
             top = painter(figure, plot, result)
         else:
             shown = [result.probes[name] for name in plot.of]
+            if plot.kind == "trajectory":
+                shown += contacts(plot, [result])
             top = painter(figure, shown, style.run_end(result))
         arrange(figure, top, plot)
         titles.set_title(top, plot.title, result)
@@ -204,7 +207,7 @@ def draw_timeseries(figure: Figure, recordings: Sequence[Recording], end: float)
             groups.setdefault(unit, []).append(line)
     shown_as = style.display_names(list(every), list(every.values()))
     names = dict(zip(every, shown_as, strict=True))
-    groups, silent = _without_zeros(groups)
+    groups, silent = _without_zeros(_shared(groups))
     figure.set_size_inches(style.WIDTH, 1.1 + 1.55 * max(1, len(groups)) + 0.5 * (len(groups) == 1))
     column = style.stacked_axes(figure, len(groups))
     for axes, (unit, lines) in zip(column, groups.items(), strict=False):
@@ -216,6 +219,17 @@ def draw_timeseries(figure: Figure, recordings: Sequence[Recording], end: float)
         style.write_note(column[-1], f"not shown, since it is 0 throughout: {zero}")
     style.time_axis(column, recordings, end)
     return column[0]
+
+
+def _shared(groups: dict[str, list[_Column]]) -> dict[str, list[_Column]]:
+    """The groups by unit; lines without a unit join the others, if these have one and the same.
+
+    An estimate in a vector, which has no unit, is then beside the truth, which has one.
+    """
+    units = [unit for unit in groups if unit]
+    if len(units) != 1 or "" not in groups:
+        return groups
+    return {units[0]: [line for lines in groups.values() for line in lines]}
 
 
 def _without_zeros(

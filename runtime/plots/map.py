@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, PathPatch
 from matplotlib.path import Path
 
-from blocks.core import FloatArray
+from blocks.core import BoolArray, FloatArray
 from blocks.world import World
 from runtime.errors import UsageError
 from runtime.observation import PlotSpec, Recording, RunData, since_reached
@@ -28,6 +28,7 @@ REFERENCE, SCANNED, FITTED = COLOURS[4], "0.55", COLOURS[3]
 CONTOUR: dict[str, Any] = {"color": "0.3", "linewidth": 0.8, "linestyle": (0, (4, 2.5))}
 OUTSIDE = 100.0  # m: how far the solid around a room is drawn
 MARGIN, OPEN_MARGIN = 0.03, 0.12  # of the longer side, in a room and without one
+CONTACT = "Contact"  # the kind of the recording of positions at which a robot touched something
 GAP = 4.0  # times the median distance of fitted points: a larger one separates two walls
 
 
@@ -110,6 +111,57 @@ def draw_contour(axes: Axes, world: World, plot: PlotSpec) -> list[Line2D]:
     return axes.plot(*rows.T, **CONTOUR, label=label, zorder=2.5)
 
 
+def touching(plot: PlotSpec, result: RunData, pose: Recording) -> BoolArray:
+    """Whether the robot's body touched a surface at each row of its pose (rows,).
+
+    False where there is no world, or the plot does not know the robot's radius.
+    """
+    radius = plot.options.get("body_radius")
+    if result.world is None or radius is None or not len(pose.t):
+        return np.zeros(len(pose.t), dtype=bool)
+    return result.world.touched(pose.values[:, :2], float(radius))
+
+
+def contacts(plot: PlotSpec, runs: Sequence[RunData]) -> list[Recording]:
+    """The positions at which the robots of some runs touched a surface, as one recording."""
+    found = [
+        run.probes[name].values[touching(plot, run, run.probes[name]), :2]
+        for run in runs
+        for name in plot.of
+        if name in run.probes and run.probes[name].kinds == ("Pose",)
+    ]
+    xy = np.concatenate(found) if found else np.empty((0, 2))
+    labels, t = ("contact.x", "contact.y"), np.arange(float(len(xy)))
+    span = {"contact": (0, 2)}
+    return [Recording("contact", t, xy, labels, ("m", "m"), (CONTACT,), span)] if len(xy) else []
+
+
+def draw_contacts(
+    axes: Axes, plot: PlotSpec, result: RunData, pose: Recording, until: float = math.inf
+) -> list[Line2D]:
+    """Mark where a robot touched a surface; returns the entry of the legend, if it did."""
+    found = touching(plot, result, pose) & (pose.t <= until + 1e-9)
+    return [mark_contacts(axes, pose.values[found, :2])] if found.any() else []
+
+
+def mark_contacts(axes: Axes, xy: FloatArray, is_named: bool = True) -> Line2D:
+    """Dots at positions (n, 2), a thick line where they follow each other along a wall.
+
+    ``is_named`` gives them an entry in the legend.
+    """
+    (marks,) = axes.plot(
+        *xy.T,
+        linestyle="none",
+        marker="o",
+        markersize=5.0,
+        markeredgewidth=0.0,
+        color="black",
+        label="contact" if is_named else "_contact",
+        zorder=2.8,
+    )
+    return marks
+
+
 class Robot:
     """A robot in an axes: a circle for its body and a line for its heading.
 
@@ -117,15 +169,16 @@ class Robot:
     ----------
     axes : what to draw on.
     radius : of the body (m); None for a dot with a short line.
+    colour : of its outline.
     """
 
-    def __init__(self, axes: Axes, radius: float | None) -> None:
+    def __init__(self, axes: Axes, radius: float | None, colour: str = "black") -> None:
         self.radius = radius or 0.08
-        how: dict[str, Any] = {"facecolor": (1.0, 1.0, 1.0, 0.6), "edgecolor": "black"}
+        how: dict[str, Any] = {"facecolor": (1.0, 1.0, 1.0, 0.6), "edgecolor": colour}
         size = radius or 0.03
         self.body = Circle((np.nan, np.nan), size, **how, zorder=4.0, gid="robot")
         axes.add_patch(self.body)
-        (self.heading,) = axes.plot([], [], color="black", linewidth=1.4, zorder=4.1)
+        (self.heading,) = axes.plot([], [], color=colour, linewidth=1.4, zorder=4.1)
 
     def move(self, pose: FloatArray | None) -> None:
         """Move the robot to a pose; None or a pose that is not finite is ignored."""
@@ -186,6 +239,7 @@ def draw_map(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
     never = math.inf if plot.options.get("engaged") in result.probes else 0.0
     handles += _points(axes, others, never if since is None else since)
     handles += _trajectory(axes, robot, since)
+    handles += draw_contacts(axes, plot, result, robot)
     if len(robot.t):
         body = Robot(axes, plot.options.get("body_radius"))
         body.move(robot.values[-1])

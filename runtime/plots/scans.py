@@ -1,34 +1,24 @@
-"""Scans: what the robot saw and fitted, at a few times in panels, or as an animated gif."""
+"""Scans: what the robot saw and fitted, at a few times in panels."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any
 
-import matplotlib
 import numpy as np
-from matplotlib.animation import PillowWriter
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from blocks.core import FloatArray
-from blocks.world import World
-from runtime.errors import UsageError
-from runtime.files import system_errors
 from runtime.observation import PlotSpec, Recording, RunData
 from runtime.plots import map as maps
-from runtime.plots import style, titles
+from runtime.plots import style
 
 PANELS = 4
 HALF_WIDTH = 1.0  # m, from the robot to the edges of a panel
 EMPTY = np.empty((0, 2))
-FRAMES, RATE = 100, 11  # frames, and frames per second: 9 s
-DPI, SIDE = 90, 5.0
-TRAIL = 2_000  # points at most
 
 
 class Scene:
@@ -142,7 +132,9 @@ def _panel(axes: Axes, plot: PlotSpec, result: RunData, t: float) -> None:
     world = maps.world_of(plot, result)
     maps.draw_world(axes, world)
     maps.draw_contour(axes, world, plot)
-    pose = Scene(axes, plot, result).show(t)
+    scene = Scene(axes, plot, result)
+    pose = scene.show(t)
+    maps.draw_contacts(axes, plot, result, scene.recordings["Pose"], until=t)
     x, y = (0.0, 0.0) if pose is None else pose[:2].tolist()
     axes.set(xlim=(x - HALF_WIDTH, x + HALF_WIDTH), ylim=(y - HALF_WIDTH, y + HALF_WIDTH))
     axes.set_aspect("equal")
@@ -158,108 +150,3 @@ def _panel(axes: Axes, plot: PlotSpec, result: RunData, t: float) -> None:
         bbox=box,
         zorder=6.0,
     )
-
-
-def animated(plots: Sequence[PlotSpec], world: World | None) -> PlotSpec:
-    """The plot that is animated: the first of kind ``scans``.
-
-    Parameters
-    ----------
-    plots : the plots of a graph.
-    world : its world.
-
-    Returns
-    -------
-    PlotSpec : the plot to animate.
-
-    Raises
-    ------
-    UsageError : there is no such plot, or no world.
-    """
-    if world is None:
-        raise UsageError("nothing to animate: the graph has no world; give it a world: section")
-    for plot in plots:
-        if plot.kind == "scans":
-            return plot
-    message = "nothing to animate: the graph has no plot of kind scans; add one, as in "
-    raise UsageError(message + "'plots: {scans: {kind: scans, of: [plant.pose, lidar.scan]}}'")
-
-
-def animate(
-    result: RunData, file: str | Path, progress: Callable[[int, int], None] | None = None
-) -> Path:
-    """Write a run as a gif of about nine seconds.
-
-    Parameters
-    ----------
-    result : the run, with a world and a plot of kind ``scans``; an interrupted run is shown up to
-        where it ended.
-    file : the file to write; its folder is created if it does not exist.
-    progress : called with the number of frames that are done, and of all.
-
-    Returns
-    -------
-    Path : the file.
-
-    Raises
-    ------
-    UsageError : no world, no such plot, nothing recorded, or the file cannot be written.
-    """
-    file = Path(file)
-    plot = animated(result.plots, result.world)
-    missing = [name for name in plot.of if name not in result.probes]
-    if missing:
-        raise UsageError(f"plot '{plot.name}' shows '{missing[0]}', which was not recorded")
-    end = style.run_end(result)
-    times = np.linspace(0.0, end, FRAMES if end > 0.0 else 1).tolist()
-    with system_errors(f"write '{file}'"), matplotlib.rc_context(style.STYLE):
-        file.parent.mkdir(parents=True, exist_ok=True)
-        _write(plot, result, file, times, progress)
-    return file
-
-
-def _write(
-    plot: PlotSpec,
-    result: RunData,
-    file: Path,
-    times: list[float],
-    progress: Callable[[int, int], None] | None,
-) -> None:
-    """Draw and write frame by frame."""
-    figure = Figure(layout="constrained", dpi=DPI)
-    canvas = FigureCanvasAgg(figure)
-    axes = _world_axes(figure, plot, result)
-    (trail,) = axes.plot(
-        [], [], color=maps.TRAJECTORY, linewidth=1.3, label="trajectory", zorder=2.1
-    )
-    scene = Scene(axes, plot, result)
-    clock = titles.write_title(axes, " ", titles.subtitle(result))
-    figure.legend(*axes.get_legend_handles_labels(), loc="outside lower center", ncols=3)
-    # The layout is computed once; computing it again would double the cost of a frame.
-    canvas.draw()  # type: ignore[no-untyped-call]
-    figure.set_layout_engine("none")
-    writer = PillowWriter(fps=RATE)
-    robot = scene.recordings["Pose"]
-    speed = times[-1] * RATE / len(times)
-    with writer.saving(figure, str(file), DPI):
-        for i, t in enumerate(times):
-            if progress is not None:
-                progress(i, len(times))
-            scene.show(t)
-            trail.set_data(*_trail(robot, t).T)
-            clock.set_text(f"t = {t:5.1f} s, {speed:.2g} × real time")
-            writer.grab_frame()
-
-
-def _world_axes(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
-    """The axes of an animation: the world without the robot."""
-    xy = recordings_by_kind(plot, result)["Pose"].values[:, :2]
-    axes, _ = maps.map_axes(figure, plot, result, xy, SIDE, (0.0, 0.6))
-    return axes
-
-
-def _trail(robot: Recording, t: float) -> FloatArray:
-    """The trajectory up to time ``t``, of at most :data:`TRAIL` points."""
-    rows = robot.values[: int(np.searchsorted(robot.t, t + 1e-9, side="right")), :2]
-    thinned = rows[:: -(-len(rows) // TRAIL) or 1]
-    return np.vstack((thinned, rows[-1:]))

@@ -15,6 +15,7 @@ from matplotlib.lines import Line2D
 from blocks.core import FloatArray
 from runtime.observation import Recording
 from runtime.plots import style
+from runtime.plots.map import CONTACT, mark_contacts
 
 ARROWS = 14
 MARGIN = 0.06  # of the longer side
@@ -54,7 +55,29 @@ def draw_trajectory(figure: Figure, recordings: Sequence[Recording], end: float)
     -------
     Axes : the only one.
     """
-    tracks = [track for recorded in recordings for track in _tracks(recorded)]
+    return _drawn(figure, [track for recorded in recordings for track in _tracks(recorded)])
+
+
+def draw_paths(figure: Figure, ways: Sequence[Recording], others: Sequence[Recording]) -> Axes:
+    """Draw what poses follow, in a view that has room for the poses, but not the poses."""
+    poses = [track for recorded in ways for track in _tracks(recorded)]
+    paths = [track for each in others for track in _tracks(each) if track.kind != "Pose"]
+    return _drawn(figure, [*poses, *paths], paths, legend=False)
+
+
+def robot_size(axes: Axes) -> float:
+    """The radius (m) with which a robot without a body is seen in an axes."""
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    return SMALL * max(right - left, top - bottom) / 2.0
+
+
+def _drawn(
+    figure: Figure,
+    tracks: Sequence[_Track],
+    shown: Sequence[_Track] | None = None,
+    legend: bool = True,
+) -> Axes:
+    """Draw tracks, or some of them (``shown``), in a view of all."""
     low, high = _view(tracks)
     ratio = min(FLATTEST, max(TALLEST, (high[0] - low[0]) / (high[1] - low[1])))
     width = min(5.7, 4.2 * math.sqrt(ratio))
@@ -63,7 +86,9 @@ def draw_trajectory(figure: Figure, recordings: Sequence[Recording], end: float)
     figure.set_size_inches(width + (0.8 if wide else 2.0), width / ratio + (1.3 if wide else 1.0))
     axes = style.stacked_axes(figure, 1)[0]
     axes.set(xlabel="x [m]", ylabel="y [m]", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    handles = _draw(axes, tracks)
+    handles = _draw(axes, tracks if shown is None else shown)
+    if not legend:
+        return axes
     if not handles:
         style.explain_empty(axes)
         axes.set_xticks([])
@@ -96,7 +121,7 @@ def _tracks(recorded: Recording) -> list[_Track]:
     found = []
     spans = recorded.addresses.values() or [(0, len(recorded.labels))]
     for kind, (start, stop) in zip(recorded.kinds, spans, strict=False):
-        if kind == "Pose":
+        if kind in ("Pose", CONTACT):
             points = recorded.values[:, start:stop]
         elif kind in ("Path", "PointCloud"):
             # Paths and clouds change over time; the last row is shown.
@@ -154,6 +179,8 @@ def _draw(axes: Axes, tracks: Sequence[_Track]) -> list[Line2D]:
             how: dict[str, Any] = {"linestyle": DASHES[paths % len(DASHES)], "color": "0.35"}
             handles += axes.plot(*track.xy.T, **how, linewidth=1.0, label=track.name, zorder=2.6)
             paths += 1
+        elif track.kind == CONTACT:
+            handles.append(mark_contacts(axes, track.xy))
         else:
             handles += axes.plot(*track.xy.T, **CLOUD, label=track.name, zorder=1.5)
     if poses:

@@ -192,7 +192,7 @@ def _figures(swept: _Sweep) -> Iterator[Html]:
 
 def _failures(swept: _Sweep) -> Html:
     counts = swept.tally.counts
-    if counts["ok"] == swept.tally.done:
+    if counts["ok"] == swept.tally.done and not swept.tally.reasons:
         return Html("")
     rows = [[status, str(count)] for status, count in sorted(counts.items())]
     parts = [table(["status", "trials"], rows, [1], label="trials by status")]

@@ -237,6 +237,7 @@ def _manifest(
         "ticks": outcome.ticks,
         "stopped_at": outcome.stopped_at,
         "engine": outcome.engines,
+        "engine_notes": outcome.notes,
         "wall_s": outcome.wall_s,
         "ready_s": outcome.ready_s,
         "us_per_tick": 1e6 * (outcome.wall_s - outcome.ready_s) / max(1, outcome.ticks - 1),

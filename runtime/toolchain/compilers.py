@@ -206,7 +206,9 @@ def install_command() -> str:
     """The command that installs a C compiler on this system."""
     import platform
 
-    pip = f"pip install 'spikeblocks[{EXTRA}]'"
+    from blocks.core import pip_line
+
+    pip = pip_line(EXTRA)
     if sys.platform == "darwin":
         return f"xcode-select --install (or {pip})"
     try:

@@ -15,6 +15,7 @@ from tests.fuzz import (
     damaged_folders,
     engines,
     graphs,
+    own_blocks,
     page,
     subclasses,
 )
@@ -28,6 +29,7 @@ TRIED: list[tuple[Run, int]] = [
     (damaged_caches.run, 2),
     (engines.run, 2),
     (subclasses.run, 2),
+    (own_blocks.run, 80),
 ]
 
 

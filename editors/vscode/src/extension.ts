@@ -58,7 +58,7 @@ async function start(): Promise<void> {
   try {
     await client.start();
   } catch (error) {
-    const text = `'${command}' did not start: pip install 'spikeblocks[editor]', or set spikeblocks.command`;
+    const text = `'${command}' did not start: install spikeblocks with its extra 'editor', or set spikeblocks.command`;
     void vscode.window.showErrorMessage(`${text} (${String(error)})`);
   }
 }

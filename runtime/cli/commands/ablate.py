@@ -133,6 +133,9 @@ def _print(done: AblationResult, pictures: list[Path], quiet: bool) -> None:
         bad = [row for row in rows if row.status != "ok"]
         if bad:
             show(f"{name}: {len(bad)} of {len(rows)} trials failed, first: {bad[0].reason}")
+        noted = [row for row in rows if row.status == "ok" and row.reason]
+        if noted:
+            tell(f"note: {name}: in {len(noted)} of {len(rows)} trials, as {noted[0].reason}")
     if done.essential:
         show("\nessential, cannot be removed alone:")
         for name, reason in done.essential.items():

@@ -98,7 +98,7 @@ def _once(options: Namespace, before: Result | None) -> Done:
             if failure is None and not (options.no_plots and options.vs is None):
                 others = run_rivals(compared, quiet, Path(options.out))
             drawn = painter(result, others, folder, options, before)
-            pictures = _pictures(result, folder, options, formats, drawn)
+            pictures = _pictures(result, folder, options, formats, drawn, others)
             pictures += [_diagram(graph, folder)] if options.watch else []
         except KeyboardInterrupt:
             code = code or 130
@@ -201,6 +201,7 @@ def _pictures(
     options: Namespace,
     formats: list[str],
     drawn: Callable[[PlotSpec], Figure] | None,
+    others: Mapping[str, Result],
 ) -> list[Path]:
     """Draw the requested pictures into a run's folder; returns the files.
 
@@ -223,11 +224,19 @@ def _pictures(
 
         try:
             filming = Progress("filming", wanted=wanted)
-            files.append(animate(result, folder / "plots" / "animation.gif", filming))
+            both: dict[str, Result] = {}
+            if options.vs in others:
+                both = _labelled(options, result, others[options.vs])
+            files.append(animate(result, folder / "plots" / "animation.gif", filming, both))
             filming.close()
         except Exception as error:  # noqa: BLE001 -- matplotlib may raise any exception for unusual numbers
             result.notes.append(f"no animation: {one_line(str(error) or type(error).__name__)}")
     return files
+
+
+def _labelled(options: Namespace, result: Result, other: Result) -> dict[str, Result]:
+    first, second = names(options.vs, options.labels)
+    return {first: result, second: other}
 
 
 def _summary(result: Result, folder: Path) -> dict[str, Any]:

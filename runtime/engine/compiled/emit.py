@@ -33,9 +33,9 @@ from runtime.engine.steps import Step
 from runtime.network import Endpoint, resets
 from runtime.observation import StopTest
 
-# What ``run`` returns: an output is not finite, a block failed, a rate of change is not finite, or
-# the tolerance of the solver is not met, or the run's condition to stop holds.
-FINISHED, NOT_FINITE, FAILED, BAD_SLOPE, UNREACHED, STOPPED = range(6)
+# What ``run`` returns: an output is not finite, a block failed, the solver cannot integrate (a rate
+# of change is not finite, or its tolerance is not met), or the run's condition to stop holds.
+FINISHED, NOT_FINITE, FAILED, NOT_INTEGRATED, STOPPED = range(5)
 SOLVER = ("states", "start", "slopes", "table", "errors", "control")
 
 
@@ -239,7 +239,6 @@ class CompiledEmitter(StructEmitter):
         method = method_of(self.network.solver.name, part.size)
         self.made.solver, prototypes = solver_unit(part, method, searched)
         self.own |= set(prototypes)
-        self.member("report", 2)
         if self.stop is None or not searched:
             self.stages(part, "dt")
             return
@@ -284,7 +283,7 @@ class CompiledEmitter(StructEmitter):
             with self.enabled(enables):
                 self.called(block, derivative, rates(slots, arrays[2], part.size))
         self.depth -= inner
-        self.codes(after_stage(method, arrays, (BAD_SLOPE, UNREACHED), span))
+        self.codes(after_stage(method, arrays, NOT_INTEGRATED, span))
         for block in part.projected:
             self.called(block, PROJECT, [])
         if method.errors:

@@ -96,20 +96,14 @@ def before_stage(method: Method, arrays: Sequence[str], name: str, span: str) ->
     yield "        (void)t;"
 
 
-def after_stage(
-    method: Method, arrays: Sequence[str], codes: Sequence[int], span: str
-) -> list[str]:
-    """The lines after the calls of a stage; ``codes`` are what ``run`` returns on failure."""
+def after_stage(method: Method, arrays: Sequence[str], code: int, span: str) -> list[str]:
+    """The lines after the calls of a stage; ``code`` is what ``run`` returns on failure."""
     states, start, slopes, table = arrays[:4]
     h = "h" if method.errors else span
     lines = [
         "        double bad = -1.0;",
         f"        solver_first_bad(ctx, NULL, {slopes}, stage, &bad);",
-        "        if (bad >= 0.0) {",
-        "            plan->report[0] = (double)stage;",
-        "            plan->report[1] = t;",
-        f"            return {codes[0]};",
-        "        }",
+        f"        if (bad >= 0.0) return {code};",
         f"        solver_moved(ctx, NULL, {states}, {start}, {slopes}, {table}, stage, {h});",
         "    }",
     ]
@@ -117,11 +111,7 @@ def after_stage(
         given = ", ".join([*arrays[:3], arrays[4], arrays[5], f"done, h, {span}, &done"])
         lines += [
             f"    solver_judged(ctx, NULL, {given});",
-            "    if (done < 0.0) {",
-            "        plan->report[0] = done;",
-            "        plan->report[1] = t;",
-            f"        return {codes[1]};",
-            "    }",
+            f"    if (done < 0.0) return {code};",
         ]
     return lines
 

@@ -101,6 +101,9 @@ def run_task(task: Task) -> TrialResult:
         if result.status not in ("complete", "stopped"):
             # Ctrl-C does not reach workers: only the deadline and blocks can interrupt a run.
             status, reason = "failed", f"a block raised KeyboardInterrupt at tick {result.ticks}"
+        else:
+            # What a single run has as a note: its numbers are not those of the compiled engine.
+            reason = "; ".join(result.manifest["engine_notes"])
     except GraphError as error:
         status, reason = "invalid", str(error)
     except SimulationError as error:

@@ -8,6 +8,7 @@ well: at most one call fails, with ``WorkerDied``, and another worker replaces t
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import errno
 import importlib
@@ -35,6 +36,7 @@ P = ParamSpec("P")
 T = TypeVar("T")
 # A trial ends itself at its time limit; only one that is stuck inside a block is killed.
 GRACE = 3.0
+LONGEST_END = 5.0  # s that the end of the process waits for the workers
 LONGEST_WAIT = 3600.0  # s; a selector's timeout is limited, so longer waits are split
 SPARE_FILES = 32  # left for other files that this process opens
 MOST_STARTS = 10  # this many workers beyond ``jobs`` may die in a row while they start
@@ -102,6 +104,7 @@ class ProcessExecutor(Executor):
         self._watch_starter()
         self._thread = threading.Thread(target=self._supervise, daemon=True, name="pool")
         self._thread.start()
+        atexit.register(self._end)
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
         """Queue a call for the next idle worker."""
@@ -127,6 +130,15 @@ class ProcessExecutor(Executor):
         if wait:
             self._thread.join()
 
+    def _end(self) -> None:
+        """Stop at the end of the process, before the starter is closed at exit as well.
+
+        The thread would see its workers end, and start others at a socket that is registered.
+        """
+        with contextlib.suppress(KeyboardInterrupt):
+            self._close("kill", wait=False)
+            self._thread.join(LONGEST_END)
+
     def _wake(self) -> None:
         """Wake the thread; an error means that it is awake already, or has ended."""
         with contextlib.suppress(OSError):
@@ -147,6 +159,7 @@ class ProcessExecutor(Executor):
                 for key, _ in self._selector.select(max(0.0, wait)):
                     key.data()
         finally:
+            atexit.unregister(self._end)
             self._release()
 
     def _step(self) -> None:
@@ -199,6 +212,8 @@ class ProcessExecutor(Executor):
             if not self.starter.is_alive:
                 self.starter = choice.make()
                 self._watch_starter()
+                atexit.unregister(self._end)
+                atexit.register(self._end)  # what is registered last runs first
             channel = Channel(self.starter.start())
         except OSError as error:
             self._limit_jobs(str(error.strerror))

@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import Run
+from tests.extras import install_line
 
-PIP_LINE = "pip install 'spikeblocks[physics]'"
+PIP_LINE = install_line("physics")
 
 
 @pytest.fixture

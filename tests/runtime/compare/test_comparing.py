@@ -257,8 +257,11 @@ def test_overlays_show_every_run(folders: dict[str, Path]) -> None:
             drawn = {str(line.get_label()): line for line in axes.lines}
             for run in runs:
                 line = drawn[run.label]
-                assert np.array_equal(line.get_ydata(), run.result[name][:, i])
-                assert np.array_equal(line.get_xdata(), run.result.time(name))
+                rows, last = np.asarray(line.get_xydata())[:-1], np.asarray(line.get_xydata())[-1]
+                assert np.array_equal(rows[:, 1], run.result[name][:, i])
+                assert np.array_equal(rows[:, 0], run.result.time(name))
+                # Sampled signals are held to the end of the last step.
+                assert last[1] == rows[-1, 1] and last[0] > rows[-1, 0]
     ways = {str(line.get_label()): line for line in figures["way"].axes[0].lines}
     for run in runs:
         assert np.array_equal(ways[run.label].get_xydata(), run.result["pose"][:, :2])
@@ -283,7 +286,7 @@ def test_spikes_and_wide_signals_have_one_line_per_run(tmp_path: Path) -> None:
     (axes,) = figures["activity"].axes
     for line, run in zip(axes.lines, runs, strict=False):
         expected = np.sqrt(np.mean(run.result["activity"] ** 2, axis=1))
-        assert np.allclose(np.asarray(line.get_ydata()), expected)
+        assert np.allclose(np.asarray(line.get_ydata())[:-1], expected)
     (axes,) = figures["spikes"].axes
     for line, run in zip(axes.lines, runs, strict=False):
         rates = np.asarray(line.get_ydata())

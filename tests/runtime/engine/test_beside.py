@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import csv
+import json
 from dataclasses import replace
 from itertools import islice
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +19,7 @@ from runtime.engine.beside import FIRST, compared
 from runtime.engine.compiled import CompiledRunner, runner
 from runtime.engine.compiled.kernels import make_kernels
 from tests.compilers import needs_compiler
+from tests.conftest import Run
 from tests.runtime.engine.test_replay import NAMES, QUICK, assert_same, ran, short
 
 pytestmark = needs_compiler
@@ -256,3 +260,67 @@ def test_compared_ticks_depend_on_the_graph_and_the_seed_and_become_sparse() -> 
     assert ticks != list(islice(compared(program, 2, ["own"]), 400))
     # At most 0.01 of the time: a tick takes less than 1 us, comparing it 100 us or more.
     assert np.mean(np.diff(ticks[-100:])) > 5000.0
+
+
+OWN_FILE = '''from blocks import Block, Output, Scalar, kernel_of
+
+
+class Halves(Block):
+    """Half of the time; its kernel computes a third."""
+
+    out = Output(Scalar)
+
+    def output(self, state, t):
+        return t / 2.0
+
+    @kernel_of(output)
+    def _output_kernel(self, state, t):
+        return t / 3.0
+'''
+OWN_GRAPH = """graph: halves
+run: {dt: 0.01, until: 0.1, engine: compiled}
+blocks: {half: {type: Halves, module: own.py}}
+probes: {out: half.out}
+metrics: {mean: {kind: mean_abs, of: out}}
+"""
+
+
+def test_a_run_and_a_sweep_say_so(cli: Run, tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(OWN_FILE)
+    (tmp_path / "halves.yaml").write_text(OWN_GRAPH)
+    done = cli("run", "halves.yaml", "--no-plots", "--json")
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found["engine"] == "compiled, then python from tick 1"
+    assert found["metrics"]["mean"] == pytest.approx(0.0225)
+    (note,) = found["notes"]
+    assert note.startswith("block 'half': output 'out' is 0.00333")
+    swept = cli("sweep", "halves.yaml", "--seeds", "0..1", "--no-plots", "-j", "1")
+    assert swept.returncode == 0, swept.stderr
+    assert f"2 x {note}" in swept.stderr
+    with (tmp_path / "sweeps" / "halves" / "index.csv").open(newline="") as lines:
+        rows = list(csv.DictReader(lines))
+    assert [row["status"] for row in rows] == ["ok", "ok"]
+    assert all(row["reason"] == note for row in rows)
+
+
+class Lazy(blocks.Block):
+    """Draws from 0.05 s on; called from Python, since it has a lambda."""
+
+    out = blocks.Output(blocks.Scalar)
+    drawn = blocks.State()
+
+    def output(self, state, t):
+        return float(state.drawn)
+
+    def update(self, state, t):
+        draw = lambda: state.rng.random()  # noqa: E731
+        if t >= 0.05:
+            state.drawn[...] = draw()
+
+
+def test_a_block_called_from_python_draws_on_where_its_first_draw_is_compared() -> None:
+    graph = own(until=0.2).add("lazy", Lazy()).probe("lazy.out")
+    python, compiled, notes = both(graph)
+    assert notes == []
+    np.testing.assert_array_equal(compiled["lazy.out"], python["lazy.out"])

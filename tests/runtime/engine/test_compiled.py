@@ -11,6 +11,7 @@ import pytest
 
 import blocks
 import runtime
+from blocks.core import pip_line
 from runtime import cli
 from runtime.cli.explain import explain_json
 from runtime.engine import selection as choice
@@ -279,7 +280,7 @@ def test_without_a_compiler_the_message_is_the_command_that_installs_one(
     monkeypatch.setattr(choice, "find_compiler", no_compiler)
     code = cli.run(["run", "line_actuator_failure", "--engine", "compiled", "--until", "0.1"])
     assert code == 4
-    assert "pip install 'spikeblocks[compiler]'" in capsys.readouterr().err
+    assert pip_line("compiler") in capsys.readouterr().err
 
 
 def test_auto_compiles_long_runs_and_has_a_note_without_a_compiler(
@@ -298,7 +299,7 @@ def test_auto_compiles_long_runs_and_has_a_note_without_a_compiler(
     assert notes == []
     monkeypatch.setattr(choice, "available", lambda: False)
     assert not choice.take_compiled(long, 1, notes.append)
-    assert "spikeblocks[compiler]" in notes[0]
+    assert pip_line("compiler") in notes[0]
 
 
 def test_a_run_records_its_engine_and_runs_again_with_the_same_bits(cli, tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from blocks.core import pip_line
 from tests.conftest import Run
 from tests.runtime.experiments.test_survival import LATER, POINTS, SWEEP, lines
 from tests.runtime.experiments.test_sweep import rows
@@ -131,4 +132,4 @@ def test_a_missing_extra_is_reported(
     monkeypatch.setitem(sys.modules, "distributed", None)
     done = here("sweep", "draw.yaml", *SWEEP, *LATER, "--scheduler", "tcp://127.0.0.1:9")
     assert done.returncode == 4
-    assert "pip install 'spikeblocks[cluster]'" in done.stderr
+    assert pip_line("cluster") in done.stderr

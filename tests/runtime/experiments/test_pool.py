@@ -7,6 +7,7 @@ import os
 import select
 import signal
 import socket
+import subprocess
 import sys
 import tempfile
 import threading
@@ -465,3 +466,22 @@ def test_a_local_pool_finishes_and_ends() -> None:
     made.leave(True)
     with pytest.raises(ProcessLookupError):
         os.kill(future.result(), 0)
+
+
+LEAVING = """
+import sys, time
+from runtime.experiments.processes.process_executor import ProcessExecutor
+pool = ProcessExecutor(2)
+pool.submit(time.sleep, 0.0).result()
+for _ in range(40):
+    pool.submit(time.sleep, 0.05)
+sys.exit(3)
+"""
+
+
+def test_a_process_that_ends_with_calls_in_the_queue_ends_in_silence() -> None:
+    # Its thread saw the workers end, and started others: KeyError, "(FD 3) is already registered".
+    done = subprocess.run(
+        [sys.executable, "-c", LEAVING], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (3, "", "")

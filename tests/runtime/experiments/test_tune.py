@@ -32,6 +32,7 @@ from runtime.experiments.tuning.optimizer import Optimizer
 from runtime.experiments.tuning.scores import Scorer, Tried, front
 from runtime.experiments.tuning.tuning_plots import importance
 from tests.conftest import Run
+from tests.extras import install_line
 from tests.runtime.experiments.graphs import normal
 from tests.runtime.experiments.test_survival import kill_after
 
@@ -329,9 +330,8 @@ def test_without_the_extra_only_the_pip_line_is_printed(
     env = {**os.environ, "PYTHONPATH": str(package.parent)}
     done = cli("tune", str(draw), "--vary", "draw.level=0..1", env=env)
     assert done.returncode == 4
-    assert done.stderr == (
-        "runtime tune needs an optional extra: pip install 'spikeblocks[tune]'\n"
-    )
+    line = install_line("tune")
+    assert done.stderr == f"runtime tune needs an optional extra: {line}\n"
 
 
 def test_from_python(draw: Path, tmp_path: Path) -> None:

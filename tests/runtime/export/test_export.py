@@ -246,6 +246,24 @@ def test_a_reset_keeps_what_was_learnt(tmp_path: Path) -> None:
 
 
 @needs_compiler
+def test_a_recording_in_which_nothing_moves_is_named(tmp_path: Path) -> None:
+    still = export(chain(blocks.Gain(gain=0.0)), tmp_path, blocks=["block"])
+    assert "warning: block.out does not change in the recording" in still.report
+    moving = export(chain(blocks.Gain(gain=2.0)), tmp_path, blocks=["block"])
+    assert "warning" not in moving.report
+
+
+@needs_compiler
+@pytest.mark.parametrize("every", [1, 5])
+def test_local_arrays_have_the_memory_that_they_reserve(every: int, tmp_path: Path) -> None:
+    for block, port in ((blocks.DiscretePID(kd=0.1), "error"), (blocks.Delay(delay=0.1), "input")):
+        graph = runtime.Graph("reserved", dt=0.01, until=0.5).add("signal", blocks.Sine())
+        graph = graph.add("block", block, dt=0.01 * every).connect("signal.out", f"block.{port}")
+        made = export(graph, tmp_path / port, blocks=["block"], ticks=5)
+        assert "largest difference 0" in made.report
+
+
+@needs_compiler
 def test_weights_of_a_run_are_the_initial_ones(cli: Run, tmp_path: Path) -> None:
     ran = cli("run", "line_actuator_failure", "--until", "0.6", "--no-plots")
     assert ran.returncode == 0, ran.stderr

@@ -12,6 +12,7 @@ from typing import IO, Any
 import pytest
 
 from tests.conftest import Run
+from tests.extras import ROOT
 
 
 @pytest.mark.parametrize("address", ["x", "70000", "a:b", "host:99999", ":1"])
@@ -163,6 +164,6 @@ def test_an_http_request_is_not_taken_for_an_editor(port: socket.socket) -> None
 
 def test_the_extra_is_named_where_it_is_missing(tmp_path: Path) -> None:
     code = "import sys; sys.modules['pygls'] = None; from runtime.cli import main; main(['lsp'])"
-    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
     assert result.returncode == 4
-    assert "pip install 'spikeblocks[editor]'" in result.stderr
+    assert "pip install -e '.[editor]'" in result.stderr

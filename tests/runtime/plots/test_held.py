@@ -130,3 +130,27 @@ def test_steps_are_right_also_where_a_long_series_is_thinned(
     assert drawn_at(line, 0.0) == shown[0]
     assert drawn_at(line, len(y) - 0.01) == shown[-1]
     assert float(np.asarray(line.get_xdata())[-1]) == len(y)
+
+
+def test_lines_without_a_unit_share_the_axes_of_those_with_one() -> None:
+    """Truth in m and its estimate, whose vector has no unit, are compared in one axes."""
+    document: dict[str, Any] = {
+        "run": {"dt": 0.1, "until": 1.0},
+        "blocks": {
+            "truth": {"type": "Pendulum", "angle0": 0.3},
+            "estimate": {"type": "Gain", "gain": 0.9},
+            "other": {"type": "Lowpass", "tau": 0.1},
+        },
+        "wires": {"estimate": {"input": "truth.angle"}, "other": {"input": "estimate.out"}},
+        "probes": {"both": {"of": ["truth.angle", "estimate.out"]}, "rate": "truth.rate"},
+        "plots": {
+            "both": {"kind": "timeseries", "of": "both"},
+            "all": {"kind": "timeseries", "of": ["both", "rate"]},
+        },
+    }
+    result = runtime.load(document).run()
+    (axes,) = draw(result.plots[0], result).axes
+    assert len(lines_of(axes.figure)) == 2
+    assert axes.get_ylabel().endswith("[rad]")
+    # With two units, nothing says which of them it has.
+    assert len(draw(result.plots[1], result).axes) == 3

@@ -21,10 +21,11 @@ from blocks.world.world import World
 from runtime.errors import GraphError, UsageError
 from runtime.observation.reader import PlotSpec
 from runtime.observation.run_data import Recording
-from runtime.plots import animate, animated, scans
+from runtime.plots import animate, animated, film, scans
 from runtime.plots import map as maps
 from runtime.plots.figures import draw
 from runtime.plots.style import run_end
+from runtime.runs import read_run
 from runtime.runs.result import Result
 
 ROOM = {
@@ -327,7 +328,7 @@ class TestAnimation:
     def test_is_a_gif_that_moves(
         self, run: Result, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr(scans, "FRAMES", 8)
+        monkeypatch.setattr(film, "FRAMES", 8)
         file = animate(run, tmp_path / "new" / "run.gif")
         with Image.open(file) as gif:
             assert gif.format == "GIF"
@@ -343,7 +344,7 @@ class TestAnimation:
     ) -> None:
         shown: list[str] = []
 
-        class Watched(scans.PillowWriter):
+        class Watched(film.PillowWriter):
             def grab_frame(self, **savefig_kwargs: Any) -> None:
                 axes = self.fig.axes[0]
                 (subtitle,) = (t for t in axes.texts if t.get_gid() == "subtitle")
@@ -353,11 +354,11 @@ class TestAnimation:
                 shown.append(clock.get_text())
                 super().grab_frame(**savefig_kwargs)
 
-        monkeypatch.setattr(scans, "FRAMES", 3)
-        monkeypatch.setattr(scans, "PillowWriter", Watched)
+        monkeypatch.setattr(film, "FRAMES", 3)
+        monkeypatch.setattr(film, "PillowWriter", Watched)
         animate(run, tmp_path / "run.gif")
         end = run_end(run)
-        speed = f"{end * scans.RATE / 3:.2g} × real time"
+        speed = f"{end * film.RATE / 3:.2g} × real time"
         assert shown == [f"t = {t:5.1f} s, {speed}" for t in (0.0, end / 2, end)]
 
     def test_of_a_run_without_ticks(self, run: Result, tmp_path: Path) -> None:
@@ -370,11 +371,14 @@ class TestAnimation:
         failed = Result("f", none, {}, run.plots, {"ticks": 0, "status": "failed"}, world=run.world)
         assert animate(failed, tmp_path / "f.gif").exists()
 
-    def test_needs_a_plot_of_scans_and_a_world(self, run: Result) -> None:
-        with pytest.raises(UsageError, match="no world; give it a world: section"):
+    def test_scans_come_before_a_map_and_a_map_before_a_trajectory(self, run: Result) -> None:
+        way = PlotSpec("way", "trajectory", ("pose",), "Way")
+        plots = [way, *run.plots]
+        assert animated(plots, run.world).kind == "scans"
+        assert animated(plots[:2], run.world).kind == "map"
+        assert animated(plots, None) is way
+        with pytest.raises(UsageError, match=r"add one, as in 'plots: \{way: \{kind: trajectory"):
             animated(run.plots, None)
-        with pytest.raises(UsageError, match=r"add one, as in 'plots: \{scans: \{kind: scans"):
-            animated(run.plots[:2], run.world)
 
     def test_refused_before_the_run(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -382,9 +386,40 @@ class TestAnimation:
         from runtime.cli import run as cli
 
         out = tmp_path / "runs"
-        assert cli(["run", "line_actuator_failure", "--animate", "--out", str(out)]) == 2
+        assert cli(["run", "gallery/pendulum", "--animate", "--out", str(out)]) == 2
         assert "nothing to animate" in capsys.readouterr().err
         assert not out.exists()
+
+    @pytest.mark.parametrize("vs", [[], ["--vs", "without=adaptive"]])
+    def test_two_robots_without_a_world_are_in_one_film(
+        self,
+        tmp_path: Path,
+        monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str],
+        vs: list[str],
+    ) -> None:
+        from runtime.cli import run as cli
+
+        seen: list[tuple[list[str], list[FloatArray]]] = []
+
+        class Watched(film.PillowWriter):
+            def grab_frame(self, **savefig_kwargs: Any) -> None:
+                axes = self.fig.axes[0]
+                bodies = [p.get_center() for p in axes.patches if p.get_gid() == "robot"]
+                names = [t.get_text() for t in self.fig.legends[0].get_texts()]
+                seen.append((names, [np.array(at) for at in bodies]))
+                super().grab_frame(**savefig_kwargs)
+
+        monkeypatch.setattr(film, "FRAMES", 3)
+        monkeypatch.setattr(film, "PillowWriter", Watched)
+        run = ["run", "line_actuator_failure", "--until", "4", "--animate", "--no-plots", "-q", *vs]
+        assert cli([*run, "--out", str(tmp_path)]) == 0, capsys.readouterr().err
+        names, bodies = seen[-1]
+        assert len(bodies) == (2 if vs else 1)
+        assert ("with adaptive" in names and "without adaptive" in names) == bool(vs)
+        made = runtime.load("line_actuator_failure").set("run.until", 4.0)
+        for graph, body in zip((made, made.without("adaptive")), bodies, strict=False):
+            np.testing.assert_allclose(body, graph.run()["pose"][-1, :2], atol=0.02)
 
     def test_from_the_command_line(
         self,
@@ -394,12 +429,52 @@ class TestAnimation:
     ) -> None:
         from runtime.cli import run as cli
 
-        monkeypatch.setattr(scans, "FRAMES", 3)
+        monkeypatch.setattr(film, "FRAMES", 3)
         run = ["run", "wall_following", "--until", "0.5", "--animate", "--no-plots", "-q"]
         assert cli([*run, "--out", str(tmp_path)]) == 0
         assert "plots/animation.gif" in capsys.readouterr().out
         files = sorted((tmp_path / "wall_following" / "latest" / "plots").iterdir())
         assert [file.name for file in files] == ["animation.gif"]
+
+
+def touching(run: Result, **plot: Any) -> list[FloatArray]:
+    """The positions that are marked as contacts in a figure."""
+    figure = draw(PlotSpec("p", title="P", **plot), run)
+    return [
+        np.asarray(line.get_xydata())
+        for axes in figure.axes
+        for line in axes.lines
+        if line.get_label() == "contact"
+    ]
+
+
+@pytest.mark.parametrize("kind", ["map", "trajectory"])
+def test_contacts_are_marked(kind: str, tmp_path: Path) -> None:
+    """A robot drives straight into a wall at x = 2: its body of 0.1 m touches from x = 1.9 on."""
+    blocks = {
+        "go": {"type": "Constant", "value": [1.0, 0.0], "signal": "Twist"},
+        "plant": {"type": "DifferentialDrive", "body_radius": 0.1},
+    }
+    document: dict[str, Any] = {
+        "run": {"dt": 0.01, "until": 3.0},
+        "world": {"room": ROOM["room"]},
+        "blocks": blocks,
+        "wires": {"plant": {"command": "go.value"}},
+        "probes": {"pose": "plant.pose", "contact": "plant.contact"},
+        "plots": {"way": {"kind": kind, "of": "pose"}},
+    }
+    run = runtime.load(document).run()
+    options = run.plots[0].options
+    assert options["body_radius"] == 0.1
+    (marked,) = touching(run, kind=kind, of=("pose",), options=options)
+    np.testing.assert_array_equal(marked, run["pose"][run["contact"] > 0.5, :2])
+    np.testing.assert_allclose(marked, [[1.9, 0.0]] * len(marked), atol=1e-5)
+    assert 100 < len(marked) < 115
+    free = runtime.load(document).set("run.until", 1.0).run()
+    assert touching(free, kind=kind, of=("pose",), options=options) == []
+    kept = read_run(run.save(tmp_path / "run"))
+    legend = draw(kept.plots[0], kept).legends[0]
+    assert "contact" in [text.get_text() for text in legend.get_texts()]
 
 
 def test_robot_without_known_radius() -> None:

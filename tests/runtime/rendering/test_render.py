@@ -20,6 +20,7 @@ from runtime.errors import UsageError
 from runtime.rendering.motion import Motion, recorded_motion
 from runtime.rendering.views import MARGIN, bar_length, extent_of
 from tests.conftest import Run
+from tests.extras import install_line
 
 SECONDS = 4.0
 HEIGHT = 400
@@ -176,9 +177,8 @@ def test_missing_libraries_are_named(cli: Run, run_folder: Path, tmp_path: Path)
     hidden = {**os.environ, "PYTHONPATH": str(package.parent)}
     done = cli("render", str(run_folder), env=hidden)
     assert done.returncode == 4
-    assert done.stderr == (
-        "runtime render needs an optional extra: pip install 'spikeblocks[render]'\n"
-    )
+    line = install_line("render")
+    assert done.stderr == f"runtime render needs an optional extra: {line}\n"
     done = cli("render", str(run_folder), env={**os.environ, "MUJOCO_GL": "nonsense"})
     assert done.returncode == 4
     assert "nonsense: RuntimeError" in done.stderr

@@ -109,6 +109,17 @@ def test_errors(tmp_path: Path, entry: dict[str, object], message: str) -> None:
         runtime.load(tmp_path / "graph.yaml").check()
 
 
+@pytest.mark.parametrize("addresses", [(), ("out.weights",)])
+def test_a_note_says_that_time_and_noise_begin_again(
+    tmp_path: Path, addresses: tuple[str, ...]
+) -> None:
+    learner(0.01).run().save(tmp_path / "run")
+    result = learner(0.01).begin_from(tmp_path / "run", *addresses).run()
+    assert any("time and noise begin again" in note for note in result.notes)
+    assert result.time("out.weights")[0] == 0.0
+    assert not any("begin again" in note for note in learner(0.01).run().notes)
+
+
 def test_large_states_on_request(tmp_path: Path) -> None:
     graph = learner(0.01, neurons=140_000).without("fused")
     assert "out.weights" not in graph.run().states

@@ -1,0 +1,183 @@
+"""Messages name what to write instead, and blame the line of the user's own code."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+import blocks
+import runtime
+from blocks.core import ParameterError, covariance_fault, extras, pip_line
+from runtime.errors import GraphError, SimulationError, raised_at
+from tests.conftest import Run
+
+SINE = {"s": {"type": "Sine"}}
+
+
+def problems(extra: dict[str, Any], wires: dict[str, Any] | None = None, **more: Any) -> str:
+    document = {"run": {"dt": 0.1, "until": 1.0}, "blocks": {**SINE, **extra}, **more}
+    with pytest.raises(GraphError) as caught:
+        runtime.load({**document, "wires": wires or {}}).check()
+    return str(caught.value)
+
+
+FILTER: dict[str, Any] = {
+    "type": "KalmanFilter",
+    "A": [[1.0, 0.1], [0.0, 1.0]],
+    "C": [[1.0, 0.0]],
+    "Q": [[1e-3, 0.0], [0.0, 1e-3]],
+    "R": 1e-6,
+}
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"Q": [[-1, 0], [0, 1]]}, "k.Q: the variances of a covariance are not negative"),
+        ({"Q": [[1, 0.5], [0, 1]]}, "k.Q: a covariance is symmetric, but [0][1] is 0.5"),
+        ({"P0": [[1, 2], [2, 1]]}, "k.P0: the variances of a covariance are not negative"),
+        ({"R": 0.0}, "k.R: the variances of a covariance are positive in all directions"),
+        ({"C": [[1, 0], [0, 1]]}, "k.R: expected 2 x 2 numbers, got a number"),
+    ],
+)
+def test_covariances_are_checked(change: dict[str, Any], message: str) -> None:
+    assert message in problems({"k": {**FILTER, **change}}, {"k": {"measurement": "s.out"}})
+    extended = {"type": "ExtendedKalmanFilter", "x0": [0, 0], "Q": FILTER["Q"], "R": 1e-6}
+    extended |= {"transition": ["x[0]", "x[1]"], "observation": ["x[0]"]}
+    if "C" not in change:
+        assert message in problems({"k": {**extended, **change}}, {"k": {"measurement": "s.out"}})
+
+
+@given(arrays.arrays(float, (3, 3), elements=st.floats(-3, 3, width=16)))
+def test_a_matrix_times_its_transpose_is_a_covariance_and_its_negative_is_not(root: Any) -> None:
+    square = root @ root.T
+    assert covariance_fault(square) == ""
+    if np.abs(square).max() > 1e-3:
+        assert "variances" in covariance_fault(-square)
+    skewed = square + np.triu(np.ones((3, 3)), 1) * (1.0 + np.abs(square).max())
+    assert "symmetric" in covariance_fault(skewed)
+
+
+def test_a_row_is_suggested_where_a_list_is_no_matrix() -> None:
+    system = {"type": "StateSpace", "A": [-1], "B": [1], "C": [1]}
+    assert "got [-1.0]; one row is written [[-1.0]]" in problems({"k": system})
+    gain = {"type": "Gain", "gain": [1, 2, 3, 4]}
+    state = {"c": {"type": "Constant", "value": [1, 2, 3, 4]}, "p": {"type": "Pendulum"}}
+    wires = {"k": {"input": "c.value"}, "p": {"torque": "k.out"}}
+    assert "[[1.0, 2.0, 3.0, 4.0]]" in problems({"k": gain, **state}, wires)
+    right = {**gain, "gain": [[1, 2, 3, 4]]}
+    runtime.load({"blocks": {"k": right, **state}, "wires": wires}).check()
+
+
+def test_a_typo_in_a_type_is_reported_alone() -> None:
+    joined = {"k": {"type": "Concatenate"}, "f": {"type": "Function", "expression": "u[0]"}}
+    wires = {"k": {"inputs": ["p.out", "s.out"]}, "f": {"u": ["p.out", "s.out"]}}
+    text = problems({"p": {"type": "Sien"}, **joined}, wires)
+    assert text == "blocks.p.type: no block type 'Sien', did you mean 'Sine'?"
+    removed = problems({"p": {"type": "Sine"}, **joined}, wires, without=["p"])
+    assert "an input's block is removed" in removed
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ({"run": {"duration": 3}}, "run.duration: unknown key, did you mean 'until'?"),
+        ({"run": {"timestep": 3}}, "run.timestep: unknown key, did you mean 'dt'?"),
+        ({"plots": {"p": {"kind": "scope", "of": "s"}}}, "did you mean 'timeseries'?"),
+        ({"plots": {"p": {"kind": "timeserie", "of": "s"}}}, "did you mean 'timeseries'?"),
+        ({"metrics": {"m": {"kind": "mae", "of": "s"}}}, "did you mean 'mean_abs'?"),
+        ({"metrics": {"m": {"kind": "setling_time", "of": "s"}}}, "did you mean 'settling_time'?"),
+    ],
+)
+def test_words_of_other_tools(more: dict[str, Any], message: str) -> None:
+    assert message in problems({}, probes={"s": "s.out"}, **more)
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        (["run", "starters/adaptive", "--style", "papr"], "did you mean 'paper'?"),
+        (["rn", "x"], "did you mean 'run'?"),
+        (["my.yaml"], "did you mean 'runtime run my.yaml'?"),
+        (
+            ["run", "starters/adaptive", "--vs", "without", "adaptive"],
+            "write --vs without=adaptive",
+        ),
+        (["run", "starters/adaptive", "--set", "lqr.q", "5"], "write --set lqr.q=5"),
+    ],
+)
+def test_the_command_line_suggests(cli: Run, line: list[str], message: str) -> None:
+    done = cli(*line)
+    assert done.returncode == 2
+    assert message in done.stderr
+
+
+OWN = """
+from blocks import Block, Gain, Input, Output, Scalar, param
+
+
+class Mine(Block):
+    x = Input(Scalar)
+    out = Output(Scalar)
+    gain: float = param(1.0, doc="a factor")
+{body}
+"""
+OUTPUT = "    def output(self, state, t, x):\n"
+
+
+@pytest.mark.parametrize(
+    ("body", "marked"),
+    [
+        (OUTPUT + "        self.count = 3  # here\n        return x", "cannot change"),
+        (OUTPUT + "        return [1.0][3] + x  # here", "IndexError"),
+        (OUTPUT + "        return Gain(gain='a')  # here", "expected a number"),
+        (
+            "    def validate(self):\n        1 / 0  # here\n\n" + OUTPUT + "        return x",
+            "Zero",
+        ),
+        (OUTPUT + "        return x\n\n\nG = Gain([[1.0]])  # here", "given by name"),
+    ],
+)
+def test_own_code_is_blamed_at_its_own_line(tmp_path: Path, body: str, marked: str) -> None:
+    text = OWN.format(body=body)
+    (tmp_path / "own.py").write_text(text)
+    line = next(i for i, each in enumerate(text.split("\n"), 1) if "# here" in each)
+    document = {"m": {"type": "Mine", "module": str(tmp_path / "own.py")}}
+    graph = runtime.load({"blocks": {**SINE, **document}, "wires": {"m": {"x": "s.out"}}})
+    with pytest.raises((GraphError, SimulationError), match=marked) as caught:
+        graph.run()
+    assert f"own.py:{line}" in str(caught.value)
+    assert "block.py" not in str(caught.value)
+
+
+def test_a_declaration_is_blamed_at_its_class(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(
+        OWN.format(body=OUTPUT.replace(", x", ", y") + "        return y")
+    )
+    text = problems({"m": {"type": "Mine", "module": str(tmp_path / "own.py")}})
+    assert "own.py:5: Mine.output: 'y' is not a port" in text
+
+
+def test_what_no_file_raised_has_no_place() -> None:
+    assert raised_at(ValueError("never raised")) == ""
+
+
+@pytest.mark.parametrize("given", [([[1.0, 2.0]],), ([[1.0]], 3.0)])
+def test_parameters_are_given_by_name(given: tuple[Any, ...]) -> None:
+    with pytest.raises(ParameterError, match=r"by name, as in Gain\(gain=\[\["):
+        blocks.Gain(*given)
+
+
+def test_the_pip_line_installs_this_copy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(extras.ROOT)
+    assert pip_line("tune") == "pip install -e '.[tune]'"
+    monkeypatch.chdir(tmp_path)
+    assert pip_line("tune") == f"pip install -e '{extras.ROOT}[tune]'"
+    monkeypatch.setattr(extras, "ROOT", tmp_path)
+    assert pip_line("tune") == "pip install 'spikeblocks[tune]'"
