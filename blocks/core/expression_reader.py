@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import ast
 import math
+import operator
 import re
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NoReturn
 
 from blocks.core.params import hint
@@ -98,6 +99,17 @@ def _explained(text: str, message: str) -> str:
     return f"{message[:1].lower()}{message[1:]}; expected an expression, as in 'u[0]*sin(t)'"
 
 
+_INTEGERS: dict[type[ast.operator], Callable[[int, int], int]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Mod: operator.mod,
+    ast.FloorDiv: operator.floordiv,
+    ast.Pow: operator.pow,
+}
+MAX_BITS = 4096  # of an integer on the way; floats end at 1024
+
+
 class Reader:
     """Rewrites the nodes of one expression; each is a number or a truth value."""
 
@@ -105,6 +117,7 @@ class Reader:
         self.text, self.names = text, names
         self.used: set[str] = set()
         self.written = 0
+        self._whole: dict[ast.expr, int | None] = {}
 
     def fail(self, node: ast.expr, message: str) -> NoReturn:
         raise ExpressionError(self.text, node.col_offset + 1 + _blanks(self.text), message)
@@ -117,6 +130,8 @@ class Reader:
     def number(self, node: ast.expr, depth: int) -> ast.expr:
         """A node as an expression whose value is a float."""
         self.count(node, depth)
+        if (whole := self.whole(node, depth)) is not None:
+            return self.exact(node, whole)
         match node:
             case ast.Constant():
                 return _literal(self.constant(node))
@@ -162,6 +177,39 @@ class Reader:
             case ast.UnaryOp(op=ast.Not(), operand=operand):
                 return ast.UnaryOp(ast.Not(), self.truth(operand, depth + 1))
         return ast.Compare(self.number(node, depth + 1), [ast.NotEq()], [ast.Constant(0.0)])
+
+    def whole(self, node: ast.expr, depth: int) -> int | None:
+        """The value of integers alone, which Python computes exactly: 3**40 % 1000 is 801."""
+        if node not in self._whole:
+            self._whole[node] = None if depth > MAX_DEPTH else self._integer(node, depth + 1)
+        return self._whole[node]
+
+    def _integer(self, node: ast.expr, depth: int) -> int | None:
+        match node:
+            case ast.Constant(value=int() as value) if not isinstance(value, bool):
+                return value
+            case ast.UnaryOp(op=ast.USub() | ast.UAdd() as op, operand=operand):
+                inner = self.whole(operand, depth)
+                return -inner if inner is not None and isinstance(op, ast.USub) else inner
+            case ast.BinOp(left=left, op=op, right=right) if type(op) in _INTEGERS:
+                a, b = self.whole(left, depth), self.whole(right, depth)
+                if a is None or b is None or (b == 0 and isinstance(op, (ast.Mod, ast.FloorDiv))):
+                    return None
+                if isinstance(op, ast.Pow) and (b < 0 or a.bit_length() * b > MAX_BITS):
+                    return None
+                return int(_INTEGERS[type(op)](a, b))
+        return None
+
+    def exact(self, node: ast.expr, whole: int) -> ast.expr:
+        """An integer as the float of the same value."""
+        try:
+            number = float(whole)
+        except OverflowError:
+            self.fail(node, "the number is too large")
+        if int(number) != whole:
+            message = "no float has exactly this value, and all numbers here are floats; write a "
+            self.fail(node, message + "float, as in '3.0**40', to have it rounded")
+        return _literal(number)
 
     def constant(self, node: ast.Constant) -> float:
         value = node.value

@@ -38,9 +38,11 @@ class Function(Block):
 
     out = expression(u, t), a number; a list of expressions gives a vector, or the record type that
     ``signal`` states. ``u[0]``, ``u[1]``, ... are the components of all signals that are wired to
-    ``u``, in order; ``names`` gives them names. Arithmetic is that of Python's floats, with the
-    functions of ``math``, ``sign``, ``clip``, ``wrap``, ``sum``, ``mean``, ``norm``, ``min`` and
-    ``max``; ``a if u[0] > 1 else b`` decides. An expression cannot do anything but compute.
+    ``u``, in order; ``names`` gives them names. All signals are floats, and arithmetic is that of
+    Python's floats; integers alone are computed exactly, so that ``3**40 % 1000`` is 801, and one
+    that no float has is an error. There are the functions of ``math``, ``sign``, ``clip``,
+    ``wrap``, ``sum``, ``mean``, ``norm``, ``min`` and ``max``; ``a if u[0] > 1 else b`` decides.
+    An expression cannot do anything but compute.
     """
 
     inputs = Input(

@@ -199,3 +199,43 @@ TREES = st.recursive(
 def test_values_are_those_of_python(text: str, x: float, y: float) -> None:
     f = expression_function(text, {"x": None, "y": None})
     assert f(x, y) == eval(text, {"sin": math.sin, "abs": abs, "x": x, "y": y})
+
+
+INTEGERS = st.recursive(
+    st.integers(0, 10**18).map(str),
+    lambda inner: st.one_of(
+        st.tuples(inner, st.sampled_from(["+", "-", "*", "%", "//"]), inner).map(
+            lambda parts: f"({' '.join(parts)})"
+        ),
+        st.tuples(inner, st.integers(0, 60)).map(lambda parts: f"({parts[0]} ** {parts[1]})"),
+        inner.map(lambda text: f"(-{text})"),
+    ),
+    max_leaves=6,
+)
+
+
+@given(INTEGERS)
+def test_integers_alone_are_python_s_or_refused(text: str) -> None:
+    try:
+        value = eval(text)
+    except ZeroDivisionError:
+        return
+    try:
+        found = expression_function(text, {})()
+    except ExpressionError as error:
+        assert abs(value) > 2**53 or "// " in text or "**" in text  # or a part of it
+        assert "no float has exactly this value" in str(error) or "too large" in str(error)
+        return
+    except OverflowError:
+        return  # the power has more digits than are computed exactly, and is no float
+    assert found == value
+    assert isinstance(found, float)
+
+
+def test_an_integer_that_no_float_has_is_refused_where_it_is_used() -> None:
+    assert expression_function("3**40 % 1000", {})() == 3**40 % 1000
+    assert expression_function("3**40 % 1000 + x", {"x": None})(1.0) == 3**40 % 1000 + 1.0
+    for text in ("3**40", "x + 3**40", "x > 9007199254740993", "sqrt(3**40)", "-3**40"):
+        with pytest.raises(ExpressionError, match="no float has exactly this value"):
+            expression_function(text, {"x": None})
+    assert expression_function("3.0**40", {})() == 3.0**40
