@@ -1,4 +1,4 @@
-"""What own blocks return is a signal of floats, whatever they return; taught ways of keeping state."""
+"""What own blocks return is a signal of floats; the taught ways of keeping state compile."""
 
 from __future__ import annotations
 
