@@ -238,6 +238,8 @@ def test_the_tutorial_shows_what_is_printed(cli: Run) -> None:
         for line in lines:
             start = line.removesuffix("...").rstrip()
             assert any(each.startswith(start) for each in printed), f"{command}: {line}"
+        if code:  # of a mistake, all messages are shown, so that the page does not flatter
+            assert lines == printed, command
 
 
 @pytest.mark.parametrize("name", ["run_from_python.py", "ablation.py", "stateful_block.py"])

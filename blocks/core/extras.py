@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import importlib
-import json
-import shlex
-from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from types import ModuleType
-from urllib.parse import unquote, urlsplit
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -30,6 +26,8 @@ def pip_line(extra: str) -> str:
     A checkout is installed in place, a folder or an archive by its path, and what an index
     offered by its name.
     """
+    import shlex
+
     if (ROOT / "pyproject.toml").is_file():
         folder = "." if Path.cwd() == ROOT else str(ROOT)
         return f"pip install -e {shlex.quote(f'{folder}[{extra}]')}"
@@ -38,6 +36,11 @@ def pip_line(extra: str) -> str:
 
 def _origin() -> str:
     """The folder or archive that pip installed the package from; its name if it was an index."""
+    # Every start imports this module, and few need these.
+    import json
+    from importlib.metadata import PackageNotFoundError, distribution
+    from urllib.parse import unquote, urlsplit
+
     try:
         written = distribution("spikeblocks").read_text("direct_url.json")
     except PackageNotFoundError:

@@ -164,7 +164,7 @@ INLINE double modulo_checked(struct context *ctx, double a, double b, int64_t fa
 /* NumPy's %, NaN for a divisor of zero. */
 INLINE double np_modulo(double a, double b)
 {
-    return b == 0.0 ? NAN : modulo(a, b);
+    return b == 0.0 ? (double)NAN : modulo(a, b);
 }
 
 /* Python's float //, and NumPy's: a / b for a divisor of zero. */

@@ -4,7 +4,7 @@
 ``plots`` hold the registries of kinds; ``run_data`` is the data of a finished run.
 """
 
-from runtime.observation.metric_kinds import MetricKind, MetricOptions
+from runtime.observation.metric_kinds import MetricKind, MetricOptions, NumberOptions
 from runtime.observation.metrics import METRIC_KINDS, STOP_TIME, Metric, Series
 from runtime.observation.observation import Observation, StopTest
 from runtime.observation.plot_options import CHANGES, Figure
@@ -24,6 +24,7 @@ __all__ = [
     "Metric",
     "MetricKind",
     "MetricOptions",
+    "NumberOptions",
     "Observation",
     "PlotKind",
     "PlotSpec",

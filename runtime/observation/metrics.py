@@ -19,6 +19,7 @@ from runtime.observation import (
     response_metrics,
     wall_metrics,
 )
+from runtime.observation.kinds import Kinds
 from runtime.observation.metric_kinds import (
     POSITIVE,
     SHARE,
@@ -214,7 +215,7 @@ def lqr_cost(series: Mapping[str, Series], options: Mapping[str, Any]) -> float:
     return float(0.5 * (running + np.einsum("i,ij,j->", x[-1], q_final, x[-1])))
 
 
-METRIC_KINDS: dict[str, MetricKind] = {
+_OWN: dict[str, MetricKind] = {
     "settling_time": MetricKind(
         settling_time,
         "first time (s) from which all columns stay within ±`band` of `target` or of the signal "
@@ -298,3 +299,6 @@ METRIC_KINDS: dict[str, MetricKind] = {
     **neural_metrics.NEURAL_KINDS,
     **wall_metrics.WALL_KINDS,
 }
+
+# Those of the library, and by their names those of packages.
+METRIC_KINDS = Kinds(_OWN, "spikeblocks.metrics", MetricKind)

@@ -9,6 +9,7 @@ from typing import Any
 
 from blocks.core import Options, plain
 from runtime.network import Network
+from runtime.observation.kinds import Kinds
 from runtime.observation.plot_options import (
     Averaged,
     Checks,
@@ -97,7 +98,8 @@ def plot_keys(kind: str) -> tuple[str, ...]:
 def offered(kind: str, has_world: bool) -> tuple[str, ...]:
     """The kinds that a message should name: those in a world only if there is one."""
     everywhere = tuple(name for name, entry in PLOT_KINDS.items() if not entry.in_world)
-    return tuple(PLOT_KINDS) if has_world or kind in PLOT_KINDS.keys() - everywhere else everywhere
+    named = tuple(PLOT_KINDS) if has_world or kind in PLOT_KINDS.keys() - everywhere else everywhere
+    return PLOT_KINDS.known(named)
 
 
 def check_options(kind: str, options: Mapping[str, Any], has_world: bool) -> Checks:
@@ -256,7 +258,7 @@ def _one_of_each(probes: Sequence[Probe]) -> str:
     return f"expected one {twice[0]}, got {kinds.count(twice[0])}" if twice else ""
 
 
-PLOT_KINDS: Mapping[str, PlotKind] = {
+_OWN: dict[str, PlotKind] = {
     "timeseries": PlotKind(
         "columns over time, one axis per unit",
         "runtime.plots.figures:draw_timeseries",
@@ -355,3 +357,6 @@ PLOT_KINDS: Mapping[str, PlotKind] = {
         together=_one_of_each,
     ),
 }
+
+# Those of the library, and by their names those of packages.
+PLOT_KINDS = Kinds(_OWN, "spikeblocks.plots", PlotKind)

@@ -32,6 +32,7 @@ from runtime.network import (
     whole_shape,
 )
 from runtime.observation.default_plots import default_plots
+from runtime.observation.kinds import Kinds
 from runtime.observation.metrics import METRIC_KINDS, Metric, ProbeInfo
 from runtime.observation.observation import Observation, StopTest
 from runtime.observation.other_names import OTHER_NAMES
@@ -334,6 +335,8 @@ class _Reader:
 
     def plot(self, name: str, node: Node, address: str) -> None:
         written = node.get("kind")
+        if self.is_broken(PLOT_KINDS, written, f"{address}.kind"):
+            return
         asked = "" if written is None else str(written.plain())
         keys = plot_keys(asked)
         check_keys(node, keys, address, self.problems, "key")
@@ -392,13 +395,24 @@ class _Reader:
             self.problems.add(item.where, address, message)
         return ""
 
+    def is_broken(self, kinds: Kinds[Any], written: Node | None, address: str) -> bool:
+        """Whether a kind is one of a package that cannot be used, which is reported."""
+        if written is None or not isinstance(written.value, str) or written.value in kinds:
+            return False
+        message = kinds.broken(written.value)
+        if message:
+            self.problems.add(written.where, address, message)
+        return bool(message)
+
     def metric(self, name: str, node: Node, address: str) -> None:
         written = node.get("kind")
+        if self.is_broken(METRIC_KINDS, written, f"{address}.kind"):
+            return
         declared = METRIC_KINDS.get(str(written.plain())) if written is not None else None
         kinds = METRIC_KINDS.values() if declared is None else [declared]
         keys = ("kind", *dict.fromkeys(key for kind in kinds for key in kind.keys))
         check_keys(node, keys, address, self.problems, "key")
-        kind = self.choice(node, tuple(METRIC_KINDS), keys, f"{address}.kind")
+        kind = self.choice(node, METRIC_KINDS.known(), keys, f"{address}.kind")
         if declared is None or not kind:
             return
         inputs = {key: self.measured(node, key, keys, address) for key in declared.inputs}

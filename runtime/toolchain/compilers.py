@@ -13,7 +13,6 @@ from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 
-from blocks.core import pip_line
 from runtime.errors import SpikeblocksError
 from runtime.toolchain import store
 
@@ -206,6 +205,8 @@ def environment() -> dict[str, str]:
 def install_command() -> str:
     """The command that installs a C compiler on this system."""
     import platform
+
+    from blocks.core import pip_line
 
     pip = pip_line(EXTRA)
     if sys.platform == "darwin":

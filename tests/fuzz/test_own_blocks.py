@@ -43,9 +43,8 @@ def test_what_differs_is_found_and_made_small(
 
     def other(self: Batch, kind: str, active: Sequence[str]) -> Any:
         seed = 1 if kind == "compiled" else 0
-        monkeypatch.setattr(
-            engines, "Engine", lambda program, _, *rest: Engine(program, seed, *rest)
-        )
+        for name in ("Engine", "Bare"):
+            monkeypatch.setattr(engines, name, lambda made, _, *rest: Engine(made, seed, *rest))
         return run(self, kind, active)
 
     monkeypatch.setattr(Batch, "run", other)

@@ -208,7 +208,7 @@ class Odd(Block):
         ({"needed": "x", "low": 2}, ["Odd.low: must lie below high = 1"]),
         (
             {"needed": "x", "table": [1, 2, 3]},
-            ["Odd.table: expected an array of rows numbers, got an array of shape (3,)"],
+            ["Odd.table: expected an array of rows numbers, got [1.0, 2.0, 3.0]"],
         ),
         (
             {"low": "a", "high": 10, "zz": 1},

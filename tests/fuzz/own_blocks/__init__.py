@@ -16,7 +16,7 @@ WHAT = (
     "Random methods of own blocks in Python and NumPy: arithmetic of floats, integers, bools and "
     "arrays of these, calls with side effects, draws, comprehensions, views, masks, keywords, "
     "domain errors, NaN and infinity; each runs for 7 ticks under the Python engine, the compiled "
-    "engine, and the compiled engine with all checks."
+    "engine without its own comparison with Python, and the checked engine with it."
 )
 HOLDS = (
     "Every output, recorded state and last state has the same bits (within 1e-9 where NumPy's own "

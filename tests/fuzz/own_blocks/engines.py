@@ -31,6 +31,16 @@ RUNNERS: dict[str, Any] = {"compiled": CompiledRunner, "checked": CheckedRunner}
 BLOCK = re.compile(r"'(P\w+)'")
 
 
+class Bare(Engine):
+    """The compiled engine without its comparison with Python, so that faults are not mended."""
+
+    def prepare(self) -> Any:
+        made = super().prepare()
+        if self.exact is not None:
+            self.exact.beside = None
+        return made
+
+
 @dataclass(frozen=True)
 class Difference:
     """What another engine does differently with a program.
@@ -95,7 +105,8 @@ class Batch:
         there = set(active)
         for name, program in self.programs.items():
             self.setup[name] = (program.begin if name in there else 1e9, program.first)
-        return Engine(self.program, 0, RUNNERS.get(kind), self.notes.append)
+        engine = Bare if kind == "compiled" else Engine
+        return engine(self.program, 0, RUNNERS.get(kind), self.notes.append)
 
     def run(self, kind: str, active: Iterable[str]) -> tuple[Engine, Outcome]:
         """A run of these programs."""

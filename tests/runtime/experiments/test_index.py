@@ -215,6 +215,7 @@ def test_rows_of_another_plan_are_refused(index: Index, rows: list[Row], message
         (csv_line(COLUMNS.header) + "x,1,2,0,ok,,1,2,,3\n", "index.csv:2: not a row of this plan"),
         (csv_line(COLUMNS.header) + "1,1,2,0,ok,,1,y,,3\n", "index.csv:2: not a row of this plan"),
         (csv_line(COLUMNS.header) + "1,1,2,0,ok,,1,2,ab,3\n", "expected 2 signals, got 1"),
+        (csv_line(COLUMNS.header) + "1,1,2,0,fine,,1,2,,3\n", "expected a status (ok, failed"),
     ],
 )
 def test_what_is_no_index(path: Path, text: str, message: str) -> None:

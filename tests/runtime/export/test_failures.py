@@ -17,7 +17,8 @@ from runtime import toolchain
 from runtime.export import export
 
 COMPILERS = [name for name in ("gcc", "clang") if shutil.which(name)]
-STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-ffp-contract=off")
+WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Wdouble-promotion", "-Werror")
+STRICT = ("-std=c99", "-pedantic", *WARNINGS, "-ffp-contract=off")
 SANITIZE = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g")
 BUILDS = [
     *([(name, f"-O{level}") for name in COMPILERS for level in range(4)]),

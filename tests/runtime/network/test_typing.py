@@ -67,6 +67,17 @@ def test_an_open_length_is_reported_with_what_gives_it() -> None:
     assert messages(graph) == [message]
 
 
+@pytest.mark.parametrize("probed", [False, True])
+def test_an_ensemble_without_input_is_named_and_not_what_reads_it(probed: bool) -> None:
+    # The rows of the Decoder's weights are as open as the Ensemble's length.
+    graph = runtime.Graph(dt=0.001, until=0.1).add("e", blocks.Ensemble(neurons=10))
+    graph = graph.add("d", blocks.Decoder()).add("g", blocks.Sum(signal="Vector(2)"))
+    graph = graph.connect("e.spikes", "d.spikes").connect("d.value", "g.terms")
+    graph = graph.probe("w", "d.weights") if probed else graph
+    (message,) = messages(graph)
+    assert "'e.input' is not connected" in message
+
+
 LOOP: dict[str, Any] = {
     "run": {"dt": 0.1, "until": 0.5},
     "blocks": {
