@@ -252,7 +252,7 @@ def write(body: Body, target: Value, value: Value) -> None:
         _shared(body, [target, value], exact=True)
     else:
         value = body.kept(value)
-    body.changes += 1
+    body.change()
     body.fill(target, value)
 
 

@@ -126,6 +126,11 @@ class Body:
         self.effects += 1
         self.put(text)
 
+    def change(self) -> None:
+        """What follows changes memory that others see, or draws a number."""
+        self.effects += 1
+        self.changes += 1
+
     @contextmanager
     def block(self, head: str, end: str = "}") -> Iterator[None]:
         """Lines in braces."""

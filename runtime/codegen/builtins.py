@@ -180,7 +180,7 @@ def select_and_write(body: Body, array: Value, chosen: Value, value: Value) -> N
     value = arrays.copied(body, value) if isinstance(value.type, Array) else body.kept(value)
     if len(array_type(array).dims) != 1 or len(array_type(chosen).dims) != 1:
         raise NotTypedError("selects by an array in more than one axis; write the loop")
-    body.changes += 1
+    body.change()
     mask = arrays.elements(chosen) == BOOL
     if mask:
         _same_length(body, array, chosen)

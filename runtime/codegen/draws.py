@@ -77,7 +77,7 @@ def _drawn(
     body: Body, generator: Value, size: Size, function: str, of: Callable[[Value], Value]
 ) -> Value:
     """One draw, or an array of draws in the order in which NumPy takes them."""
-    body.changes += 1
+    body.change()
     draw = Value(FLOAT, (f"{generator.text}->{function}({generator.text}->bits)",))
     if size is None or size.type == NONE:
         return body.kept(of(draw), "drawn")

@@ -146,7 +146,7 @@ class Statements(Loops, ast.NodeVisitor):
             raise NotTypedError("writes into an input or a stored output; write to a copy")
         if isinstance(value.type, Array):
             value = library.item(self, value)
-        self.changes += 1
+        self.change()
         kind = arrays.elements(array)
         if kind == INT and value.type == FLOAT:
             value = scalars.whole(self, value)
@@ -204,7 +204,7 @@ class Statements(Loops, ast.NodeVisitor):
         if isinstance(place.type, Array):
             arrays.write(self, place, made)
             return
-        self.changes += 1
+        self.change()
         kind = arrays.elements(array)
         if kind == FLOAT and made.type == FLOAT and before.texts == place.texts:
             sign = {ast.Add: "+=", ast.Sub: "-=", ast.Mult: "*="}.get(type(node.op))

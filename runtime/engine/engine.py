@@ -52,6 +52,7 @@ from runtime.engine.values import (
     NotFiniteError,
     OutputChecks,
     bad_slope,
+    floats,
     sealed,
     unreached,
     wrong_initial,
@@ -253,7 +254,7 @@ class Engine:
         """Initialise the states, and compute the constant outputs."""
         functions = (
             *(math.isfinite, math.isnan, np.vdot, np.array, np.full),
-            *(self.checks.forms, sealed, self.checks.not_finite),
+            *(self.checks.forms, sealed, self.checks.not_finite, floats),
         )
         self.namespace: dict[str, Any] = dict(zip(GLOBALS, functions, strict=True))
         self.namespace |= {f"probe_{i}": array for i, array in enumerate(self.arrays.values())}

@@ -7,7 +7,10 @@ from collections.abc import Iterable
 
 from runtime.network import Network
 
-GLOBALS = ("isfinite", "isnan", "vdot", "array", "full", "checked", "sealed", "not_finite")
+GLOBALS = (
+    *("isfinite", "isnan", "vdot", "array", "full"),
+    *("checked", "sealed", "not_finite", "floats"),
+)
 # Names used by the loop around a compiled plan.
 DRIVER_NAMES = ("drive", "due", "read", "store")
 # Names used by the text of a graph with continuous states, or that may stop early.

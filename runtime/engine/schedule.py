@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from blocks.core import Evaluation, Input, SignalType
+from blocks.registry import is_built_in
 from runtime.engine.continuous import Continuous, continuous_part, needed
 from runtime.engine.naming import CONTINUOUS_NAMES, identifiers
 from runtime.engine.order import ordered_steps
@@ -351,7 +352,10 @@ class Emitter:
         around = f"checked({step.block!r}, {step.evaluation.outputs!r}, {{}})" if checked else "{}"
         self.call(step.block, step.evaluation, ", ".join(targets) + " = ", around)
         kinds = [self.network.types[step.block, port] for port in step.evaluation.outputs]
+        own = not is_built_in(self.network.entries[step.block].cls)
         for target, kind in zip(targets, kinds, strict=True):
+            if own:
+                self.code(f"{target} = floats({target})", step.block)
             if kind.form == "array":
                 self.code(f"{target} = sealed({target})", step.block)
         test = finite_test(dict(zip(targets, kinds, strict=True)))

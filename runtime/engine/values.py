@@ -42,6 +42,19 @@ def sealed(value: Any) -> Any:
     return value
 
 
+def floats(value: Any) -> Any:
+    """What an own block returned in the form of a signal: numbers are Python's floats.
+
+    A block may return an int, a bool or NumPy's number at one tick. The next block would compute
+    with it by other rules, as ``True + True``, which is 2 in Python and True in NumPy.
+    """
+    if isinstance(value, tuple):
+        return tuple(map(float, value))
+    if isinstance(value, np.ndarray) and value.ndim:
+        return value if value.dtype == np.float64 else value.astype(np.float64)
+    return float(value)
+
+
 @dataclass(frozen=True)
 class OutputChecks:
     """Checks what the blocks of a network return against the types of their outputs."""

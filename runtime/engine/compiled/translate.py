@@ -118,12 +118,8 @@ class Writer(Folding):
     def visit_AugAssign(self, node: ast.AugAssign) -> Any:
         node.value = self.visit(node.value)
         if isinstance(node.target, ast.Attribute):
-            # In place, into a declared array.
             self.stored(node.target)
-            load = self.visit(ast.Attribute(node.target.value, node.target.attr, ast.Load()))
-            node.target = ast.Name(load.id, ast.Store())
-        else:
-            node.target = self.visit(node.target)
+        node.target = self.visit(node.target)
         return node
 
     def stored(self, node: ast.Attribute) -> None:
