@@ -67,7 +67,7 @@ READING = """## How to read this
   as one value, in intervals and tests.
 * **Edge**: parameters whose value is within 2 % of an end of its range. Where there were such, the
   range was widened and the tuning done again, with the same budget: {wider}. An edge that is still
-  named is one of the wider range: a weight that small has no effect any more.
+  named is one of the wider range, where a smaller value has no effect any more.
 """
 
 HEALING = """The number of runs whose lateral error is within 50 mm at the latest 10 s after the
