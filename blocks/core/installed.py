@@ -61,6 +61,10 @@ class Installed(Generic[T]):
             raise found
         return found
 
+    def name_of(self, value: T) -> str:
+        """The name of an object that was found; '' if it is no package's, or not found yet."""
+        return next((name for name, found in self._found.items() if found is value), "")
+
     def usable(self) -> dict[str, T]:
         """All that can be used, by name; the packages are imported."""
         found: dict[str, T] = {}

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
+from blocks.core.installed import BrokenPackageError, Installed
 from blocks.core.params import hint, plain, show
 from blocks.core.reading import read_params
 from blocks.core.settings import Setting, SettingError
@@ -16,19 +17,31 @@ class Variant(Setting):
     """A setting of one of several classes: ``LIF``, or ``{type: LIF, tau_rc: 0.02}``.
 
     A family of such classes has one root, with the ``key`` that names a class. A class declares
-    its own parameters with :func:`blocks.core.param`, as a block does.
+    its own parameters with :func:`blocks.core.param`, as a block does. ``group`` names the entry
+    points under which packages offer classes of the family; without it there are none.
     """
 
     key: ClassVar[str] = "type"
     of_ones_own: ClassVar[str] = ""  # how a graph names one that is not the library's
     members: ClassVar[dict[str, type[Variant]]] = {}
+    installed: ClassVar[Installed[type[Variant]] | None] = None
     label: ClassVar[str] = ""
 
-    def __init_subclass__(cls, root: bool = False, abstract: bool = False, label: str = "") -> None:
+    def __init_subclass__(
+        cls, root: bool = False, abstract: bool = False, label: str = "", group: str = ""
+    ) -> None:
         super().__init_subclass__()
         cls.declared = read_params(cls)
         if root:
             cls.members = {}
+        if group:
+            cls.installed = Installed(
+                group,
+                lambda value: isinstance(value, type) and issubclass(value, cls),
+                f"a subclass of {cls.__name__}",
+                taken=cls.members,
+            )
+        if root:
             return
         cls.label = label or cls.__name__
         if not abstract and cls.__module__.startswith("blocks."):
@@ -68,12 +81,26 @@ class Variant(Setting):
         if isinstance(name, str) and name in cls.members:
             made: Any = cls.members[name](**values)
             return made  # type: ignore[no-any-return]
-        known = ", ".join(cls.members)
         where = cls.key if isinstance(written, dict) else ""
+        try:
+            offered = cls._offered(name)
+        except BrokenPackageError as error:
+            raise SettingError([(where, str(error))]) from None
+        if offered is not None:
+            return offered(**values)
+        known = [*cls.members, *(cls.installed.names() if cls.installed else ())]
         got = "nothing" if name is None else show(name)
-        suggestion = hint(name, cls.members) or cls.of_ones_own
-        text = f"expected {cls.expected} ({known}), got {got}{suggestion}"
+        suggestion = hint(name, known) or cls.of_ones_own
+        text = f"expected {cls.expected} ({', '.join(known)}), got {got}{suggestion}"
         raise SettingError([(where, text)])
+
+    @classmethod
+    def _offered(cls, name: Any) -> type[Self] | None:
+        """The class that a package offers under a name."""
+        if cls.installed is None or not isinstance(name, str):
+            return None
+        found: Any = cls.installed.find(name)
+        return found  # type: ignore[no-any-return]
 
     @classmethod
     def forms(cls) -> Mapping[str, str]:
@@ -90,8 +117,10 @@ class Variant(Setting):
             value = plain(self.__dict__[name])
             if declared.required or value != plain(declared.convert(declared.default)):
                 values[name] = value
-        own = _own_file(type(self))
-        return {self.key: self.label, **own, **values} if values or own else self.label
+        offered = self.installed.name_of(type(self)) if self.installed else ""
+        own = {} if offered else _own_file(type(self))
+        name = offered or self.label
+        return {self.key: name, **own, **values} if values or own else name
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError(f"{type(self).__name__} cannot change after construction")

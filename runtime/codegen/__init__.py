@@ -1,9 +1,13 @@
 """C99 from a restricted subset of Python: the types of a text are inferred, and it is printed.
 
 ``Writer`` takes a :class:`Source`, functions as syntax trees and the types of the entries that
-they read, and writes one translation unit with the methods that other units call. What cannot be
-typed is refused with file and line. Scalar arithmetic gives Python's bits; array expressions become
-loops; local arrays come from an arena; there is no recursion.
+they read, and writes one translation unit with the methods that other units call. A construct is
+written only where its meaning is Python's and NumPy's, and refused with file and line otherwise;
+what C cannot hold while it runs, as an integer beyond 64 bits, is a failure. Array expressions
+become loops; local arrays come from an arena; there is no recursion.
+
+    def ratio(x):            static double ratio(struct context *ctx, double x)
+        return x / (x - 1.0)     return divide(ctx, x, x - 1.0, 3);   /* failure 3: ... (own.py:7) */
 """
 
 from __future__ import annotations

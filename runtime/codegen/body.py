@@ -178,6 +178,10 @@ class Body:
             values.append(value)
         return values
 
+    def reached(self, value: Value) -> Value:
+        """A value whose failure comes now, even if nothing reads it."""
+        return self.kept(value) if any("(ctx" in text for text in value.texts) else value
+
     def as_type(self, value: Value, kind: Type) -> Value:
         """A value as one of a wider type; an int that a float cannot hold fails."""
         return converted(self.exact(value) if kind == EITHER else value, kind)

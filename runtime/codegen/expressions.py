@@ -139,7 +139,7 @@ class Expressions(Body, ast.NodeVisitor):
         raise NotTypedError(f"reads '{ast.unparse(node)}'")
 
     def visit_Tuple(self, node: ast.Tuple | ast.List) -> Value:
-        return group([self.stored(v) for v in self.each(node.elts)])
+        return group([self.reached(self.stored(v)) for v in self.each(node.elts)])
 
     def visit_List(self, node: ast.List) -> Value:
         return self.visit_Tuple(node)

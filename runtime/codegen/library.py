@@ -142,7 +142,7 @@ def _operator(op: ast.operator, body: Body, x1: Value, x2: Value, /) -> Value:
 
 
 def _test(name: str, body: Body, x: Value, /) -> Value:
-    of = lambda v: scalars.call(name, scalars.as_float(v).text, kind=BOOL)  # noqa: E731
+    of = lambda v: scalars.tested(name, scalars.as_float(v).text)  # noqa: E731
     return lifted(body, [x], of, BOOL)
 
 
@@ -163,6 +163,8 @@ def _extreme(name: str, body: Body, x1: Value, x2: Value, /) -> Value:
 
 
 def _clip(body: Body, a: Value, a_min: Value, a_max: Value) -> Value:
+    if any(isinstance(bound.type, Array) for bound in (a_min, a_max)):
+        raise NotTypedError("clips by bounds that are arrays; use np.minimum and np.maximum")
     if arrays.common([a, a_min, a_max]) != FLOAT:
         return _extreme("min", body, _extreme("max", body, a, a_min), a_max)
     return lifted(body, [a, a_min, a_max], partial(_c_function, "np_clip"), FLOAT)

@@ -90,6 +90,11 @@ def call(name: str, *arguments: str, kind: Number = FLOAT) -> Value:
     return Value(kind, (f"{name}({', '.join(arguments)})",), ATOM)
 
 
+def tested(name: str, text: str) -> Value:
+    """``isnan``, ``isinf`` or ``isfinite``, of which C says that it is not zero."""
+    return Value(BOOL, (f"({name}({text}) != 0)",))
+
+
 def truth(value: Value) -> Value:
     """Whether a number is not zero."""
     if value.const is not UNKNOWN:
@@ -395,7 +400,7 @@ def function(body: Body, name: str, values: list[Value]) -> Value:
     if len(texts) == 1 and name in REAL:
         return call(f"real_{name}", "ctx", *texts, _domain(body, f"math.{name}"))
     if len(texts) == 1 and name in TESTS:
-        return call(name, *texts, kind=BOOL)
+        return tested(name, texts[0])
     if len(texts) == 2 and name in TOTAL_TWO:
         return call(TOTAL_TWO[name], *texts)
     if len(texts) == 2 and name in REAL_TWO:

@@ -86,8 +86,14 @@ class Function:
 
     @cached_property
     def loaded(self) -> frozenset[str]:
-        """Names that are read anywhere."""
-        return frozenset(name for s in self.statements for name in _loaded(s))
+        """Names that are read anywhere, by ``x += 1`` too."""
+        augmented = {
+            node.target.id
+            for statement in self.statements
+            for node in ast.walk(statement)
+            if isinstance(node, ast.AugAssign) and isinstance(node.target, ast.Name)
+        }
+        return frozenset(name for s in self.statements for name in _loaded(s)) | augmented
 
     @cached_property
     def loops_read_later(self) -> frozenset[str]:

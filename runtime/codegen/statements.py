@@ -57,7 +57,7 @@ class Statements(Loops, ast.NodeVisitor):
 
     def visit_Expr(self, node: ast.Expr) -> None:
         if not isinstance(node.value, ast.Constant):
-            self.expr(node.value)
+            self.reached(self.stored(self.expr(node.value)))
 
     # Assignments
 
@@ -98,6 +98,8 @@ class Statements(Loops, ast.NodeVisitor):
         if isinstance(target, ast.Name):
             if target.id in self.function.loaded or value.each is not None:
                 self.assign(target.id, value)
+            else:
+                self.reached(value)
         elif isinstance(target, (ast.Tuple, ast.List)):
             parts = self.unpacked(value, len(target.elts))
             self.pairwise(target.elts, parts)

@@ -202,8 +202,14 @@ def _setting_forms(declared: Param) -> list[Schema]:
     if root is None:
         return [ANY]
     keys = {name for member in members.values() for name in member.declared}
-    inside = dict.fromkeys(sorted(keys), ANY) | {root.key: {"enum": list(members)}}
-    return [{"type": ["string", "number"]}, _object(inside)]
+    ours: Schema = {"enum": list(members)}
+    inside = dict.fromkeys(sorted(keys), ANY) | {root.key: ours}
+    forms = [{"type": ["string", "number"]}, _object(inside)]
+    if root.installed is not None:  # one of a file, or of a package: its parameters are unknown
+        forms.append({"type": "object", "required": ["module"]})
+        other = {root.key: {"not": ours}}
+        forms.append({"type": "object", "properties": other, "required": [root.key]})
+    return forms
 
 
 def _bounds(declared: Param) -> Schema:

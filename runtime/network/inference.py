@@ -304,8 +304,9 @@ class _Inference:
             fitting = ", ".join(f"{wire.source_text}.{c}" for c in coming.components)
             message += f"; one of its components fits: {fitting}"
         else:
-            ends = (self.network.entries[end].made for end in (wire.source.block, wire.block))
-            message += "".join(end.instead(target) for end in ends)
+            # The wire to a part ends at the part, which is no block.
+            entries = map(self.network.entries.get, (wire.source.block, wire.block))
+            message += "".join(entry.made.instead(target) for entry in entries if entry)
             message += "" if because else self.fitting(wire, target)
         self.problems.add(wire.where, wire.address, message)
 

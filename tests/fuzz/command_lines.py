@@ -122,7 +122,7 @@ def verbs() -> dict[str, ArgumentParser]:
 
 
 def _values(action: Action, key: str) -> st.SearchStrategy[str]:
-    likely = PLAUSIBLE.get(key) or PLAUSIBLE.get(action.option_strings[0]) or UNKIND
+    likely = PLAUSIBLE.get(key) or PLAUSIBLE.get((*action.option_strings, key)[0]) or UNKIND
     unkind = st.sampled_from(UNKIND if "names" in KNOWN else UNKIND + BAD)
     anything = st.text(st.characters(exclude_categories=["Cs", "Cc"]), max_size=5)
     return st.one_of(*[st.sampled_from(likely)] * 6, unkind, anything)

@@ -131,3 +131,11 @@ def test_the_command_prints_it(cli: Run) -> None:
 def test_a_copy_does_not_name_a_schema_that_is_not_beside_it(cli: Run, tmp_path: Path) -> None:
     assert cli("new", "mine.yaml").returncode == 0
     assert "$schema" not in (tmp_path / "mine.yaml").read_text(encoding="utf-8")
+
+
+def test_neuron_models_of_files_and_packages_are_accepted() -> None:
+    text = "blocks: {{a: {{type: Ensemble, neurons: 9, neuron: {}}}}}"
+    assert checked(text.format("{type: Mine, module: mine.py, tau: 1}"))
+    assert checked(text.format("{type: offered, tau: 1}"))
+    assert checked(text.format("{type: LIF, tau_rc: 0.01}"))
+    assert not checked(text.format("{type: LIF, tau: 1}"))
