@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import re
-import shlex
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from pictures import IMAGES, printed
+
 FOLDER = Path(__file__).resolve().parent
-PAGE, IMAGES = FOLDER / "learning.md", FOLDER / "images"
+PAGE = FOLDER / "learning.md"
 GRAPH = "graphs/gallery/adaptive_arm.yaml"
 LEARNT = "--initial neurons=runs/adaptive_arm/latest --initial learnt=runs/adaptive_arm/latest"
 TRAIN = f"runtime run {GRAPH} --set run.until=40"
@@ -24,23 +23,13 @@ DEPLOY = f"""runtime ablate {GRAPH} --seeds 1..8 --set run.until=5 \\
 SECTION = re.compile(r"(<!-- study -->\n).*?(<!-- end of study -->)", re.DOTALL)
 
 
-def run(command: str, folder: Path) -> str:
-    """What a command line prints, run in a folder that holds the shipped graphs."""
-    words = shlex.split(command.replace("\\\n", " "))
-    program = Path(sys.executable).parent / words[0]
-    done = subprocess.run(
-        [str(program), *words[1:]], cwd=folder, check=True, capture_output=True, text=True
-    )
-    return done.stdout
-
-
 def main() -> None:
     with TemporaryDirectory() as name:
         folder = Path(name)
         shutil.copytree(FOLDER.parent / "graphs", folder / "graphs")
-        lines = run(TRAIN, folder).splitlines()
+        lines = printed(TRAIN, folder).splitlines()
         trained = next(line.split()[1] for line in lines if "rms_error" in line)
-        deployed = run(DEPLOY, folder).split("\n\nablation folder")[0]
+        deployed = printed(DEPLOY, folder).split("\n\nablation folder")[0]
         plots = folder / "runs" / "adaptive_arm" / "latest" / "plots"
         shutil.copyfile(plots / "weights.png", IMAGES / "learning_weights.png")
         (figure,) = folder.glob("ablations/adaptive_arm/*-*/plots/ablation.png")

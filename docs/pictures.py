@@ -1,31 +1,91 @@
-"""Makes the images of the README and of the documents:  python docs/pictures.py"""
+"""The images of the README and of the documents, each the output of the commands above it.
+
+    python docs/pictures.py     # makes them
+
+Pages of the gallery show the same pictures with their commands (site_pages.py).
+"""
 
 from __future__ import annotations
 
+import shlex
 import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import runtime
-from runtime.compare import Run
-from runtime.compare.overlay import versus
-from runtime.rendering import RenderRequest, render
+IMAGES = Path(__file__).resolve().parent / "images"
 
-IMAGES = Path(__file__).parent / "images"
-IMAGES.mkdir(exist_ok=True)
 
-graph = runtime.load("starters/adaptive")
-(IMAGES / "diagram.svg").write_text(str(graph.diagram("svg")), encoding="utf-8")
-variants = {"with adaptive": graph, "without adaptive": graph.without("adaptive")}
-runs = [Run(name, IMAGES, variant.run(), {}) for name, variant in variants.items()]
-plots = {plot.name: plot for plot in runs[0].result.plots}
-versus(runs, plots["errors"]).savefig(IMAGES / "errors.png", dpi=130)
+@dataclass(frozen=True)
+class Picture:
+    """Commands that are printed above an image, and the file that they write.
 
-walls = runtime.load("wall_following_robust").overlay("conditions/turn_loss_50")
-walls.run().plot("room").savefig(IMAGES / "room.png", dpi=130)
+    made : a pattern of the path of that file in the folder of the commands.
+    """
 
-physics = runtime.load("wall_following_mujoco_robust").overlay("wheel_faults/turn_loss_35.yaml")
-with TemporaryDirectory() as folder:
-    run = physics.run(until=100.0).save(Path(folder) / "run")
-    picture = render(RenderRequest(run=str(run), folder=folder, height=600, film=False))[0]
-    shutil.copyfile(picture, IMAGES / "physics.png")
+    made: str
+    commands: tuple[str, ...]
+
+    def make(self, target: Path) -> None:
+        """Run the commands in an empty folder, and copy what they made.
+
+        Raises
+        ------
+        RuntimeError : a command failed, or they did not make exactly one such file.
+        """
+        with TemporaryDirectory() as name:
+            folder = Path(name)
+            for command in self.commands:
+                printed(command, folder)
+            found = list(folder.glob(self.made))
+            if len(found) != 1:
+                raise RuntimeError(f"{self.commands} made {len(found)} files '{self.made}'")
+            shutil.copyfile(found[0], target)
+
+
+def of_run(command: str, plot: str) -> Picture:
+    """A plot of the run of a command."""
+    return Picture(f"runs/*/latest/plots/{plot}.png", (command,))
+
+
+PICTURES = {
+    "errors.png": of_run("runtime run starters/adaptive --vs without=adaptive", "errors"),
+    "diagram.svg": Picture("adaptive.svg", ("runtime draw starters/adaptive",)),
+    "room.png": of_run("runtime run wall_following_robust --with conditions/turn_loss_50", "room"),
+    "physics.png": Picture(
+        "runs/*/latest/plots/render.png",
+        (
+            "runtime run wall_following_mujoco_robust --with wheel_faults/turn_loss_35 --until 100",
+            "runtime render runs/wall_following_mujoco_robust/latest --no-film --height 600",
+        ),
+    ),
+}
+
+
+def printed(command: str, folder: Path) -> str:
+    """What a command line prints, run in a folder.
+
+    Raises
+    ------
+    RuntimeError : the command failed; with what it printed.
+    """
+    words = shlex.split(command.replace("\\\n", " "))
+    program = Path(sys.executable).parent / words[0]
+    done = subprocess.run(
+        [str(program), *words[1:]], cwd=folder, capture_output=True, text=True, encoding="utf-8"
+    )
+    if done.returncode:
+        raise RuntimeError(f"{command}: exit code {done.returncode}\n{done.stderr}")
+    return done.stdout
+
+
+def main() -> None:
+    IMAGES.mkdir(exist_ok=True)
+    for name, picture in PICTURES.items():
+        picture.make(IMAGES / name)
+
+
+if __name__ == "__main__":
+    main()

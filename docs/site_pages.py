@@ -1,7 +1,8 @@
 """Pages of the site that are made when it is built: the command line, and the gallery.
 
-The gallery runs graphs, all processors at once, of long ones the first part, and shows committed
-pictures of those with physics. A thumbnail is drawn again only if its graph has changed.
+A page of the gallery prints commands and shows what they made: those of a committed picture, or a
+run of the graph, of long ones the first part. All processors run them at once, again only if a
+graph or a command has changed.
 ``SPIKEBLOCKS_DOCS_RUNS=0`` runs nothing.
 """
 
@@ -16,15 +17,16 @@ from dataclasses import dataclass
 from itertools import repeat
 from pathlib import Path
 
+from pictures import PICTURES, Picture, of_run
+
 import runtime
 from runtime.cli import make_parser
 from runtime.cli.commands import NAMES
 from runtime.cli.shipped import Shipped, shipped
 from runtime.engine import python_seconds
+from runtime.files import slug
 
-DPI = 80
 MAX_SECONDS = 10.0  # estimated time of a run; a longer one is cut
-STILLS = {"wall_following_mujoco_robust": "physics.png", "wall_following_robust": "room.png"}
 PHYSICS = "MujocoVacuum"
 GROUPS = {
     "graphs": "Cases of the paper",
@@ -99,39 +101,46 @@ def _page(folder: Path, entry: _Entry) -> str:
         diagram = f"![block diagram of {name}]({page}.svg)"
     except runtime.MissingExtraError as error:
         diagram = f"The diagram is missing: {error}."
-    picture, end = _thumbnail(folder, page, name, graph)
-    shown = f"![{name}]({picture})" if picture else ""
-    cut = f"The first {end:g} s of the run." if end else ""
-    parts = [f"# {name}", f"{entry.shipped.summary}.", f"    runtime run {name}", shown, cut]
+    address, commands = _picture(folder, entry, graph)
+    shown = f"![{name}]({address})" if address else ""
+    console = "\n".join(f"    {command}" for command in commands)
+    parts = [f"# {name}", f"{entry.shipped.summary}.", console, shown]
     parts += ["## Diagram", diagram, "## Text", f"```yaml\n{text.rstrip()}\n```"]
     (folder / f"{page}.md").write_text("\n\n".join(parts) + "\n", encoding="utf-8")
-    return picture
+    return address
 
 
-def _thumbnail(folder: Path, page: str, name: str, graph: runtime.Graph) -> tuple[str, float]:
-    """The address of a picture of a run, drawn if there is none yet, and the end of a cut run."""
-    if name in STILLS:
-        return f"../images/{STILLS[name]}", 0.0
+def _picture(folder: Path, entry: _Entry, graph: runtime.Graph) -> tuple[str, tuple[str, ...]]:
+    """The address of an entry's picture, if there is one, and the commands that make it."""
+    command = f"runtime run {entry.name}"
+    for name, committed in PICTURES.items():
+        if committed.commands[0].split()[:3] == command.split():
+            return f"../images/{name}", committed.commands
+    picture = _of_graph(command, graph)
+    if picture is None:
+        return "", (command,)
+    digest = hashlib.sha256(repr((graph.to_dict(), picture)).encode()).hexdigest()[:12]
+    target = folder / f"{entry.page}-{digest}.png"
+    if not target.exists():
+        if os.environ.get("SPIKEBLOCKS_DOCS_RUNS") == "0":
+            return "", picture.commands
+        for old in folder.glob(f"{entry.page}-*.png"):
+            if re.fullmatch(rf"{re.escape(entry.page)}-[0-9a-f]{{12}}\.png", old.name):
+                old.unlink()
+        picture.make(target)
+    return target.name, picture.commands
+
+
+def _of_graph(command: str, graph: runtime.Graph) -> Picture | None:
+    """The first plot of a graph's run, of a long one of its first part."""
     try:
         network = graph.network
     except runtime.MissingExtraError:
-        return "", 0.0
-    if not _plots(graph) or any(e.cls.__name__ == PHYSICS for e in network.entries.values()):
-        return "", 0.0
+        return None
+    plots = graph.observation.drawn
+    if not plots or any(e.cls.__name__ == PHYSICS for e in network.entries.values()):
+        return None
     share = MAX_SECONDS / max(python_seconds(network), MAX_SECONDS)
-    end = float(f"{share * network.ticks * network.dt:.1g}") if share < 1.0 else 0.0
-    digest = hashlib.sha256(repr((graph.to_dict(), end)).encode()).hexdigest()[:12]
-    target = folder / f"{page}-{digest}.png"
-    if not target.exists():
-        if os.environ.get("SPIKEBLOCKS_DOCS_RUNS") == "0":
-            return "", 0.0
-        for old in folder.glob(f"{page}-*.png"):
-            if re.fullmatch(rf"{re.escape(page)}-[0-9a-f]{{12}}\.png", old.name):
-                old.unlink()
-        result = graph.run(until=end) if end else graph.run()
-        result.plot(_plots(graph)[0]).savefig(target, dpi=DPI)
-    return target.name, end
-
-
-def _plots(graph: runtime.Graph) -> list[str]:
-    return [plot.name for plot in graph.observation.drawn]
+    if share < 1.0:
+        command += f" --until={share * network.ticks * network.dt:.1g}"
+    return of_run(command, slug(plots[0].name, "plot"))

@@ -6,8 +6,8 @@ written only where its meaning is Python's and NumPy's, and refused with file an
 what C cannot hold while it runs, as an integer beyond 64 bits, is a failure. Array expressions
 become loops; local arrays come from an arena; there is no recursion.
 
-    def ratio(x):            static double ratio(struct context *ctx, double x)
-        return x / (x - 1.0)     return divide(ctx, x, x - 1.0, 3);   /* failure 3: ... (own.py:7) */
+    def ratio(x):           static double ratio(struct context *ctx, double x)
+        return x / (x - 1.0)    return divide(ctx, x, x - 1.0, 3);   /* failure 3: ... (own.py:7) */
 """
 
 from __future__ import annotations

@@ -91,7 +91,9 @@ def _fields(entry: Mapping[str, Any], form: Mapping[str, Any]) -> dict[str, Any]
 
 
 def _box(entry: Mapping[str, Any]) -> Box:
-    box = Box(**_fields({"rate": _rate(entry), **entry}, {**_BOX, "rate": str}))
+    entry = {"rate": _rate(entry), **entry}
+    check_form(entry, {"rate": str}, longest=MAX_LENGTH)
+    box = Box(**_fields(entry, {**_BOX, "rate": str}))
     if not 0.0 <= box.period < math.inf or (box.fate and box.fate not in FATES.values()):
         raise ValueError("boxes: expected a non-negative finite period and a known fate")
     signs = entry.get("signs", {})

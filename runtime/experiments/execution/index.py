@@ -5,20 +5,22 @@ from __future__ import annotations
 import csv
 import io
 import itertools
+import math
 import os
 import re
+import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import get_args
+from typing import Protocol, get_args
 
-from runtime.errors import UsageError
+from runtime.errors import UsageError, one_line
 from runtime.experiments.execution.trials import Trial
 from runtime.experiments.execution.worker import Status, TrialResult
 from runtime.files import lock, open_file
 
-FIRST, MIDDLE, LAST = ("point",), ("seed", "status", "reason"), ("signals", "wall_s")
+FIRST, MIDDLE, LAST = ("point",), ("seed", "status", "reason"), ("signals", "check", "wall_s")
 RESERVED = (*FIRST, *MIDDLE, *LAST)
 STATUSES = get_args(Status)
 NO_SIGNAL = "-"
@@ -70,20 +72,23 @@ class Columns:
         middle = [str(row.seed), row.status, _escaped(row.reason)]
         cells = map(_escaped, row.cells)
         signals = " ".join(signal or NO_SIGNAL for signal in row.signals)
-        return csv_line([str(row.trial), *cells, *middle, *values, signals, repr(row.wall_s)])
+        fields = [str(row.trial), *cells, *middle, *values, signals]
+        return csv_line([*fields, _check(fields), repr(row.wall_s)])
 
     def row(self, fields: Sequence[str]) -> Row:
         """Read a line's fields.
 
         Raises
         ------
-        ValueError : the line does not fit these columns.
+        ValueError : the line does not fit these columns, or was changed after it was written.
         """
         if len(fields) != len(self.header):
             raise ValueError(f"expected {len(self.header)} fields, got {len(fields)}")
+        if fields[-2] != _check(fields[:-2]):
+            raise ValueError("its check shows that it was changed after it was written")
         factors, rest = fields[1 : 1 + len(self.factors)], fields[1 + len(self.factors) :]
-        values = tuple(float(text) if text else None for text in rest[3:-2])
-        signals = tuple("" if text == NO_SIGNAL else text for text in rest[-2].split())
+        values = tuple(float(text) if text else None for text in rest[3:-3])
+        signals = tuple("" if text == NO_SIGNAL else text for text in rest[-3].split())
         if signals and len(signals) != len(values):
             raise ValueError(f"expected {len(values)} signals, got {len(signals)}")
         seed, status = int(rest[0]), rest[1]
@@ -91,6 +96,8 @@ class Columns:
             raise ValueError(f"expected a status ({', '.join(STATUSES)}), got '{status}'")
         cells, reason = tuple(map(_unescaped, factors)), _unescaped(rest[2])
         wall_s = float(rest[-1])
+        if not 0.0 <= wall_s < math.inf:
+            raise ValueError(f"expected a duration in wall_s, got '{rest[-1]}'")
         return Row(int(fields[0]), cells, seed, status, reason, values, wall_s, signals)
 
 
@@ -121,32 +128,82 @@ def csv_line(fields: Iterable[str]) -> str:
     return buffer.getvalue()
 
 
+def _check(fields: Sequence[str]) -> str:
+    """A checksum of a row without its duration, which differs when the same trial runs again.
+
+    A changed digit of a metric is a valid row otherwise, and nothing else would show it.
+    """
+    text = csv_line(fields).encode("utf-8", "surrogateescape")
+    return f"{zlib.crc32(text):08x}"
+
+
 def read_rows(path: Path, columns: Columns) -> Iterator[Row]:
     """The rows of an index, one by one.
 
     Raises
     ------
-    UsageError : it cannot be read, or is not an index of this experiment.
+    UsageError : it cannot be read, is not an index of this experiment, or is damaged: a row was
+        changed, or a trial has two.
     """
     csv.field_size_limit(max(csv.field_size_limit(), LONGEST_FIELD))
     try:
-        with path.open(encoding="utf-8", newline="") as lines:
+        # A byte that is no UTF-8 is found by the check of its row, which gives the line.
+        with path.open(encoding="utf-8", errors="surrogateescape", newline="") as lines:
             reader = csv.reader(lines)
-            header = next(reader, [])
-            if header != columns.header:
-                want, got = ", ".join(columns.header), ", ".join(header) or "nothing"
-                raise UsageError(
-                    f"'{path}' belongs to a different plan: expected the columns {want}; got {got}"
-                )
-            for number, fields in enumerate(reader, start=2):
-                try:
-                    yield columns.row(fields)
-                except ValueError as error:
-                    message = f"{path}:{number}: not a row of this plan: {error}"
-                    advice = "remove this line, and --resume runs its trial again"
-                    raise UsageError(f"{message}; {advice}") from None
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+            yield from _checked_rows(path, columns, reader)
+    except OSError as error:
         raise UsageError(f"cannot read '{path}': {error}") from None
+
+
+def _checked_rows(path: Path, columns: Columns, reader: _Reader) -> Iterator[Row]:
+    number, seen = 1, _Seen()
+    try:
+        header = next(reader, [])
+        if header != columns.header:
+            want, got = ", ".join(columns.header), one_line(", ".join(header)) or "nothing"
+            raise UsageError(
+                f"'{path}' belongs to a different plan: expected the columns {want}; got {got}"
+            )
+        number += 1
+        for fields in reader:
+            row = columns.row(fields)
+            if not seen.add(row.trial):
+                raise ValueError(f"trial {row.trial} has a row above")
+            yield row
+            number = reader.line_num + 1  # a damaged row may go on over several lines
+    except (ValueError, csv.Error) as error:
+        message = f"{path}:{number}: not a row of this plan: {one_line(str(error))}"
+        advice = "remove this line, and --resume runs its trial again"
+        raise UsageError(f"{message}; {advice}") from None
+
+
+class _Reader(Protocol):
+    """What ``csv.reader`` returns: the fields of one row after the other."""
+
+    @property
+    def line_num(self) -> int: ...
+
+    def __iter__(self) -> Iterator[list[str]]: ...
+
+    def __next__(self) -> list[str]: ...
+
+
+class _Seen:
+    """The trials that have a row: all below ``least``, and the few above that ended before it."""
+
+    def __init__(self) -> None:
+        self.least = 0
+        self.above: set[int] = set()
+
+    def add(self, trial: int) -> bool:
+        """Add a trial; False if it is there already."""
+        if trial < self.least or trial in self.above:
+            return False
+        self.above.add(trial)
+        while self.least in self.above:
+            self.above.remove(self.least)
+            self.least += 1
+        return True
 
 
 class Index:
@@ -180,7 +237,15 @@ class Index:
         path.write_text(csv_line(columns.header), encoding="utf-8")
 
     def _cut_incomplete_line(self) -> None:
-        """Remove a last line that is incomplete because its writer was killed."""
+        """Remove a last line that is incomplete because its writer was killed.
+
+        A file whose first line is not the header was written by something else, and is not cut.
+        """
+        header = csv_line(self.columns.header).encode()
+        os.lseek(self._file, 0, os.SEEK_SET)
+        first = os.read(self._file, len(header) + 1).replace(b"\r\n", b"\n")
+        if not first.startswith(header):
+            return  # reading its rows says what is wrong
         size = os.fstat(self._file).st_size
         end = size
         while end and self._byte(end - 1) != b"\n":

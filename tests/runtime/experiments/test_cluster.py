@@ -76,6 +76,36 @@ def test_a_cluster_that_loses_a_worker_gives_the_same_index(
 
 
 @needs_dask
+@pytest.mark.slow
+def test_an_ablation_on_a_cluster_that_loses_a_worker_gives_the_same_index(
+    script: Path, here: Run, cluster: Cluster, draw: Path, tmp_path: Path
+) -> None:
+    removed = ("--without", "half", "--bypass", "half", "--bypass", "twice", "--seeds", "0..11")
+    ablate = ("ablate", "draw.yaml", "--set", "draw.how=brief", *removed, "--no-plots", "-q")
+    done = here(*ablate, "-j", "2")
+    assert done.returncode == 0, done.stderr
+    [local] = (tmp_path / "ablations" / "draw").glob("2*")
+
+    address, processes = cluster
+    with subprocess.Popen(
+        [script, *ablate, "--scheduler", address], cwd=tmp_path, stderr=subprocess.PIPE
+    ) as ablation:
+        while not (found := {*local.parent.glob("2*")} - {local}):
+            assert ablation.poll() is None
+        [dask] = found
+        while lines(dask / "index.csv") < 8:
+            assert ablation.poll() is None
+        processes[1].kill()
+        assert lines(dask / "index.csv") < 48
+        message = ablation.communicate()[1].decode()
+    assert ablation.returncode == 0, message
+    assert len(rows(dask)) == 48
+    assert rows(dask) == rows(local)
+    table, ours = (json.loads((at / "ablation.json").read_text()) for at in (dask, local))
+    assert table["table"] == ours["table"]
+
+
+@needs_dask
 def test_a_tuning_on_a_cluster_tries_the_same_configurations(
     here: Run, cluster: Cluster, draw: Path, tmp_path: Path
 ) -> None:

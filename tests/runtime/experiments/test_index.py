@@ -7,7 +7,9 @@ import math
 import resource
 import subprocess
 import sys
+import zlib
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -24,6 +26,12 @@ COLUMNS = Columns(("a.b", "c"), ("rms", "final"))
 
 def row(trial: int, cell: str = "1.0", seed: int = 0) -> Row:
     return Row(trial, (cell, "[1, 2]"), seed, "ok", "", (0.1, None), 0.25)
+
+
+def checked(line: str, wall_s: str) -> str:
+    """A line with its check, the CRC-32 of what stands before it as a line."""
+    check = zlib.crc32(f"{line}\n".encode())
+    return f"{line},{check:08x},{wall_s}\n"
 
 
 @pytest.fixture
@@ -69,10 +77,10 @@ def is_number(text: str) -> bool:
 
 def test_numbers_are_written_as_they_are() -> None:
     line = COLUMNS.line(Row(0, ("-1.5", "+2"), 3, "ok", "-", (-0.5, None), 0.5))
-    assert line == "0,-1.5,+2,3,ok,'-,-0.5,,,0.5\n"
+    assert line == checked("0,-1.5,+2,3,ok,'-,-0.5,,", "0.5")
     never = Row(0, ("-1.5", "+2"), 3, "ok", "", (math.inf, None), 0.5, ("01ab", ""))
     line = COLUMNS.line(never)
-    assert line == "0,-1.5,+2,3,ok,,inf,,01ab -,0.5\n"
+    assert line == checked("0,-1.5,+2,3,ok,,inf,,01ab -", "0.5")
     [fields] = csv.reader([line])
     assert COLUMNS.row(fields) == never
 
@@ -94,10 +102,10 @@ def test_rows_are_appended_and_read(index: Index) -> None:
     index.append(row(1))
     index.append(row(0))
     assert [found.trial for found in index.rows()] == [1, 0]
-    assert index.path.read_text().splitlines() == [
-        "point,a.b,c,seed,status,reason,rms,final,signals,wall_s",
-        '1,1.0,"[1, 2]",0,ok,,0.1,,,0.25',
-        '0,1.0,"[1, 2]",0,ok,,0.1,,,0.25',
+    assert index.path.read_text().splitlines(keepends=True) == [
+        "point,a.b,c,seed,status,reason,rms,final,signals,check,wall_s\n",
+        checked('1,1.0,"[1, 2]",0,ok,,0.1,,', "0.25"),
+        checked('0,1.0,"[1, 2]",0,ok,,0.1,,', "0.25"),
     ]
 
 
@@ -191,7 +199,8 @@ def test_what_remains_holds_no_more_than_ran_side_by_side(index: Index) -> None:
             [row(0, seed=9)],
             "belongs to a different plan: its trial 0 is 1.0, [1, 2] with seed 9, ours 1.0",
         ),
-        ([row(0), row(1), row(0)], "trial 0 is a duplicate, or is not in the plan"),
+        ([row(0), row(1), row(0)], "index.csv:4: not a row of this plan: trial 0 has a row above"),
+        ([row(3), row(3)], "index.csv:3: not a row of this plan: trial 3 has a row above"),
         ([row(99)], "trial 99 is a duplicate, or is not in the plan"),
     ],
 )
@@ -210,12 +219,27 @@ def test_rows_of_another_plan_are_refused(index: Index, rows: list[Row], message
         ("point,x,seed\n", "got point, x, seed"),
         (
             csv_line(COLUMNS.header) + "1,2\n",
-            "index.csv:2: not a row of this plan: expected 10 fields",
+            "index.csv:2: not a row of this plan: expected 11 fields",
         ),
-        (csv_line(COLUMNS.header) + "x,1,2,0,ok,,1,2,,3\n", "index.csv:2: not a row of this plan"),
-        (csv_line(COLUMNS.header) + "1,1,2,0,ok,,1,y,,3\n", "index.csv:2: not a row of this plan"),
-        (csv_line(COLUMNS.header) + "1,1,2,0,ok,,1,2,ab,3\n", "expected 2 signals, got 1"),
-        (csv_line(COLUMNS.header) + "1,1,2,0,fine,,1,2,,3\n", "expected a status (ok, failed"),
+        (
+            csv_line(COLUMNS.header) + checked("0,1,2,0,ok,,1,2,", "3") + "1,1,2,0,ok,,1,2,,,3\n",
+            "index.csv:3: not a row of this plan: its check shows that it was changed",
+        ),
+        (
+            csv_line(COLUMNS.header) + checked('0,1,2,0,ok,"a', "3") + "x,,,,,,,,,,3\n",
+            "index.csv:2: not a row of this plan",
+        ),
+        *(
+            (csv_line(COLUMNS.header) + checked(line, wall_s), f"index.csv:2: not a row{message}")
+            for line, wall_s, message in (
+                ("x,1,2,0,ok,,1,2,", "3", ""),
+                ("1,1,2,0,ok,,1,y,", "3", ""),
+                ("1,1,2,0,ok,,1,2,ab", "3", " of this plan: expected 2 signals, got 1"),
+                ("1,1,2,0,fine,,1,2,", "3", " of this plan: expected a status (ok, failed"),
+                ("1,1,2,0,ok,,1,2,", "-3", " of this plan: expected a duration in wall_s"),
+                ("1,1,2,0,ok,,1,2,", "nan", " of this plan: expected a duration in wall_s"),
+            )
+        ),
     ],
 )
 def test_what_is_no_index(path: Path, text: str, message: str) -> None:
@@ -229,3 +253,26 @@ def test_numbers_keep_every_bit(index: Index) -> None:
     values = (math.pi, 5e-324)
     index.append(Row(0, ("1", "2"), 0, "ok", "", values, 0.0))
     assert next(index.rows()).metrics == values
+
+
+def test_a_changed_byte_is_found_wherever_it_is(path: Path) -> None:
+    whole = path.read_bytes() + b"".join(COLUMNS.line(row(n)).encode() for n in range(2))
+    for place in range(len(whole)):
+        for bit in (1, 4, 128):
+            damaged = bytearray(whole)
+            damaged[place] ^= bit
+            path.write_bytes(damaged)
+            try:
+                found = list(read_rows(path, COLUMNS))
+            except UsageError as error:
+                assert "index.csv" in str(error)
+                continue
+            # The duration alone is not under the check.
+            assert [replace(one, wall_s=0.25) for one in found] == [row(0), row(1)]
+
+
+def test_what_is_no_index_is_not_cut(path: Path) -> None:
+    for content in (b"one long text", path.read_bytes().replace(b"\n", b"\r") + b"1,2\r"):
+        path.write_bytes(content)
+        Index(path, COLUMNS).close()
+        assert path.read_bytes() == content

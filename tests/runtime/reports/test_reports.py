@@ -173,11 +173,15 @@ def test_figures_show_the_data(run: Path, page: Path) -> None:
     curves = [points.T for points in _curves(seen)]
     assert len(curves) == 3
     for (left, top), values in zip(curves, columns, strict=True):
-        at = t[0] + (left - left[0]) * np.ptp(t) / np.ptp(left)
-        expected = np.interp(at, t, values)
-        slope, offset = np.polyfit(expected, top, 1)
-        assert slope < 0.0
-        assert np.abs(slope * expected + offset - top).max() < 0.02 * np.ptp(top)
+        ends = np.append(t, t[-1] + t[1] - t[0])  # the last value is held for a period as well
+        at = t[0] + (left - left[0]) * np.ptp(ends) / np.ptp(left)
+        # A sampled signal is held: each corner is at a sample, at the value before or after it.
+        sample = np.abs(at[:, None] - ends).argmin(axis=1)
+        assert np.abs(at - ends[sample]).max() < 0.02 * (t[1] - t[0])
+        last = len(values) - 1
+        held = np.stack([values[np.maximum(sample - 1, 0)], values[np.minimum(sample, last)]])
+        expected = top.max() - (held - values.min()) * np.ptp(top) / np.ptp(values)
+        assert np.abs(expected - top).min(axis=0).max() < 0.02 * np.ptp(top)
     heat = [e for e in every if e.tag == "image" and e.inside("figure", id="figure-3")]
     # The map itself, and its colour bar.
     assert len(heat) == 2

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import sys
 
 import numpy as np
 import pytest
 
 import runtime
+from blocks.core import pip_line
 from runtime.runs import Result
 
 
@@ -61,5 +63,5 @@ def test_a_missing_package_is_named_with_the_pip_line(
     result: Result, package: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(runtime.MissingExtraError, match=r"pip install 'spikeblocks\[dataframes\]'"):
+    with pytest.raises(runtime.MissingExtraError, match=re.escape(pip_line("dataframes"))):
         (result.to_dataframe if package == "pandas" else result.to_xarray)()
