@@ -93,6 +93,22 @@ def variants_of_module(file: FilePath, family: type[Variant]) -> dict[str, type[
     return _defined(file, family)
 
 
+def objects_of_module(file: FilePath, kind: type[_T]) -> dict[str, tuple[_T, dict[str, bytes]]]:
+    """The objects of a class, such as kinds of metrics, that a Python file names.
+
+    Returns
+    -------
+    dict : for each name the object, and the content that was run, by resolved path.
+
+    Raises
+    ------
+    OSError, SyntaxError and whatever the file itself raises.
+    """
+    module = _module(file)
+    text: dict[str, bytes] = getattr(module, _CONTENT)
+    return {name: (value, text) for name, value in vars(module).items() if isinstance(value, kind)}
+
+
 def types_of_module(file: FilePath) -> list[SignalType]:
     """Signal types among the names of a Python file, the library's that it imports included.
 

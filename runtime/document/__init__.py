@@ -41,6 +41,7 @@ from runtime.document.scalars import parse_scalar
 from runtime.document.sections import (
     EXAMPLES,
     FILE_KEYS,
+    FILE_SECTIONS,
     PART_SECTIONS,
     RUN_DOCS,
     RUN_KEYS,
@@ -64,6 +65,7 @@ __all__ = [
     "DEFAULT_MEMORY",
     "EXAMPLES",
     "FILE_KEYS",
+    "FILE_SECTIONS",
     "MAX_BLOCKS",
     "MAX_TICKS",
     "PART_SECTIONS",

@@ -11,7 +11,7 @@ from blocks.core import hint
 from runtime.document.limits import MAX_LEVELS, Work
 from runtime.document.node import Node, Value, from_python, parse_yaml
 from runtime.document.parse_errors import position
-from runtime.document.sections import FILE_KEYS, closest
+from runtime.document.sections import FILE_KEYS, FILE_SECTIONS, closest
 from runtime.errors import NOWHERE, GraphError, Location, Problem, Problems
 
 SHIPPED = Path(__file__).resolve().parents[2] / "graphs"
@@ -315,7 +315,7 @@ class _Loader:
         """Merge what the document extends, and inline the parts that its blocks name."""
         extends = document.get("extends")
         document = self.parts(document.with_item("extends", None), "blocks", above)
-        document = self.runs(self.world(document))
+        document = self.runs(self.world(self.own_kinds(document)))
         if extends is None:
             return document
         base: Node | None = None
@@ -370,6 +370,18 @@ class _Loader:
             else:
                 entries[name] = self.with_files(entry, inner)
         return document.with_item("blocks", Node(entries, blocks.where, blocks.key))
+
+    def own_kinds(self, document: Node) -> Node:
+        """The files of plots and metrics, as those of blocks."""
+        for key in FILE_SECTIONS:
+            section = document.get(key)
+            if section is not None and section.is_map:
+                entries = {
+                    name: self.with_files(entry, f"{key}.{name}") if entry.is_map else entry
+                    for name, entry in section.items()
+                }
+                document = document.with_item(key, Node(entries, section.where, section.key))
+        return document
 
     def with_files(self, entry: Node, address: str) -> Node:
         """A block whose files are named by absolute paths."""

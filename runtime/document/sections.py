@@ -32,6 +32,8 @@ WRITTEN_ORDER = (
 PART_SECTIONS = (
     *("params", "inputs", "outputs", "blocks", "wires", "graph", "part", "repeat", "share"),
 )
+# Sections whose entries may name files, beside ``blocks``: those with a kind of a user's own.
+FILE_SECTIONS = ("plots", "metrics")
 # Entries of a block that name a file, relative to the file that they are written in.
 FILE_KEYS = ("module", "file")
 EXAMPLES = {
@@ -94,11 +96,26 @@ _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,99}")
 _RESERVED = ("file", "allow_pickle")
 
 
-def rename_files(entry: dict[str, Any], renamed: Callable[[str, str], str]) -> dict[str, Any]:
-    """A block's entry in which files have other names, those of its settings included.
+def rename_files(plain: dict[str, Any], renamed: Callable[[str, str], str]) -> dict[str, Any]:
+    """A document in which the files that its entries name have other names.
 
     ``renamed`` gives the new name for a key of :data:`FILE_KEYS` and the old one.
     """
+    found = dict(plain)
+    for key in ("blocks", *FILE_SECTIONS):
+        if isinstance(plain.get(key), dict):
+            found[key] = {
+                name: _renamed(entry, renamed) if isinstance(entry, dict) else entry
+                for name, entry in plain[key].items()
+            }
+    return found
+
+
+def _renamed(entry: dict[str, Any], renamed: Callable[[str, str], str]) -> dict[str, Any]:
+    """An entry, the settings and the inner blocks of a block included."""
+    if isinstance(entry.get("blocks"), dict):
+        inner = {"blocks": entry["blocks"]}
+        entry = {**entry, **rename_files(inner, renamed)}
     found = dict(entry)
     for key, value in entry.items():
         if key in FILE_KEYS and isinstance(value, str):

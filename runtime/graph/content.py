@@ -100,7 +100,7 @@ def examined(content: Content, loops: bool = False) -> Examined:
             content.modules,
             content.made,
         )
-        observation = observe(network, problems)
+        observation = observe(network, problems, content.modules)
     except GraphError as error:
         return Examined(error.problems, network)
     if loops and not problems.found:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from blocks.core import Block, SignalType
 from blocks.registry import BUILTIN, Modules, block_texts
 from runtime.document import (
+    FILE_SECTIONS,
     Node,
     Override,
     Source,
@@ -394,7 +395,7 @@ class Graph:
         own: dict[str, bytes] = {}
         for entry in (*self.network.entries.values(), *self.network.removed_entries.values()):
             own |= block_texts(entry.cls, entry.block)
-        return {**self._content.files, **own}
+        return {**self._content.files, **self.observation.files, **own}
 
     def to_yaml(self) -> str:
         """The graph as a text from which :func:`runtime.load` reads an equal graph."""
@@ -410,8 +411,9 @@ class Graph:
 
     def _comparable(self) -> dict[str, Any]:
         plain: dict[str, Any] = self.to_dict()
-        for entry in plain.get("blocks", {}).values():
-            entry.pop("module", None)
+        for section in ("blocks", *FILE_SECTIONS):
+            for entry in plain.get(section, {}).values():
+                entry.pop("module", None)
         return plain
 
     __hash__ = None  # type: ignore[assignment]

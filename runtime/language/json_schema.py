@@ -154,12 +154,22 @@ def _kinds(kinds: Mapping[str, Any]) -> Schema:
         declared = kind.options.declared
         inside = {
             key: param_schema(key, declared[key]) if key in declared else common.get(key, ANY)
-            for key in ("kind", *kind.keys)
+            for key in ("kind", *kind.keys, "module")
         }
-        condition = {"properties": {"kind": {"const": name}}, "required": ["kind"]}
+        condition = {
+            "properties": {"kind": {"const": name}},
+            "required": ["kind"],
+            "not": {"required": ["module"]},
+        }
         branches.append({"if": condition, "then": _object(inside)})
-    kind_key = common["kind"] | {"anyOf": names}
-    return {"type": "object", "properties": common | {"kind": kind_key}, "allOf": branches}
+    ours: Schema = {"properties": {"kind": {"anyOf": names}}}
+    own: Schema = {"required": ["module"]}
+    return {
+        "type": "object",
+        "properties": common,
+        "anyOf": [ours, own],
+        "allOf": branches,
+    }
 
 
 def param_schema(name: str, declared: Param) -> Schema:

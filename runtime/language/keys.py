@@ -52,6 +52,7 @@ COMMON_DOCS = {
     "of": "a probe or an address, or several",
     "title": "the title of the figure",
     "labels": "names of the lines, in their order",
+    "module": "a Python file that defines the kind",
 }
 
 
@@ -254,7 +255,7 @@ def _of_kind(section: str, kind: str) -> Iterator[Offer]:
         metric = METRIC_KINDS.get(kind)
         declared = dict(metric.options.declared) if metric else {}
         every = METRIC_KINDS.values() if metric is None else [metric]
-        keys = ("kind", *dict.fromkeys(key for each in every for key in each.keys))
+        keys = ("kind", *dict.fromkeys(key for each in every for key in each.keys), "module")
     for rank, key in enumerate(keys):
         if key in declared:
             detail, doc = param_doc(key, declared[key])

@@ -4,7 +4,7 @@
 """
 
 from runtime.network.addresses import AddressError, Endpoint, ReportedError, find, is_range
-from runtime.network.block_types import is_variadic, source_file
+from runtime.network.block_types import is_variadic, own_object, source_file
 from runtime.network.build import BLOCK_KEYS, Made, build
 from runtime.network.components import (
     columns,
@@ -52,6 +52,7 @@ __all__ = [
     "missing_block",
     "ours_for",
     "outputs_in",
+    "own_object",
     "replace_block",
     "resets",
     "source_file",

@@ -16,12 +16,20 @@ from blocks.core import (
     Variant,
     hint,
 )
-from blocks.registry import BUILTIN, INSTALLED, ModuleReader, Modules, variants_of_module
+from blocks.registry import (
+    BUILTIN,
+    INSTALLED,
+    ModuleReader,
+    Modules,
+    objects_of_module,
+    variants_of_module,
+)
 from runtime.document import Node, closest
 from runtime.errors import Problems, UsageError, raised_at
 from runtime.network.other_names import ours_for
 
-Kind = TypeVar("Kind", bound=type)
+Kind = TypeVar("Kind")
+Object = TypeVar("Object")
 
 
 def block_class(
@@ -47,7 +55,7 @@ def block_class(
         return None
     module = node.get("module")
     if module is not None and not modules:
-        _refused(module, written, address, problems)
+        _refused(module, written, f"{address}.type", problems)
         return None
     own: Mapping[str, type[Block]] | None = {}
     if module is not None:
@@ -82,13 +90,38 @@ def own_variant(
 
     None, and a problem, if there is none; None alone if another process reads modules.
     """
-    module, written = node.value["module"], node.get(family.key)
+    read = partial(variants_of_module, family=family)
+    return _named_of_file(node, family.key, family.expected, read, address, problems, modules)
+
+
+def own_object(
+    node: Node, kind: type[Object], wanted: str, address: str, problems: Problems, modules: Modules
+) -> tuple[Object, dict[str, bytes]] | None:
+    """What an entry with a ``module`` names as its ``kind``, and the files that were run for it.
+
+    None, and a problem, if there is none; None alone if another process reads modules.
+    """
+    read = partial(objects_of_module, kind=kind)
+    return _named_of_file(node, "kind", wanted, read, address, problems, modules)
+
+
+def _named_of_file(
+    node: Node,
+    key: str,
+    wanted: str,
+    read: Callable[[Path], Mapping[str, Kind]],
+    address: str,
+    problems: Problems,
+    modules: Modules,
+) -> Kind | None:
+    """What the entry ``key`` names among what ``read`` finds in the file under ``module``."""
+    module, written = node.value["module"], node.get(key)
     if not modules:
-        _refused(module, written or node, address, problems)
+        _refused(module, written or node, f"{address}.{key}", problems)
         return None
     if isinstance(modules, ModuleReader):
         return None
-    own = _imported(module, address, problems, partial(variants_of_module, family=family))
+    own = _imported(module, address, problems, read)
     if own is None:
         return None
     name = None if written is None else written.value
@@ -96,16 +129,14 @@ def own_variant(
         return own[name]
     defined = f"; '{short_path(module)}' defines {', '.join(own) or 'none'}"
     got = "nothing" if written is None else written.describe() + (hint(name, own) or defined)
-    message = f"expected {family.expected} of that file, got {got}{defined * (written is None)}"
-    problems.add(
-        node.where if written is None else written.where, f"{address}.{family.key}", message
-    )
+    message = f"expected {wanted} of that file, got {got}{defined * (written is None)}"
+    problems.add(node.where if written is None else written.where, f"{address}.{key}", message)
     return None
 
 
 def _refused(module: Node, written: Node, address: str, problems: Problems) -> None:
     message = f"'{short_path(module)}' was not imported, since modules are refused (--no-modules)"
-    problems.add(written.where, f"{address}.type", f"{message}; its types are unknown")
+    problems.add(written.where, address, f"{message}; its types are unknown")
 
 
 def is_variadic(document: Node, target: str, classes: Mapping[str, type[Block]]) -> bool:

@@ -43,12 +43,21 @@ ENGAGED = 0.5
 
 @dataclass(frozen=True)
 class Metric:
-    """One metric of a graph; ``inputs`` maps its roles to probes, None if its block is removed."""
+    """One metric of a graph; ``inputs`` maps its roles to probes, None if its block is removed.
+
+    ``own`` is its kind if a Python file of the graph defines it.
+    """
 
     name: str
     kind: str
     inputs: Mapping[str, str | None]
     options: Mapping[str, Any] = field(default_factory=dict)
+    own: MetricKind | None = None
+
+    @property
+    def declared(self) -> MetricKind:
+        """Its kind."""
+        return METRIC_KINDS[self.kind] if self.own is None else self.own
 
     def value(self, probes: Mapping[str, Series], world: World | None = None) -> float | None:
         """The metric's value; None if it has none (never settled, or not recorded)."""
@@ -69,13 +78,13 @@ class Metric:
         if "engaged" in series:
             engaged = first_time({"of": series["engaged"]}, {"level": ENGAGED})
             series["of"] = series["of"].between(math.inf if engaged is None else engaged)
-        number = METRIC_KINDS[self.kind].value(series, self.options, world)
+        number = self.declared.value(series, self.options, world)
         return None if number is None or math.isnan(number) else float(number)
 
     @property
     def never(self) -> str:
         """What it means that it has no value, where that is worse than any; see MetricKind."""
-        return METRIC_KINDS[self.kind].never
+        return self.declared.never
 
     def is_recorded(self, probes: Container[str]) -> bool:
         """Whether all signals that it measures are recorded."""
@@ -83,7 +92,7 @@ class Metric:
 
     def unit(self, units: Mapping[str, tuple[str, ...]], time_unit: str) -> str:
         """The unit of its value, given the units of the probes' columns; '' if it has none."""
-        declared = METRIC_KINDS[self.kind].unit
+        declared = self.declared.unit
         columns = units.get(self.inputs.get("of") or "", ())
         first, *rest = declared.split() or [""]
         own = columns[0] if columns else ""

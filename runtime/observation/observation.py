@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from runtime.document import SECOND
 from runtime.observation.metric_kinds import ANY
-from runtime.observation.metrics import METRIC_KINDS, Metric
+from runtime.observation.metrics import Metric
 from runtime.observation.plots import PlotSpec
 from runtime.observation.probes import Probe, Signal
 
@@ -26,7 +26,8 @@ class Observation:
     """What a run records, draws and measures, and what ends it early.
 
     ``notes`` lists what was left out, and why; ``defaults`` are the plots of a graph that says
-    nothing about plots. ``time_unit`` is what times are in.
+    nothing about plots. ``time_unit`` is what times are in. ``files`` has the content of the Python
+    files that were run for kinds of metrics and plots, by resolved path.
     """
 
     probes: dict[str, Probe] = field(default_factory=dict)
@@ -36,6 +37,7 @@ class Observation:
     stop: StopTest | None = None
     defaults: list[PlotSpec] = field(default_factory=list)
     time_unit: str = SECOND
+    files: dict[str, bytes] = field(default_factory=dict)
 
     @property
     def drawn(self) -> list[PlotSpec]:
@@ -52,7 +54,7 @@ class Observation:
     @property
     def metric_ends(self) -> dict[str, tuple[float, float]]:
         """The least and the largest possible value of the metrics that have one."""
-        found = {metric.name: METRIC_KINDS[metric.kind].ends for metric in self.metrics}
+        found = {metric.name: metric.declared.ends for metric in self.metrics}
         return {name: ends for name, ends in found.items() if ends != ANY}
 
     @property

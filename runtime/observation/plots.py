@@ -26,7 +26,7 @@ from runtime.observation.plot_options import (
 )
 from runtime.observation.probes import Probe
 
-COMMON = ("kind", "of", "title", "labels")
+COMMON = ("kind", "of", "title", "labels", "module")
 SCANNED = ("Pose", "Scan", "PointCloud", "Path")
 
 
@@ -36,7 +36,7 @@ class PlotSpec:
 
     ``options["engaged"]`` and ``options["over"]`` are names of probes, ``options["labels"]`` is a
     list of texts, ``options["compare"]`` a change, ``options["sort"]`` a word; all others are
-    numbers.
+    numbers. ``own`` is its kind if a Python file of the graph defines it.
     """
 
     name: str
@@ -44,11 +44,27 @@ class PlotSpec:
     of: tuple[str, ...]
     title: str
     options: Mapping[str, Any] = field(default_factory=dict)
+    own: PlotKind | None = None
+
+    @property
+    def declared(self) -> PlotKind:
+        """Its kind.
+
+        Raises
+        ------
+        KeyError : there is none of that name.
+        """
+        return PLOT_KINDS[self.kind] if self.own is None else self.own
+
+    def described(self) -> dict[str, Any]:
+        """As plain values; ``own`` only says whether the kind is one of a Python file."""
+        values = {"name": self.name, "kind": self.kind, "of": list(self.of), "title": self.title}
+        return {**values, "options": dict(self.options), **({"own": True} if self.own else {})}
 
     @property
     def uses(self) -> tuple[str, ...]:
         """The names of all probes that it needs."""
-        named = (self.options.get(key) for key in PLOT_KINDS[self.kind].signals)
+        named = (self.options.get(key) for key in self.declared.signals)
         return (*self.of, *(name for name in named if name))
 
 
@@ -59,9 +75,9 @@ class PlotKind:
     Parameters
     ----------
     doc : what it shows.
-    painter : ``module:function`` that draws it, imported when the first one is drawn; its arguments
-        are (figure, recordings, end of the run in s), or (figure, plot, result) for a plot
-        ``in_world`` or ``with_options``.
+    painter : the function that draws it and returns its top axes, or its name ``module:function``,
+        imported when the first one is drawn; its arguments are (figure, recordings, end of the run
+        in s), or (figure, plot, result) for a plot ``in_world`` or ``with_options``.
     options : its options; ``agrees`` checks conditions across options.
     signals : options that name one more probe or address.
     in_world : whether it needs the graph's world.
@@ -72,7 +88,7 @@ class PlotKind:
     """
 
     doc: str
-    painter: str
+    painter: str | Callable[..., Any]
     options: type[Options] = Figure
     agrees: Callable[[Mapping[str, Any]], Checks] = lambda options: ordered(options)
     signals: tuple[str, ...] = ()
@@ -102,11 +118,8 @@ def offered(kind: str, has_world: bool) -> tuple[str, ...]:
     return PLOT_KINDS.known(named)
 
 
-def check_options(kind: str, options: Mapping[str, Any], has_world: bool) -> Checks:
+def check_options(declared: PlotKind, options: Mapping[str, Any], has_world: bool) -> Checks:
     """All errors in a plot's options, as (key, text)."""
-    if kind not in PLOT_KINDS:
-        return
-    declared = PLOT_KINDS[kind]
     if declared.in_world and not has_world:
         yield "kind", "needs a world, as in 'world: worlds/paper_room.yaml'"
     faults = dict(declared.options.check(options))
@@ -115,19 +128,18 @@ def check_options(kind: str, options: Mapping[str, Any], has_world: bool) -> Che
         yield from declared.agrees(options)
 
 
-def used_options(kind: str, options: Mapping[str, Any]) -> dict[str, Any]:
+def used_options(declared: PlotKind, options: Mapping[str, Any]) -> dict[str, Any]:
     """The declared options that are written, as numbers; none if one is wrong."""
-    declared = PLOT_KINDS[kind].options
-    if dict(declared.check(options)):
+    if dict(declared.options.check(options)):
         return {}
-    read = declared.read(options)
+    read = declared.options.read(options)
     return {key: plain(read[key]) for key in options if key in read}
 
 
-def source_options(kind: str, probes: Sequence[Probe], network: Network) -> dict[str, Any]:
+def source_options(declared: PlotKind, probes: Sequence[Probe], network: Network) -> dict[str, Any]:
     """Options from the blocks of the signals: bearings of a scan, radius of a robot."""
     found: dict[str, Any] = {}
-    takes = PLOT_KINDS[kind].options.declared
+    takes = declared.options.declared
     for signal in (signal for probe in probes for signal in probe.signals):
         block = network.entries[signal.end.block].block
         if signal.kind == "Scan" and "angles" in takes and hasattr(block, "angle_min"):
@@ -153,16 +165,16 @@ def unfit(
     None if there are none, but too many of the signals ``written`` belong to removed blocks.
     """
     faults = []
-    for key in PLOT_KINDS[plot.kind].signals:
+    kind = plot.declared
+    for key in kind.signals:
         signal = known.get(str(plot.options.get(key)))
         if signal is not None and (len(signal.shape) > 1 or math.prod(signal.shape) != 1):
             faults.append((key, f"expected one column, got {len(signal.labels)}; name one of them"))
     probes = [known[name] for name in plot.of]
-    message = next(filter(None, (_misfit(plot.kind, probe) for probe in probes)), "")
+    message = next(filter(None, (_misfit(kind, probe) for probe in probes)), "")
     if message:
         return [*faults, ("of", message)]
     items = [written] if isinstance(written, str) else written
-    kind = PLOT_KINDS[plot.kind]
     message = kind.together(probes)
     is_short = len(plot.of) < len(items)
     if is_short and (message or (kind.has_lead and plot.of[0] != items[0])):
@@ -170,9 +182,9 @@ def unfit(
     return [*faults, ("of", message)] if message else faults
 
 
-def _misfit(kind: str, probe: Probe) -> str:
+def _misfit(kind: PlotKind, probe: Probe) -> str:
     """Why a plot cannot show a probe; '' if it can."""
-    text = PLOT_KINDS[kind].each(probe)
+    text = kind.each(probe)
     return f"{text}; '{probe.name}' is a {', '.join(sorted(_kinds(probe)))}" if text else ""
 
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from blocks.core import SettingError, hint
 from blocks.neural import Synapse
+from blocks.registry import Modules
 from runtime.document import (
     SECTIONS,
     Node,
@@ -32,16 +34,14 @@ from runtime.network import (
     whole_shape,
 )
 from runtime.observation.default_plots import default_plots
-from runtime.observation.kinds import Kinds
+from runtime.observation.kinds import choose
 from runtime.observation.metrics import METRIC_KINDS, Metric, ProbeInfo
 from runtime.observation.observation import Observation, StopTest
-from runtime.observation.other_names import OTHER_NAMES
 from runtime.observation.plots import (
     COMMON,
     PLOT_KINDS,
     check_options,
     offered,
-    plot_keys,
     source_options,
     title_of,
     unfit,
@@ -67,9 +67,12 @@ MAX_COLUMNS = 1_000_000
 _SOURCE = "a probe's name or an address"
 
 
-def observe(network: Network, problems: Problems) -> Observation:
-    """Read the sections probes, plots and metrics, as far as their blocks have no errors."""
-    reader = _Reader(network, problems)
+def observe(network: Network, problems: Problems, modules: Modules = True) -> Observation:
+    """Read the sections probes, plots and metrics, as far as their blocks have no errors.
+
+    ``modules`` is whether Python files that the graph names are imported, or how they are read.
+    """
+    reader = _Reader(network, problems, modules)
     reader.read(network.document)
     probes = reader.seen.probes.values()
     total = sum(probe.size(network.ticks) for probe in probes)
@@ -84,8 +87,8 @@ def observe(network: Network, problems: Problems) -> Observation:
 class _Reader:
     """Turns the three sections into an observation; ``places`` locates the origin of each probe."""
 
-    def __init__(self, network: Network, problems: Problems) -> None:
-        self.network = network
+    def __init__(self, network: Network, problems: Problems, modules: Modules) -> None:
+        self.network, self.modules = network, modules
         self.problems = problems
         # A world with errors is reported once, at its own location.
         self.has_world = (network.document.get("world") or Node(None)).value is not None
@@ -334,14 +337,12 @@ class _Reader:
         return ""
 
     def plot(self, name: str, node: Node, address: str) -> None:
-        written = node.get("kind")
-        if self.is_broken(PLOT_KINDS, written, f"{address}.kind"):
+        known = partial(offered, has_world=self.has_world)
+        chosen = choose(PLOT_KINDS, node, address, known, self.problems, self.modules)
+        if chosen is None:
             return
-        asked = "" if written is None else str(written.plain())
-        keys = plot_keys(asked)
-        check_keys(node, keys, address, self.problems, "key")
-        kind = self.choice(node, offered(asked, self.has_world), keys, f"{address}.kind")
-        declared = PLOT_KINDS.get(asked)
+        self.seen.files.update(chosen.files)
+        kind, declared, keys = chosen.name, chosen.declared, chosen.keys
         read = self.tunings if declared is not None and declared.of_tuning else self.recorded
         of = read(node, "of", keys, f"{address}.of")
         title = node.get("title")
@@ -349,7 +350,8 @@ class _Reader:
             message = f"expected a text, got {title.describe()}"
             self.problems.add(title.where, f"{address}.title", message)
         options = {key: item.plain() for key, item in node.items() if key not in COMMON}
-        self.report(node, keys, address, check_options(kind, options, self.has_world))
+        if declared is not None:
+            self.report(node, keys, address, check_options(declared, options, self.has_world))
         if node.get("labels") is not None:
             what = "a text for each line, as in [position, heading]"
             named = texts(node.get("labels"), f"{address}.labels", what, self.problems)
@@ -357,11 +359,11 @@ class _Reader:
         for key in () if declared is None else declared.signals:
             if key in options:
                 options[key] = self.measured(node, key, keys, address)
-        if kind and of:
+        if declared is not None and of:
             text = str(title.value) if title is not None else title_of(name)
-            options |= used_options(kind, options)
-            found = source_options(kind, [self.seen.probes[p] for p in of], self.network)
-            plot = PlotSpec(name, kind, tuple(of), text, {**found, **options})
+            options |= used_options(declared, options)
+            found = source_options(declared, [self.seen.probes[p] for p in of], self.network)
+            plot = PlotSpec(name, kind, tuple(of), text, {**found, **options}, chosen.own)
             faults = unfit(plot, self.seen.probes, node.value["of"].plain())
             if faults is not None:
                 self.report(node, keys, address, faults)
@@ -377,44 +379,13 @@ class _Reader:
                 where = node.key if item is None else item.where
                 self.problems.add(where, f"{address}.{key}", text)
 
-    def choice(
-        self, node: Node, known: tuple[str, ...], keys: tuple[str, ...], address: str
-    ) -> str:
-        item = node.get("kind")
-        if item is not None and item.value in known:
-            return str(item.value)
-        if item is None:
-            if "kind" not in misspelt(node, keys):
-                message = f"missing; expected one of {', '.join(known)}"
-                self.problems.add(node.key, address, message)
-        else:
-            near = hint(item.plain(), known, OTHER_NAMES)
-            message = f"expected one of {', '.join(known)}, got {item.describe()}{near}"
-            if near and isinstance(item.value, str):  # a long list would hide it
-                message = f"there is no kind '{item.value[:40]}'{near}"
-            self.problems.add(item.where, address, message)
-        return ""
-
-    def is_broken(self, kinds: Kinds[Any], written: Node | None, address: str) -> bool:
-        """Whether a kind is one of a package that cannot be used, which is reported."""
-        if written is None or not isinstance(written.value, str) or written.value in kinds:
-            return False
-        message = kinds.broken(written.value)
-        if message:
-            self.problems.add(written.where, address, message)
-        return bool(message)
-
     def metric(self, name: str, node: Node, address: str) -> None:
-        written = node.get("kind")
-        if self.is_broken(METRIC_KINDS, written, f"{address}.kind"):
+        known = METRIC_KINDS.known
+        chosen = choose(METRIC_KINDS, node, address, lambda _: known(), self.problems, self.modules)
+        if chosen is None or chosen.declared is None:
             return
-        declared = METRIC_KINDS.get(str(written.plain())) if written is not None else None
-        kinds = METRIC_KINDS.values() if declared is None else [declared]
-        keys = ("kind", *dict.fromkeys(key for kind in kinds for key in kind.keys))
-        check_keys(node, keys, address, self.problems, "key")
-        kind = self.choice(node, METRIC_KINDS.known(), keys, f"{address}.kind")
-        if declared is None or not kind:
-            return
+        self.seen.files.update(chosen.files)
+        declared, keys = chosen.declared, chosen.keys
         inputs = {key: self.measured(node, key, keys, address) for key in declared.inputs}
         for key in declared.optional:
             found = self.measured(node, key, keys, address) if node.get(key) else None
@@ -423,7 +394,7 @@ class _Reader:
         options: dict[str, Any] = {
             key: item.plain()
             for key, item in node.items()
-            if key not in ("kind", *declared.inputs, *declared.optional)
+            if key not in ("kind", "module", *declared.inputs, *declared.optional)
         }
         probes = {key: self.seen.probes[p] for key, p in inputs.items() if p is not None}
         infos = {
@@ -435,7 +406,7 @@ class _Reader:
         if isinstance(after, (int, float)) and after > self.network.until:
             message = f"metric '{name}' has no value: it looks at times after {after:g} "
             self.seen.notes.append(message + self.network.time_unit)
-        self.seen.metrics.append(Metric(name, kind, inputs, options))
+        self.seen.metrics.append(Metric(name, chosen.name, inputs, options, chosen.own))
 
     def measured(self, node: Node, key: str, keys: tuple[str, ...], address: str) -> str | None:
         """The probe of one role of a metric."""

@@ -62,7 +62,7 @@ def draw(plot: PlotSpec, result: RunData, look: str = "screen") -> Figure:
     ------
     UsageError : no such kind of plot, a probe was not recorded, or the run has no world to show.
     """
-    if plot.kind not in PLOT_KINDS:
+    if plot.own is None and plot.kind not in PLOT_KINDS:
         known = ", ".join(offered(plot.kind, result.world is not None))
         raise UsageError(f"plot '{plot.name}': expected one of {known}, got '{plot.kind}'")
     missing = [name for name in plot.of if name not in result.probes]
@@ -70,9 +70,11 @@ def draw(plot: PlotSpec, result: RunData, look: str = "screen") -> Figure:
         raise UsageError(f"plot '{plot.name}' shows '{missing[0]}', which was not recorded")
     with matplotlib.rc_context({**style.STYLE, **looks.LOOKS[look].settings}):
         figure = ShownFigure(layout="constrained")
-        module, _, function = PLOT_KINDS[plot.kind].painter.partition(":")
-        painter = getattr(import_module(module), function)
-        if PLOT_KINDS[plot.kind].in_world or PLOT_KINDS[plot.kind].with_options:
+        painter = plot.declared.painter
+        if isinstance(painter, str):
+            module, _, function = painter.partition(":")
+            painter = getattr(import_module(module), function)
+        if plot.declared.in_world or plot.declared.with_options:
             top = painter(figure, plot, result)
         else:
             shown = [result.probes[name] for name in plot.of]

@@ -12,7 +12,6 @@ import warnings
 import zipfile
 import zlib
 from collections.abc import Container, Mapping
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -59,7 +58,7 @@ _BROKEN_ARRAYS = (
 
 
 def portable(plain: dict[str, Any], read: Container[str]) -> tuple[dict[str, Any], dict[str, Path]]:
-    """A document whose blocks name files beside it, and where those files are now.
+    """A document whose entries name files beside it, and where those files are now.
 
     ``read`` has the resolved paths of the files that were read.
     """
@@ -75,16 +74,7 @@ def portable(plain: dict[str, Any], read: Container[str]) -> tuple[dict[str, Any
         files[name] = source
         return name
 
-    def rename(entries: dict[str, Any]) -> dict[str, Any]:
-        renamed = {}
-        for name, entry in entries.items():
-            changed = rename_files(entry, local) if isinstance(entry, dict) else entry
-            if isinstance(entry, dict) and isinstance(entry.get("blocks"), dict):
-                changed["blocks"] = rename(entry["blocks"])
-            renamed[name] = changed
-        return renamed
-
-    return {**plain, "blocks": rename(plain.get("blocks", {}))}, files
+    return rename_files(plain, local), files
 
 
 def contents(files: Mapping[str, Path], texts: Mapping[str, bytes]) -> dict[str, bytes]:
@@ -153,7 +143,7 @@ def manifest(result: RunData, hashes: Mapping[str, str], commit: str | None) -> 
         "git": commit,
         "hashes": dict(hashes),
         "probes": {name: _described(recorded) for name, recorded in result.probes.items()},
-        "plots": [asdict(plot) for plot in result.plots],
+        "plots": [plot.described() for plot in result.plots],
         "world": None if result.world is None else result.world.description,
         "failures": result.failures,
         "units": result.units,
@@ -243,6 +233,22 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     return manifest
 
 
+def _plots(described: list[dict[str, Any]], folder: Path) -> tuple[list[PlotSpec], list[str]]:
+    """The plots that a run folder describes, and a note for each whose kind is of a Python file."""
+    plots, notes = [], []
+    for each in described:
+        name, kind = str(each["name"]), str(each["kind"])
+        if each.get("own"):
+            notes.append(
+                f"plot '{name}' is not drawn again: its kind '{kind}' is one of a Python file, "
+                f"which viewing a run never imports; see {folder / 'plots'}"
+            )
+        else:
+            options = dict(each.get("options", {}))
+            plots.append(PlotSpec(name, kind, tuple(each["of"]), each["title"], options))
+    return plots, notes
+
+
 def described_run(
     folder: Path,
     manifest: dict[str, Any],
@@ -269,16 +275,14 @@ def described_run(
             name: _recorded(name, info, arrays, unit)
             for name, info in manifest.pop("probes").items()
         }
-        plots = [
-            PlotSpec(p["name"], p["kind"], tuple(p["of"]), p["title"], dict(p.get("options", {})))
-            for p in manifest.pop("plots")
-        ]
+        plots, left_out = _plots(manifest.pop("plots"), folder)
         # Runs written before there were worlds have none.
         walls = manifest.pop("world", None)
         world = None if walls is None else World(walls)
         units = {str(name): str(unit) for name, unit in manifest.pop("units", {}).items()}
         failures = [str(text) for text in manifest.pop("failures")]
         notes = [str(text) for text in manifest["notes"]] + _changed_files(folder, manifest)
+        notes += left_out
         _check_facts(manifest)
     except KeyError as error:
         raise _damaged(folder / MANIFEST, f"{error} is missing") from None

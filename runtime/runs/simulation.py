@@ -21,8 +21,9 @@ from blocks.world import World
 from runtime.diagrams import stored_picture
 from runtime.document import DEFAULT_MEMORY, SECOND, Override, dump_yaml
 from runtime.engine import Engine, MakeRunner, Outcome, Profile, Program, silent, take_compiled
+from runtime.errors import raised_at
 from runtime.network import Network
-from runtime.observation import PLOT_KINDS, STOP_TIME, Metric, Probe, Recording, Series
+from runtime.observation import STOP_TIME, Metric, Probe, Recording, Series
 from runtime.runs.folder import (
     DIAGRAM,
     RESOLVED,
@@ -114,7 +115,7 @@ def at_start(graph: PreparedRun) -> Result:
         if probe.constant
     }
     result = _result(graph, Outcome({}, 0), probes, {}, [], datetime.now().astimezone())
-    result.plots = [plot for plot in result.plots if PLOT_KINDS[plot.kind].of_tuning]
+    result.plots = [plot for plot in result.plots if plot.declared.of_tuning]
     return result
 
 
@@ -288,6 +289,18 @@ def versions() -> dict[str, str]:
     return found
 
 
+def _valued(
+    metric: Metric, series: Mapping[str, Series], world: World | None
+) -> tuple[float | None, str]:
+    """A metric's value, and why it has none where its formula failed."""
+    try:
+        return metric.value(series, world), ""
+    except (Exception, SystemExit) as error:  # noqa: BLE001 -- a user's metric may raise anything
+        place = raised_at(error)
+        reason = f"{type(error).__name__}: {error}{f' ({place})' if place else ''}"
+        return None, f"metric '{metric.name}' has no value: its formula failed: {reason}"
+
+
 def evaluate(
     metrics: list[Metric],
     probes: Mapping[str, Recording],
@@ -303,7 +316,10 @@ def evaluate(
     values: dict[str, float | None] = {}
     failures, notes = [], []
     for metric in metrics:
-        value = stopped_at if metric.kind == STOP_TIME else metric.value(series, world)
+        value, failed = stopped_at, ""
+        if metric.own is not None or metric.kind != STOP_TIME:
+            value, failed = _valued(metric, series, world)
+        notes += [failed] if failed else []
         failures += [text] if (text := metric.expectation(value)) else []
         if value is not None and not math.isfinite(value):
             notes.append(f"metric '{metric.name}' is infinite ({value:g}): it counts as no value")

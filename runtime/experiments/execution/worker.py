@@ -193,7 +193,8 @@ def _loaded(bundle: GraphBundle) -> Graph:
     plain: Any = parse_yaml(bundle.text, "graph.resolved.yaml").plain()
     if bundle.beside:
         folder = _written_files(bundle)
-        _place_files(plain["blocks"], folder)
+        # A path that is absolute stays what it is.
+        plain = rename_files(plain, lambda _, path: str(folder / path))
     return load(plain)
 
 
@@ -226,12 +227,3 @@ def _written_files(bundle: GraphBundle) -> Path:
         if not target.exists():
             write_whole(target, content)
     return folder
-
-
-def _place_files(blocks: dict[str, Any], folder: Path) -> None:
-    """Make the entries of a document name the new paths of their files."""
-    for entry in blocks.values():
-        # A path that is absolute stays what it is.
-        entry.update(rename_files(entry, lambda _, path: str(folder / path)))
-        if isinstance(entry.get("blocks"), dict):
-            _place_files(entry["blocks"], folder)

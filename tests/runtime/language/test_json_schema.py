@@ -133,6 +133,14 @@ def test_a_copy_does_not_name_a_schema_that_is_not_beside_it(cli: Run, tmp_path:
     assert "$schema" not in (tmp_path / "mine.yaml").read_text(encoding="utf-8")
 
 
+def test_metrics_and_plots_of_files_are_accepted() -> None:
+    assert checked("metrics: {m: {kind: mine, module: mine.py, of: a.x, percent: 9}}")
+    assert checked("plots: {p: {kind: mine, module: mine.py, of: a.x, colour: red}}")
+    assert not checked("plots: {p: {kind: mine, of: a.x}}")
+    assert checked("metrics: {m: {kind: rms, of: a.x}}")
+    assert not checked("metrics: {m: {kind: rms, of: a.x, percent: 9}}")
+
+
 def test_neuron_models_of_files_and_packages_are_accepted() -> None:
     text = "blocks: {{a: {{type: Ensemble, neurons: 9, neuron: {}}}}}"
     assert checked(text.format("{type: Mine, module: mine.py, tau: 1}"))

@@ -30,7 +30,7 @@ GRAPH = {
 @pytest.fixture
 def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     before = set(sys.modules)
-    (code,) = re.findall(r"```python\n# my_package.py\n(.*?)```", HOW_TO, re.S)
+    (code,) = re.findall(r"```python\n# mine.py\n(.*?)```", HOW_TO, re.S)
     (offers,) = re.findall(r"```toml\n(.*?)```", HOW_TO, re.S)
     package(
         tmp_path, "my_package", offers.replace('"', "").replace("project.entry-points.", ""), code
