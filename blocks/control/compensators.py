@@ -22,6 +22,7 @@ from blocks.core import (
     TwistValue,
     param,
 )
+from blocks.core.portable import flush, flush_due
 
 
 @final
@@ -167,6 +168,8 @@ class DisturbanceObserver(Compensator):
             d += learn * state.share * (found - d)
             state.estimated[0] = max(-self.limit, min(self.limit, d))
         state.applied[0] = turn
+        if flush_due(t, state.dt):
+            flush(state.estimated)
         state.heading[0] = error[2]
 
 
@@ -216,6 +219,8 @@ class L1Adaptive(Compensator):
         # The adaptation cancels what is left of the error, so that the disturbance alone shows at
         # the next tick.
         state.predicted[0] = error[2] + state.dt * (turn + sigma) + state.fade * ahead
+        if flush_due(t, state.dt):
+            flush(state.estimated)
 
 
 def _check_speed(v_r: float) -> None:

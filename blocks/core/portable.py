@@ -13,7 +13,40 @@ from typing import Any
 
 import numpy as np
 
+from blocks.core.kernels import kernel_of
 from blocks.core.signals import FloatArray
+
+# Below this, what decays counts as zero. Far above the smallest normal number, 2.2e-308, so that
+# squares are normal, too, after the decay of a few more ticks; and far below what can be seen.
+TINY = 1e-140
+SELDOM = 128  # ticks
+
+
+def flush_due(t: float, dt: float) -> bool:
+    """Whether states are flushed at t (s), a multiple of dt: on the first and each 128th tick.
+
+    By the time alone, so that the bits do not depend on how a run is divided.
+    """
+    return int(t / dt + 0.5) % SELDOM == 0
+
+
+def flush(x: FloatArray) -> None:
+    """Set what has decayed below 1e-140 to zero, in place.
+
+    Where nothing arrives, a filter's state is multiplied by the same factor on each tick. It would
+    become a denormal number, with which a processor takes about a hundred times as long, and stay
+    one: in a lowpass, rounding can bring it to a halt above zero. A processor's mode that flushes
+    denormals to zero would hold for blocks from elsewhere as well, and not on every target. States
+    of systems that a user gives, which may grow again from such a number, are left alone.
+    """
+    x[np.abs(x) < TINY] = 0.0
+
+
+@kernel_of(flush)
+def _flush_kernel(x: FloatArray) -> None:
+    cells = x.ravel()
+    for i in range(len(cells)):
+        cells[i] = 0.0 if abs(cells[i]) < TINY else cells[i]
 
 
 def product(a: FloatArray, b: FloatArray) -> FloatArray:

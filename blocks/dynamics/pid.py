@@ -21,6 +21,7 @@ from blocks.core import (
     check_flat,
     param,
 )
+from blocks.core.portable import flush, flush_due
 from blocks.dynamics.delays import Recalling
 
 
@@ -186,6 +187,9 @@ class DiscretePID(Recalling):
             state.i[j] += self.ki * state.dt * e[j] - state.tracked * excess
             state.d[j] = state.kept * state.d[j] + state.rise * (e[j] - state.e[j])
             state.e[j] = e[j]
+        if flush_due(t, state.dt):
+            flush(state.integral)
+            flush(state.slope)
 
 
 def check_limits(lower: float, upper: float) -> None:

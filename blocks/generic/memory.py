@@ -18,6 +18,7 @@ from blocks.core import (
     check_sized,
     param,
 )
+from blocks.core.portable import flush, flush_due
 
 
 class _Memory(Block, ABC):
@@ -71,3 +72,5 @@ class Lowpass(_Memory):
 
     def update(self, state: BlockState, t: float, input: Any) -> None:
         state.memory[...] = state.memory - state.share * (state.memory - input)
+        if flush_due(t, state.dt):
+            flush(state.memory)

@@ -27,6 +27,7 @@ from blocks.core import (
     param,
     portable,
 )
+from blocks.core.portable import flush, flush_due
 
 LARGEST_STEP = 2.0
 GROWING, GROWTH = 4, 1.5
@@ -272,3 +273,5 @@ class AdaptiveBias(Learner):
     def update(self, state: BlockState, t: float, error: FloatArray, learn: float) -> None:
         gamma, keep = state.step * learn, self.keep_of(state, error)
         pes(state.weights, state.activity, error, gamma, keep, state.scratch)
+        if flush_due(t, state.dt):
+            flush(state.bias)

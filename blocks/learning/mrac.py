@@ -8,6 +8,7 @@ from typing import final
 import numpy as np
 
 from blocks.core import BlockState, FloatArray, State, param
+from blocks.core.portable import flush, flush_due
 from blocks.learning.learner import Learner, mean_squared_rate
 
 
@@ -85,3 +86,7 @@ class MRAC(Learner):
                 state.weights[k, j] = keep * state.weights[k, j] - slope * state.regressor[j]
         for j in range(len(input)):
             state.regressor[j] += state.pass_on * (input[j] - state.regressor[j])
+        if flush_due(t, state.dt):
+            flush(state.regressor)
+            flush(state.bias)
+            flush(state.weights)

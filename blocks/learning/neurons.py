@@ -20,6 +20,7 @@ from blocks.core import (
     param,
     portable,
 )
+from blocks.core.portable import flush, flush_due
 from blocks.learning.learner import Learner, decode, dot, gain_and_bias, lif_rate, pes
 
 SILENT = 10.0  # Hz; activity below it hardly counts in a normalised step
@@ -145,6 +146,8 @@ class LearningEnsemble(Learner):
         self._respond(state)
         gamma, keep = self._gamma(state) * learn, self.keep_of(state, error)
         pes(state.weights, state.activity, error, gamma, keep, state.products)
+        if flush_due(t, state.dt):
+            self._flush(state)
 
     @kernel_of(update)
     def _update_kernel(
@@ -163,6 +166,12 @@ class LearningEnsemble(Learner):
         self._respond(state)
         gamma, keep = self._gamma(state) * learn, self.keep_of(state, error)
         pes(state.weights, state.activity, error, gamma, keep, state.products)
+        if flush_due(t, state.dt):
+            self._flush(state)
+
+    def _flush(self, state: BlockState) -> None:
+        flush(state.activity)
+        flush(state.weights)
 
     @abstractmethod
     def _respond(self, state: BlockState) -> None:
@@ -270,6 +279,11 @@ class AdaptiveEnsemble(LearningEnsemble):
         activity = state.activity
         activity *= state.fades
         activity[spiking] += kick
+
+    def _flush(self, state: BlockState) -> None:
+        flush(state.voltage)
+        flush(state.activity)
+        flush(state.weights)
 
     # Its start extends that of LearningEnsemble without changing what this kernel depends on.
     _update_kernel = kernel_of(LearningEnsemble.update)(LearningEnsemble._update_kernel)

@@ -20,6 +20,7 @@ from blocks.core import (
     kernel_of,
     param,
 )
+from blocks.core.portable import flush, flush_due
 from blocks.neural.rules import DecoderRule, follow, pes_step, rls_step, share_of
 from blocks.neural.solving import Solved, decode
 from blocks.neural.synapses import Synapse, passed, remember
@@ -175,6 +176,12 @@ class Decoder(Solved):
                 for term in error:
                     for i in range(len(total)):
                         total[i] += learn * term[i]
+        if flush_due(t, state.dt):
+            flush(state.filtered)
+            flush(state.activity)
+            if state.rule != "":
+                flush(state.weights)
+                flush(state.inverse)
 
     def _learn(self, state: BlockState) -> None:
         """Apply the error of the last tick, with the spikes that followed from it."""

@@ -22,6 +22,7 @@ from blocks.core import (
     kernel_of,
     param,
 )
+from blocks.core.portable import flush, flush_due
 from blocks.neural.distributions import Distribution
 from blocks.neural.neurons import NeuronModel
 from blocks.neural.rules import EncoderRule, Voja, follow, share_of, voja_step
@@ -259,6 +260,8 @@ class Ensemble(Block):
             *(state.recovery, state.constants),
         )
         self._learn(state, learn)
+        if flush_due(t, state.dt):
+            self._flush(state)
 
     @kernel_of(update)
     def _update_kernel(
@@ -298,6 +301,8 @@ class Ensemble(Block):
             state.constants,
         )
         self._learn(state, learn)
+        if flush_due(t, state.dt):
+            self._flush(state)
 
     def _learn(self, state: BlockState, learn: float) -> None:
         """Change the encoders by the spikes of this step."""
@@ -305,6 +310,13 @@ class Ensemble(Block):
             follow(state.activity, state.fired, state.share)
             rate = state.rate * learn
             voja_step(state.scaled_encoders, state.activity, state.scale, state.point, rate)
+
+    def _flush(self, state: BlockState) -> None:
+        flush(state.voltage)
+        flush(state.recovery)
+        if state.learns:
+            flush(state.activity)
+            flush(state.scaled_encoders)
 
 
 def _number(text: str) -> str | float:

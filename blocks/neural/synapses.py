@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
+from itertools import count
 from typing import Any, ClassVar
 
 import numpy as np
@@ -22,6 +23,7 @@ from blocks.core import (
     portable,
     show,
 )
+from blocks.core.portable import SELDOM, flush
 
 
 class Synapse(Variant, root=True):
@@ -66,12 +68,15 @@ class Synapse(Variant, root=True):
         """A function that filters row after row (n, width) in place, from zero on."""
         a, b = self.matrices(dt)
         memory = np.zeros((len(b), width))
+        taken = count()
 
         def run(rows: FloatArray) -> None:
             for row in rows:
                 found = passed(memory, a, b, row)
                 remember(memory, a, b, row, found)
                 row[:] = found
+                if next(taken) % SELDOM == 0:
+                    flush(memory)
 
         return run
 

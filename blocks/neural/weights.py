@@ -21,6 +21,7 @@ from blocks.core import (
     Vector,
     param,
 )
+from blocks.core.portable import flush, flush_due
 from blocks.neural.distributions import Distribution
 from blocks.neural.rules import BCM, Oja, WeightRule, bcm_step, follow, oja_step, share_of
 from blocks.neural.solving import decode
@@ -116,3 +117,10 @@ class Weights(Block):
                 bcm_step(state.weights, state.before, state.after, state.theta, rate)
             if state.rule == "oja":
                 oja_step(state.weights, state.before, state.after, rate, state.beta)
+        if flush_due(t, state.dt):
+            flush(state.filtered)
+            flush(state.before)
+            flush(state.after)
+            flush(state.theta)
+            if state.rule != "":
+                flush(state.weights)

@@ -22,6 +22,7 @@ from blocks.core import (
     kernel_of,
     param,
 )
+from blocks.core.portable import flush, flush_due
 
 NEARLY_ALWAYS = 0.95
 
@@ -124,6 +125,8 @@ class ActuatorLag(Block):
 
     def update(self, state: BlockState, t: float, command: TwistValue) -> None:
         state.reached[...] = state.reached - state.share * (state.reached - command)
+        if flush_due(t, state.dt):
+            flush(state.reached)
 
 
 class ActuatorDelay(Block):
