@@ -12,6 +12,7 @@ from blocks.core import FloatArray, hint
 from blocks.world import World
 from runtime.document import SECOND
 from runtime.observation.plots import PlotSpec
+from runtime.terminal import number
 
 
 @dataclass(frozen=True)
@@ -67,9 +68,10 @@ class RunData:
     """A run: ``result["plant.pose"]`` is an array, ``result.metrics`` a dict.
 
     Names are those of probes, or the addresses that they record. ``world`` holds the graph's
-    walls, if any, ``states`` the blocks' states at the end of the run, and ``units`` the units of
-    the metrics that have one. ``origin`` returns the graph's texts and the files of its own blocks,
-    by name; it is called only when they are needed, which is rare in a sweep.
+    walls, if any, ``states`` the blocks' states at the end of the run, ``units`` the units of the
+    metrics that have one, and ``never`` what no value of a metric means. ``origin`` returns the
+    graph's texts and the files of its own blocks, by name; it is called only when they are needed,
+    which is rare in a sweep.
     """
 
     title: str
@@ -83,6 +85,14 @@ class RunData:
     world: World | None = None
     units: dict[str, str] = field(default_factory=dict)
     states: dict[str, FloatArray] = field(default_factory=dict)
+    never: dict[str, str] = field(default_factory=dict)
+
+    def measured(self, name: str) -> str:
+        """A metric's value in words: a number, ``never settled``, or a dash for no value."""
+        value = self.metrics.get(name)
+        if value is None and name in self.metrics and self.status != "interrupted":
+            return self.never.get(name, number(value))
+        return number(value)
 
     @cached_property
     def texts(self) -> dict[str, str]:

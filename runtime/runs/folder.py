@@ -147,6 +147,7 @@ def manifest(result: RunData, hashes: Mapping[str, str], commit: str | None) -> 
         "world": None if result.world is None else result.world.description,
         "failures": result.failures,
         "units": result.units,
+        "never": result.never,
     }
 
 
@@ -279,7 +280,11 @@ def described_run(
         # Runs written before there were worlds have none.
         walls = manifest.pop("world", None)
         world = None if walls is None else World(walls)
-        units = {str(name): str(unit) for name, unit in manifest.pop("units", {}).items()}
+        # Runs written before these were stored have none.
+        units, never = (
+            {str(name): str(text) for name, text in manifest.pop(key, {}).items()}
+            for key in ("units", "never")
+        )
         failures = [str(text) for text in manifest.pop("failures")]
         notes = [str(text) for text in manifest["notes"]] + _changed_files(folder, manifest)
         notes += left_out
@@ -292,6 +297,7 @@ def described_run(
         *(str(manifest["graph"]), probes, metrics, plots, manifest),
         *(lambda: (texts, {}), notes, failures, world, units),
         _arrays(folder / STATES) if (folder / STATES).is_file() else {},
+        never,
     )
 
 

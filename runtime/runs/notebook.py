@@ -8,7 +8,6 @@ from io import BytesIO
 from typing import TYPE_CHECKING
 
 from runtime.observation import RunData
-from runtime.terminal import number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -36,8 +35,8 @@ def shown_in_notebook(result: RunData) -> str:
     ]
     rows = "".join(
         f"<tr><td style='text-align: left'>{escape(name)}</td>"
-        f"<td>{_measured(value, result.units.get(name, ''))}</td></tr>"
-        for name, value in result.metrics.items()
+        f"<td>{_measured(result, name)}</td></tr>"
+        for name in result.metrics
     )
     parts += [f"<table>{rows}</table>"] * bool(rows)
     parts += [f"<div>note: {escape(note)}</div>" for note in result.notes]
@@ -49,9 +48,10 @@ def shown_in_notebook(result: RunData) -> str:
     return "\n".join(parts)
 
 
-def _measured(value: float | None, unit: str) -> str:
-    """A value with its unit; a dash alone where there is none."""
-    return escape(f"{number(value)} {unit}".strip() if value is not None else number(value))
+def _measured(result: RunData, name: str) -> str:
+    """A value with its unit; words or a dash alone where there is none."""
+    unit = "" if result.metrics[name] is None else result.units.get(name, "")
+    return escape(f"{result.measured(name)} {unit}".strip())
 
 
 def _picture(name: str, figure: Figure) -> str:

@@ -185,6 +185,7 @@ def _result(
         notes=notes,
         world=graph.network.world,
         units=graph.program.observation.metric_units,
+        never=graph.program.observation.metric_never,
     )
 
 

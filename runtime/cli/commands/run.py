@@ -281,11 +281,10 @@ def _print_result(
         rows = [
             (
                 name,
-                number(value),
-                *(number(other.metrics.get(name)) for other in others.values()),
+                *(each.measured(name) for each in (result, *others.values())),
                 result.units.get(name, ""),
             )
-            for name, value in result.metrics.items()
+            for name in result.metrics
         ]
         show(table([head, *rows], right=range(1, len(head))))
     elif result.metrics:
@@ -293,6 +292,6 @@ def _print_result(
             name: result.units.get(name, "") if v is not None else ""
             for name, v in result.metrics.items()
         }
-        rows = [(k, f"{number(v)} {units[k]}".rstrip()) for k, v in result.metrics.items()]
+        rows = [(k, f"{result.measured(k)} {units[k]}".rstrip()) for k in result.metrics]
         show(table(rows))
     show_folder("run", folder, pictures)

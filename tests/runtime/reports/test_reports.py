@@ -92,7 +92,7 @@ def test_a_browser_loads_it_without_messages(page: Path) -> None:
         *("0.995 rad", "above 0.25 and below 0.1: failed", "final of plant.pose.theta"),
     ]
     assert metrics[1][2] == "below 100: met"
-    assert metrics[2][1:] == ["–", "", "settling_time of plant.pose.x, band 0.1"]
+    assert metrics[2][1:] == ["never settled", "", "settling_time of plant.pose.x, band 0.1"]
     assert [row[0] for row in rows(loaded.html, "recorded signals")] == [
         *("pose", "seen", "plant.pose.theta", "plant.pose.x"),
     ]
