@@ -195,8 +195,10 @@ class Reader:
                 a, b = self.whole(left, depth), self.whole(right, depth)
                 if a is None or b is None or (b == 0 and isinstance(op, (ast.Mod, ast.FloorDiv))):
                     return None
-                if isinstance(op, ast.Pow) and (b < 0 or a.bit_length() * b > MAX_BITS):
+                if isinstance(op, ast.Pow) and b < 0:
                     return None
+                if isinstance(op, ast.Pow) and abs(a) > 1 and a.bit_length() * b > MAX_BITS:
+                    self.fail(node, "the number is too large")
                 return int(_INTEGERS[type(op)](a, b))
         return None
 

@@ -38,8 +38,13 @@ def applied(
     an argument is either used or refused: ``np.eye(3, k=1)`` is written, ``np.eye(3, order="F")``
     refused.
     """
+    form = signature(function)
+    for option in options:
+        if option not in form.parameters:
+            text = f"{name} with the keyword {option}= is not compiled; write the loop"
+            raise NotTypedError(text)
     try:
-        call = signature(function).bind(body, *given, **options)
+        call = form.bind(body, *given, **options)
     except TypeError as error:
         reason = f"calls {name} in a form that is not compiled ({error}); write the loop"
         raise NotTypedError(reason) from None

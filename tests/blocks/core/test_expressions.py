@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from blocks.core import ExpressionError, expression_function, read_expression
@@ -215,6 +215,8 @@ INTEGERS = st.recursive(
 
 
 @given(INTEGERS)
+@example("((12 ** 30) ** 38)")
+@example("((-1) ** 9000)")
 def test_integers_alone_are_python_s_or_refused(text: str) -> None:
     try:
         value = eval(text)
