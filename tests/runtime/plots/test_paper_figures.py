@@ -246,4 +246,4 @@ def test_a_notebook_shows_a_run_once_with_metrics_and_pictures() -> None:
     assert figures._repr_html_().count("<img ") == 1
     assert result.plot("p")._repr_png_().startswith(b"\x89PNG")
     unsettled = made.metric("never", "settling_time", "turn", band=0.0).run()._repr_html_()
-    assert "never</td><td>-</td>" in unsettled
+    assert "never</td><td>never settled</td>" in unsettled
