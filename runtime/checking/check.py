@@ -18,7 +18,7 @@ from blocks.core import (
     hint,
 )
 from runtime.checking.bench import OUTSIDE, Bench, CheckError
-from runtime.engine.compiled import refusals
+from runtime.compiler import refusals
 
 if TYPE_CHECKING:
     from blocks.world import World
