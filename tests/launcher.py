@@ -21,6 +21,7 @@ import importlib
 import io
 import json
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -157,6 +158,7 @@ def _command(stdin: int, stdout: int, stderr: int, file: int) -> NoReturn:
     os.environ.clear()
     os.environ.update(request["variables"])
     sys.argv = request["argv"]
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)  # ignored where the tests run under nohup
     code = _exit_code()
     # As an interpreter ends, without freeing what the processes share.
     threading._shutdown()  # type: ignore[attr-defined]
