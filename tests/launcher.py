@@ -9,7 +9,7 @@ standard streams. Out: the exit code, negative for a signal, as in ``subprocess`
 A new interpreter spends 0.4 s of CPU time on imports, and 1.2 s where it draws plots; a fork starts
 in milliseconds. It is a process of its own all the same, with its own signals, streams, modules
 and exit code, which the command line within the tests' process would not have. What only a new
-interpreter does is not tested with it: reading PYTHONPATH or the locale, and the imports.
+interpreter does is not tested with it: reading the locale, ``sitecustomize``, and the imports.
 """
 
 from __future__ import annotations
@@ -158,6 +158,8 @@ def _command(stdin: int, stdout: int, stderr: int, file: int) -> NoReturn:
     os.environ.clear()
     os.environ.update(request["variables"])
     sys.argv = request["argv"]
+    added = filter(None, os.environ.get("PYTHONPATH", "").split(os.pathsep))
+    sys.path[:1] = [str(Path(sys.argv[0]).parent), *added]
     signal.signal(signal.SIGHUP, signal.SIG_DFL)  # ignored where the tests run under nohup
     code = _exit_code()
     # As an interpreter ends, without freeing what the processes share.
