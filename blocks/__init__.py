@@ -49,16 +49,14 @@ from blocks.neural import *
 from blocks.nonlinear import *
 from blocks.plants import *
 from blocks.sources import *
-from blocks.testing import CheckError, NotCompiledWarning, check_block
 from blocks.vehicle import *
 from blocks.wall_fitting import *
 from blocks.world import *
 
-__all__ = ["Block", "BlockContext", "BlockState", "CheckError", "DeclarationError", "FloatArray"]
-__all__ += ["NotCompiledWarning"]
+__all__ = ["Block", "BlockContext", "BlockState", "DeclarationError", "FloatArray"]
 __all__ += ["Input", "Output", "ParameterError", "Path", "PointCloud", "Pose", "Same", "Scalar"]
 __all__ += ["Scan", "SignalType", "Spikes", "State", "TrackingState", "Twist", "Vector"]
-__all__ += ["WheelSpeeds", "check_block", "kernel_of", "param"]
+__all__ += ["WheelSpeeds", "kernel_of", "param"]
 __all__ += control.__all__
 __all__ += dynamics.__all__
 __all__ += generic.__all__

@@ -22,9 +22,9 @@ import numpy as np
 import blocks
 from blocks.core import Block, BlockState, SignalType
 from blocks.registry import is_built_in
-from runtime import codegen, engine
+from runtime import codegen
 from runtime.codegen import Source
-from runtime.engine.compiled.entries import WRITTEN, Fields, NotCompilableError
+from runtime.compiler.fields import WRITTEN, Fields, NotCompilableError
 from runtime.toolchain import digest, read_record, write_record
 
 LITERALS = (str, bool, type(None))
@@ -44,25 +44,63 @@ class Translation:
     key: str
 
 
-def translation(made: Block, state: BlockState, terms: dict[str, int]) -> Translation:
+class Records:
+    """The cache's records that one compilation uses, each read and parsed once.
+
+    Blocks of one type share the C text of theirs: 10,000 blocks of four types hold four texts.
+
+    ``translations`` has those of this compilation by block type and signature.
+    """
+
+    def __init__(self) -> None:
+        self._known: dict[str, Any] = {}
+        self.translations: dict[tuple[type, str], Translation] = {}
+
+    def read(self, name: str) -> Any:
+        """A record; None if there is none."""
+        if name not in self._known:
+            self._known[name] = read_record(name)
+        return self._known[name]
+
+    def write(self, name: str, record: Any) -> None:
+        """Store a record."""
+        write_record(name, record)
+        self._known[name] = record
+
+
+def translation(
+    made: Block, state: BlockState, terms: dict[str, int], records: Records
+) -> Translation:
     """The translation of a block, from the cache if it is there.
 
     Parameters
     ----------
     made, state : the block, and its state after ``start``.
     terms : the number of wires of each variadic input.
+    records : of the cache.
 
     Raises
     ------
     NotCompilableError : naming the reason.
     """
-    name = ""
     try:
-        if is_built_in(type(made)):
-            name = f"translation_{digest(salt(), *_signature(made, state, terms))}.json"
+        signature = "\n".join(_signature(made, state, terms))
     except _UnnamedFunctionError:
-        pass
-    record = read_record(name) if name else None
+        return _found(made, state, terms, records, "")
+    key = (type(made), signature)
+    known = records.translations.get(key)
+    if known is None or not known.fields.fit(made, state):
+        stored = is_built_in(type(made))
+        name = f"translation_{digest(salt(), signature)}.json" if stored else ""
+        known = records.translations[key] = _found(made, state, terms, records, name)
+    return known
+
+
+def _found(
+    made: Block, state: BlockState, terms: dict[str, int], records: Records, name: str
+) -> Translation:
+    """The translation of a block: the record of this name, or a new one; "" is never stored."""
+    record = records.read(name) if name else None
     if record is not None:
         if "refused" in record:
             raise NotCompilableError(record["refused"])
@@ -75,26 +113,26 @@ def translation(made: Block, state: BlockState, terms: dict[str, int]) -> Transl
         found = _translated(made, state, terms)
     except NotCompilableError as error:
         if name:
-            write_record(name, {"refused": str(error)})
+            records.write(name, {"refused": str(error)})
         raise
     fields = found.fields
     if name:
         constants_list = [[*key, _kept(value)] for key, value in fields.constants.items()]
         record = {"methods": found.methods, "key": found.key, "constants": constants_list}
-        write_record(name, {**record, "attributes": fields.attributes, "types": fields.types})
+        records.write(name, {**record, "attributes": fields.attributes, "types": fields.types})
     return found
 
 
 def source_of(made: Block, state: BlockState, terms: dict[str, int]) -> Source:
     """The functions of a block, to be written as C."""
-    from runtime.engine.compiled.translate import translate
+    from runtime.compiler.translate import translate
 
     return translate(made, state, terms).source
 
 
 def _translated(made: Block, state: BlockState, terms: dict[str, int]) -> Translation:
     # Imported where something is translated: most starts find everything in the cache.
-    from runtime.engine.compiled.translate import translate
+    from runtime.compiler.translate import translate
 
     try:
         found = translate(made, state, terms)
@@ -150,11 +188,16 @@ def _described(value: Any) -> str:
 
 
 @cache
-def salt() -> str:
-    """What translations and C texts depend on, apart from blocks of the user's own."""
+def salt(*packages: types.ModuleType) -> str:
+    """What translations and C texts depend on, apart from blocks of the user's own.
+
+    Parameters
+    ----------
+    packages : others whose functions are translated.
+    """
     found = hashlib.sha256(sys.version.encode())
-    for package in (blocks, codegen, engine):
-        folder = Path(str(package.__file__)).parent
+    folders = [Path(str(package.__file__)).parent for package in (blocks, codegen, *packages)]
+    for folder in (Path(__file__).parent, *folders):
         for parent, _, names in sorted(os.walk(folder)):
             for name in sorted(names):
                 if name.endswith((".py", ".h")):
