@@ -36,6 +36,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 THIN_ABOVE, THIN_TO = 20_000, 4_000  # rows
 LINESTYLES = ("-", "--", ":", "-.")
 GREEK = {"theta": "θ", "omega": "ω", "kappa": "κ"}
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _FORMULA = re.compile(r"\$[^$\s]+\$")
 # Any: the names of the parameters are a literal type in some versions of matplotlib only.
 STYLE: Any = {
@@ -54,7 +55,6 @@ STYLE: Any = {
     "axes.axisbelow": True,
     "axes.formatter.limits": (-3, 4),
     "axes.formatter.useoffset": False,
-    "axes.formatter.use_mathtext": True,
     "grid.color": "0.9",
     "grid.linewidth": 0.5,
     "xtick.labelsize": 8.0,
@@ -236,20 +236,38 @@ def is_formula(text: str) -> bool:
     return True
 
 
+class PlainNumbers(ScalarFormatter):
+    """Tick labels in the text's font, with a power of ten as ×10⁻³.
+
+    As formulas, matplotlib's ``use_mathtext``, they take a third of the time of a figure: each
+    label is parsed by a grammar.
+    """
+
+    def get_offset(self) -> str:
+        """The power of ten that all numbers of the axis share; empty if there is none."""
+        text = super().get_offset()
+        if self.offset or "e" not in text:
+            return text
+        exponent = int(text.partition("e")[2].replace("\N{MINUS SIGN}", "-"))
+        return f"×10{str(exponent).translate(SUPERSCRIPTS)}"
+
+
 def disable_math(figure: Figure) -> None:
     """Show names and titles as they are written; only $e_p$, without spaces, is a formula.
 
-    Tick labels of numbers stay formulas, since matplotlib writes them.
+    Powers of ten beside a logarithmic axis stay formulas, since matplotlib writes them so; those
+    of other axes are plain text (:class:`PlainNumbers`).
     """
+    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
+        if type(axis.get_major_formatter()) is ScalarFormatter:
+            axis.set_major_formatter(PlainNumbers())
     for text in figure.findobj(Text):
         text.set_parse_math(is_formula(text.get_text()))
-    for axes in figure.axes:
-        for axis in (axes.xaxis, axes.yaxis):
-            is_number = isinstance(axis.get_major_formatter(), ScalarFormatter | LogFormatter)
-            axis.get_offset_text().set_parse_math(True)
+    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
+        if isinstance(axis.get_major_formatter(), LogFormatter):
             for tick in axis.get_major_ticks():
-                for label in (tick.label1, tick.label2):
-                    label.set_parse_math(is_number)
+                tick.label1.set_parse_math(True)
+                tick.label2.set_parse_math(True)
 
 
 def run_end(result: RunData) -> float:
