@@ -8,9 +8,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.mathtext import MathTextParser
-from matplotlib.text import Text
-from matplotlib.ticker import LogFormatter, MaxNLocator, ScalarFormatter
+from matplotlib.ticker import MaxNLocator
 
 from blocks.core import FloatArray
 from runtime.document import SECOND, TIME_UNITS
@@ -36,8 +34,6 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 THIN_ABOVE, THIN_TO = 20_000, 4_000  # rows
 LINESTYLES = ("-", "--", ":", "-.")
 GREEK = {"theta": "θ", "omega": "ω", "kappa": "κ"}
-SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-_FORMULA = re.compile(r"\$[^$\s]+\$")
 # Any: the names of the parameters are a literal type in some versions of matplotlib only.
 STYLE: Any = {
     "font.family": "sans-serif",
@@ -221,53 +217,6 @@ def line_style(i: int, covers: int = 0) -> dict[str, Any]:
     if covers:
         dashes = (0.0, (4.0, 3.0) if covers == 1 else (1.5, 5.5))
     return {"color": COLOURS[i % len(COLOURS)], "linestyle": dashes}
-
-
-def is_formula(text: str) -> bool:
-    """Whether a text has formulas as $e_p$, without spaces, that matplotlib can draw."""
-    found = _FORMULA.findall(text)
-    if not found or text.count("$") != 2 * len(found):
-        return False
-    try:
-        for formula in found:
-            MathTextParser("path").parse(formula)
-    except ValueError:
-        return False
-    return True
-
-
-class PlainNumbers(ScalarFormatter):
-    """Tick labels in the text's font, with a power of ten as ×10⁻³.
-
-    As formulas, matplotlib's ``use_mathtext``, they take a third of the time of a figure: each
-    label is parsed by a grammar.
-    """
-
-    def get_offset(self) -> str:
-        """The power of ten that all numbers of the axis share; empty if there is none."""
-        text = super().get_offset()
-        if self.offset or "e" not in text:
-            return text
-        exponent = int(text.partition("e")[2].replace("\N{MINUS SIGN}", "-"))
-        return f"×10{str(exponent).translate(SUPERSCRIPTS)}"
-
-
-def disable_math(figure: Figure) -> None:
-    """Show names and titles as they are written; only $e_p$, without spaces, is a formula.
-
-    Powers of ten beside a logarithmic axis stay formulas, since matplotlib writes them so; those
-    of other axes are plain text (:class:`PlainNumbers`).
-    """
-    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
-        if type(axis.get_major_formatter()) is ScalarFormatter:
-            axis.set_major_formatter(PlainNumbers())
-    for text in figure.findobj(Text):
-        text.set_parse_math(is_formula(text.get_text()))
-    for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
-        if isinstance(axis.get_major_formatter(), LogFormatter):
-            for tick in axis.get_major_ticks():
-                tick.label1.set_parse_math(True)
-                tick.label2.set_parse_math(True)
 
 
 def run_end(result: RunData) -> float:
