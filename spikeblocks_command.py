@@ -10,13 +10,15 @@ def main() -> NoReturn:
     """Run the command line; packages that are hidden are reported in one sentence."""
     try:
         import spikeblocks  # noqa: F401 -- reports a hidden package
+        from runtime.cli import main as run
     except ImportError as error:
         if "hides the package" not in str(error):
             raise
         print(error, file=sys.stderr)
         sys.exit(2)
-    from runtime.cli import main as run
-
+    except KeyboardInterrupt:  # while Python still imports; runtime.cli handles all later ones
+        print("interrupted", file=sys.stderr)
+        sys.exit(130)
     run()
 
 

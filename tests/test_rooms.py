@@ -31,6 +31,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.document",),
     ("runtime.network",),
     ("runtime.observation", "runtime.descriptions"),
+    ("runtime.compiler",),
     ("runtime.engine",),
     ("runtime.engine.compiled",),
     ("runtime.plots", "runtime.diagrams.layout"),

@@ -75,7 +75,7 @@ def check_block(
     if any(port.optional for port in block.spec.inputs.values()) and _may_be_open(bench):
         list(replace(bench, ticks=1, open_inputs=True).run(seed=0, careful=True))
     # By name, since blocks know no engine.
-    refusals = importlib.import_module("runtime.engine.compiled").refusals
+    refusals = importlib.import_module("runtime.compiler").refusals
     for reason in refusals(block, bench.started(), bench.context):
         warnings.warn(f"{name}.{reason}", NotCompiledWarning, stacklevel=2)
 

@@ -10,9 +10,11 @@ import argparse
 import io
 import os
 import re
+import signal
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
+from types import FrameType
 from typing import NoReturn, TextIO
 
 from runtime.cli.commands import NAMES, command
@@ -91,7 +93,28 @@ def make_parser(names: Sequence[str] = NAMES) -> argparse.ArgumentParser:
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run the command line, and exit with its exit code."""
     _open_streams()
-    sys.exit(_flushed(run(arguments)))
+    interrupted = False
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        nonlocal interrupted
+        interrupted = True
+        signal.default_int_handler(number, frame)
+
+    # Ignored signals, as of a job in the background of a script, stay ignored.
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, interrupt)
+    try:
+        code = run(arguments)
+    except (Exception, KeyboardInterrupt):
+        # Not only KeyboardInterrupt: where a module in C is being imported, it becomes an
+        # ImportError without a cause (NumPy's "PyCapsule_Import could not import module").
+        if not interrupted:
+            raise
+        code = _report("interrupted", 130)
+    if interrupted:
+        # Nothing is left to interrupt; a second Ctrl-C would end the exit with a traceback.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    sys.exit(_flushed(code))
 
 
 class _Messages(io.TextIOWrapper):

@@ -12,7 +12,8 @@ import numpy as np
 
 from blocks.core import BlockState
 from runtime.codegen import unused
-from runtime.engine.compiled import Kernel, fixed_sizes, make_kernels
+from runtime.compiler import Kernel, fixed_sizes
+from runtime.engine.compiled import make_kernels
 from runtime.errors import GraphError, Problem
 from runtime.export.operations import counter
 from runtime.export.selection import Selection

@@ -14,8 +14,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
 from blocks.core import Evaluation, SignalType
+from runtime.compiler import PROJECT
 from runtime.engine.compiled.driver import Driver, Item
-from runtime.engine.compiled.kernels import PROJECT
 from runtime.engine.compiled.plan_text import RUN, count, literal, sizes
 from runtime.engine.compiled.stages import (
     after_stage,

@@ -1,90 +1,21 @@
-"""Blocks as C units, one by one, so that every failure names its block."""
+"""The blocks of a graph that compile, and the reasons why others are called from Python.
+
+In go a network and its states after ``start``; out comes a kernel for each block that has
+something to do in a tick, or the reason why it has none:
+
+    make_kernels(network, states)   Kernels(compiled={"lqr": Kernel(...)}, refused={"own": "..."})
+"""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from collections import Counter, defaultdict
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
-from blocks.core import (
-    Block,
-    BlockContext,
-    BlockSpec,
-    BlockState,
-    Evaluation,
-    SignalType,
-    has_kernels,
-)
-from blocks.registry import is_built_in
-from runtime.codegen import FLOAT, Array, Entry, RefusedError, Source, Tuple, Type, support
-from runtime.engine.compiled.entries import Fields, NotCompilableError, written
-from runtime.engine.compiled.translations import salt, source_of, translation
+from blocks.core import Block, BlockState, SignalType, has_kernels
+from runtime.compiler import Kernel, NotCompilableError, calls_of, make_kernel
 from runtime.engine.continuous import slots
 from runtime.network import Network
-from runtime.toolchain import Unit, digest, read_record, write_record
-
-PROJECT = Evaluation("project", ())
-# A text of at most this many characters, apart from what all units share, can be part of the plan's
-# unit, where its calls are inlined: it is compiled again with every edit of the graph.
-SMALL = 5000
-FUNCTION = re.compile(r"^(?:static )?(?:const )?(?:struct )?\w+ \**(\w+)\(.*\)$", re.MULTILINE)
-STRUCT = re.compile(r"^struct (\w+) \{$", re.MULTILINE)
-PROTOTYPE = re.compile(r"^void \w+\(.*\);\n\n", re.MULTILINE)
-METHOD = re.compile(r"^void (?=\w+\()", re.MULTILINE)
-CALL, TAG = re.compile(r"\b(\w+)\("), re.compile(r"\bstruct (\w+)\b")
-Failure = tuple[str, str, str, int]
-Shapes = Sequence[tuple[int, ...]]
-
-
-@dataclass(frozen=True)
-class Kernel:
-    """A compiled block: its C unit, and how to call it.
-
-    symbols, prototypes : the C name and declaration of each method.
-    failures : what can go wrong while it runs, by number: exception, message, file, line.
-    words : how many words its struct has.
-    is_new : it was written, not read from the cache.
-    """
-
-    inputs: Fields
-    name: str
-    text: str
-    symbols: dict[str, str]
-    prototypes: list[str]
-    failures: list[Failure]
-    words: int
-    is_new: bool = False
-
-    @property
-    def unit(self) -> Unit:
-        """The unit for the C compiler."""
-        return Unit(self.name, self.text)
-
-    @property
-    def is_small(self) -> bool:
-        """Whether it can be part of the plan's unit."""
-        return len(self.text) - len(support()) <= SMALL
-
-    def enclosed(self, prefix: str) -> Kernel:
-        """The same for a unit with other blocks: without the support that a unit begins with, and
-        with static functions ``<prefix>_...``, of which the methods are ``<prefix>__...``."""
-        text = METHOD.sub("static void ", PROTOTYPE.sub("", self.text.replace(support(), "")))
-        calls = {name: f"{prefix}_{name}" for name in FUNCTION.findall(text)}
-        symbols = {method: f"{prefix}__{method}" for method in self.symbols}
-        calls |= {symbol: symbols[method] for method, symbol in self.symbols.items()}
-        tags = {name: f"{prefix}_{name}" for name in STRUCT.findall(text)}
-        text = CALL.sub(lambda found: f"{calls.get(found[1], found[1])}(", text)
-        text = TAG.sub(lambda found: f"struct {tags.get(found[1], found[1])}", text)
-        return replace(self, text=text, symbols=symbols, prototypes=[])
-
-    def fields(self, block: Block, state: BlockState) -> tuple[Any, ...]:
-        """The values of the struct in one run."""
-        return self.inputs.values(block, state)
-
-    def fits(self, block: Block, state: BlockState) -> bool:
-        """Whether the constants and shapes in the text are those of this run."""
-        return self.inputs.fit(block, state)
 
 
 @dataclass
@@ -121,147 +52,26 @@ def make_kernels(
     begin : called with each block that was written and not read from the cache.
     """
     kernels = Kernels()
-    shapes: dict[str, list[tuple[int, ...]]] = {}
+    # Sorted by block once: a search of the whole network per block is quadratic.
+    shapes: defaultdict[str, list[tuple[int, ...]]] = defaultdict(list)
     for slot in slots(network):
-        shapes.setdefault(slot.block, []).append(slot.shape)
+        shapes[slot.block].append(slot.shape)
+    kinds: defaultdict[str, dict[str, SignalType]] = defaultdict(dict)
+    for (block, port), kind in network.types.items():
+        kinds[block][port] = kind
+    wires = Counter((wire.block, wire.port) for wire in network.driving)
     for name, entry in sorted(network.entries.items()):
         spec = entry.cls.spec
-        calls = _calls(spec, entry.evaluations)
+        calls = calls_of(spec, entry.evaluations)
         if not calls:
             continue
-        terms = {
-            port: sum(w.block == name and w.port == port for w in network.driving)
-            for port, declared in spec.inputs.items()
-            if declared.variadic
-        }
-        kinds = {port: kind for (block, port), kind in network.types.items() if block == name}
+        terms = {p: wires[name, p] for p, declared in spec.inputs.items() if declared.variadic}
         try:
             kernel = kernels.compiled[name] = make_kernel(
-                entry.made, states[name], terms, kinds, calls, checked, shapes.get(name, [])
+                entry.made, states[name], terms, kinds[name], calls, checked, shapes[name]
             )
             if kernel.is_new:
                 begin(kernel)
         except NotCompilableError as error:
             kernels.refuse(name, entry.cls, str(error))
     return kernels
-
-
-def _calls(spec: BlockSpec, evaluations: Sequence[Evaluation]) -> list[Evaluation]:
-    """The methods of a block that are called in a tick."""
-    calls = [each for each in evaluations if not spec.is_constant(each)]
-    calls += [each for each in (spec.update, spec.derivative) if each is not None]
-    return calls + ([PROJECT] if spec.projects else [])
-
-
-def refusals(made: Block, state: BlockState, context: BlockContext) -> list[str]:
-    """What of a block by itself cannot be compiled: each method, with the reason and its place.
-
-    Parameters
-    ----------
-    made, state : the block, and its state after ``start``.
-    context : its place in a graph.
-    """
-    spec = type(made).spec
-    found: dict[str, str] = {}
-    terms = {port: sum(flags) for port, flags in context.terms.items()}
-    rates = [getattr(state, name).shape for name in spec.continuous]
-    for call in _calls(spec, made.evaluations):
-        try:
-            make_kernel(made, state, terms, context.types, [call], rates=rates)
-        except NotCompilableError as error:
-            found.setdefault(str(error), call.method)
-    return [f"{method} is not compiled: {reason}" for reason, method in found.items()]
-
-
-def make_kernel(
-    made: Block,
-    state: BlockState,
-    terms: dict[str, int],
-    kinds: Mapping[str, SignalType],
-    calls: Sequence[Evaluation],
-    checked: bool = False,
-    rates: Shapes = (),
-) -> Kernel:
-    """Write one block as C; the same source with the same types is kept on disk.
-
-    Parameters
-    ----------
-    made, state : the block, and its state after ``start``.
-    terms : the number of wires of each variadic input.
-    kinds : the signal types of its ports.
-    calls : the methods that are called.
-    rates : the shapes of its continuous states, whose rates of change ``derivative`` returns.
-
-    Raises
-    ------
-    NotCompilableError : naming the reason.
-    """
-    cls = type(made)
-    found = translation(made, state, terms)
-    checked = checked or not is_built_in(cls) or found.fields.has_functions_of_others
-    title = f"{cls.__name__}: {(cls.__doc__ or '').strip()}"
-    entries = [_entry(found.methods, call, kinds, terms, rates) for call in calls]
-    key = digest(salt(), found.key, repr(entries), title, repr(checked))
-    record = read_record(f"block_{key}.json")
-    is_new = record is None
-    if record is None:
-        record = _written(source_of(made, state, terms), entries, key, title, checked)
-        write_record(f"block_{key}.json", record)
-    if "refused" in record:
-        raise NotCompilableError(record["refused"])
-    failures = [(str(a), str(b), str(c), int(d)) for a, b, c, d in record["failures"]]
-    symbols = {c.method: _symbol(key, e) for c, e in zip(calls, entries, strict=True)}
-    prototypes, words = record["prototypes"], len(record["words"])
-    name = cls.__name__
-    text = record["text"]
-    return Kernel(found.fields, name, text, symbols, prototypes, failures, words, is_new)
-
-
-def _written(
-    source: Source, entries: Sequence[Entry], key: str, title: str, checked: bool
-) -> dict[str, Any]:
-    # Imported where something is written: most starts find everything in the cache.
-    from runtime.codegen import Writer
-
-    named = [Entry(_symbol(key, e), e.function, e.arguments, e.results) for e in entries]
-    try:
-        return asdict(Writer(source, checked).unit(named, title))
-    except RefusedError as error:
-        return {"refused": str(error)}
-    except Exception as error:
-        # A fault of the generator must not end a run that Python can do.
-        text = f"cannot be written as C: {type(error).__name__}: {error}"
-        raise NotCompilableError(text) from error
-
-
-def _symbol(key: str, entry: Entry) -> str:
-    return f"block_{key[:16]}_{entry.symbol}"
-
-
-def _entry(
-    methods: Mapping[str, str],
-    call: Evaluation,
-    kinds: Mapping[str, SignalType],
-    terms: dict[str, int],
-    rates: Shapes,
-) -> Entry:
-    arguments: list[tuple[str, Type]] = [] if call == PROJECT else [("t", FLOAT)]
-    for port in call.needs:
-        kind = signal_type(kinds[port])
-        if port in terms:
-            arguments.append((f"{port}...", Tuple((kind,) * terms[port])))
-        else:
-            arguments.append((port, kind))
-    results: list[Type] = [signal_type(kinds[port]) for port in call.outputs]
-    if call.method == "derivative":
-        results = [Array("float", written(shape)) if shape else FLOAT for shape in rates]
-    return Entry(call.method, methods[call.method], arguments, results)
-
-
-def signal_type(kind: SignalType) -> Type:
-    """A signal's type in compiled text; arrays of others are read-only."""
-    if kind.form == "scalar":
-        return FLOAT
-    if kind.form == "record":
-        return Tuple((FLOAT,) * len(kind.components))
-    return Array("float", written(kind.shape), frozen=True)

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from runtime.engine.compiled.entries import written
+from runtime.compiler import written
 
 ARENA = 1 << 28  # bytes of address space for a tick's local arrays; memory is used when touched
 DRAWS = ("random_standard_uniform", "random_standard_normal", "random_standard_exponential")

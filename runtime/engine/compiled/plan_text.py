@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from blocks.core import SignalType
-from runtime.engine.compiled.entries import written
+from runtime.compiler import written
 
 RUN = """
 /* The plan is compiled with little optimisation; loops over long signals are worth more. */

@@ -13,6 +13,7 @@ import numpy as np
 
 from blocks.core import BlockState
 from runtime.codegen import support
+from runtime.compiler import Kernel, plain
 from runtime.engine.compiled.emit import (
     FAILED,
     FINISHED,
@@ -20,8 +21,7 @@ from runtime.engine.compiled.emit import (
     STOPPED,
     CompiledEmitter,
 )
-from runtime.engine.compiled.entries import plain
-from runtime.engine.compiled.kernels import Kernel, Kernels, make_kernels
+from runtime.engine.compiled.kernels import Kernels, make_kernels
 from runtime.engine.compiled.memory import Context, Words
 from runtime.engine.compiled.structs import PlanText
 from runtime.engine.program import Program

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from runtime import engine
 from runtime.codegen import BOOL, FLOAT, INT, Array, Entry, Type
-from runtime.engine.compiled.entries import written
-from runtime.engine.compiled.translations import salt
+from runtime.compiler import salt, written
 from runtime.engine.continuous import Continuous, Slot
 from runtime.engine.schedule import CONDITIONS
 from runtime.engine.solvers import (
@@ -62,12 +62,12 @@ def solver_unit(part: Continuous, method: Method, searched: bool) -> tuple[Unit,
         search += [("span", FLOAT), ("dt", FLOAT)]
         entries.append(Entry("solver_narrowed", "narrowed", search, [FLOAT]))
         functions.append(narrowed)
-    key = f"solver_{digest(salt(), repr(entries))}.json"
+    key = f"solver_{digest(salt(engine), repr(entries))}.json"
     record = read_record(key)
     if record is None:
         # Imported where something is written: most starts find everything in the cache.
         from runtime.codegen import Writer
-        from runtime.engine.compiled.translate import translate_functions
+        from runtime.compiler import translate_functions
 
         made = Writer(translate_functions(functions)).unit(entries, TITLE)
         record = {"text": made.text, "prototypes": made.prototypes}

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from blocks.core import Evaluation, SignalType
-from runtime.engine.compiled.kernels import Kernel
+from runtime.compiler import Kernel
 from runtime.engine.compiled.plan_text import count, literal, sizes
 from runtime.engine.schedule import Emitter, Plan, RecordSlot
 from runtime.network import Endpoint, first_column, state_shape

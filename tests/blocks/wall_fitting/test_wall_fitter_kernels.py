@@ -18,7 +18,7 @@ from blocks.wall_fitting.kernels import contour as contour_kernels
 from blocks.wall_fitting.kernels import curves as curve_kernels
 from blocks.wall_fitting.kernels import fitter as fitter_kernels
 from blocks.wall_fitting.kernels import offset as offset_kernels
-from runtime.engine.compiled.entries import written
+from runtime.compiler.fields import written
 from tests.blocks.fitter import Fit, Fitter, Pose
 from tests.blocks.raycast import PAPER, Room, square
 from tests.blocks.wall_fitting.test_wall_fitter_scans import NOTHING, scans

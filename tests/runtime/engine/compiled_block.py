@@ -11,8 +11,7 @@ import numpy as np
 
 from blocks import Block, BlockState, SignalType
 from blocks.testing.checking import settle
-from runtime.engine.compiled.entries import written
-from runtime.engine.compiled.kernels import PROJECT, make_kernel
+from runtime.compiler import PROJECT, make_kernel, written
 from runtime.engine.compiled.memory import Context, Words
 from runtime.toolchain import Unit, build
 

@@ -120,7 +120,7 @@ def test_a_start_from_the_cache_translates_nothing(
     def refuse(*given: object) -> None:
         raise RuntimeError("translated again")
 
-    monkeypatch.setattr("runtime.engine.compiled.translate.translate", refuse)
+    monkeypatch.setattr("runtime.compiler.translate.translate", refuse)
     np.testing.assert_allclose(run(), expected(), rtol=1e-12, atol=1e-15)
     # Another value of a flag is another text.
     graph = runtime.Graph("small", dt=0.01, until=0.2).probe("out", "drive.pose")

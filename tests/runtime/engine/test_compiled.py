@@ -14,8 +14,9 @@ import runtime
 from blocks.core import pip_line
 from runtime import cli
 from runtime.cli.explain import explain_json
+from runtime.compiler import kernel
 from runtime.engine import selection as choice
-from runtime.engine.compiled import kernels, runner
+from runtime.engine.compiled import runner
 from runtime.runs.simulation import simulate
 from runtime.toolchain import VARIABLE, MissingCompilerError
 from tests.compilers import needs_compiler
@@ -256,7 +257,7 @@ def test_a_block_that_the_c_compiler_does_not_accept_is_called_from_python(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(VARIABLE, str(tmp_path))
-    written = kernels._written
+    written = kernel._written
 
     def wrong(*arguments: object) -> dict[str, object]:
         record = written(*arguments)
@@ -264,7 +265,7 @@ def test_a_block_that_the_c_compiler_does_not_accept_is_called_from_python(
             record["text"] = record["text"].replace("2.0 *", "2.0 **")
         return record
 
-    monkeypatch.setattr(kernels, "_written", wrong)
+    monkeypatch.setattr(kernel, "_written", wrong)
     a, b = engines(chain(Doubled()))
     assert_equal(a, b)
     assert b.manifest["engine"] == "compiled"

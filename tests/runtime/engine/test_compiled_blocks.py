@@ -38,8 +38,8 @@ from blocks.vehicle.contact import slide
 from blocks.world.lidar import bearings
 from blocks.world.surfaces import cast_kernel, from_surface, nearest_kernel
 from blocks.world.world import World
-from runtime.engine.compiled.entries import NotCompilableError
-from runtime.engine.compiled.translate import Translated, translate
+from runtime.compiler.fields import NotCompilableError
+from runtime.compiler.translate import Translated, translate
 from tests.blocks.direct import PUSH, REQUIRED
 from tests.blocks.worlds import OVERLAPPING, SHIPPED, worlds
 from tests.compilers import needs_compiler

@@ -15,7 +15,7 @@ import blocks
 import runtime
 from blocks import Block
 from blocks.core.kernels import MARK, kernel_for, kernel_of
-from runtime.engine.compiled.entries import NotCompilableError
+from runtime.compiler.fields import NotCompilableError
 from tests.runtime.engine.test_compiled_blocks import CASES, Case, Run, TextRun, check_equal
 
 # Methods that describe a block before a run and are not called in a tick.

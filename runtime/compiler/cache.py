@@ -22,9 +22,9 @@ import numpy as np
 import blocks
 from blocks.core import Block, BlockState, SignalType
 from blocks.registry import is_built_in
-from runtime import codegen, engine
+from runtime import codegen
 from runtime.codegen import Source
-from runtime.engine.compiled.entries import WRITTEN, Fields, NotCompilableError
+from runtime.compiler.fields import WRITTEN, Fields, NotCompilableError
 from runtime.toolchain import digest, read_record, write_record
 
 LITERALS = (str, bool, type(None))
@@ -87,14 +87,14 @@ def translation(made: Block, state: BlockState, terms: dict[str, int]) -> Transl
 
 def source_of(made: Block, state: BlockState, terms: dict[str, int]) -> Source:
     """The functions of a block, to be written as C."""
-    from runtime.engine.compiled.translate import translate
+    from runtime.compiler.translate import translate
 
     return translate(made, state, terms).source
 
 
 def _translated(made: Block, state: BlockState, terms: dict[str, int]) -> Translation:
     # Imported where something is translated: most starts find everything in the cache.
-    from runtime.engine.compiled.translate import translate
+    from runtime.compiler.translate import translate
 
     try:
         found = translate(made, state, terms)
@@ -150,11 +150,16 @@ def _described(value: Any) -> str:
 
 
 @cache
-def salt() -> str:
-    """What translations and C texts depend on, apart from blocks of the user's own."""
+def salt(*packages: types.ModuleType) -> str:
+    """What translations and C texts depend on, apart from blocks of the user's own.
+
+    Parameters
+    ----------
+    packages : others whose functions are translated.
+    """
     found = hashlib.sha256(sys.version.encode())
-    for package in (blocks, codegen, engine):
-        folder = Path(str(package.__file__)).parent
+    folders = [Path(str(package.__file__)).parent for package in (blocks, codegen, *packages)]
+    for folder in (Path(__file__).parent, *folders):
         for parent, _, names in sorted(os.walk(folder)):
             for name in sorted(names):
                 if name.endswith((".py", ".h")):

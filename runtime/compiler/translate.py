@@ -14,7 +14,7 @@ import numpy as np
 
 from blocks.core import Block, BlockState, SignalType, function_kernel, kernel_for, parsed
 from runtime.codegen import Function, Source, unknown_call
-from runtime.engine.compiled.entries import (
+from runtime.compiler.fields import (
     Attribute,
     Fields,
     NotCompilableError,
@@ -22,8 +22,8 @@ from runtime.engine.compiled.entries import (
     type_of,
     type_texts,
 )
-from runtime.engine.compiled.folding import Folding, holds_one
-from runtime.engine.compiled.reading import source_of
+from runtime.compiler.folding import Folding, holds_one
+from runtime.compiler.function_source import source_of
 
 MODULES = {math: "math", np: "np"}
 LITERALS = (str, bool, type(None))
