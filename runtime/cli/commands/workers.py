@@ -18,8 +18,7 @@ from runtime.errors import UsageError
 from runtime.terminal import tell
 
 if TYPE_CHECKING:
-    from runtime.experiments.design import Experiment
-    from runtime.experiments.design.request import Named
+    from runtime.experiments.design import Experiment, Named
     from runtime.experiments.execution import Note, RunOptions
     from runtime.terminal import Progress
 

@@ -14,7 +14,7 @@ from runtime.experiments.design.experiment import (
 )
 from runtime.experiments.design.factors import Factor, Range, parse_factor
 from runtime.experiments.design.objective import Constraint, Objective
-from runtime.experiments.design.request import ON_COMMAND_LINE, Request, SeedList
+from runtime.experiments.design.request import ON_COMMAND_LINE, Named, Request, SeedList
 from runtime.experiments.design.sampling import Design, Method
 from runtime.experiments.design.search import RunSet, Tuning, tuning_of
 from runtime.experiments.design.seeds import Seeds, parse_seeds
@@ -40,6 +40,7 @@ __all__ = [
     "Experiment",
     "Factor",
     "Method",
+    "Named",
     "Objective",
     "Over",
     "Range",
