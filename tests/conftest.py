@@ -1,4 +1,4 @@
-"""Shared by all tests: the real console script, and small graphs."""
+"""Shared by all tests: the command line in a process of its own."""
 
 from __future__ import annotations
 
@@ -7,14 +7,15 @@ import pty
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from runtime.toolchain import MissingCompilerError
 from tests.compilers import REASON
+from tests.launcher import AVAILABLE, Launcher
 
 # A shell's background jobs ignore Ctrl-C, and so would all that tests start from there.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -59,13 +60,40 @@ def terminal(script: Path, tmp_path: Path) -> Callable[..., bytes]:
     return run
 
 
-@pytest.fixture
-def cli(script: Path, tmp_path: Path) -> Run:
-    """Runs the console script in an empty folder; returns the completed process."""
+@pytest.fixture(scope="session")
+def launcher(script: Path) -> Iterator[Launcher | None]:
+    """Starts commands without starting Python for each; None where that is not possible."""
+    if not AVAILABLE:
+        yield None
+        return
+    with Launcher(script) as started:
+        yield started
 
-    def run(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
-        settings: dict[str, Any] = {"cwd": tmp_path, "capture_output": True, "text": True}
-        return subprocess.run([str(script), *arguments], **{**settings, **options})
+
+@pytest.fixture
+def cli(launcher: Launcher | None, script: Path, tmp_path: Path) -> Run:
+    """Runs a command in a process of its own, in an empty folder; returns the completed process.
+
+    With ``env`` it is a new interpreter, which reads some of the variables when it starts.
+    """
+
+    def run(
+        *arguments: str, cwd: Path = tmp_path, env: Mapping[str, str] | None = None
+    ) -> subprocess.CompletedProcess[str]:
+        command = [str(script), *arguments]
+        if env is not None or launcher is None:
+            return subprocess.run(command, cwd=cwd, env=env, capture_output=True, text=True)
+        with (
+            Path(os.devnull).open("rb") as null,
+            tempfile.TemporaryFile() as out,
+            tempfile.TemporaryFile() as errors,
+        ):
+            code = launcher.run(arguments, cwd, os.environ, (null, out, errors))
+            texts = []
+            for stream in (out, errors):
+                stream.seek(0)
+                texts.append(stream.read().decode())
+        return subprocess.CompletedProcess(command, code, *texts)
 
     return run
 

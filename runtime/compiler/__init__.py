@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from runtime.compiler.cache import salt
+from runtime.compiler.cache import Records, salt
 from runtime.compiler.fields import NotCompilableError, fixed_sizes, plain, written
 from runtime.compiler.kernel import PROJECT, Kernel, calls_of, make_kernel, refusals
 from runtime.lazy import importer
@@ -32,6 +32,7 @@ __all__ = [
     "PROJECT",
     "Kernel",
     "NotCompilableError",
+    "Records",
     "calls_of",
     "fixed_sizes",
     "make_kernel",

@@ -28,9 +28,9 @@ from blocks.core import (
 )
 from blocks.registry import is_built_in
 from runtime.codegen import FLOAT, Array, Entry, RefusedError, Source, Tuple, Type, support
-from runtime.compiler.cache import salt, source_of, translation
+from runtime.compiler.cache import Records, salt, source_of, translation
 from runtime.compiler.fields import Fields, NotCompilableError, written
-from runtime.toolchain import Unit, digest, read_record, write_record
+from runtime.toolchain import Unit, digest
 
 PROJECT = Evaluation("project", ())
 # A text of at most this many characters, apart from what all units share, can be part of the plan's
@@ -130,6 +130,7 @@ def make_kernel(
     calls: Sequence[Evaluation],
     checked: bool = False,
     rates: Shapes = (),
+    records: Records | None = None,
 ) -> Kernel:
     """Write one block as C; the same source with the same types is kept on disk.
 
@@ -140,22 +141,24 @@ def make_kernel(
     kinds : the signal types of its ports.
     calls : the methods that are called.
     rates : the shapes of its continuous states, whose rates of change ``derivative`` returns.
+    records : of the cache; those of a whole graph are read once for all its blocks.
 
     Raises
     ------
     NotCompilableError : naming the reason.
     """
     cls = type(made)
-    found = translation(made, state, terms)
+    records = Records() if records is None else records
+    found = translation(made, state, terms, records)
     checked = checked or not is_built_in(cls) or found.fields.has_functions_of_others
     title = f"{cls.__name__}: {(cls.__doc__ or '').strip()}"
     entries = [_entry(found.methods, call, kinds, terms, rates) for call in calls]
     key = digest(salt(), found.key, repr(entries), title, repr(checked))
-    record = read_record(f"block_{key}.json")
+    record = records.read(f"block_{key}.json")
     is_new = record is None
     if record is None:
         record = _written(source_of(made, state, terms), entries, key, title, checked)
-        write_record(f"block_{key}.json", record)
+        records.write(f"block_{key}.json", record)
     if "refused" in record:
         raise NotCompilableError(record["refused"])
     failures = [(str(a), str(b), str(c), int(d)) for a, b, c, d in record["failures"]]

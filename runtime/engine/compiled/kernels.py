@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from blocks.core import Block, BlockState, SignalType, has_kernels
-from runtime.compiler import Kernel, NotCompilableError, calls_of, make_kernel
+from runtime.compiler import Kernel, NotCompilableError, Records, calls_of, make_kernel
 from runtime.engine.continuous import slots
 from runtime.network import Network
 
@@ -51,7 +51,7 @@ def make_kernels(
     checked : with a check of every index that may be outside of its array.
     begin : called with each block that was written and not read from the cache.
     """
-    kernels = Kernels()
+    kernels, records = Kernels(), Records()
     # Sorted by block once: a search of the whole network per block is quadratic.
     shapes: defaultdict[str, list[tuple[int, ...]]] = defaultdict(list)
     for slot in slots(network):
@@ -68,7 +68,7 @@ def make_kernels(
         terms = {p: wires[name, p] for p, declared in spec.inputs.items() if declared.variadic}
         try:
             kernel = kernels.compiled[name] = make_kernel(
-                entry.made, states[name], terms, kinds[name], calls, checked, shapes[name]
+                entry.made, states[name], terms, kinds[name], calls, checked, shapes[name], records
             )
             if kernel.is_new:
                 begin(kernel)

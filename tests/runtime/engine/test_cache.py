@@ -15,7 +15,7 @@ import blocks
 import runtime
 from runtime.engine import Engine
 from runtime.engine.compiled import make_kernels
-from runtime.toolchain import VARIABLE
+from runtime.toolchain import VARIABLE, read_record
 from tests.compilers import needs_compiler
 
 pytestmark = needs_compiler
@@ -132,3 +132,27 @@ def test_a_start_from_the_cache_translates_nothing(
     # What the translator raises is a reason to call the block from Python.
     refused = make_kernels(graph.network, engine.state.blocks).refused
     assert refused["drive"] == "cannot be translated: RuntimeError: translated again"
+
+
+def test_blocks_of_one_type_share_one_record_and_one_translation(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(VARIABLE, str(tmp_path))
+    graph = runtime.Graph("chain", dt=0.01, until=0.2).add("b0", blocks.Sine())
+    for i in range(1, 40):
+        block = blocks.Gain(gain=1.0 + i) if i % 2 else blocks.Lowpass(tau=0.1 * i)
+        graph = graph.add(f"b{i}", block).connect(f"b{i - 1}.out", f"b{i}.input")
+    engine = Engine(graph.program(), 0)
+    engine.prepare()
+    read: list[str] = []
+
+    def counted(name: str) -> object:
+        read.append(name)
+        return read_record(name)
+
+    monkeypatch.setattr("runtime.compiler.cache.read_record", counted)
+    found = make_kernels(graph.network, engine.state.blocks)
+    # A translation and a text of each of three types.
+    assert len(read) == len(set(read)) == 6
+    assert len(found.compiled) == 40
+    assert len({id(kernel.text) for kernel in found.compiled.values()}) == 3

@@ -321,7 +321,18 @@ class TestSaved:
             "f", empty, {}, run.plots, {"ticks": 0, "status": "failed"}, world=run.world
         )
         for plot in failed.plots:
-            draw(plot, failed).draw_without_rendering()
+            figure = draw(plot, failed)
+            figure.draw_without_rendering()
+            shown = [text.get_text() for axes in figure.axes for text in axes.texts]
+            assert "f  ·  failed at 0 s" in shown
+            drawn = {
+                item.get_label()
+                for axes in figure.axes
+                for item in axes.lines
+                if len(item.get_xdata())
+            }
+            assert drawn <= {"200 mm from walls"}
+            assert ("nothing recorded" in shown) == (not drawn)
 
 
 class TestAnimation:

@@ -171,7 +171,9 @@ class TestAllKinds:
 
     def test_a_run_without_these_entries_in_its_manifest(self) -> None:
         bare = Result("bare", {"a": vector("a", np.ones((4, 2)))}, {}, [], {})
-        rendered(draw(PlotSpec("p", "timeseries", ("a",), "A"), bare))
+        figure = draw(PlotSpec("p", "timeseries", ("a",), "A"), bare)
+        assert rendered(figure)
+        assert "bare" in texts(figure.axes[0])  # the subtitle without overrides, nor an end
 
     @pytest.mark.parametrize("rows", [0, 1, 2])
     @pytest.mark.parametrize("kind", KINDS)

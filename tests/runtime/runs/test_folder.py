@@ -9,6 +9,7 @@ import shutil
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -103,10 +104,18 @@ def test_a_module_is_read_once(acting: Any) -> None:
 KILL = "os.kill(os.getpid(), signal.{name})"
 
 
+@pytest.fixture
+def hangup() -> Iterator[None]:
+    """SIGHUP ends a process, also where the tests were started to ignore it (with nohup)."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
 @pytest.mark.parametrize(("name", "code"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)])
 @pytest.mark.parametrize("memory", ["1G", "64"])
 def test_a_run_that_ends_early_keeps_its_recording(
-    cli: Run, acting: Any, name: str, code: int, memory: str
+    cli: Run, acting: Any, hangup: None, name: str, code: int, memory: str
 ) -> None:
     folder = acting(KILL.replace("{name}", name))
     done = cli("run", "g.yaml", "--json", "--set", f"run.memory={memory}")
@@ -117,7 +126,14 @@ def test_a_run_that_ends_early_keeps_its_recording(
     assert len(result["seen"]) >= 50
 
 
-def test_signals_while_a_run_is_written_are_stored() -> None:
+def test_an_ignored_signal_stays_ignored(hangup: None) -> None:
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    with Interrupts() as interrupts, stoppable():
+        signal.raise_signal(signal.SIGHUP)
+    assert (interrupts.caught, interrupts.count) == (None, 0)
+
+
+def test_signals_while_a_run_is_written_are_stored(hangup: None) -> None:
     with Interrupts() as interrupts:
         with pytest.raises(KeyboardInterrupt), stoppable():
             signal.raise_signal(signal.SIGTERM)
@@ -400,7 +416,7 @@ def test_a_figure_that_fails_is_a_note(
         axes.set_xlim(0.0, float("nan"))
         return axes
 
-    monkeypatch.setattr(plots, "draw_heatmap", painter)
+    monkeypatch.setitem(plots.PAINTERS, "heatmap", painter)
     acting("pass")
     graph = runtime.load(tmp_path / "g.yaml")
     graph = graph.plot("bad", "heatmap", "seen").plot(
