@@ -1,24 +1,21 @@
 """Tuning: values of factors that are found by an optimiser, and judged by held-out runs."""
 
-from runtime.experiments.tuning.judging import Judged, Judgement, judge
+from runtime.experiments.tuning.judging import Evaluation, Judgement, judge
 from runtime.experiments.tuning.output import NOTHING, judgements, save_json, summary
 from runtime.experiments.tuning.plan import HELD_OUT, TUNING, TuningPlan, tuning_plan
-from runtime.experiments.tuning.request import TuningRequest, tuning_request
-from runtime.experiments.tuning.running import TuningOptions, TuningResult, run_tuning
-from runtime.experiments.tuning.scores import Score, Tried
+from runtime.experiments.tuning.running import TuningResult, run_tuning
+from runtime.experiments.tuning.scores import Candidate, Score
 from runtime.experiments.tuning.writing import check_writable, write_values
 
 __all__ = [
     "HELD_OUT",
     "NOTHING",
     "TUNING",
-    "Judged",
+    "Candidate",
+    "Evaluation",
     "Judgement",
     "Score",
-    "Tried",
-    "TuningOptions",
     "TuningPlan",
-    "TuningRequest",
     "TuningResult",
     "check_writable",
     "judge",
@@ -27,6 +24,5 @@ __all__ = [
     "save_json",
     "summary",
     "tuning_plan",
-    "tuning_request",
     "write_values",
 ]

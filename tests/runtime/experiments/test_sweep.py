@@ -14,10 +14,9 @@ from pathlib import Path
 import pytest
 
 import runtime
-from runtime.document.node import from_python, parse_yaml
-from runtime.errors import Problems
+from runtime.document.node import parse_yaml
 from runtime.experiments.design.experiment import read_experiment
-from runtime.experiments.design.seeds import Seeds, parse_seeds
+from runtime.experiments.design.request import Request
 from runtime.experiments.execution.plan import sweep_plan
 from tests.compilers import needs_compiler
 from tests.conftest import Run
@@ -32,7 +31,7 @@ def rows(folder: Path) -> list[dict[str, str]]:
         found = list(csv.DictReader(lines))
     for row in found:
         assert float(row.pop("wall_s")) >= 0.0
-    return sorted(found, key=lambda row: int(row["point"]))
+    return sorted(found, key=lambda row: int(row["trial"]))
 
 
 def test_a_grid_with_seeds_has_a_row_per_trial(cli: Run, draw: Path, tmp_path: Path) -> None:
@@ -43,7 +42,7 @@ def test_a_grid_with_seeds_has_a_row_per_trial(cli: Run, draw: Path, tmp_path: P
     expected = [
         (level, gain, seed) for level in (0.5, 1.5) for gain in (1.0, 2.0, 3.0) for seed in (3, 4)
     ]
-    assert [int(row["point"]) for row in found] == list(range(12))
+    assert [int(row["trial"]) for row in found] == list(range(12))
     assert [
         (float(row["draw.level"]), float(row["params.gain"]), int(row["seed"])) for row in found
     ] == expected
@@ -61,7 +60,7 @@ def test_seeds_alone_are_a_sweep(here: Run, draw: Path, tmp_path: Path) -> None:
     done = here(*TWO, "--seeds", "0..7", "--json")
     assert done.returncode == 0, done.stderr
     summary = json.loads(done.stdout)
-    assert (summary["knobs"], summary["plots"]) == ([], [])
+    assert (summary["factors"], summary["plots"]) == ([], [])
     [best] = summary["best"]
     assert best["n"] == 8
     assert best["mean"] == pytest.approx(1.0 + sum(map(normal, range(8))) / 8)
@@ -71,18 +70,13 @@ def test_seeds_alone_are_a_sweep(here: Run, draw: Path, tmp_path: Path) -> None:
 @needs_compiler
 def test_all_trials_have_one_engine() -> None:
     # Compilation does not pay off for two trials; it does for as many as would take minutes.
+    experiment = read_experiment("line_actuator_failure")
     for seeds, engine in (("0..1", "python"), ("0..9999999", "compiled")):
-        plan = sweep_plan(read_experiment("line_actuator_failure"), seeds_of(seeds))
+        plan = sweep_plan(Request.of({"seeds": seeds}).added_to(experiment))
         assert parse_yaml(plan.bundle.text, "g").plain()["run"]["engine"] == engine
     asked = read_experiment("line_actuator_failure", lambda g: g.set("run.engine", "python"))
-    plan = sweep_plan(asked, seeds_of("0..9999999"))
+    plan = sweep_plan(Request.of({"seeds": "0..9999999"}).added_to(asked))
     assert parse_yaml(plan.bundle.text, "g").plain()["run"]["engine"] == "python"
-
-
-def seeds_of(text: str) -> Seeds:
-    found = parse_seeds(from_python(text), "seeds", Problems())
-    assert found is not None
-    return found
 
 
 def test_the_plan_is_an_experiment_that_gives_the_same_rows(
@@ -92,7 +86,7 @@ def test_the_plan_is_an_experiment_that_gives_the_same_rows(
     assert first.returncode == 0, first.stderr
     plan = parse_yaml((tmp_path / "sweeps/draw/plan.yaml").read_text(), "plan").plain()
     assert plan["vary"] == {"draw.level": "0..1"}
-    assert (plan["random"], plan["sampling_seed"], plan["points"]) == (4, 0, 8)
+    assert (plan["random"], plan["sampling_seed"], plan["total"]) == (4, 0, 8)
     again = here("sweep", "sweeps/draw/plan.yaml", "--name", "again", "--no-plots", "-j", "2")
     assert again.returncode == 0, again.stderr
     assert rows(tmp_path / "sweeps" / "again") == rows(tmp_path / "sweeps" / "draw")
@@ -224,7 +218,7 @@ def test_links_lead_nowhere(here: Run, draw: Path, tmp_path: Path) -> None:
     sweep = (*TWO, "--no-plots", "--vary", "draw.level=[1, 2]", "--keep", "best:1", "--resume")
     assert here(*sweep).returncode == 0
     folder, outside = tmp_path / "sweeps" / "draw", tmp_path / "outside"
-    for name in ("points", "index.csv", "summary.json", ".summary.json.partial", "points/000007"):
+    for name in ("trials", "index.csv", "summary.json", ".summary.json.partial", "trials/000007"):
         inside = folder / name
         there = inside.exists()
         if there:
@@ -248,7 +242,7 @@ def test_links_lead_nowhere(here: Run, draw: Path, tmp_path: Path) -> None:
 def test_folders_of_other_names_are_kept(here: Run, draw: Path, tmp_path: Path) -> None:
     sweep = (*TWO, "--no-plots", "--vary", "draw.level=[1, 2]", "--keep", "best:1", "--resume")
     assert here(*sweep).returncode == 0
-    stray = tmp_path / "sweeps" / "draw" / "points" / "0abc"
+    stray = tmp_path / "sweeps" / "draw" / "trials" / "0abc"
     stray.touch()
     done = here(*sweep)
     assert (done.returncode, stray.exists()) == (0, True), done.stderr
@@ -315,7 +309,7 @@ def test_values_that_do_not_go_together_are_rows(here: Run, draw: Path, tmp_path
         (["--vary", "draw.level=[1]", "--keep", "best:0"], "expected all, failed, best:N or none"),
         (["--vary", "draw.level=[1]", "-j", "0"], "expected an integer from 1 to 4096"),
         (["--vary", "draw.level=[1]", "--timeout", "-1"], "expected a number above 0"),
-        (["--vary", "draw.level=0..1", "--sobol", "0"], "--sobol 0: expected at least 1"),
+        (["--vary", "draw.level=0..1", "--sobol", "0"], "--sobol 0: expected an integer from 1 to"),
         (["--vary", "draw.level=[1]", "--name", "a/b"], "--name a/b: expected letters, digits"),
         (
             ["--vary", "draw.level=[1]", "--set", "metrics.seed={kind: final, of: draw.out}"],
@@ -385,6 +379,40 @@ def test_a_folder_is_never_mixed_up(here: Run, draw: Path, tmp_path: Path) -> No
     assert (tmp_path / "sweeps/draw/index.csv").read_bytes() == before
 
 
+def test_a_folder_of_schema_1_is_continued_and_reported(
+    here: Run, draw: Path, tmp_path: Path
+) -> None:
+    """In it, plan.yaml says points and made, and the index and the run folders point."""
+    sweep = (*TWO, "--vary", "draw.level=[1, 2, 3]", "--keep", "all", "--no-plots")
+    assert here(*sweep).returncode == 0
+    folder = tmp_path / "sweeps" / "draw"
+    whole = (folder / "index.csv").read_text()
+    plan = (folder / "plan.yaml").read_text()
+    for new, old in (
+        *(("schema_version: 2", "schema_version: 1"), ("\ntotal:", "\npoints:")),
+        ("\nprovenance:", "\nmade:"),
+    ):
+        assert new in plan
+        plan = plan.replace(new, old)
+    (folder / "plan.yaml").write_text(plan)
+    lines = whole.replace("trial,", "point,", 1).splitlines(keepends=True)
+    (folder / "index.csv").write_text("".join(lines[:2]))
+    (folder / "trials").rename(folder / "points")
+    shutil.rmtree(folder / "points" / "000002")
+    assert here("report", "sweeps/draw").returncode == 0
+    page = (folder / "report.html").read_text()
+    assert "1 of 3" in page and "git commit" in page
+    (folder / "index.csv").write_text("".join(lines[:2]) + lines[2][:7])  # cut by a kill
+    done = here(*sweep, "--resume")
+    assert done.returncode == 0, done.stderr
+    found = (folder / "index.csv").read_text().splitlines()
+    assert found[0].startswith("point,")
+    without_duration = [line.rpartition(",")[0] for line in whole.splitlines()]
+    assert [line.rpartition(",")[0] for line in sorted(found[1:])] == sorted(without_duration[1:])
+    assert len(list((folder / "points").iterdir())) == 3 and not (folder / "trials").exists()
+    assert here("sweep", "sweeps/draw/plan.yaml", "--name", "again", *sweep[2:]).returncode == 0
+
+
 def test_the_index_of_another_plan_is_refused(here: Run, draw: Path, tmp_path: Path) -> None:
     for name, values in (("a", "[1, 2]"), ("b", "[2, 1]")):
         done = here(*TWO, "--no-plots", "--vary", f"draw.level={values}", "--name", name)
@@ -398,7 +426,7 @@ def test_the_index_of_another_plan_is_refused(here: Run, draw: Path, tmp_path: P
 
 
 def kept(folder: Path) -> list[str]:
-    return sorted(path.name for path in (folder / "points").glob("*"))
+    return sorted(path.name for path in (folder / "trials").glob("*"))
 
 
 @pytest.mark.parametrize(
@@ -416,12 +444,12 @@ def test_keep(here: Run, draw: Path, tmp_path: Path, keep: str, numbers: list[st
     assert done.returncode == 0, done.stderr
     folder = tmp_path / "sweeps" / "draw"
     assert kept(folder) == numbers
-    result = runtime.open(folder / "points" / numbers[-1])
+    result = runtime.open(folder / "trials" / numbers[-1])
     assert result.status == ("failed" if keep == "failed" else "complete")
     if keep != "failed":
         assert result.metrics["drawn"] == -9.0 + normal(0)
         # The folder can be run again by itself, with its user block.
-        again = here("run", f"sweeps/draw/points/{numbers[-1]}/graph.resolved.yaml", "--json")
+        again = here("run", f"sweeps/draw/trials/{numbers[-1]}/graph.resolved.yaml", "--json")
         assert json.loads(again.stdout)["metrics"] == result.metrics
 
 
