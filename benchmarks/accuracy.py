@@ -21,7 +21,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from benchmarks.tables import Goal, goals, table
-from blocks.core.signals import FloatArray
+from blocks.core import FloatArray
 
 LOOSE = {"rtol": 0.1, "atol": 0.1}
 

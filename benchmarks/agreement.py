@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from blocks.core.signals import FloatArray
+from blocks.core import FloatArray
 
 TOLERANCE = 1e-9
 

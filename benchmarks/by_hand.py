@@ -15,7 +15,7 @@ import numpy as np
 
 from benchmarks import tracking
 from benchmarks.agreement import Run
-from blocks.core.signals import FloatArray
+from blocks.core import FloatArray
 
 TAU_RC, TAU_REF, TAU_SYN = 0.02, 0.002, 0.01
 

@@ -13,8 +13,7 @@ from benchmarks.agreement import Run
 from benchmarks.by_hand import CaseA
 from benchmarks.tracking import run_of
 from blocks import LQR, LinePath, MatchingPoint, TrackingError
-from blocks.core.block import BlockContext, BlockState
-from blocks.core.signals import FloatArray, Path
+from blocks.core import BlockContext, BlockState, FloatArray, Path
 
 DT = 0.001
 EVERY = 10

@@ -8,7 +8,7 @@ import numpy as np
 
 import runtime
 from blocks import Block, BlockContext, BlockState, Lidar, Pose, Scan, WallFitter, World
-from blocks.core.signals import FloatArray, PoseValue
+from blocks.core import FloatArray, PoseValue
 
 DT = 0.001
 DISTANCE = 0.18

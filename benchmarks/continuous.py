@@ -21,7 +21,7 @@ from scipy.linalg import expm
 
 from benchmarks.tables import Goal, faster, goals, microseconds, table
 from benchmarks.timing import machine, take_turns
-from blocks.core.signals import FloatArray
+from blocks.core import FloatArray
 
 BLOCKS, DT, STEPS = 10, 0.02, 250
 COMPILED_STEPS = 100 * STEPS

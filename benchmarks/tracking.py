@@ -12,7 +12,7 @@ from functools import cache
 import runtime
 from benchmarks.agreement import Run
 from blocks import LQR, Block, Input, Output, Pose
-from blocks.core.signals import PoseValue
+from blocks.core import PoseValue
 
 X0 = (math.pi / 2, 1.2, math.pi / 2)
 LINE_Y = 1.0

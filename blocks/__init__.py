@@ -7,7 +7,6 @@ from blocks import (
     control,
     dynamics,
     generic,
-    learning,
     mujoco,
     neural,
     nonlinear,
@@ -45,26 +44,22 @@ from blocks.core import (
 )
 from blocks.dynamics import *
 from blocks.generic import *
-from blocks.learning import *
 from blocks.mujoco import *
 from blocks.neural import *
 from blocks.nonlinear import *
 from blocks.plants import *
 from blocks.sources import *
-from blocks.testing import CheckError, NotCompiledWarning, check_block
 from blocks.vehicle import *
 from blocks.wall_fitting import *
 from blocks.world import *
 
-__all__ = ["Block", "BlockContext", "BlockState", "CheckError", "DeclarationError", "FloatArray"]
-__all__ += ["NotCompiledWarning"]
+__all__ = ["Block", "BlockContext", "BlockState", "DeclarationError", "FloatArray"]
 __all__ += ["Input", "Output", "ParameterError", "Path", "PointCloud", "Pose", "Same", "Scalar"]
 __all__ += ["Scan", "SignalType", "Spikes", "State", "TrackingState", "Twist", "Vector"]
-__all__ += ["WheelSpeeds", "check_block", "kernel_of", "param"]
+__all__ += ["WheelSpeeds", "kernel_of", "param"]
 __all__ += control.__all__
 __all__ += dynamics.__all__
 __all__ += generic.__all__
-__all__ += learning.__all__
 __all__ += mujoco.__all__
 __all__ += nonlinear.__all__
 __all__ += plants.__all__

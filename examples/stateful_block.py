@@ -8,8 +8,8 @@
 
 from __future__ import annotations
 
-from blocks import Block, BlockState, Gain, Input, Output, Scalar, State, Sum, check_block, param
-from runtime import Graph
+from blocks import Block, BlockState, Gain, Input, Output, Scalar, State, Sum, param
+from runtime import Graph, check_block
 
 
 class Car(Block):

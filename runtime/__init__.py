@@ -36,6 +36,7 @@ from typing import TYPE_CHECKING
 from runtime.lazy import importer
 
 if TYPE_CHECKING:
+    from runtime.checking import CheckError, NotCompiledWarning, check_block
     from runtime.errors import (
         GraphError,
         MissingExtraError,
@@ -68,9 +69,11 @@ def _check_blocks() -> None:
 _check_blocks()
 __all__ = [
     "AblationTable",
+    "CheckError",
     "Graph",
     "GraphError",
     "MissingExtraError",
+    "NotCompiledWarning",
     "Result",
     "SimulationError",
     "SpikeblocksError",
@@ -78,12 +81,14 @@ __all__ = [
     "TuningTable",
     "UsageError",
     "ablate",
+    "check_block",
     "load",
     "open",
     "sweep",
     "tune",
 ]
 
+_ERRORS = ("GraphError", "MissingExtraError", "SimulationError", "SpikeblocksError", "UsageError")
 
 __getattr__ = importer(
     __name__,
@@ -96,7 +101,8 @@ __getattr__ = importer(
             ("AblationTable", "SweepTable", "TuningTable", "ablate", "sweep", "tune"),
             "runtime.experiments",
         ),
-        **dict.fromkeys((name for name in __all__ if name.endswith("Error")), "runtime.errors"),
+        **dict.fromkeys(("CheckError", "NotCompiledWarning", "check_block"), "runtime.checking"),
+        **dict.fromkeys(_ERRORS, "runtime.errors"),
     },
 )
 

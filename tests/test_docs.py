@@ -154,7 +154,7 @@ def own(name: str, folder: Path) -> dict[str, type[blocks.Block]]:
 @pytest.mark.parametrize("name", BLOCKS)
 def test_blocks_of_the_how_to_keep_the_rules(name: str, tmp_path: Path) -> None:
     for cls in own(name, tmp_path).values():
-        blocks.check_block(cls())
+        runtime.check_block(cls())
 
 
 def test_the_cart_of_the_how_to_drives_a_circle(tmp_path: Path) -> None:

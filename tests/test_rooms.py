@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 import ast
-import importlib
 from collections.abc import Iterator
 from functools import cache
+from itertools import chain
 from pathlib import Path
 
 import networkx as nx
-import pytest
 
 ROOT = Path(__file__).parent.parent
-PACKAGES = ("blocks", "runtime")
+PACKAGES = ("blocks", "runtime", "spikeblocks", "graphs", "benchmarks", "examples")
 
 # Bottom floor first. A room may import from its own files and from floors below; rooms on one floor
 # do not know each other. What loads matplotlib in a room that works without it is a room by itself.
 FLOORS: tuple[tuple[str, ...], ...] = (
     ("blocks.core",),
-    ("blocks.dynamics", "blocks.generic", "blocks.learning", "blocks.neural", "blocks.nonlinear"),
+    ("blocks.dynamics", "blocks.generic", "blocks.neural", "blocks.nonlinear"),
     ("blocks.plants", "blocks.sources", "blocks.world"),
-    ("blocks.testing", "blocks.control", "blocks.vehicle"),
+    ("blocks.control", "blocks.vehicle"),
     ("blocks.wall_fitting", "blocks.mujoco"),
     ("blocks.registry",),
     ("blocks",),
@@ -32,7 +31,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.network",),
     ("runtime.observation", "runtime.descriptions"),
     ("runtime.compiler",),
-    ("runtime.engine",),
+    ("runtime.engine", "runtime.checking"),
     ("runtime.engine.compiled",),
     ("runtime.plots", "runtime.diagrams.layout"),
     ("runtime.diagrams",),
@@ -51,20 +50,54 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.lsp",),
     ("runtime.cli",),
     ("runtime",),
+    ("spikeblocks",),
+    ("spikeblocks_command", "graphs", "benchmarks", "examples"),
 )
 FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
+
+# Imports that go up or past a door, each with the reason: (importing module, imported) -> why.
+EXCEPTIONS = {
+    (
+        "runtime.experiments.processes.forkserver",
+        "runtime.experiments.execution.worker",
+    ): "the process that forks workers imports, by name, what the first trial of most graphs needs",
+}
+BY_NAME = ("import_module", "__import__")
+# Modules that import by a name that no text shows, and what the name can be.
+COMPUTED = {
+    "blocks.core.extras": "an optional package of others",
+    "runtime.lazy": "names given to `importer`, which are counted as strings",
+    "runtime.cli.commands": "one of its own modules, a verb",
+    "runtime.plots.figures": "a painter of another package, or of a graph's own file",
+    "runtime.experiments.processes.forkserver": "one of PRELOADED, counted as strings",
+    "benchmarks.peers": "one of its own modules, a peer",
+}
 MAX_FILE, MAX_FUNCTION = 450, 45
+# Functions that may be longer, each with the reason.
+LONG = {"benchmarks.by_hand:numpy_case_a": "one loop as a person writes it, which is compared"}
 
 
 @cache
 def modules() -> dict[str, Path]:
-    """All modules of the two packages, packages by their own name."""
-    found = {}
-    for package in PACKAGES:
-        for path in sorted((ROOT / package).rglob("*.py")):
-            parts = path.relative_to(ROOT).with_suffix("").parts
-            found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
-    return found
+    """All modules, packages by their own name."""
+    paths = chain.from_iterable(sorted((ROOT / name).rglob("*.py")) for name in PACKAGES)
+    named = {}
+    for path in (*paths, ROOT / "spikeblocks_command.py"):
+        parts = path.relative_to(ROOT).with_suffix("").parts
+        named[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return named
+
+
+@cache
+def nodes(module: str) -> list[ast.AST]:
+    """What rules look at in a module's text: imports, strings, calls and functions."""
+    kinds = (ast.Import, ast.ImportFrom, ast.Constant, ast.Call, ast.FunctionDef)
+    every = ast.walk(ast.parse(modules()[module].read_text(encoding="utf-8")))
+    return [node for node in every if isinstance(node, (*kinds, ast.AsyncFunctionDef))]
+
+
+def place(module: str, line: int) -> str:
+    return f"{modules()[module].relative_to(ROOT)}:{line}"
 
 
 def room_of(module: str) -> str:
@@ -75,38 +108,80 @@ def room_of(module: str) -> str:
     return name
 
 
-def imported(module: str) -> Iterator[tuple[str, int]]:
-    """What a module imports of ours, type-checking and lazy imports included, with the line."""
-    for node in ast.walk(ast.parse(modules()[module].read_text(encoding="utf-8"))):
-        names: list[str] = []
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
-            inner = [f"{node.module}.{alias.name}" for alias in node.names]
-            names = [name if name in modules() else str(node.module) for name in inner]
-        yield from ((name, node.lineno) for name in names if name in modules() and name != module)
+def names_in(node: ast.AST, module: str) -> list[str]:
+    """The modules that one node of a text may import.
+
+    A string that is the name of a module, or module:name, counts as an import of it, since such
+    strings are given to ``import_module``, to ``importer`` and to other processes.
+    """
+    if isinstance(node, ast.Import):
+        return [alias.name for alias in node.names]
+    if isinstance(node, ast.ImportFrom):
+        origin = node.module or ""
+        if node.level:
+            is_package = modules()[module].name == "__init__.py"
+            parts = module.split(".")
+            above = parts[: len(parts) - node.level + is_package]
+            origin = ".".join([*above, *filter(None, [node.module])])
+        inner = [f"{origin}.{alias.name}" for alias in node.names]
+        return [name if name in modules() else origin for name in inner]
+    if isinstance(node, ast.Constant) and isinstance(node.value, str) and "." in node.value:
+        return [node.value.partition(":")[0]]
+    return []
 
 
-def shown(room: str) -> list[str]:
-    """The modules that a room's door shows as they are, as ``style`` of the plots."""
-    door = importlib.import_module(room)
-    return [f"{room}.{name}" for name in getattr(door, "__all__", ())]
+@cache
+def imported(module: str) -> list[tuple[str, int]]:
+    """What a module imports of ours, for type checking, lazily and by strings included."""
+    return [
+        (name, getattr(node, "lineno", 0))
+        for node in nodes(module)
+        for name in names_in(node, module)
+        if name in modules() and name != module
+    ]
 
 
-@pytest.mark.parametrize("module", modules())
-def test_imports_run_downwards_and_through_the_door(module: str) -> None:
-    room, wrong = room_of(module), []
+def computed(module: str) -> list[int]:
+    """The lines on which a module imports by a name that is not a literal."""
+    return [
+        node.lineno
+        for node in nodes(module)
+        if isinstance(node, ast.Call)
+        and getattr(node.func, "attr", getattr(node.func, "id", "")) in BY_NAME
+        and not (node.args and isinstance(node.args[0], ast.Constant))
+    ]
+
+
+@cache
+def shown(room: str) -> set[str]:
+    """The modules that a room's door shows as they are, as ``style`` of the plots: in `__all__`."""
+    strings = (n.value for n in nodes(room) if isinstance(n, ast.Constant))
+    return {f"{room}.{name}" for name in strings if isinstance(name, str)}
+
+
+def violations(module: str) -> Iterator[tuple[str, str]]:
+    """What a module imports against the order of the rooms, with a line that says so."""
+    room = room_of(module)
     for target, line in imported(module):
         other = room_of(target)
         if other == room:
             continue
-        place = f"{modules()[module].relative_to(ROOT)}:{line}"
         if FLOOR[other] >= FLOOR[room] and module != room.partition(".")[0]:
-            wrong.append(f"{place}: {room} imports {target}, which is not below it")
+            reason = f"{room} imports {target}, which is not below it"
+            yield target, f"{place(module, line)}: {reason}"
         inside = f"{module}.".startswith(f"{other}.") or f"{target}.".startswith(f"{room}.")
-        if target not in (other, *shown(other)) and not inside:
-            wrong.append(f"{place}: imports {target}; the door is {other}")
-    assert not wrong, "\n".join(wrong)
+        if target != other and not inside and target not in shown(other):
+            yield target, f"{place(module, line)}: imports {target}; the door is {other}"
+
+
+def test_imports_run_downwards_and_through_the_doors() -> None:
+    assert [room for room in FLOOR if room not in {*modules(), *PACKAGES}] == []
+    found = {(m, target): line for m in modules() for target, line in violations(m)}
+    assert [line for pair, line in found.items() if pair not in EXCEPTIONS] == []
+    assert [pair for pair in EXCEPTIONS if pair not in found] == [], "no longer an exception"
+    by_name = {m: lines for m in modules() if (lines := computed(m))}
+    assert [place(m, n) for m, lines in by_name.items() for n in lines if m not in COMPUTED] == []
+    assert [m for m in COMPUTED if m not in by_name] == [], "no longer an exception"
 
 
 def test_no_import_circle() -> None:
@@ -115,18 +190,16 @@ def test_no_import_circle() -> None:
     assert circles == []
 
 
-def test_every_room_is_there() -> None:
-    assert [room for room in FLOOR if room not in modules()] == []
-
-
-@pytest.mark.parametrize("module", modules())
-def test_files_and_functions_are_of_a_size_to_read(module: str) -> None:
-    text = modules()[module].read_text(encoding="utf-8")
-    long = [f"{text.count(chr(10))} lines"] if text.count("\n") > MAX_FILE else []
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
-            documented = (ast.get_docstring(node, clean=False) or "").count("\n") + 1
-            lines = (node.end_lineno or 0) - node.lineno + 1 - documented
-            if lines > MAX_FUNCTION:
-                long.append(f"{node.name} has {lines} lines")
-    assert not long
+def test_files_and_functions_are_of_a_size_to_read() -> None:
+    long = []
+    for module, path in modules().items():
+        lines = path.read_text(encoding="utf-8").count("\n")
+        if lines > MAX_FILE:
+            long.append(f"{place(module, lines)}: more than {MAX_FILE} lines")
+        for node in nodes(module):
+            if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
+                documented = (ast.get_docstring(node, clean=False) or "").count("\n") + 1
+                lines = (node.end_lineno or 0) - node.lineno + 1 - documented
+                if lines > MAX_FUNCTION and f"{module}:{node.name}" not in LONG:
+                    long.append(f"{place(module, node.lineno)}: {node.name} has {lines} lines")
+    assert long == []

@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks import tracking
 from benchmarks.agreement import Run
-from blocks.core.signals import FloatArray
+from blocks.core import FloatArray
 
 # simupy 1.1 names what numpy 2 has dropped.
 for name, value in (("Inf", np.inf), ("float_", np.float64)):

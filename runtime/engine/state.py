@@ -5,7 +5,7 @@ addresses, which compiled code holds, and generators stay the objects that block
 
 Everything that changes is in declared states, the blocks' generators, the solver's control, the
 search for a stop, the variables that outlive a tick, and the numbers of a compiled plan. A block of
-the user's own may keep more, against the rules that :func:`blocks.check_block` checks: whatever
+the user's own may keep more, against the rules that :func:`runtime.check_block` checks: whatever
 else is in its state is copied, too. Recorded rows are none of it: a tick writes its own rows.
 """
 

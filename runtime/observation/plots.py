@@ -77,7 +77,8 @@ class PlotKind:
     doc : what it shows.
     painter : the function that draws it and returns its top axes, or its name ``module:function``,
         imported when the first one is drawn; its arguments are (figure, recordings, end of the run
-        in s), or (figure, plot, result) for a plot ``in_world`` or ``with_options``.
+        in s), or (figure, plot, result) for a plot ``in_world`` or ``with_options``. '' for a kind
+        of the library: what is observed does not know how it is drawn, see ``plots/painters.py``.
     options : its options; ``agrees`` checks conditions across options.
     signals : options that name one more probe or address.
     in_world : whether it needs the graph's world.
@@ -88,7 +89,7 @@ class PlotKind:
     """
 
     doc: str
-    painter: str | Callable[..., Any]
+    painter: str | Callable[..., Any] = ""
     options: type[Options] = Figure
     agrees: Callable[[Mapping[str, Any]], Checks] = lambda options: ordered(options)
     signals: tuple[str, ...] = ()
@@ -273,19 +274,16 @@ def _one_of_each(probes: Sequence[Probe]) -> str:
 _OWN: dict[str, PlotKind] = {
     "timeseries": PlotKind(
         "columns over time, one axis per unit",
-        "runtime.plots.figures:draw_timeseries",
         options=Levels,
         each=_columns,
     ),
     "trajectory": PlotKind(
         "poses, paths and point clouds in the plane",
-        "runtime.plots.trajectory:draw_trajectory",
         options=Plane,
         each=_in_plane,
     ),
     "xy": PlotKind(
         "the second signal of `of` over the first, as in a phase plane; further pairs likewise",
-        "runtime.plots.analysis:draw_xy",
         options=Overlaid,
         each=_columns,
         together=_in_pairs,
@@ -293,14 +291,12 @@ _OWN: dict[str, PlotKind] = {
     ),
     "spectrum": PlotKind(
         "power spectral density of columns, by Welch's method; one axis per unit",
-        "runtime.plots.analysis:draw_spectrum",
         options=Overlaid,
         each=_columns,
         together=_changing,
     ),
     "raster": PlotKind(
         "spikes and the population's rate",
-        "runtime.plots.raster:draw_raster",
         options=Raster,
         with_options=True,
         each=_spikes,
@@ -309,21 +305,18 @@ _OWN: dict[str, PlotKind] = {
         "steady rates of an Ensemble's neurons over the represented value, one axes per dimension "
         "(the others 0), from the tuning at the start: `runtime explain --plots` draws it "
         "without a run",
-        "runtime.plots.tuning:draw_tuning_curves",
         of_tuning=True,
         each=_tuned,
     ),
     "response_curves": PlotKind(
         "steady rates of an Ensemble's neurons over the input along their own encoders, and "
         "histograms of intercepts and largest rates; likewise without a run",
-        "runtime.plots.tuning:draw_response_curves",
         of_tuning=True,
         each=_tuned,
     ),
     "decoded": PlotKind(
         "a decoded signal and the ideal one, the first and the second of `of`: mean and standard "
         "deviation over time, or over the signal `over`, and the error",
-        "runtime.plots.decoded:draw_decoded",
         options=Averaged,
         signals=("over",),
         with_options=True,
@@ -334,14 +327,12 @@ _OWN: dict[str, PlotKind] = {
     "weights": PlotKind(
         "weights over time, those that end largest and smallest and some between, and the root "
         "mean square of the change of all",
-        "runtime.plots.decoded:draw_weights",
         each=_weights,
     ),
-    "heatmap": PlotKind("any array over time", "runtime.plots.figures:draw_heatmap"),
+    "heatmap": PlotKind("any array over time"),
     "map": PlotKind(
         "the world, the trajectory of the first pose of `of`, other poses as points; `engaged` (a "
         "probe or address that rises above 0.5) adds a dot where following begins",
-        "runtime.plots.map:draw_map",
         options=Map,
         signals=("engaged",),
         in_world=True,
@@ -350,7 +341,6 @@ _OWN: dict[str, PlotKind] = {
     ),
     "wall_distance": PlotKind(
         "distance of a pose to the nearest wall, minus `distance`, over time; `engaged` as in map",
-        "runtime.plots.map:draw_wall_distance",
         options=Distance,
         signals=("engaged",),
         in_world=True,
@@ -360,7 +350,6 @@ _OWN: dict[str, PlotKind] = {
     "scans": PlotKind(
         "a pose, a scan, a fitted wall (point cloud) and a path, around the robot, at the times "
         "`at` or four after `engaged`",
-        "runtime.plots.scans:draw_scans",
         options=Scans,
         agrees=moments,
         signals=("engaged",),

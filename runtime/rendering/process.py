@@ -9,44 +9,20 @@ import subprocess
 import sys
 import tempfile
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from runtime.errors import MissingExtraError, MissingLibraryError, UsageError
+from runtime.rendering.request import RenderRequest
 from runtime.terminal import tell
 
-VIEWS = ("top", "perspective")
 MODULES = ("mujoco", "OpenGL", "imageio_ffmpeg")
 CHOICE = "MUJOCO_GL"
 NO_LIBRARY = (
     "no OpenGL library can draw without a screen here ({tried}); on Debian and Ubuntu: "
     "apt-get install libegl1 libgl1 libgl1-mesa-dri"
 )
-
-
-@dataclass(frozen=True)
-class RenderRequest:
-    """The options for a picture and a film of one run, sent to the process that draws them.
-
-    run : its folder. folder : of the files to write. block : the robot's name; '' if there is only
-    one. views : names of views. at : time of the picture (s); None is the end. height,
-    film_height : pixels. film : whether to make one. speed : simulated seconds per film second.
-    fps : pictures per film second. begin, end : time span of the film (s).
-    """
-
-    run: str
-    folder: str
-    block: str = ""
-    views: tuple[str, ...] = VIEWS
-    at: float | None = None
-    height: int = 900
-    film_height: int = 480
-    film: bool = True
-    speed: float = 5.0
-    fps: int = 15
-    begin: float = 0.0
-    end: float | None = None
 
 
 def render(request: RenderRequest) -> list[Path]:

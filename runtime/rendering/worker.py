@@ -19,7 +19,7 @@ import numpy as np
 
 from runtime.files import own_file, write_whole
 from runtime.rendering.motion import recorded_motion
-from runtime.rendering.process import RenderRequest
+from runtime.rendering.request import RenderRequest
 from runtime.terminal import Progress, duration
 
 PICTURE = "render.png"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from html import escape
-from importlib.resources import files
 from pathlib import Path
 
 VOID = ("br", "hr", "link", "meta")
@@ -132,7 +131,7 @@ def page(
     sections : contents by title, with links at the top; empty ones are left out.
     folder : of the subject, named in the last line.
     """
-    style = files("runtime.reports").joinpath("report.css").read_text(encoding="utf-8")
+    style = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
     shown = {title: content for title, content in sections.items() if content}
     links = [element("a", title, href=f"#{_anchor(title)}") for title in shown]
     head = element(

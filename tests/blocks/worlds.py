@@ -16,9 +16,9 @@ from scipy.spatial import cKDTree
 
 from blocks import Block, BlockState, ParameterError, Scan
 from blocks.core.signals import FloatArray
-from blocks.testing.bench import Bench
-from blocks.testing.checking import settle
 from blocks.world.world import World
+from runtime.checking.bench import Bench
+from runtime.checking.check import context_for
 
 FOLDER = Path(__file__).parents[2] / "graphs" / "worlds"
 SHIPPED = {path.stem: yaml.safe_load(path.read_text()) for path in sorted(FOLDER.glob("*.yaml"))}
@@ -149,6 +149,6 @@ def started(
 ) -> BlockState:
     """A block's state before the first tick, in a world."""
     scans = {name: Scan(beams) for name in block.spec.inputs if name == "scan"}
-    state = Bench(block, settle(block, scans, dt, world), 1)._state(seed)
+    state = Bench(block, context_for(block, scans, dt, world), 1)._state(seed)
     block.start(state)
     return state

@@ -74,7 +74,7 @@ def _values(texts: list[str]) -> dict[str, Any]:
 def _checked(cls: type[Block], values: dict[str, Any]) -> dict[str, Any]:
     """What is wrong with a block, and which of its methods are called from Python, and why."""
     from blocks.core import ParameterError
-    from blocks.testing import CheckError, NotCompiledWarning, check_block
+    from runtime.checking import CheckError, NotCompiledWarning, check_block
 
     given = {name: value for name, value in values.items() if name in cls.spec.params}
     facts: dict[str, Any] = {"status": "fine", "problems": [], "called_from_python": []}

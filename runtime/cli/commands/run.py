@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +15,7 @@ from runtime.errors import SimulationError, UsageError, one_line
 from runtime.terminal import number, show, show_json, table, tell
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
 
     from matplotlib.figure import Figure
 
@@ -91,17 +92,25 @@ def _once(options: Namespace, before: Result | None) -> Done:
     if folder == draft.folder:
         link_latest(folder)
     code = _exit_code(result, failure, interrupts, folder == draft.folder)
-    pictures: list[Path] = []
     others: dict[str, Result] = {}
-    if interrupts.leaves_time:
-        try:
-            if failure is None and not (options.no_plots and options.vs is None):
-                others = run_rivals(compared, quiet, Path(options.out))
+    pictures: list[Path] = []
+    draws = interrupts.leaves_time
+    try:
+        if draws and failure is None and (options.vs or not options.no_plots):
+            others = run_rivals(compared, quiet, Path(options.out))
+    except KeyboardInterrupt:
+        code, draws = code or 130, False
+    earlier = len(result.notes)
+    if not options.json:
+        # Before anything is drawn, which takes longer than many a run.
+        _print_result(result, options, others, before)
+    try:
+        if draws:
             drawn = painter(result, others, folder, options, before)
             pictures = _pictures(result, folder, options, formats, drawn, others)
             pictures += [_diagram(graph, folder)] if options.watch else []
-        except KeyboardInterrupt:
-            code = code or 130
+    except KeyboardInterrupt:
+        code = code or 130
     rows = profile.rows(result.manifest["ticks"], result.manifest["wall_s"]) if profile else []
     if options.json:
         more: dict[str, Any] = {"profile": rows} if rows else {}
@@ -109,11 +118,10 @@ def _once(options: Namespace, before: Result | None) -> Done:
             more["vs"] = {"change": options.vs, "metrics": others[options.vs].metrics}
         show_json(_summary(result, folder) | more)
     else:
-        columns = {names(change, options.labels): other for change, other in others.items()}
-        latest = {} if before is None else {("now", "before"): before}
-        _print_result(result, folder, pictures, options, columns or latest)
-    if rows and not options.json:
-        show(profile_text(rows))
+        _tell_notes(result.notes[earlier:], options)
+        show_folder("run", folder, pictures)
+        if rows:
+            show(profile_text(rows))
     _report_failures(result, failure, folder)
     return Done(code, result, [Path(name) for name in graph.texts])
 
@@ -257,18 +265,21 @@ def _summary(result: Result, folder: Path) -> dict[str, Any]:
     }
 
 
+def _tell_notes(notes: Sequence[str], options: Namespace) -> None:
+    """Print notes, unless the user asked for quiet."""
+    for note in () if options.quiet else notes:
+        tell(f"note: {note}")
+
+
 def _print_result(
-    result: Result,
-    folder: Path,
-    pictures: list[Path],
-    options: Namespace,
-    others: Mapping[tuple[str, str], Result],
+    result: Result, options: Namespace, rivals: Mapping[str, Result], before: Result | None
 ) -> None:
-    """Print notes, metrics and files; ``others`` are compared runs with the names of both."""
+    """Print notes and metrics, beside those of the rivals or of the run before an edit."""
     manifest = result.manifest
-    if not options.quiet:
-        for note in result.notes:
-            tell(f"note: {note}")
+    others = {names(change, options.labels): other for change, other in rivals.items()}
+    if not others and before is not None:
+        others = {("now", "before"): before}
+    _tell_notes(result.notes, options)
     simulated = manifest["ticks"] * manifest["dt"]
     show(
         f"{result.title}: {simulated:g} {result.time_unit} in {manifest['wall_s']:.2f} s "
@@ -294,4 +305,4 @@ def _print_result(
         }
         rows = [(k, f"{result.measured(k)} {units[k]}".rstrip()) for k in result.metrics]
         show(table(rows))
-    show_folder("run", folder, pictures)
+    sys.stdout.flush()  # a pipe or a file shows them before the pictures, too

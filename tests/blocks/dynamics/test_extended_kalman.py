@@ -11,7 +11,7 @@ import pytest
 
 import blocks
 import runtime
-from blocks import check_block
+from runtime import check_block
 from tests.blocks.responses import problems, respond
 
 # A robot with the controls v and omega, which measures range and bearing of a beacon at (3, 1), and

@@ -12,7 +12,7 @@ import runtime
 from blocks import Path, Scan, SignalType, Twist
 from blocks.core.block import BlockState
 from blocks.generic.arithmetic import Switch
-from blocks.testing.checking import check_block
+from runtime import check_block
 from tests.blocks.worlds import started
 
 

@@ -18,7 +18,7 @@ from blocks.core.block import BlockState
 from blocks.core.signals import FloatArray
 from blocks.mujoco.model import SKID_CLEARANCE
 from blocks.mujoco.vacuum import WHEEL_RATES, MujocoVacuum
-from blocks.testing.checking import check_block
+from runtime import check_block
 from tests.blocks.outputs import outputs
 from tests.blocks.worlds import SHIPPED, started
 

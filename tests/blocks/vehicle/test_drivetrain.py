@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from blocks import Block, ParameterError
 from blocks.core.signals import FloatArray, TwistValue
-from blocks.testing.checking import check_block
 from blocks.vehicle.disturbances import ActuatorDelay, ActuatorLag, WheelSlip
+from runtime import check_block
 from tests.blocks.worlds import started
 
 DT = 0.01

@@ -10,10 +10,10 @@ import pytest
 
 from blocks import DifferentialDrive, ParameterError, Scan
 from blocks.core.signals import FloatArray
-from blocks.testing.checking import check_block
 from blocks.vehicle.explorer import Explorer
 from blocks.world.lidar import Lidar, bearings
 from blocks.world.world import World
+from runtime import check_block
 from tests.blocks.worlds import SHIPPED, started
 
 DT, SCAN_DT, R = 0.05, 0.1, 0.12

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from blocks import DifferentialDrive, ParameterError
 from blocks.core.signals import FloatArray, PoseValue, TwistValue
-from blocks.testing.checking import check_block
 from blocks.vehicle.contact import slide
 from blocks.world.world import World
+from runtime import check_block
 from tests.blocks.worlds import OVERLAPPING, SHIPPED, SQUARE, started, worlds
 
 R = 0.12

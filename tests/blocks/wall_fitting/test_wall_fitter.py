@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import blocks
+import runtime
 from blocks.wall_fitting.fitter import WallFitter
 from tests.blocks.fitter import Fitter, Pose
 from tests.blocks.raycast import PAPER, Room, square
@@ -234,7 +235,7 @@ def test_half_of_the_returns_are_enough(views: list[tuple[Pose, np.ndarray]], fo
 
 def test_it_keeps_the_rules_of_blocks() -> None:
     for side in ("right", "left"):
-        blocks.check_block(WallFitter(side=side, samples=60), {"scan": blocks.Scan(120)}, dt=0.1)
+        runtime.check_block(WallFitter(side=side, samples=60), {"scan": blocks.Scan(120)}, dt=0.1)
 
 
 @pytest.mark.parametrize(

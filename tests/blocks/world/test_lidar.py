@@ -10,9 +10,9 @@ from scipy import stats
 
 from blocks import ParameterError
 from blocks.core.signals import FloatArray
-from blocks.testing.checking import check_block
 from blocks.world.lidar import Lidar, bearings
 from blocks.world.world import World
+from runtime import check_block
 from tests.blocks.worlds import OVERLAPPING, SHIPPED, started
 
 ROOM = World(SHIPPED["paper_room"])

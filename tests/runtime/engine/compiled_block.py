@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from blocks import Block, BlockState, SignalType
-from blocks.testing.checking import settle
+from runtime.checking.check import context_for
 from runtime.compiler import PROJECT, make_kernel, written
 from runtime.engine.compiled.memory import Context, Words
 from runtime.toolchain import Unit, build
@@ -46,7 +46,7 @@ class CompiledBlock:
     ) -> None:
         spec = type(made).spec
         given = {n: k for n, k in state.context.types.items() if n in spec.inputs}
-        context = settle(made, given, state.context.dt, state.context.world)
+        context = context_for(made, given, state.context.dt, state.context.world)
         self.terms, self.kinds = terms, dict(context.types)
         calls = [
             replace(each, needs=tuple(port for port in each.needs if port not in made.indirect))

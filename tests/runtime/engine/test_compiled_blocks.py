@@ -32,12 +32,12 @@ from blocks import (
 from blocks import generic as generic_room
 from blocks.generic.mathematics import COMPARISONS, LOGIC
 from blocks.registry import BUILTIN
-from blocks.testing.bench import Bench
-from blocks.testing.checking import settle
 from blocks.vehicle.contact import slide
 from blocks.world.lidar import bearings
 from blocks.world.surfaces import cast_kernel, from_surface, nearest_kernel
 from blocks.world.world import World
+from runtime.checking.bench import Bench
+from runtime.checking.check import context_for
 from runtime.compiler.fields import NotCompilableError
 from runtime.compiler.translate import Translated, translate
 from tests.blocks.direct import PUSH, REQUIRED
@@ -528,7 +528,7 @@ class Run:
 
     def __init__(self, case: Case, seed: int) -> None:
         self.case = case
-        context = settle(case.block, case.types, case.dt, case.world)
+        context = context_for(case.block, case.types, case.dt, case.world)
         self.bench = Bench(case.block, context, 1, open_inputs=case.absent)
         self.state = self.bench._state(seed)
         case.block.start(self.state)

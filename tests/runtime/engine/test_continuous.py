@@ -12,8 +12,9 @@ from scipy.integrate import solve_ivp
 
 import blocks
 import runtime
-from blocks import Block, Input, Output, Scalar, State, check_block, param
+from blocks import Block, Input, Output, Scalar, State, param
 from blocks.core import DeclarationError
+from runtime import check_block
 from runtime.errors import GraphError, SimulationError
 from runtime.graph import Graph
 

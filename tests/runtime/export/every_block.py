@@ -10,8 +10,8 @@ import numpy as np
 
 import runtime
 from blocks import Block, Output, SignalType
-from blocks.testing.bench import random_value
-from blocks.testing.checking import settle
+from runtime.checking.bench import random_value
+from runtime.checking.check import context_for
 from tests.runtime.engine.test_compiled_blocks import CASES, Case
 
 TICKS = 40
@@ -35,7 +35,7 @@ def feed(kind: SignalType, dt: float, make: Callable[[np.random.Generator], Any]
 
 def graph_of(case: Case) -> runtime.Graph:
     """A graph with the block of a case, named ``block``, and a source for each input."""
-    context = settle(case.block, case.types, case.dt, case.world)
+    context = context_for(case.block, case.types, case.dt, case.world)
     graph = runtime.Graph("one", dt=case.dt, until=TICKS * case.dt).set("world", WORLD)
     graph = graph.add("block", case.block)
     for port, declared in case.block.spec.inputs.items():

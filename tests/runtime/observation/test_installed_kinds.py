@@ -17,7 +17,7 @@ from tests.blocks.core.test_installed import package
 HOW_TO = (Path(__file__).parents[3] / "docs" / "how-to.md").read_text(encoding="utf-8")
 PLOT = """from runtime.observation import PLOT_KINDS, PlotKind
 
-OWN = PlotKind("as a time series", "runtime.plots.figures:draw_timeseries")
+OWN = PlotKind("as a time series", "runtime.plots.series:draw_timeseries")
 """
 GRAPH = {
     "graph": "g",

@@ -416,7 +416,7 @@ def test_a_figure_that_fails_is_a_note(
         axes.set_xlim(0.0, float("nan"))
         return axes
 
-    monkeypatch.setattr(plots, "draw_heatmap", painter)
+    monkeypatch.setitem(plots.PAINTERS, "heatmap", painter)
     acting("pass")
     graph = runtime.load(tmp_path / "g.yaml")
     graph = graph.plot("bad", "heatmap", "seen").plot(

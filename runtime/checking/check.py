@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
@@ -18,7 +17,8 @@ from blocks.core import (
     SignalType,
     hint,
 )
-from blocks.testing.bench import OUTSIDE, Bench, CheckError
+from runtime.checking.bench import OUTSIDE, Bench, CheckError
+from runtime.compiler import refusals
 
 if TYPE_CHECKING:
     from blocks.world import World
@@ -64,7 +64,7 @@ def check_block(
     if not (type(block).__doc__ or "").strip():
         raise CheckError(f"{name}: has no docstring; draw the box and give its equation")
     _check_parameters(block)
-    bench = Bench(block, settle(block, inputs or {}, dt, world), ticks)
+    bench = Bench(block, context_for(block, inputs or {}, dt, world), ticks)
     first = list(bench.run(seed=0, careful=True))
     _compare(first, bench.run(seed=0), f"{name}: two runs with the same seed differ")
     pairs = zip(bench.run(seed=0), bench.run(seed=1, stream=1), strict=True)
@@ -74,8 +74,6 @@ def check_block(
     _compare(first, resumed, f"{name}: a run that resumes from its declared states differs")
     if any(port.optional for port in block.spec.inputs.values()) and _may_be_open(bench):
         list(replace(bench, ticks=1, open_inputs=True).run(seed=0, careful=True))
-    # By name, since blocks know no engine.
-    refusals = importlib.import_module("runtime.compiler").refusals
     for reason in refusals(block, bench.started(), bench.context):
         warnings.warn(f"{name}.{reason}", NotCompiledWarning, stacklevel=2)
 
@@ -110,7 +108,7 @@ def _compare(first: list[dict[str, Any]], again: Iterator[dict[str, Any]], messa
                 raise CheckError(f"{message}, in {item} at tick {tick}; {OUTSIDE}")
 
 
-def settle(
+def context_for(
     block: Block, given: Mapping[str, SignalType], dt: float, world: World | None = None
 ) -> BlockContext:
     """A context for a single block: the given types, then its own, then the defaults.

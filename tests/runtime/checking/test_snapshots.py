@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from blocks.testing.bench import snapshot
+from runtime.checking.bench import snapshot
 
 leaves = st.one_of(st.floats(), st.integers(), st.text(), st.booleans(), st.none(), st.binary())
 values = st.recursive(

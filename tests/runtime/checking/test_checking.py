@@ -15,10 +15,8 @@ import pytest
 import blocks
 from blocks import (
     Block,
-    CheckError,
     FloatArray,
     Input,
-    NotCompiledWarning,
     Output,
     Path,
     Pose,
@@ -30,11 +28,11 @@ from blocks import (
     State,
     Twist,
     Vector,
-    check_block,
     param,
 )
 from blocks.registry import BUILTIN, blocks_of_module
 from blocks.world.world import World
+from runtime import CheckError, NotCompiledWarning, check_block
 from tests.blocks.direct import REQUIRED
 
 SQUARE = REQUIRED["WaypointPath"]["points"]

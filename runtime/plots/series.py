@@ -1,0 +1,185 @@
+"""Columns over time as lines, and arrays over time as colours.
+
+In: recordings of a run, and its end (s). Out: axes on a figure, one per unit::
+
+    plots: {speeds: {kind: timeseries, of: [plant.v, plant.omega]}}    # m/s above rad/s
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import ListedColormap, Normalize
+from matplotlib.figure import Figure
+
+from blocks.core import FloatArray
+from runtime.observation import Recording
+from runtime.plots import style
+
+MANY_LINES = 10
+LINE_POINTS = 200_000
+HEAT_ROWS = 1_000
+FEW_ROWS = 12
+
+
+@dataclass(frozen=True)
+class _Column:
+    label: str
+    unit: str
+    t: FloatArray
+    y: FloatArray
+    held: bool
+
+
+def _flat(recorded: Recording) -> tuple[FloatArray, list[str], list[str]]:
+    """A recording as (rows, columns), with one label and one unit per column."""
+    values = recorded.columns
+    count = values.shape[1]
+    if len(recorded.labels) == count:
+        return values, list(recorded.labels), list(recorded.units)
+    named = style.signal_of(recorded.labels[0]) if recorded.labels else recorded.name
+    units = list(recorded.units or ("",))
+    return values, [f"{named}[{i}]" for i in range(count)], (units * count)[:count]
+
+
+def draw_timeseries(figure: Figure, recordings: Sequence[Recording], end: float) -> Axes:
+    """Draw columns over time, one axes per unit."""
+    groups: dict[str, list[_Column]] = {}
+    every: dict[str, str] = {}
+    for recorded in recordings:
+        values, labels, units = _flat(recorded)
+        given = recorded.shown if len(recorded.labels) == len(labels) else labels
+        every |= zip(labels, given, strict=True)
+        held = recorded.held if len(recorded.held) == len(labels) else recorded.held[:1]
+        for i, (label, unit) in enumerate(zip(labels, units, strict=True)):
+            steps = bool(held) and held[i % len(held)]
+            line = _Column(label, unit, recorded.t, values[:, i], steps)
+            groups.setdefault(unit, []).append(line)
+    shown_as = style.display_names(list(every), list(every.values()))
+    names = dict(zip(every, shown_as, strict=True))
+    groups, silent = _without_zeros(_shared(groups))
+    figure.set_size_inches(style.WIDTH, 1.1 + 1.55 * max(1, len(groups)) + 0.5 * (len(groups) == 1))
+    column = style.stacked_axes(figure, len(groups))
+    for axes, (unit, lines) in zip(column, groups.items(), strict=False):
+        shown = [names[line.label] for line in lines]
+        _lines(figure, axes, lines, shown, end)
+        axes.set_ylabel(style.axis_label(shown, unit))
+    if silent:
+        zero = ", ".join(names[label] for label in silent)
+        style.write_note(column[-1], f"not shown, since it is 0 throughout: {zero}")
+    style.time_axis(column, recordings, end)
+    return column[0]
+
+
+def _shared(groups: dict[str, list[_Column]]) -> dict[str, list[_Column]]:
+    """The groups by unit; lines without a unit join the others, if these have one and the same.
+
+    An estimate in a vector, which has no unit, is then beside the truth, which has one.
+    """
+    units = [unit for unit in groups if unit]
+    if len(units) != 1 or "" not in groups:
+        return groups
+    return {units[0]: [line for lines in groups.values() for line in lines]}
+
+
+def _without_zeros(
+    groups: dict[str, list[_Column]],
+) -> tuple[dict[str, list[_Column]], list[str]]:
+    """The groups that are not zero throughout, and the labels of the others; all if none is."""
+    zero = [u for u, lines in groups.items() if all(len(i.y) and not i.y.any() for i in lines)]
+    if len(zero) == len(groups):
+        return groups, []
+    shown = {unit: lines for unit, lines in groups.items() if unit not in zero}
+    return shown, [line.label for unit in zero for line in groups[unit]]
+
+
+def _lines(figure: Figure, axes: Axes, lines: list[_Column], names: list[str], end: float) -> None:
+    """Draw one axes of a time series: all columns of one unit."""
+    if not any(len(line.y) for line in lines):
+        style.explain_empty(axes)
+        return
+    many = len(lines) > MANY_LINES
+    # The bright end of the colour map is too pale for lines on white.
+    colours = ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0.0, 0.9, len(lines))))
+    low = high = 0.0
+    layers = style.layers([line.y for line in lines])
+    covered = [0] * len(lines) if many else style.coincident([line.y for line in lines])
+    for i, (line, name) in enumerate(zip(lines, names, strict=True)):
+        t, y = line.t, line.y
+        how: dict[str, Any] = (
+            {"color": colours(i), "linewidth": 0.5} if many else style.line_style(i, covered[i])
+        )
+        how["zorder"] = layers[i]
+        if len(y) == 1:
+            # A single row is a constant, or a probe slower than the run: it is marked by a dot.
+            axes.plot([t[0], max(t[0], end)], [y[0], y[0]], **{**how, "linestyle": ":"})
+            how |= {"marker": "o", "markersize": 4.0}
+        most = max(400, min(style.THIN_TO, LINE_POINTS // len(lines)))
+        is_long = len(y) > style.THIN_ABOVE or len(y) * len(lines) > LINE_POINTS
+        style.draw_series(axes, t, y, line.held, most if is_long else 0, label=name, **how)
+        finite = y[np.isfinite(y)]
+        low, high = min(low, finite.min(initial=0.0)), max(high, finite.max(initial=0.0))
+    if low < 0.0 < high:
+        axes.axhline(0.0, color="0.6", linewidth=0.6, zorder=1.0)
+    if many:
+        scale = ScalarMappable(Normalize(-0.5, len(lines) - 0.5), colours)
+        figure.colorbar(scale, ax=axes, label="index", pad=0.01, aspect=14)
+    else:
+        style.add_legend(axes)
+
+
+def draw_heatmap(figure: Figure, recordings: Sequence[Recording], end: float) -> Axes:
+    """Draw arrays over time as colours, one axes each."""
+    figure.set_size_inches(style.WIDTH, 0.9 + 2.6 * max(1, len(recordings)))
+    column = style.stacked_axes(figure, len(recordings))
+    for axes, recorded in zip(column, recordings, strict=False):
+        _heat(figure, axes, recorded, end)
+    style.time_axis(column, recordings, end)
+    return column[0]
+
+
+def _heat(figure: Figure, axes: Axes, recorded: Recording, end: float) -> None:
+    """Draw one array: its rows along time, its columns upwards."""
+    values, labels, units = _flat(recorded)
+    axes.grid(False)
+    if len(labels) <= FEW_ROWS:
+        axes.set_yticks(range(len(labels)), style.short_labels(labels))
+    else:
+        axes.set_ylabel("index")
+    if not values.size:
+        style.explain_empty(axes)
+        return
+    size = -(-len(values) // HEAT_ROWS)
+    shown = style.block_means(values, size)
+    step = style.row_spacing(recorded.t, end) * size
+    name, low, high = _colours(shown)
+    image = axes.imshow(
+        shown.T,
+        aspect="auto",
+        origin="lower",
+        interpolation="nearest",
+        cmap=matplotlib.colormaps[name].with_extremes(bad="0.8"),
+        vmin=low,
+        vmax=high,
+        extent=(recorded.t[0], recorded.t[0] + step * len(shown), -0.5, len(labels) - 0.5),
+    )
+    unit = units[0] if len(set(units)) == 1 else "mixed units"
+    signal = style.signal_name(labels) or recorded.name
+    label = f"{signal} [{unit}]" if unit else signal
+    figure.colorbar(image, ax=axes, label=label, pad=0.01, aspect=18)
+
+
+def _colours(values: FloatArray) -> tuple[str, float, float]:
+    """A colour map and its limits: symmetric where values have both signs."""
+    finite = values[np.isfinite(values)]
+    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
+    if low < 0.0 < high:
+        bound = max(-low, high)
+        return "RdBu_r", -bound, bound
+    return "viridis", low, high if high > low else low + 1.0
