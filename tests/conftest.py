@@ -8,8 +8,9 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -81,15 +82,16 @@ def launcher(script: Path) -> Iterator[Launcher | None]:
 def cli(launcher: Launcher | None, script: Path, tmp_path: Path) -> Run:
     """Runs a command in a process of its own, in an empty folder; returns the completed process.
 
-    With ``env`` it is a new interpreter, which reads some of the variables when it starts.
+    With options of ``subprocess.run``, such as ``env``, it is a new interpreter.
     """
 
     def run(
-        *arguments: str, cwd: Path = tmp_path, env: Mapping[str, str] | None = None
+        *arguments: str, cwd: Path = tmp_path, **options: Any
     ) -> subprocess.CompletedProcess[str]:
         command = [str(script), *arguments]
-        if env is not None or launcher is None:
-            return subprocess.run(command, cwd=cwd, env=env, capture_output=True, text=True)
+        if options or launcher is None:
+            settings = {"cwd": cwd, "capture_output": True, "text": True, **options}
+            return subprocess.run(command, **settings)
         with (
             Path(os.devnull).open("rb") as null,
             tempfile.TemporaryFile() as out,
