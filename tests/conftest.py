@@ -8,12 +8,13 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from runtime.toolchain import MissingCompilerError
+from runtime.toolchain import VARIABLE, MissingCompilerError
 from tests.compilers import REASON
 from tests.launcher import AVAILABLE, Launcher
 
@@ -22,6 +23,13 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # Hundreds of tests start a process; without kept bytecode each would compile the project again.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Keep compiled code in a folder of the tests' own, for the workers of pytest-xdist as well."""
+    if config.cache is not None:
+        os.environ.setdefault(VARIABLE, str(config.cache.mkdir("compiled")))
+
 
 Run = Callable[..., "subprocess.CompletedProcess[str]"]
 
@@ -74,15 +82,16 @@ def launcher(script: Path) -> Iterator[Launcher | None]:
 def cli(launcher: Launcher | None, script: Path, tmp_path: Path) -> Run:
     """Runs a command in a process of its own, in an empty folder; returns the completed process.
 
-    With ``env`` it is a new interpreter, which reads some of the variables when it starts.
+    With options of ``subprocess.run``, such as ``env``, it is a new interpreter.
     """
 
     def run(
-        *arguments: str, cwd: Path = tmp_path, env: Mapping[str, str] | None = None
+        *arguments: str, cwd: Path = tmp_path, **options: Any
     ) -> subprocess.CompletedProcess[str]:
         command = [str(script), *arguments]
-        if env is not None or launcher is None:
-            return subprocess.run(command, cwd=cwd, env=env, capture_output=True, text=True)
+        if options or launcher is None:
+            settings = {"cwd": cwd, "capture_output": True, "text": True, **options}
+            return subprocess.run(command, **settings)
         with (
             Path(os.devnull).open("rb") as null,
             tempfile.TemporaryFile() as out,
