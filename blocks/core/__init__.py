@@ -25,7 +25,18 @@ from blocks.core.expressions import (
 from blocks.core.extras import MissingPackageError, pip_line, require
 from blocks.core.installed import BrokenPackageError, Installed
 from blocks.core.kernels import function_kernel, has_kernels, kernel_for, kernel_of
-from blocks.core.matrices import covariance_fault, times
+from blocks.core.matrices import (
+    covariance_fault,
+    dot,
+    eliminate,
+    kron,
+    product,
+    small_eliminate,
+    small_product,
+    solve,
+    times,
+    transposed,
+)
 from blocks.core.options import Options
 from blocks.core.params import (
     REQUIRED,
@@ -39,7 +50,7 @@ from blocks.core.params import (
     show,
     size_of,
 )
-from blocks.core.portable import arctan2, cos, directions, product, sin, solve
+from blocks.core.portable import arctan2, cos, directions, sin
 from blocks.core.scalar_functions import RESERVED, modulo, nearest
 from blocks.core.settings import Setting, SettingError
 from blocks.core.signals import (
@@ -119,6 +130,8 @@ __all__ = [
     "covariance_fault",
     "differ",
     "directions",
+    "dot",
+    "eliminate",
     "expression_function",
     "function_from",
     "function_kernel",
@@ -127,6 +140,7 @@ __all__ = [
     "hint",
     "kernel_for",
     "kernel_of",
+    "kron",
     "maybe_degrees",
     "modulo",
     "nearest",
@@ -142,7 +156,10 @@ __all__ = [
     "signal_type",
     "sin",
     "size_of",
+    "small_eliminate",
+    "small_product",
     "solve",
     "spread_to",
     "times",
+    "transposed",
 ]

@@ -22,11 +22,12 @@ from blocks.core import (
     ParameterError,
     Spikes,
     State,
+    dot,
     kernel_of,
     param,
 )
 from blocks.core.portable import flush, flush_due
-from blocks.neural.learner import Learner, decode_activity, dot, gain_and_bias
+from blocks.neural.learner import Learner, decode_activity, gain_and_bias
 from blocks.neural.lif import LIF, lif_rate_step, lif_step
 from blocks.neural.rules import follow, pes_step, share_of
 

@@ -25,6 +25,7 @@ from blocks.core import (
     Scalar,
     State,
     Vector,
+    dot,
     kernel_of,
     param,
     portable,
@@ -140,23 +141,6 @@ def _decode_kernel(weights: FloatArray, activity: FloatArray, limit: float) -> F
         total = dot(weights[row], activity)
         decoded[row] = total if limit == math.inf else min(max(total, -limit), limit)
     return decoded
-
-
-def dot(a: FloatArray, b: FloatArray) -> float:
-    """The inner product of two vectors (n,), summed in the same order on every machine.
-
-    Four independent sums, which a processor can add at the same time.
-    """
-    s0 = s1 = s2 = s3 = 0.0
-    last = len(a) - len(a) % 4
-    for i in range(0, last, 4):
-        s0 += a[i] * b[i]
-        s1 += a[i + 1] * b[i + 1]
-        s2 += a[i + 2] * b[i + 2]
-        s3 += a[i + 3] * b[i + 3]
-    for i in range(last, len(a)):
-        s0 += a[i] * b[i]
-    return (s0 + s1) + (s2 + s3)
 
 
 def gain_and_bias(

@@ -81,8 +81,8 @@ def tasks(folder: Path, engine: str) -> list[Task]:
 
 def forget() -> None:
     """Have graphs and modules read again, by all threads at once."""
-    worker._loaded.cache_clear()
-    worker._built.cache_clear()
+    worker._load.cache_clear()
+    worker._build.cache_clear()
     for name in [name for name in sys.modules if name.startswith("_blocks_of_")]:
         del sys.modules[name]
 
