@@ -641,6 +641,7 @@ def test_a_long_chain_as_png(n: int) -> None:
     assert bytes(diagram(chain(n), "png")).startswith(b"\x89PNG")  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_the_same_graph_gives_the_same_bytes_in_every_process() -> None:
     code = (
         "import hashlib, sys, runtime\n"
