@@ -133,7 +133,7 @@ MODELS = {
 }
 
 
-# A stiff one, one with events of the solver, a chaotic one; the others are slow tests.
+# A stiff one, a chaotic one, a robot; the others are slow tests.
 QUICK = ("robertson", "lorenz", "drive_to_pose")
 
 
