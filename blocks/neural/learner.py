@@ -31,7 +31,7 @@ from blocks.core import (
     portable,
 )
 from blocks.core.portable import flush, flush_due
-from blocks.neural.lif import lif_gain_and_bias, lif_rates
+from blocks.neural.lif import LIF, lif_gain_and_bias, lif_rates
 from blocks.neural.rules import pes_step
 
 LARGEST_STEP = 2.0
@@ -67,15 +67,23 @@ class Learner(Block, ABC):
         (-1.0, 0.9), below=1.0, shape=(2,), doc="range of the inputs where firing sets in"
     )
 
+    @property
+    def model(self) -> LIF:
+        """The neurons, or those that this learner replaces."""
+        return LIF(tau_rc=self.tau_rc, tau_ref=self.tau_ref)
+
     def validate(self) -> None:
         problems = []
         for name in ("max_rates", "intercepts"):
             low, high = self.value(name)
             if low > high:
                 problems.append((name, f"expected [low, high], got [{low:g}, {high:g}]"))
-        fastest = 1.0 / self.tau_ref
+        slowest, fastest = self.model.slowest, self.model.fastest
         if self.max_rates[1] >= fastest:
             message = f"a refractory time of {self.tau_ref:g} s allows less than {fastest:g} Hz"
+            problems.append(("max_rates", message))
+        if self.max_rates[0] <= slowest:
+            message = f"these time constants allow more than {slowest:.6g} Hz at the threshold"
             problems.append(("max_rates", message))
         if problems:
             raise ParameterError(problems)
