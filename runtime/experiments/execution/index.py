@@ -326,10 +326,20 @@ def remaining(index: Index, trials: Iterator[Trial]) -> Iterator[Trial]:
             raise UsageError(
                 f"'{index.path}': trial {row.trial} is a duplicate, or is not in the plan"
             )
-        if (trial_of_row.configuration.cells, trial_of_row.seed) != (row.cells, row.seed):
-            raise UsageError(
-                f"'{index.path}' belongs to a different plan: its trial {row.trial} is "
-                f"{', '.join(row.cells)} with seed {row.seed}, "
-                f"ours {', '.join(trial_of_row.configuration.cells)} with seed {trial_of_row.seed}"
-            )
+        check_row(trial_of_row, row, index.path)
     return itertools.chain(ahead.values(), trials)
+
+
+def check_row(trial: Trial, row: Row, path: Path) -> None:
+    """Check that a row of the index at ``path`` is that of a trial.
+
+    Raises
+    ------
+    UsageError : it has other values or another seed.
+    """
+    if (trial.configuration.cells, trial.seed) != (row.cells, row.seed):
+        raise UsageError(
+            f"'{path}' belongs to a different plan: its trial {row.trial} is "
+            f"{', '.join(row.cells)} with seed {row.seed}, ours "
+            f"{', '.join(trial.configuration.cells)} with seed {trial.seed}"
+        )

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 from runtime.document import dump_yaml
-from runtime.errors import UsageError
 from runtime.experiments.design import own_value
 from runtime.experiments.execution import (
     INDEX,
@@ -21,6 +20,7 @@ from runtime.experiments.execution import (
     Task,
     Trial,
     WorkerPool,
+    check_row,
     open_folder,
     read_plan,
     run_trials,
@@ -146,7 +146,7 @@ class _Runner:
         missing = [trial for trial in trials if trial.number not in known]
         for trial in trials:
             if trial.number in known:
-                _check_row(trial, known[trial.number], index.path)
+                check_row(trial, known[trial.number], index.path)
         if missing:
             if self.pool is None:
                 self.pool = self.options.make_pool()
@@ -273,15 +273,6 @@ def _judge(plan: TuningPlan, runner: _Runner, index: Index, result: TuningResult
 
 def _rows(index: Index) -> dict[int, Row]:
     return {row.trial: row for row in index.rows()}
-
-
-def _check_row(trial: Trial, row: Row, path: Path) -> None:
-    if (trial.configuration.cells, trial.seed) != (row.cells, row.seed):
-        raise UsageError(
-            f"'{path}' belongs to a different plan: its trial {row.trial} is "
-            f"{', '.join(row.cells)} with seed {row.seed}, ours "
-            f"{', '.join(trial.configuration.cells)} with seed {trial.seed}"
-        )
 
 
 def _spread(candidates: list[Candidate], most: int) -> list[Candidate]:
