@@ -23,7 +23,6 @@ from blocks.core.expressions import (
     read_expression,
 )
 from blocks.core.extras import MissingPackageError, pip_line, require
-from blocks.core.installed import BrokenPackageError, Installed
 from blocks.core.kernels import function_kernel, has_kernels, kernel_for, kernel_of
 from blocks.core.matrices import covariance_fault, times
 from blocks.core.options import Options
@@ -40,6 +39,7 @@ from blocks.core.params import (
     size_of,
 )
 from blocks.core.portable import arctan2, cos, directions, product, sin, solve
+from blocks.core.registries import BrokenPackageError, Offer, Registry, groups, read_again
 from blocks.core.scalar_functions import RESERVED, modulo, nearest
 from blocks.core.settings import Setting, SettingError
 from blocks.core.signals import (
@@ -84,9 +84,9 @@ __all__ = [
     "ExpressionError",
     "FloatArray",
     "Input",
-    "Installed",
     "IntArray",
     "MissingPackageError",
+    "Offer",
     "Options",
     "Output",
     "Param",
@@ -97,6 +97,7 @@ __all__ = [
     "PortType",
     "Pose",
     "PoseValue",
+    "Registry",
     "Same",
     "Scalar",
     "Scan",
@@ -123,6 +124,7 @@ __all__ = [
     "function_from",
     "function_kernel",
     "function_text",
+    "groups",
     "has_kernels",
     "hint",
     "kernel_for",
@@ -136,6 +138,7 @@ __all__ = [
     "plain",
     "portable",
     "product",
+    "read_again",
     "read_expression",
     "require",
     "show",

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from runtime.runs import open_run
-from tests.blocks.core.test_installed import package
+from tests.blocks.core.test_registries import package
 from tests.blocks.neural.test_own_models import GRAPH, MINE, MODULE
 from tests.conftest import Run
 

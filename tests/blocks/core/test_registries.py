@@ -9,7 +9,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from blocks.core import Block, BrokenPackageError, Installed
+from blocks.core import Block, BrokenPackageError, Registry, read_again
+from blocks.generic import Sum
 from tests.conftest import Run
 
 GROUP = "spikeblocks.blocks"
@@ -56,19 +57,16 @@ def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     (folder / "sb_latin-1.0.dist-info/METADATA").write_bytes(b"\xff\xfe")
     (folder / "sb_text-1.0.dist-info/entry_points.txt").write_bytes(b"\xff\xfe[x")
     monkeypatch.syspath_prepend(str(folder))
+    read_again()
     yield folder
+    read_again()
     for name in set(sys.modules) - before:
         if name.startswith("sb_"):
             del sys.modules[name]
 
 
-def offered() -> Installed[type[Block]]:
-    return Installed(
-        GROUP,
-        lambda value: isinstance(value, type) and issubclass(value, Block),
-        "a subclass of Block",
-        taken=["Sum"],
-    )
+def offered() -> Registry[type[Block]]:
+    return Registry("blocks", Block, "a subclass of Block", own={"Sum": Sum}, classes=True)
 
 
 def test_each_package_is_imported_only_when_its_name_is_asked_for(site: Path) -> None:
