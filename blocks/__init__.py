@@ -7,7 +7,6 @@ from blocks import (
     control,
     dynamics,
     generic,
-    learning,
     mujoco,
     neural,
     nonlinear,
@@ -45,7 +44,6 @@ from blocks.core import (
 )
 from blocks.dynamics import *
 from blocks.generic import *
-from blocks.learning import *
 from blocks.mujoco import *
 from blocks.neural import *
 from blocks.nonlinear import *
@@ -62,7 +60,6 @@ __all__ += ["WheelSpeeds", "kernel_of", "param"]
 __all__ += control.__all__
 __all__ += dynamics.__all__
 __all__ += generic.__all__
-__all__ += learning.__all__
 __all__ += mujoco.__all__
 __all__ += nonlinear.__all__
 __all__ += plants.__all__

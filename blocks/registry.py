@@ -17,7 +17,6 @@ from blocks import (
     control,
     dynamics,
     generic,
-    learning,
     mujoco,
     neural,
     nonlinear,
@@ -36,7 +35,6 @@ _CONTENT = "__spikeblocks_content__"
 
 ROOMS = (
     control,
-    learning,
     neural,
     world,
     wall_fitting,

@@ -32,7 +32,7 @@ def main() -> None:
         deployed = printed(DEPLOY, folder).split("\n\nablation folder")[0]
         plots = folder / "runs" / "adaptive_arm" / "latest" / "plots"
         shutil.copyfile(plots / "weights.png", IMAGES / "learning_weights.png")
-        (figure,) = folder.glob("ablations/adaptive_arm/*-*/plots/ablation.png")
+        figure = folder / "ablations" / "adaptive_arm" / "plots" / "ablation.png"
         shutil.copyfile(figure, IMAGES / "learning_deployed.png")
     text = f"""```text
 {TRAIN}

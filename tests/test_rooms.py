@@ -17,7 +17,7 @@ PACKAGES = ("blocks", "runtime", "spikeblocks", "graphs", "benchmarks", "example
 # do not know each other. What loads matplotlib in a room that works without it is a room by itself.
 FLOORS: tuple[tuple[str, ...], ...] = (
     ("blocks.core",),
-    ("blocks.dynamics", "blocks.generic", "blocks.learning", "blocks.neural", "blocks.nonlinear"),
+    ("blocks.dynamics", "blocks.generic", "blocks.neural", "blocks.nonlinear"),
     ("blocks.plants", "blocks.sources", "blocks.world"),
     ("blocks.control", "blocks.vehicle"),
     ("blocks.wall_fitting", "blocks.mujoco"),

@@ -1,25 +1,23 @@
-"""Populations of neurons: the Neural Engineering Framework as blocks.
+"""Populations of neurons, and what learns online from an error.
 
-An :class:`Ensemble` represents a vector by spikes, a :class:`Decoder` computes a function of it and
-learns by an error, and :class:`Weights` lead from neurons straight to neurons.
+The Neural Engineering Framework as blocks: an :class:`Ensemble` represents a vector by spikes, a
+:class:`Decoder` computes a function of it and learns by an error, and :class:`Weights` lead from
+neurons straight to neurons. :class:`AdaptiveEnsemble` is the paper's learner, encoder to rule in
+one block; RateEnsemble, AdaptiveBias and MRAC have its ports and can replace it.
 """
 
+from blocks.neural.adaptive import AdaptiveEnsemble, RateEnsemble
 from blocks.neural.decoder import Decoder
 from blocks.neural.ensemble import Ensemble
+from blocks.neural.learner import AdaptiveBias
+from blocks.neural.lif import LIF, AdaptiveLIF, LIFRate
 from blocks.neural.models import Izhikevich, ReLU, Sigmoid, SpikingReLU, Tanh
-from blocks.neural.neurons import LIF, AdaptiveLIF, LIFRate, NeuronModel
+from blocks.neural.mrac import MRAC
+from blocks.neural.neurons import NeuronModel
 from blocks.neural.synapses import Synapse
 from blocks.neural.tuning import PLACES, Tuning, table_shape
 from blocks.neural.weights import Weights
 
-__all__ = [
-    "LIF",
-    "PLACES",
-    "AdaptiveLIF",
-    "Decoder",
-    "Ensemble",
-    "Izhikevich",
-    "LIFRate",
-    "NeuronModel",
-]
-__all__ += ["ReLU", "Sigmoid", "SpikingReLU", "Synapse", "Tanh", "Tuning", "Weights", "table_shape"]
+__all__ = ["LIF", "MRAC", "PLACES", "AdaptiveBias", "AdaptiveEnsemble", "AdaptiveLIF", "Decoder"]
+__all__ += ["Ensemble", "Izhikevich", "LIFRate", "NeuronModel", "RateEnsemble", "ReLU", "Sigmoid"]
+__all__ += ["SpikingReLU", "Synapse", "Tanh", "Tuning", "Weights", "table_shape"]

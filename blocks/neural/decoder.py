@@ -186,6 +186,6 @@ class Decoder(Solved):
     def _learn(self, state: BlockState) -> None:
         """Apply the error of the last tick, with the spikes that followed from it."""
         if state.rule == "pes":
-            pes_step(state.weights, state.activity, state.pending, state.gamma, state.groups)
+            pes_step(state.weights, state.activity, state.pending, state.gamma, 1.0, state.groups)
         if state.rule == "rls" and state.gamma > 0.0:
             rls_step(state.weights, state.inverse, state.activity, state.pending)

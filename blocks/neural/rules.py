@@ -86,33 +86,50 @@ def follow(activity: FloatArray, spikes: FloatArray, share: float) -> None:
 
 
 def pes_step(
-    weights: FloatArray, activity: FloatArray, error: FloatArray, gamma: float, groups: int
+    weights: FloatArray,
+    activity: FloatArray,
+    error: FloatArray,
+    gamma: float,
+    keep: float = 1.0,
+    groups: int = 1,
 ) -> None:
-    """W -= gamma error s' for each group; weights (rows, n), error (groups * rows,)."""
-    if not error.any():
-        return
+    """The PES rule with a leak, in place, for each group: W = keep W - gamma error s'.
+
+    Parameters
+    ----------
+    weights, activity, error : (rows, n), (n,), (groups * rows,).
+    """
     rows, n = weights.shape
     each = n // groups
-    scaled = gamma * error
+    if keep != 1.0:
+        weights *= np.array(keep)
+    scaled = [gamma * e for e in error.tolist()]
     for row in range(rows):
-        if groups == 1:
-            weights[row] -= scaled[row] * activity
-        else:
+        if groups > 1:
             weights[row] -= np.repeat(scaled[row::rows], each) * activity
+        elif scaled[row] != 0.0:
+            # NumPy takes an array without axes much faster than a number.
+            weights[row] -= np.array(scaled[row]) * activity
 
 
 @kernel_of(pes_step)
 def _pes_kernel(
-    weights: FloatArray, activity: FloatArray, error: FloatArray, gamma: float, groups: int
+    weights: FloatArray,
+    activity: FloatArray,
+    error: FloatArray,
+    gamma: float,
+    keep: float = 1.0,
+    groups: int = 1,
 ) -> None:
     rows, n = weights.shape
     each = n // groups
     for group in range(groups):
         for row in range(rows):
-            scaled = gamma * error[group * rows + row]
-            if scaled != 0.0:
+            cells, scaled = weights[row], gamma * error[group * rows + row]
+            # A pause, or a path without error, is frequent: then nothing is read or written.
+            if keep != 1.0 or scaled != 0.0:
                 for i in range(group * each, (group + 1) * each):
-                    weights[row, i] -= scaled * activity[i]
+                    cells[i] = keep * cells[i] - scaled * activity[i]
 
 
 def rls_step(

@@ -55,8 +55,10 @@ class _Parser(argparse.ArgumentParser):
         return hint(option[1], self._option_string_actions)
 
     def _joined(self, words: Sequence[str], left: str) -> str:
-        """How an option takes NAME=VALUE, if its value was written as a word of its own."""
+        """How an option is written that was followed by a word which it does not take."""
         at = words.index(left) if left in words else 0
+        if at and words[at - 1] == "--resume":
+            return "; --resume takes no folder: it continues the one of --out DIR and --name NAME"
         action = self._option_string_actions.get(words[at - 2]) if at > 1 else None
         if action is None or "=" not in str(action.metavar) or "=" in words[at - 1]:
             return ""

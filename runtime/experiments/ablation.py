@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,7 +18,7 @@ from runtime.experiments.analysis import (
     compare,
     is_same,
 )
-from runtime.experiments.design import BASELINE, Variant
+from runtime.experiments.design import BASELINE
 from runtime.experiments.execution import (
     DIAGRAMS,
     INDEX,
@@ -29,13 +28,12 @@ from runtime.experiments.execution import (
     ExperimentPlan,
     Index,
     Row,
+    RunOptions,
     Task,
     Trial,
     TrialResult,
     VariantBundle,
-    WorkerPool,
-    check_same,
-    create,
+    open_folder,
     remaining,
     run_all,
     save_trial,
@@ -52,8 +50,6 @@ class AblationResult:
 
     plan: ExperimentPlan
     folder: Path
-    variants: dict[str, Variant]
-    essential: dict[str, str]
     test: Test
     rows: dict[str, list[Row]] = field(default_factory=dict)
     is_interrupted: bool = False
@@ -79,9 +75,11 @@ class AblationResult:
     def _removed_metrics(self) -> set[tuple[str, str]]:
         """(variant, metric) where the variant removes what the metric measures."""
         found = set()
-        for name, variant in self.variants.items():
+        for variant in self.plan.variants:
             inputs = {m.name: m.inputs.values() for m in variant.graph.observation.metrics}
-            found |= {(name, m) for m in self.plan.metrics if None in inputs.get(m, (None,))}
+            found |= {
+                (variant.name, m) for m in self.plan.metrics if None in inputs.get(m, (None,))
+            }
         return found
 
     def to_dict(self) -> dict[str, Any]:
@@ -101,12 +99,12 @@ class AblationResult:
             "test": TESTS[self.test],
             "correction": CORRECTION,
             "variants": [self._variant(variant) for variant in plan.variants],
-            "essential": self.essential,
+            "essential": dict(plan.essential),
             "table": [line.to_dict() for line in self.lines()],
         }
 
     def _variant(self, variant: VariantBundle) -> dict[str, Any]:
-        graph = self.variants[variant.name].graph
+        graph = variant.graph
         rows = self.rows[variant.name]
         reasons = Counter(row.reason for row in rows if row.status != "ok")
         return {
@@ -122,52 +120,31 @@ class AblationResult:
 
 
 def run_ablation(
-    plan: ExperimentPlan,
-    variants: list[Variant],
-    essential: dict[str, str],
-    folder: Path,
-    pool: Callable[[], WorkerPool],
-    test: Test = "t",
-    timeout: float | None = None,
-    progress: Progress | None = None,
+    plan: ExperimentPlan, options: RunOptions, progress: Progress, test: Test = "t"
 ) -> AblationResult:
     """Run the trials of the baseline and of all variants that have no row in the index yet.
 
     The trajectory with the first seed is kept for each variant, under ``runs``.
 
-    Parameters
-    ----------
-    folder : a new one, or that of an interrupted ablation with the same plan.
-
     Raises
     ------
-    UsageError : the folder cannot be written, or belongs to a different plan.
+    UsageError : as for :func:`open_folder`.
     """
-    everything = {BASELINE: Variant(BASELINE, plan.graph)} | {v.name: v for v in variants}
-    if folder.exists():
-        check_same(plan, folder)
-    else:
-        create(plan, folder)
+    folder = options.folder
+    open_folder(plan, options)
     with closing(Index(folder / INDEX, plan.columns)) as index:
-        finished = _run(plan, folder, index, pool, timeout, progress or Progress("", wanted=False))
+        finished = _run(plan, options, index, progress)
         rows: dict[str, list[Row]] = {variant.name: [] for variant in plan.variants}
         for row in sorted(index.rows(), key=lambda row: row.trial):
             rows[row.cells[0]].append(row)
-    done = AblationResult(plan, folder, everything, essential, test, rows, not finished)
+    done = AblationResult(plan, folder, test, rows, not finished)
     if finished:
         write_json(folder / TABLE, done.to_dict())
-        _draw_diagrams(plan, everything, folder)
+        _draw_diagrams(plan, folder)
     return done
 
 
-def _run(
-    plan: ExperimentPlan,
-    folder: Path,
-    index: Index,
-    make_pool: Callable[[], WorkerPool],
-    timeout: float | None,
-    progress: Progress,
-) -> bool:
+def _run(plan: ExperimentPlan, options: RunOptions, index: Index, progress: Progress) -> bool:
     """Run the trials that have no row yet; False if Ctrl-C interrupted them."""
     first = next(iter(plan.seeds))
     slugs = {variant.name: variant.slug for variant in plan.variants}
@@ -179,26 +156,26 @@ def _run(
 
     def task(trial: Trial) -> Task:
         if trial.seed == first:
-            return Task(trial, "trajectory", KEPT, timeout=timeout)
-        return Task(trial, timeout=timeout)
+            return Task(trial, "trajectory", KEPT, timeout=options.timeout)
+        return Task(trial, timeout=options.timeout)
 
     def record(trial: Trial, result: TrialResult) -> None:
         nonlocal finished
         name = trial.configuration.cells[0]
-        save_trial(trial, result, folder / RUNS / slugs[name])
+        save_trial(trial, result, options.folder / RUNS / slugs[name])
         index.append(Row.of(trial, result, plan.metrics))
         finished += 1
         progress(finished, plan.total, name)
 
-    return run_all(trials, make_pool, task, record, progress)
+    return run_all(trials, options.make_pool, task, record, progress)
 
 
-def _draw_diagrams(plan: ExperimentPlan, variants: dict[str, Variant], folder: Path) -> None:
+def _draw_diagrams(plan: ExperimentPlan, folder: Path) -> None:
     target = folder / DIAGRAMS
     with system_errors(f"write '{target}'"):
         own_folder(target)
         for variant in plan.variants:
-            network = variants[variant.name].graph.network
+            network = variant.graph.network
             write_whole(target / f"{variant.slug}.svg", str(diagram(network, "svg")))
             picture = stored_picture(network)
             if picture is not None:

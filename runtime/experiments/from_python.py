@@ -1,39 +1,44 @@
-"""Sweeps and ablations as functions: ``runtime.sweep(graph, {...})``, ``runtime.ablate(graph)``."""
+"""Experiments as functions: ``runtime.sweep(graph, {...})``, ``ablate(graph)`` and ``tune(...)``.
+
+In: a graph and options in Python. Out: a table. Each function makes the request that its verb of
+the command line makes, and runs the same plan::
+
+    runtime.sweep("case_a", {"params.v_r": "0.5..1.5:3"}, seeds=range(2), folder="mine")
+    runtime sweep case_a --vary params.v_r=0.5..1.5:3 --seeds 0..1 --name mine
+"""
 
 from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+import weakref
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import TypeVar
 
-from runtime.document import Node, Value, from_python, parse_yaml
-from runtime.errors import Problems, UsageError, Where
-from runtime.experiments.ablation import run_ablation
+from runtime.document import Value
+from runtime.errors import UsageError
+from runtime.experiments.ablation import AblationResult, run_ablation
 from runtime.experiments.analysis import Test
 from runtime.experiments.design import (
-    Additions,
     Experiment,
-    Method,
-    Objective,
-    Seeds,
-    Variant,
-    check_variants,
-    parse_seeds,
+    Over,
+    Request,
+    Sampler,
+    SeedList,
     read_experiment,
-    removals,
 )
-from runtime.experiments.execution import ablation_plan, chosen_pool, sweep_plan
-from runtime.experiments.sweeping import SweepOptions, run_sweep
-from runtime.experiments.tables import AblationTable, SweepTable
+from runtime.experiments.execution import RunOptions, ablation_plan, chosen_pool, sweep_plan
+from runtime.experiments.sweeping import SweepResult, run_sweep
+from runtime.experiments.tables import AblationTable, SweepTable, TuningTable
+from runtime.experiments.tuning import TuningResult, run_tuning, save_json, tuning_plan
 from runtime.files import slug
 from runtime.graph import Graph, load
 from runtime.terminal import Progress
 
-SeedList = str | int | Iterable[int]
 Source = Graph | str | Path | Mapping[str, Value]
-DEFAULT_SEEDS = Seeds(((0, 9),))
+ResultT = TypeVar("ResultT", SweepResult, AblationResult, TuningResult)
+TableT = TypeVar("TableT", SweepTable, AblationTable, TuningTable)
 
 
 def sweep(
@@ -47,6 +52,7 @@ def sweep(
     minimize: str | None = None,
     maximize: str | None = None,
     folder: str | Path | None = None,
+    resume: bool = False,
     keep: str = "none",
     jobs: int | None = None,
     scheduler: str | None = None,
@@ -64,8 +70,8 @@ def sweep(
     sampling_seed : of the samples.
     minimize, maximize : the metric that tells which configuration is best; the first is minimized
         by default.
-    folder : where the sweep is written; a temporary folder by default. One that holds part of the
-        same sweep is continued.
+    folder : where the sweep is written, a new one; a temporary folder by default.
+    resume : continue the sweep that the folder holds part of.
     keep : which trials leave a run folder in it: ``none``, ``failed``, ``best:N`` or ``all``.
     jobs : worker processes; one per processor by default.
     scheduler : address of a Dask cluster that runs the trials instead.
@@ -75,7 +81,7 @@ def sweep(
     ------
     GraphError, UsageError : the graph, a factor or an option is invalid, or the folder belongs to
         another experiment. Trials that fail are rows of the table.
-    KeyboardInterrupt : it was interrupted; with a ``folder``, the same call continues it.
+    KeyboardInterrupt : it was interrupted; with a ``folder``, ``resume=True`` continues it.
 
     Examples
     --------
@@ -89,25 +95,19 @@ def sweep(
     {'params.v_r': 1.0} 0 ok
     {'params.v_r': 1.0} 1 ok
     """
-    experiment = experiment_of(graph)
-    own = experiment.graph.check().network.seed
-    chosen = seeds_of(seeds) or experiment.seeds or Seeds(((own, own),))
-    experiment = Additions(
-        vary=[(path, node_of(values)) for path, values in (vary or {}).items()],
-        method=_method(random, sobol),
-        samples=(random if sobol is None else sobol) or 0,
-        sampling_seed=sampling_seed,
-        objective=_objective(minimize, maximize),
-    ).to(experiment, chosen)
-    plan = sweep_plan(experiment, chosen)
-    pool = chosen_pool(jobs, scheduler, timeout)
-    with folder_for(folder, plan.name) as target:
-        options = SweepOptions(target, True, pool, keep, timeout)
-        done = run_sweep(plan, options, Progress(plan.name))
-        if done.is_interrupted:
-            raise KeyboardInterrupt
-        table = SweepTable.of(done)
-    return table if folder is not None else table.with_temporary(target.parent)
+    if minimize is not None and maximize is not None:
+        raise UsageError("there is 'maximize' as well as 'minimize'; keep one")
+    entries: dict[str, object] = {"seeds": seeds, "random": random, "sobol": sobol}
+    entries |= {"sampling_seed": sampling_seed, "minimize": minimize, "maximize": maximize}
+    request = Request.of(entries, vary=(vary or {}).items())
+    plan = sweep_plan(request.added_to(_experiment(graph)))
+
+    def run(target: Path) -> SweepResult:
+        pool = chosen_pool(jobs, scheduler, timeout)
+        options = RunOptions(target, pool, resume, keep, timeout)
+        return run_sweep(plan, options, Progress(plan.name))
+
+    return _table(folder, plan.name, run, SweepTable.of)
 
 
 def ablate(
@@ -117,6 +117,7 @@ def ablate(
     seeds: SeedList | None = None,
     test: Test = "t",
     folder: str | Path | None = None,
+    resume: bool = False,
     jobs: int | None = None,
     scheduler: str | None = None,
     timeout: float | None = None,
@@ -130,13 +131,13 @@ def ablate(
         removed in turn by default.
     seeds : such as ``"0..19"`` or ``range(20)``; ``"0..9"`` by default.
     test : of differences, ``t`` or ``bootstrap``.
-    folder, jobs, scheduler, timeout : as for :func:`sweep`.
+    folder, resume, jobs, scheduler, timeout : as for :func:`sweep`.
 
     Raises
     ------
     GraphError, UsageError : a graph or an option is invalid, the graph has no metrics, or the
         folder belongs to another experiment. Trials that fail are rows of the table.
-    KeyboardInterrupt : it was interrupted; with a ``folder``, the same call continues it.
+    KeyboardInterrupt : it was interrupted; with a ``folder``, ``resume=True`` continues it.
 
     Examples
     --------
@@ -147,79 +148,117 @@ def ablate(
     >>> line.runs, line.difference.mean > 0
     (4, True)
     """
-    experiment = experiment_of(graph)
-    baseline = experiment.graph.check()
-    named = [Variant.of(name, each, baseline) for name, each in (variants or {}).items()]
-    chosen = [*experiment.variants, *named]
-    essential: dict[str, str] = {}
-    if chosen:
-        check_variants(chosen)
-    else:
-        chosen, essential = removals(baseline)
-    plan = ablation_plan(experiment, chosen, seeds_of(seeds) or experiment.seeds or DEFAULT_SEEDS)
-    if not chosen:
-        raise UsageError("no block of this graph can be removed alone; give variants")
-    if not plan.metrics:
-        raise UsageError("the graph has no metrics to compare variants by; add some")
-    pool = chosen_pool(jobs, scheduler, timeout)
-    with folder_for(folder, plan.name) as target:
-        progress = Progress(plan.name)
-        done = run_ablation(plan, chosen, essential, target, pool, test, timeout, progress)
+    request = Request.of({"seeds": seeds}, variants=(variants or {}).items())
+    plan = ablation_plan(request.added_to(_experiment(graph)))
+
+    def run(target: Path) -> AblationResult:
+        pool = chosen_pool(jobs, scheduler, timeout)
+        options = RunOptions(target, pool, resume, timeout=timeout)
+        return run_ablation(plan, options, Progress(plan.name), test)
+
+    return _table(folder, plan.name, run, AblationTable.of)
+
+
+def tune(
+    graph: Source,
+    vary: Mapping[str, str | Iterable[object]] | None = None,
+    *,
+    minimize: str | Sequence[str] = (),
+    maximize: str | Sequence[str] = (),
+    constraints: Sequence[str] | Mapping[str, Mapping[str, float]] = (),
+    trials: int | None = None,
+    sampler: Sampler | None = None,
+    batch: int | None = None,
+    sampling_seed: int | None = None,
+    over: Over | None = None,
+    stop_early: bool | None = None,
+    seeds: SeedList | None = None,
+    conditions: Mapping[str, Graph] | None = None,
+    held_out: SeedList | None = None,
+    held_out_conditions: Mapping[str, Graph] | None = None,
+    folder: str | Path | None = None,
+    resume: bool = False,
+    jobs: int | None = None,
+    scheduler: str | None = None,
+    timeout: float | None = None,
+) -> TuningTable:
+    """Find the values of some factors that minimise metrics, and judge them on held-out runs.
+
+    Parameters
+    ----------
+    graph : a graph, or the file or name of one or of an experiment.
+    vary : for each path into the graph its values: a list, or a range as on the command line.
+    minimize, maximize : metrics; several give a front. The first metric is minimised by default.
+    constraints : what must hold, as ``["effort below 0.3"]`` or ``{"effort": {"below": 0.3}}``.
+    trials, sampler, batch, sampling_seed : how many configurations are tried (100), by which
+        optimiser (``tpe``), how many are asked for at a time (4), and its seed.
+    over : over the conditions, the ``mean`` of a metric or its ``worst`` value.
+    stop_early : whether configurations that half of the others beat are stopped (yes).
+    seeds, conditions : of the training runs; conditions are changed graphs by name.
+    held_out, held_out_conditions : of the runs that judge; other seeds, 1000..1019 by default.
+    folder, resume, jobs, scheduler, timeout : as for :func:`sweep`.
+
+    Raises
+    ------
+    GraphError, UsageError : the graph, a factor or an option is invalid.
+    MissingExtraError : optuna is not installed.
+    KeyboardInterrupt : it was interrupted; with a ``folder``, ``resume=True`` continues it.
+    """
+    entries: dict[str, object] = {"seeds": seeds, "held_out": held_out, "trials": trials}
+    entries |= {"minimize": _listed(minimize), "maximize": _listed(maximize)}
+    entries |= {"constraints": constraints or None, "sampler": sampler, "batch": batch}
+    entries |= {"sampling_seed": sampling_seed, "over": over, "stop_early": stop_early}
+    request = Request.of(
+        entries,
+        vary=(vary or {}).items(),
+        conditions=(conditions or {}).items(),
+        held_out_conditions=(held_out_conditions or {}).items(),
+    )
+    plan = tuning_plan(request.added_to(_experiment(graph)))
+
+    def run(target: Path) -> TuningResult:
+        pool = chosen_pool(jobs, scheduler, timeout)
+        options = RunOptions(target, pool, resume, timeout=timeout)
+        done = run_tuning(plan, options, Progress(plan.name))
+        save_json(done)
+        return done
+
+    return _table(folder, plan.name, run, TuningTable.of)
+
+
+def _table(
+    folder: str | Path | None,
+    name: str,
+    run: Callable[[Path], ResultT],
+    table_of: Callable[[ResultT], TableT],
+) -> TableT:
+    """Run an experiment, and make its table.
+
+    Without a folder it is written to a temporary one, which is removed after an error, or together
+    with the table.
+    """
+    scratch = None if folder is not None else Path(tempfile.mkdtemp(prefix="spikeblocks-"))
+    try:
+        done = run(Path(folder) if scratch is None else scratch / name)  # type: ignore[arg-type]
         if done.is_interrupted:
             raise KeyboardInterrupt
-        table = AblationTable.of(done)
-    return table if folder is not None else table.with_temporary(target.parent)
-
-
-@contextmanager
-def folder_for(folder: str | Path | None, name: str) -> Iterator[Path]:
-    """The folder of an experiment: a temporary one, removed after an error, if none is given."""
-    if folder is not None:
-        yield Path(folder)
-        return
-    scratch = Path(tempfile.mkdtemp(prefix="spikeblocks-"))
-    try:
-        yield scratch / name
+        table = table_of(done)
     except BaseException:
-        shutil.rmtree(scratch, ignore_errors=True)
+        if scratch is not None:
+            shutil.rmtree(scratch, ignore_errors=True)
         raise
+    if scratch is not None:
+        weakref.finalize(table, shutil.rmtree, scratch, ignore_errors=True)
+    return table
 
 
-def experiment_of(graph: Source) -> Experiment:
+def _experiment(graph: Source) -> Experiment:
     """The experiment that a graph, a file or a name stands for."""
     if isinstance(graph, (str, Path)):
         return read_experiment(str(graph))
-    found = graph if isinstance(graph, Graph) else load(graph)
-    return Experiment(slug(found.title), found)
+    loaded = graph if isinstance(graph, Graph) else load(graph)
+    return Experiment(slug(loaded.title), loaded)
 
 
-def seeds_of(seeds: SeedList | None) -> Seeds | None:
-    """Seeds as a call gives them."""
-    if seeds is None:
-        return None
-    given = seeds if isinstance(seeds, (str, int)) else list(seeds)
-    problems = Problems()
-    found = parse_seeds(from_python(given, Where("seeds")), "", problems)
-    problems.raise_any()
-    return found
-
-
-def node_of(values: str | Iterable[object]) -> Node:
-    """The values of a factor as a call gives them."""
-    if isinstance(values, str):
-        return parse_yaml(values, "vary")
-    return from_python(list(values), Where("vary"))
-
-
-def _method(random: int | None, sobol: int | None) -> Method | None:
-    if random is not None and sobol is not None:
-        raise UsageError("there is 'sobol' as well as 'random'; keep one")
-    return "random" if random is not None else "sobol" if sobol is not None else None
-
-
-def _objective(minimize: str | None, maximize: str | None) -> Objective | None:
-    if minimize is not None and maximize is not None:
-        raise UsageError("there is 'maximize' as well as 'minimize'; keep one")
-    if maximize is not None:
-        return Objective(maximize, "maximize")
-    return None if minimize is None else Objective(minimize)
+def _listed(metrics: str | Sequence[str]) -> list[str]:
+    return [metrics] if isinstance(metrics, str) else list(metrics)

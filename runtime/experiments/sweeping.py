@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from runtime.errors import UsageError
 from runtime.experiments.analysis import ANY, NEVER, Tally
 from runtime.experiments.execution import (
     INDEX,
@@ -19,36 +17,15 @@ from runtime.experiments.execution import (
     Index,
     RetentionPolicy,
     Row,
+    RunOptions,
     Trial,
     TrialResult,
-    WorkerPool,
-    check_same,
-    create,
+    open_folder,
     remaining,
     run_all,
 )
 from runtime.files import write_json
 from runtime.terminal import Progress
-
-
-@dataclass(frozen=True)
-class SweepOptions:
-    """How a sweep is run; none of this affects its numbers.
-
-    Parameters
-    ----------
-    folder : where it is written.
-    resume : continue a sweep that is there.
-    make_pool : makes the worker pool, once everything else has been checked.
-    keep : which trials leave a run folder.
-    timeout : time limit of a trial in seconds.
-    """
-
-    folder: Path
-    resume: bool
-    make_pool: Callable[[], WorkerPool]
-    keep: str = "none"
-    timeout: float | None = None
 
 
 @dataclass
@@ -91,13 +68,12 @@ class SweepResult:
         }
 
 
-def run_sweep(plan: ExperimentPlan, options: SweepOptions, progress: Progress) -> SweepResult:
+def run_sweep(plan: ExperimentPlan, options: RunOptions, progress: Progress) -> SweepResult:
     """Run the trials of a plan that have no row in the index yet.
 
     Raises
     ------
-    UsageError : the folder belongs to a different plan, exists although ``resume`` is off, or
-        cannot be written.
+    UsageError : as for :func:`open_folder`.
     """
     began = time.perf_counter()
     column = None if plan.objective is None else plan.metrics.index(plan.objective.metric)
@@ -107,7 +83,7 @@ def run_sweep(plan: ExperimentPlan, options: SweepOptions, progress: Progress) -
     retention = RetentionPolicy(
         options.folder, options.keep, plan.objective, column, options.timeout
     )
-    _open_folder(plan, options)
+    open_folder(plan, options)
 
     def draw() -> None:
         progress(tally.done, plan.total, tally.line(plan.columns.factors))
@@ -133,15 +109,3 @@ def run_sweep(plan: ExperimentPlan, options: SweepOptions, progress: Progress) -
     result.wall_s = time.perf_counter() - began
     write_json(options.folder / SUMMARY, result.summary())
     return result
-
-
-def _open_folder(plan: ExperimentPlan, options: SweepOptions) -> None:
-    if not options.folder.exists():
-        # With resume too: a sweep may have been killed before it made its folder.
-        create(plan, options.folder)
-        return
-    check_same(plan, options.folder)
-    if not options.resume:
-        raise UsageError(
-            f"'{options.folder}' exists already; --resume continues it, --name begins another"
-        )

@@ -1,16 +1,14 @@
-"""What a sweep or an ablation gives in Python: typed tables that show themselves."""
+"""What a sweep, an ablation or a tuning gives in Python: typed tables that show themselves."""
 
 from __future__ import annotations
 
 import math
-import shutil
-import weakref
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 from runtime.dataframes import dataframe
 from runtime.document import parse_yaml
@@ -31,6 +29,7 @@ from runtime.experiments.analysis import (
 from runtime.experiments.design import Objective
 from runtime.experiments.execution import INDEX, Columns, Row, read_rows
 from runtime.experiments.sweeping import SweepResult
+from runtime.experiments.tuning import Judgement, Tried, TuningResult, judgements, summary
 from runtime.runs import Figures
 from runtime.terminal import table, with_unit
 
@@ -94,11 +93,6 @@ class _Table:
     units: Mapping[str, str] = field(repr=False)
     never: Mapping[str, str] = field(repr=False)
     folder: Path = field(repr=False)
-
-    def with_temporary(self, folder: Path) -> Self:
-        """This table; ``folder`` is removed as soon as the table is not used any more."""
-        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
-        return self
 
     def to_dataframe(self) -> DataFrame:
         """One row per run, for pandas (extra ``dataframes``).
@@ -251,9 +245,9 @@ class AblationTable(_Table):
             plan.units,
             plan.never,
             result.folder,
-            tuple(result.variants),
+            tuple(variant.name for variant in plan.variants),
             lines,
-            result.essential,
+            plan.essential,
             legend(lines, result.test),
         )
 
@@ -296,6 +290,55 @@ class AblationTable(_Table):
     def _repr_html_(self) -> str:
         rows = comparison_rows(self.lines, self.units, self.never)
         return _html(self._head(), rows, self._notes()) + self.plot()._repr_html_()
+
+
+@dataclass(frozen=True)
+class TuningTable:
+    """What a tuning found.
+
+    Parameters
+    ----------
+    configurations : all that were tried, the graph's own values first.
+    winners : the best one, or the front, of the training runs; at most five. Empty if nothing is
+        better than the graph's own values.
+    better : those of them that are better on the held-out runs, too.
+    judgements : the graph's own values and the winners on the training and the held-out runs.
+    folder : the tuning's folder, as that of :class:`SweepTable`.
+    """
+
+    configurations: tuple[Tried, ...] = field(repr=False)
+    winners: tuple[Tried, ...]
+    better: tuple[Tried, ...]
+    judgements: tuple[Judgement, ...] = field(repr=False)
+    paths: tuple[str, ...]
+    folder: Path = field(repr=False)
+    text: str = field(repr=False)
+
+    @classmethod
+    def of(cls, result: TuningResult) -> TuningTable:
+        """The table of a tuning that has ended."""
+        return cls(
+            tuple(result.tried),
+            tuple(result.winners),
+            tuple(result.better),
+            tuple(judgements(result)),
+            result.plan.paths,
+            result.folder,
+            summary(result),
+        )
+
+    @property
+    def best(self) -> dict[str, object]:
+        """The values of the first of ``better`` by path; empty if there is none."""
+        if not self.better:
+            return {}
+        return dict(zip(self.paths, self.better[0].values or (), strict=True))
+
+    def __str__(self) -> str:
+        return self.text
+
+    def _repr_html_(self) -> str:
+        return f"<pre>{escape(self.text)}</pre>"
 
 
 def _values(columns: Columns, cells: Sequence[str]) -> dict[str, object]:

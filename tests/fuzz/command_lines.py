@@ -29,7 +29,7 @@ HOLDS = (
 )
 SEPARATE = ("sweep", "ablate", "tune")
 REAL = 25  # of so many lines that could run in this process, one runs as a process
-FOLDERS = ("runs/tiny/a", "runs/tiny/latest", "runs/tiny", "sweeps/tiny", "ablation", ".")
+FOLDERS = ("runs/tiny/a", "runs/tiny/latest", "runs/tiny", "sweeps/tiny", "ablations/tiny", ".")
 GRAPHS = ("tiny.yaml", "tiny.yaml", "tiny.yaml", "exp.yaml", "scanning.yaml", "broken.yaml")
 UNKIND = ("", " ", "-", ",", "=", "nope", "bytes.yaml", "own.py", "/dev/null", "tiny.yaml/x", "ü")
 BAD = ("x" * 300, "\udcff.yaml", "\x1b[31m")
@@ -91,7 +91,6 @@ PLAUSIBLE: dict[str, tuple[str, ...]] = {
     "-j": ("1", "2", "0", "5000"),
     "--timeout": ("60", "0", "nan", "-1"),
     "--scheduler": ("nowhere", "tcp://"),
-    "--resume": ("ablation", "sweeps/tiny", "runs/tiny/a"),
     "--test": ("t", "bootstrap"),
     "--rtol": ("0", "1e-3", "-1", "nan"),
     "--atol": ("0", "1e-3", "inf"),

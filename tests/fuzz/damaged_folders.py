@@ -28,7 +28,7 @@ HOLDS = (
     "Each verb ends with an allowed exit code and a sentence, never a traceback; what --json "
     "prints is JSON; and nothing outside of the folder changes."
 )
-RUN, SWEEP, ABLATION = "runs/tiny/a", "sweeps/tiny", "ablation"
+RUN, SWEEP, ABLATION = "runs/tiny/a", "sweeps/tiny", "ablations/tiny"
 VERBS: tuple[tuple[str, tuple[str, ...]], ...] = (
     (RUN, ("report", RUN, "--json")),
     (RUN, ("report", RUN, "-o", "-")),
@@ -41,7 +41,7 @@ VERBS: tuple[tuple[str, tuple[str, ...]], ...] = (
 # These run as processes: they start workers, or a renderer.
 RESUMING: tuple[tuple[str, tuple[str, ...]], ...] = (
     (SWEEP, ("sweep", "exp.yaml", "--resume", "--keep", "all", "-j", "1", "--no-plots")),
-    (ABLATION, ("ablate", "exp.yaml", "--resume", ABLATION, "-j", "1", "--no-plots")),
+    (ABLATION, ("ablate", "exp.yaml", "--resume", "-j", "1", "--no-plots")),
     (RUN, ("render", RUN, "--json")),
 )
 WRITTEN = "report.html"

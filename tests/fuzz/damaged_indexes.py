@@ -26,10 +26,10 @@ HOLDS = (
     "The file is refused with exit code 2 and its name; or the rows are bit for bit those of the "
     "undamaged folder, all of them after --resume, only such for report."
 )
-SWEEP, ABLATION = "sweeps/tiny", "ablation"
+SWEEP, ABLATION = "sweeps/tiny", "ablations/tiny"
 RESUME = (
     (SWEEP, ("sweep", "exp.yaml", "--resume", "--keep", "all", "-j", "1", "--no-plots")),
-    (ABLATION, ("ablate", "exp.yaml", "--resume", ABLATION, "-j", "1", "--no-plots")),
+    (ABLATION, ("ablate", "exp.yaml", "--resume", "-j", "1", "--no-plots")),
 )
 REPORT = tuple((folder, ("report", folder, "--json")) for folder in (SWEEP, ABLATION))
 INDEX, PLAN = "index.csv", "plan.yaml"

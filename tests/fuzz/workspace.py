@@ -125,9 +125,6 @@ def made() -> Path:
         done = subprocess.run([SCRIPT, *command], cwd=folder, capture_output=True, text=True)
         if done.returncode:
             raise RuntimeError(f"{command}: {done.stderr}")
-    (ablation,) = (folder / "ablations").glob("*/2*")
-    ablation.rename(folder / "ablation")
-    shutil.rmtree(folder / "ablations")
     return folder
 
 

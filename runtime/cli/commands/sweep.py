@@ -6,15 +6,20 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runtime.cli.commands import add_output, show_folder
-from runtime.cli.commands.changes import add_changes, changed
-from runtime.cli.commands.workers import add_workers, chosen_seeds, pool_of, start_early
-from runtime.errors import UsageError
+from runtime.cli.commands import show_folder
+from runtime.cli.commands.workers import (
+    add_experiment,
+    add_factors,
+    note_of,
+    progress_of,
+    requested,
+    run_options,
+    start_early,
+)
 from runtime.terminal import short, show, show_json, tell, with_unit
 
 if TYPE_CHECKING:
     from runtime.experiments import SweepResult
-    from runtime.experiments.design import Additions, Method
 
 HELP = "vary parameters (grids or samples) and seeds; parallel and resumable"
 
@@ -22,18 +27,10 @@ HELP = "vary parameters (grids or samples) and seeds; parallel and resumable"
 def add(parser: ArgumentParser) -> None:
     """Declare the options."""
     parser.add_argument("graph", help="a graph, or an experiment.yaml")
-    parser.add_argument(
-        "--vary",
-        action="append",
-        metavar="PATH=VALUES",
-        default=[],
-        help="a factor: lqr.q='[[1, 1, 1], [2, 2, 2]]', a=0.1..0.9:5, b='log(1e-5..1e-2):7', "
-        "n='int(50..200):4'; repeatable",
-    )
+    add_factors(parser)
     sampled = parser.add_mutually_exclusive_group()
     sampled.add_argument("--random", type=int, metavar="N", help="N random samples of the ranges")
     sampled.add_argument("--sobol", type=int, metavar="N", help="N samples of a Sobol sequence")
-    parser.add_argument("--sampling-seed", type=int, metavar="K", help="seed of the samples (0)")
     goal = parser.add_mutually_exclusive_group()
     goal.add_argument("--minimize", metavar="METRIC", help="the objective (the first metric)")
     goal.add_argument("--maximize", metavar="METRIC", help="likewise, if larger is better")
@@ -43,35 +40,17 @@ def add(parser: ArgumentParser) -> None:
         metavar="WHICH",
         help="trials that keep a run folder: all, failed, best:N or none (none)",
     )
-    parser.add_argument(
-        "--name", help="name of the sweep's folder (the graph's, or the experiment's)"
-    )
-    parser.add_argument("--resume", action="store_true", help="continue an interrupted sweep")
-    add_workers(parser, "the graph's own seed")
-    add_output(parser, "sweeps", "sweeps")
-    add_changes(parser, seed=False)
+    add_experiment(parser, "sweep", "sweeps", "the graph's own seed")
 
 
 def run(options: Namespace) -> int:
     """Run the trials that have no row yet; print and draw the results."""
     start_early(options)
-    from runtime.engine import silent
-    from runtime.experiments import SweepOptions, run_sweep
-    from runtime.experiments.design import Seeds, read_experiment
+    from runtime.experiments import run_sweep
     from runtime.experiments.execution import sweep_plan
-    from runtime.terminal import Progress
 
-    experiment = read_experiment(
-        options.graph, lambda graph: changed(graph, options), modules=not options.no_modules
-    )
-    own = experiment.graph.check().network.seed
-    seeds = chosen_seeds(options) or experiment.seeds or Seeds(((own, own),))
-    experiment = _additions(options).to(experiment, seeds)
-    quiet = options.quiet or options.json
-    plan = sweep_plan(experiment, seeds, silent if quiet else tell)
-    folder = Path(options.out) / plan.name
-    how = SweepOptions(folder, options.resume, pool_of(options), options.keep, options.timeout)
-    result = run_sweep(plan, how, Progress(plan.name, wanted=not quiet))
+    plan = sweep_plan(requested(options), note_of(options))
+    result = run_sweep(plan, run_options(options, plan.name), progress_of(options, plan.name))
     pictures: list[Path] = []
     if not (options.no_plots or result.is_interrupted):
         from runtime.experiments.analysis.sweep_plots import save_sweep_figures
@@ -86,39 +65,6 @@ def run(options: Namespace) -> int:
         tell(f"{message}; --resume continues {result.folder}")
         return 130
     return 3 if result.tally.counts["ok"] == 0 else 0
-
-
-def _additions(options: Namespace) -> Additions:
-    """What the command line adds to the experiment."""
-    from runtime.document import parse_yaml
-    from runtime.experiments.design import Additions, Objective
-
-    vary = []
-    for text in options.vary:
-        path, equals, values = text.partition("=")
-        origin = f"--vary {text}"
-        if not equals:
-            raise UsageError(f"{origin}: expected PATH=VALUES")
-        vary.append((path.strip(), parse_yaml(values, origin)))
-    method: Method | None = None
-    if options.random is not None:
-        method = "random"
-    elif options.sobol is not None:
-        method = "sobol"
-    objective = None
-    if options.minimize is not None:
-        objective = Objective(options.minimize)
-    elif options.maximize is not None:
-        objective = Objective(options.maximize, "maximize")
-    return Additions(
-        vary=vary,
-        method=method,
-        samples=(options.random if options.sobol is None else options.sobol) or 0,
-        sampling_seed=options.sampling_seed,
-        objective=objective,
-        name=options.name,
-        options="--{}",
-    )
 
 
 def _print(result: SweepResult, pictures: list[Path]) -> None:

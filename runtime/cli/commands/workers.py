@@ -1,23 +1,53 @@
-"""Options of the verbs that run many trials: seeds and workers."""
+"""What ``sweep``, ``ablate`` and ``tune`` share: their options, and the request made of them.
+
+In: options as argparse read them. Out: the experiment that they ask for, and how to run it::
+
+    --vary a=1..2:3 --name x --resume  ->  a Request of vary and name, added to the file;
+                                           RunOptions(folder=sweeps/x, resume=True)
+"""
 
 from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
-from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runtime.cli.commands import at_least, integer
-from runtime.errors import Problems
+from runtime.cli.commands import add_output, at_least, integer
+from runtime.cli.commands.changes import add_changes, changed
+from runtime.errors import UsageError
+from runtime.terminal import tell
 
 if TYPE_CHECKING:
-    from runtime.experiments.design import Seeds
-    from runtime.experiments.execution import WorkerPool
+    from runtime.experiments.design import Experiment, Named
+    from runtime.experiments.execution import Note, RunOptions
+    from runtime.terminal import Progress
 
 MAX_JOBS = 4096
+# The options that are entries of an experiment file, too.
+ENTRIES = (
+    *("seeds", "held_out", "random", "sobol", "sampling_seed", "minimize", "maximize"),
+    *("constraints", "trials", "sampler", "batch", "over", "stop_early"),
+)
 
 
-def add_workers(parser: ArgumentParser, seeds: str) -> None:
-    """Declare the options; ``seeds`` describes the default seeds."""
+def add_experiment(
+    parser: ArgumentParser, kind: str, folder: str, seeds: str, variants: bool = False
+) -> None:
+    """Declare the options that the three verbs share.
+
+    Parameters
+    ----------
+    kind : what the verb runs, such as ``sweep``.
+    folder : for experiments of this kind.
+    seeds : the default seeds, for the help.
+    variants : whether changes of the graph may begin variants.
+    """
+    parser.add_argument(
+        "--name", help=f"the {kind}'s name: it is written to DIR/NAME (the graph's)"
+    )
+    parser.add_argument(
+        "--resume", action="store_true", help=f"continue the {kind} in DIR/NAME, if it is there"
+    )
     parser.add_argument("--seeds", metavar="SEEDS", help=f"0..9, 3, or 0,4,7..9 ({seeds})")
     jobs = integer(1, MAX_JOBS)
     parser.add_argument(
@@ -32,25 +62,21 @@ def add_workers(parser: ArgumentParser, seeds: str) -> None:
         metavar="ADDRESS",
         help="run the trials on a Dask cluster: tcp://host:8786",
     )
+    add_output(parser, folder, folder)
+    add_changes(parser, seed=False, variants=variants)
 
 
-def chosen_seeds(options: Namespace) -> Seeds | None:
-    """The seeds given on the command line, or None.
-
-    Raises
-    ------
-    GraphError : a seed is not a number.
-    """
-    from runtime.document import parse_yaml
-    from runtime.experiments.design import parse_seeds
-
-    if options.seeds is None:
-        return None
-    problems = Problems()
-    origin = f"--seeds {options.seeds}"
-    seeds = parse_seeds(parse_yaml(options.seeds, origin), "", problems)
-    problems.raise_any()
-    return seeds
+def add_factors(parser: ArgumentParser) -> None:
+    """Declare ``--vary`` and the seed of what is sampled."""
+    parser.add_argument(
+        "--vary",
+        action="append",
+        metavar="PATH=VALUES",
+        default=[],
+        help="a factor: lqr.q='[[1, 1, 1], [2, 2, 2]]', a=0.1..0.9:5, b='log(1e-5..1e-2):7', "
+        "n='int(50..200):4'; without ':n' any value of the range; repeatable",
+    )
+    parser.add_argument("--sampling-seed", type=int, metavar="K", help="seed of the samples (0)")
 
 
 def start_early(options: Namespace) -> None:
@@ -61,8 +87,51 @@ def start_early(options: Namespace) -> None:
         choice.start_early()
 
 
-def pool_of(options: Namespace) -> Callable[[], WorkerPool]:
-    """A function that makes the worker pool chosen on the command line."""
-    from runtime.experiments.execution import chosen_pool
+def requested(options: Namespace, variants: Named = ()) -> Experiment:
+    """The experiment of a file or graph with all that the command line adds to it."""
+    from runtime.experiments.design import ON_COMMAND_LINE, Request, read_experiment
 
-    return chosen_pool(options.jobs, options.scheduler, options.timeout)
+    experiment = read_experiment(
+        options.graph, lambda graph: changed(graph, options), modules=not options.no_modules
+    )
+    written = vars(options)
+    vary = []
+    for text in written.get("vary", ()):
+        path, equals, values = text.partition("=")
+        if not equals:
+            raise UsageError(f"--vary {text}: expected PATH=VALUES")
+        vary.append((path.strip(), values))
+    entries = {key: written.get(key) for key in ENTRIES}
+    request = Request.of(
+        entries, vary=vary, name=options.name, variants=variants, option=ON_COMMAND_LINE
+    )
+    return request.added_to(experiment)
+
+
+def run_options(options: Namespace, name: str) -> RunOptions:
+    """How the experiment of this name is run: in which folder, by which workers."""
+    from runtime.experiments.design import ON_COMMAND_LINE
+    from runtime.experiments.execution import RunOptions, chosen_pool
+
+    return RunOptions(
+        Path(options.out) / name,
+        chosen_pool(options.jobs, options.scheduler, options.timeout),
+        options.resume,
+        getattr(options, "keep", "none"),
+        options.timeout,
+        ON_COMMAND_LINE,
+    )
+
+
+def note_of(options: Namespace) -> Note:
+    """Where notes go: to stderr, or nowhere."""
+    from runtime.engine import silent
+
+    return silent if options.quiet or options.json else tell
+
+
+def progress_of(options: Namespace, name: str) -> Progress:
+    """The progress bar, if one is wanted."""
+    from runtime.terminal import Progress
+
+    return Progress(name, wanted=not (options.quiet or options.json))

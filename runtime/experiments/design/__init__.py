@@ -1,12 +1,7 @@
-"""What an experiment varies: factors, seeds, variants, the objective, and experiment files."""
+"""What an experiment varies: factors, seeds, variants; experiment files, and requests."""
 
-from runtime.experiments.design.additions import Additions
-from runtime.experiments.design.checks import (
-    check_design,
-    check_factor,
-    check_objective,
-    own_value,
-)
+from runtime.experiments.design.checks import check_design, check_paths, own_value
+from runtime.experiments.design.entries import Entries, Over, Sampler
 from runtime.experiments.design.experiment import (
     CHANGES,
     KEYS,
@@ -18,21 +13,11 @@ from runtime.experiments.design.experiment import (
     read_experiment,
 )
 from runtime.experiments.design.factors import Factor, Range, parse_factor
-from runtime.experiments.design.objective import Objective
+from runtime.experiments.design.objective import Constraint, Objective
+from runtime.experiments.design.request import ON_COMMAND_LINE, Named, Request, SeedList
 from runtime.experiments.design.sampling import Design, Method
+from runtime.experiments.design.search import RunSet, Tuning, tuning_of
 from runtime.experiments.design.seeds import Seeds, parse_seeds
-from runtime.experiments.design.tuning import (
-    OVER,
-    SAMPLERS,
-    Constraint,
-    Over,
-    RunSet,
-    Sampler,
-    Tuning,
-    TuningEntries,
-    complete,
-    parse_constraint,
-)
 from runtime.experiments.design.variants import (
     BASELINE,
     Variant,
@@ -46,38 +31,37 @@ __all__ = [
     "BASELINE",
     "CHANGES",
     "KEYS",
-    "OVER",
+    "ON_COMMAND_LINE",
     "PLAN_KEYS",
-    "SAMPLERS",
     "VARIANT_KEYS",
-    "Additions",
     "Constraint",
     "Design",
+    "Entries",
     "Experiment",
     "Factor",
     "Method",
+    "Named",
     "Objective",
     "Over",
     "Range",
+    "Request",
     "RunSet",
     "Sampler",
+    "SeedList",
     "Seeds",
     "Tuning",
-    "TuningEntries",
     "Variant",
     "check_design",
     "check_experiment",
-    "check_factor",
-    "check_objective",
+    "check_paths",
     "check_variants",
-    "complete",
     "grouped",
     "is_experiment",
     "own_value",
-    "parse_constraint",
     "parse_factor",
     "parse_seeds",
     "read_experiment",
     "removals",
     "slugs",
+    "tuning_of",
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,6 @@ from blocks.core import hint
 from runtime.document import Node, full_path
 from runtime.errors import GraphError, Problems, UsageError, Where
 from runtime.experiments.design.factors import Factor
-from runtime.experiments.design.objective import Objective
 from runtime.experiments.design.sampling import Design
 from runtime.experiments.design.seeds import Seeds
 from runtime.graph import Graph
@@ -68,10 +68,7 @@ def check_design(graph: Graph, design: Design, seeds: Seeds) -> None:
         raise UsageError("there is nothing to vary; add --vary PATH=VALUES, or more --seeds")
     if not design.factors and design.method != "grid":
         raise UsageError(f"there is nothing to sample for --{design.method}; add --vary PATH=RANGE")
-    paths = [full_path(graph.document, factor.path) for factor in design.factors]
-    for i, path in enumerate(paths):
-        if path in paths[:i]:
-            raise UsageError(f"'{design.factors[i].path}' is varied twice; keep one")
+    check_paths(graph, design.factors)
     for factor in design.factors:
         if design.method == "grid" and not factor.count:
             raise UsageError(
@@ -80,10 +77,22 @@ def check_design(graph: Graph, design: Design, seeds: Seeds) -> None:
             )
 
 
-def check_objective(graph: Graph, objective: Objective, where: Where, problems: Problems) -> None:
-    """Check that a graph has the metric that an objective names."""
+def check_paths(graph: Graph, factors: Sequence[Factor]) -> None:
+    """Check that no two factors are the same value, written as a full path and as a short one.
+
+    Raises
+    ------
+    UsageError : two are.
+    """
+    paths = [full_path(graph.document, factor.path) for factor in factors]
+    for i, path in enumerate(paths):
+        if path in paths[:i]:
+            raise UsageError(f"'{factors[i].path}' is varied twice; keep one")
+
+
+def check_metric(graph: Graph, name: str, where: Where, address: str, problems: Problems) -> None:
+    """Check that a graph has a metric that an objective or a constraint names."""
     known = [metric.name for metric in graph.observation.metrics]
-    if objective.metric not in known:
-        suggestion = hint(objective.metric, known) or f"; it has {', '.join(known) or 'none'}"
-        message = f"the graph has no metric '{objective.metric}'{suggestion}"
-        problems.add(where, objective.goal, message)
+    if name not in known:
+        suggestion = hint(name, known) or f"; it has {', '.join(known) or 'none'}"
+        problems.add(where, address, f"the graph has no metric '{name}'{suggestion}")

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Literal
 
 from runtime.document import (
     SHIPPED,
@@ -27,19 +26,15 @@ from runtime.errors import (
     UsageError,
     Where,
 )
-from runtime.experiments.design.checks import check_factor, check_objective
-from runtime.experiments.design.factors import parse_factor
+from runtime.experiments.design.entries import SWEEP_KEYS, TUNING_KEYS, Entries, read_entries
 from runtime.experiments.design.objective import Objective
-from runtime.experiments.design.sampling import Design, Method
-from runtime.experiments.design.seeds import Seeds, parse_seeds
-from runtime.experiments.design.tuning import KEYS as TUNING_KEYS
-from runtime.experiments.design.tuning import TuningEntries, read_tuning
+from runtime.experiments.design.sampling import Design
+from runtime.experiments.design.seeds import Seeds
 from runtime.experiments.design.variants import Variant
 from runtime.files import slug
 from runtime.graph import Graph, load
 
 CHANGES = ("with", "set", "wire", "without", "bypass", "replace")
-SWEEP_KEYS = ("vary", "random", "sobol", "sampling_seed", "minimize", "maximize")
 # Further keys of plan.yaml, which is an experiment file as well.
 PLAN_KEYS = (
     *("schema_version", "kind", "metrics", "units", "ends", "never", "points", "digest"),
@@ -50,25 +45,33 @@ KEYS = (
     *(*TUNING_KEYS, *PLAN_KEYS),
 )
 VARIANT_KEYS = ("graph", "until", *CHANGES, "changes")
-MAX_SAMPLES = 10**9
 Change = Callable[[Graph], Graph]
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """What to run: ``design`` for a sweep, ``variants`` for an ablation; either may be empty.
-
-    ``tuning`` holds what is written about finding the best values; ``path`` is the file.
-    """
+    """What to run: a graph, what is varied in it, and ``variants`` of it; ``path`` is its file."""
 
     name: str
     graph: Graph
-    seeds: Seeds | None = None
-    design: Design = field(default_factory=lambda: Design(()))
-    objective: Objective | None = None
+    entries: Entries = field(default_factory=Entries)
     variants: tuple[Variant, ...] = ()
-    tuning: TuningEntries = field(default_factory=TuningEntries)
     path: Path | None = None
+
+    @property
+    def seeds(self) -> Seeds | None:
+        return self.entries.seeds
+
+    @property
+    def objective(self) -> Objective | None:
+        """The objective of a sweep: the first one."""
+        return next(iter(self.entries.objectives), None)
+
+    @property
+    def design(self) -> Design:
+        """All combinations of the factors' values, or samples of them."""
+        method, samples = self.entries.sampling or ("grid", 0)
+        return Design(self.entries.factors, method, samples, self.entries.sampling_seed or 0)
 
 
 def read_experiment(
@@ -174,20 +177,14 @@ class _Reader:
         except GraphError as error:
             problems.found += error.problems
             problems.raise_any()
-        seeds = document.get("seeds")
-        objectives = tuple(self.objectives(graph))
         experiment = Experiment(
             name=str(name.value) if name is not None else slug(otherwise),
             graph=graph,
-            seeds=None if seeds is None else parse_seeds(seeds, "seeds", problems),
-            design=self.design(graph),
-            objective=next(iter(objectives), None),
-            variants=tuple(self.variants(graph)),
-            tuning=read_tuning(
-                *(document, graph, objectives),
+            entries=read_entries(
+                *(document, graph, problems),
                 lambda node, address: self.named_variants(node, address, graph),
-                problems,
             ),
+            variants=tuple(self.variants(graph)),
         )
         problems.raise_any()
         return experiment
@@ -258,48 +255,6 @@ class _Reader:
             self.problems.raise_any()
         module, colon, kind = str(node.value).rpartition(":")
         return f"{self.folder / module}:{kind}" if colon else kind
-
-    def design(self, graph: Graph) -> Design:
-        document, problems = self.document, self.problems
-        factors = []
-        vary = document.get("vary")
-        if vary is not None and not vary.is_map:
-            message = f"expected {{path: values}}, got {vary.describe()}"
-            problems.add(vary.where, "vary", message)
-        for path, node in () if vary is None else vary.items():
-            factor = parse_factor(path, node, f"vary.{path}", problems)
-            if factor is not None:
-                check_factor(graph, factor, node.key, problems)
-                factors.append(factor)
-        method: Method = "grid"
-        samples = self.whole("sobol", 1)
-        if samples:
-            method = "sobol"
-        if document.get("random") is not None:
-            if samples:
-                problems.add(document.where, "random", "there is 'sobol' as well; keep one")
-            method, samples = "random", self.whole("random", 1)
-        return Design(tuple(factors), method, samples, self.whole("sampling_seed", 0))
-
-    def whole(self, key: str, least: int) -> int:
-        node = self.document.get(key)
-        if node is None:
-            return 0
-        value = node.value
-        if type(value) is int and least <= value <= MAX_SAMPLES:
-            return value
-        message = f"expected an integer from {least} to {MAX_SAMPLES}, got {node.describe()}"
-        self.problems.add(node.where, key, message)
-        return least
-
-    def objectives(self, graph: Graph) -> Iterator[Objective]:
-        goals: tuple[Literal["minimize", "maximize"], ...] = ("minimize", "maximize")
-        for goal in goals:
-            node = self.document.get(goal)
-            for item in [] if node is None else node.value if node.is_list else [node]:
-                found = Objective(str(item.value), goal)
-                check_objective(graph, found, item.where, self.problems)
-                yield found
 
     def variants(self, graph: Graph) -> list[Variant]:
         section = self.document.get("variants")

@@ -1,4 +1,10 @@
-"""The objective of a sweep: a metric to minimize or maximize."""
+"""Objectives and constraints: what a configuration is judged by.
+
+In: a metric's value. Out: a cost to minimise, or by how much a bound is violated::
+
+    Objective("speed", "maximize").of(2.0)  ->  -2.0
+    Constraint("effort", "below", 0.3).violation(0.4)  ->  0.1
+"""
 
 from __future__ import annotations
 
@@ -28,3 +34,19 @@ class Objective:
         if math.isinf(value):
             return math.inf
         return value if self.goal == "minimize" else -value
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """A metric that must be below or above a bound."""
+
+    metric: str
+    side: Literal["below", "above"]
+    bound: float
+
+    def violation(self, value: float) -> float:
+        """By how much a value violates it; at most 0 if it does not."""
+        return value - self.bound if self.side == "below" else self.bound - value
+
+    def __str__(self) -> str:
+        return f"{self.metric} {self.side} {self.bound:g}"

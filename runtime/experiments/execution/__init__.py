@@ -1,27 +1,30 @@
 """Running trials: the plan, its folder and index, worker pools, and which runs are kept."""
 
-from runtime.experiments.execution.index import Columns, Index, Row, read_rows, remaining
-from runtime.experiments.execution.plan import (
+from runtime.experiments.execution.folder import (
     DIAGRAMS,
-    GRAPH,
-    INDEX,
     PLAN,
     RUNS,
-    SCHEMA_VERSION,
     SUMMARY,
     TABLE,
+    RunOptions,
+    open_folder,
+    read_plan,
+)
+from runtime.experiments.execution.index import Columns, Index, Row, read_rows, remaining
+from runtime.experiments.execution.plan import (
+    GRAPH,
+    INDEX,
+    SCHEMA_VERSION,
     VARIANTS,
     ExperimentPlan,
     Note,
     VariantBundle,
     ablation_plan,
     bundle_for,
-    check_same,
+    bundles_of,
     checked_plan,
-    create,
     engine_for,
     metrics_of,
-    read_plan,
     sweep_plan,
 )
 from runtime.experiments.execution.retention import RetentionPolicy, save_trial
@@ -48,6 +51,7 @@ __all__ = [
     "Note",
     "RetentionPolicy",
     "Row",
+    "RunOptions",
     "Task",
     "Trial",
     "TrialResult",
@@ -55,12 +59,12 @@ __all__ = [
     "WorkerPool",
     "ablation_plan",
     "bundle_for",
-    "check_same",
+    "bundles_of",
     "checked_plan",
     "chosen_pool",
-    "create",
     "engine_for",
     "metrics_of",
+    "open_folder",
     "read_plan",
     "read_rows",
     "remaining",

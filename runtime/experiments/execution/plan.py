@@ -1,21 +1,23 @@
-"""The plan of a sweep or an ablation: everything its numbers depend on, and its folder."""
+"""The plan of a sweep or an ablation: everything that its numbers depend on.
+
+In: an experiment with all that a command adds. Out: :class:`ExperimentPlan`, whose ``trials`` can
+be sent to any process, and whose ``digest`` is equal where all numbers are::
+
+    {graph: G, vary: {a: [1, 2]}, seeds: 0..2}  ->  6 trials: a=1 with seeds 0, 1, 2, then a=2
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
-import shutil
 import sys
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from datetime import datetime
-from pathlib import Path
 from typing import Any, Literal, TypeVar
 
-from runtime.diagrams import stored_picture
-from runtime.document import dump_yaml, parse_yaml
 from runtime.engine import silent, take_compiled
-from runtime.errors import GraphError, UsageError
+from runtime.errors import UsageError
 from runtime.experiments.design import (
     BASELINE,
     Design,
@@ -23,9 +25,12 @@ from runtime.experiments.design import (
     Objective,
     Seeds,
     Variant,
+    check_design,
+    check_variants,
+    removals,
     slugs,
 )
-from runtime.experiments.execution.index import RESERVED, Columns, Index
+from runtime.experiments.execution.index import RESERVED, Columns
 from runtime.experiments.execution.trials import (
     Configuration,
     GraphBundle,
@@ -33,25 +38,14 @@ from runtime.experiments.execution.trials import (
     swept_configurations,
     trials_of,
 )
-from runtime.files import check_form, system_errors
 from runtime.graph import Graph
-from runtime.runs import DIAGRAM
 
 SCHEMA_VERSION = 1
-PLAN, GRAPH, INDEX = "plan.yaml", "graph.resolved.yaml", "index.csv"
-VARIANTS = "variants"
-TABLE, DIAGRAMS, RUNS = "ablation.json", "diagrams", "runs"
-SUMMARY = "summary.json"
+GRAPH, INDEX, VARIANTS = "graph.resolved.yaml", "index.csv", "variants"
 Kind = Literal["sweep", "ablation", "tuning"]
 Note = Callable[[str], None]
+ABLATION_SEEDS = Seeds(((0, 9),))
 PlanT = TypeVar("PlanT", bound="ExperimentPlan")
-_ALTERNATIVES: dict[Kind, str] = {
-    "sweep": "--name NAME begins another sweep beside it; to continue that one, repeat its own "
-    "command with --resume",
-    "ablation": "without --resume, the ablation gets a new folder",
-    "tuning": "--name NAME begins another tuning beside it; to continue that one, repeat its own "
-    "command with --resume",
-}
 
 
 @dataclass(frozen=True)
@@ -61,12 +55,16 @@ class VariantBundle:
     name: str
     slug: str
     bundle: GraphBundle
+    graph: Graph = field(repr=False, compare=False)
     changes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class ExperimentPlan:
-    """All that the numbers of a sweep (``design``) or an ablation (``variants``) depend on."""
+    """All that the numbers of a sweep (``design``) or an ablation (``variants``) depend on.
+
+    ``essential`` are the blocks that an ablation cannot remove alone, with the reasons.
+    """
 
     kind: Kind
     name: str
@@ -77,6 +75,7 @@ class ExperimentPlan:
     design: Design
     variants: tuple[VariantBundle, ...] = ()
     objective: Objective | None = None
+    essential: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def columns(self) -> Columns:
@@ -171,9 +170,17 @@ class ExperimentPlan:
         }
 
 
-def sweep_plan(experiment: Experiment, seeds: Seeds, note: Note = silent) -> ExperimentPlan:
-    """The plan of a sweep; ``note`` receives hints that would make it faster."""
+def sweep_plan(experiment: Experiment, note: Note = silent) -> ExperimentPlan:
+    """The plan of a sweep; ``note`` receives hints that would make it faster.
+
+    Raises
+    ------
+    UsageError : there is nothing to vary, or a factor or a column's name is there twice.
+    """
     graph, design = experiment.graph, experiment.design
+    own = graph.network.seed
+    seeds = experiment.seeds or Seeds(((own, own),))
+    check_design(graph, design, seeds)
     metrics = metrics_of(graph)
     objective = experiment.objective
     if objective is None and metrics:
@@ -186,23 +193,43 @@ def sweep_plan(experiment: Experiment, seeds: Seeds, note: Note = silent) -> Exp
     return checked_plan(plan)
 
 
-def ablation_plan(
-    experiment: Experiment, variants: list[Variant], seeds: Seeds, note: Note = silent
-) -> ExperimentPlan:
-    """The plan of an ablation; the baseline is its first variant."""
-    graph = experiment.graph
+def ablation_plan(experiment: Experiment, note: Note = silent) -> ExperimentPlan:
+    """The plan of an ablation; the baseline is its first variant.
+
+    Without variants, each block is removed in turn.
+
+    Raises
+    ------
+    UsageError : a variant cannot run, there is none, or there is no metric.
+    """
+    graph, seeds = experiment.graph.check(), experiment.seeds or ABLATION_SEEDS
+    variants, essential = list(experiment.variants), dict[str, str]()
+    if variants:
+        check_variants(variants)
+    else:
+        variants, essential = removals(graph)
+    if not variants:
+        raise UsageError("no block of this graph can be removed alone; give variants")
+    metrics = metrics_of(graph)
+    if not metrics:
+        raise UsageError("the graph has no metrics to compare variants by; add 'metrics:'")
     engine = engine_for(graph, (1 + len(variants)) * len(seeds), note)
-    bundle, metrics = bundle_for(graph, engine), metrics_of(graph)
-    names = slugs([BASELINE, *(variant.name for variant in variants)])
-    bundles = [VariantBundle(BASELINE, names[BASELINE], bundle)]
-    for variant in variants:
-        own = bundle_for(variant.graph, engine)
-        bundles.append(VariantBundle(variant.name, names[variant.name], own, variant.changes))
+    bundles = bundles_of([Variant(BASELINE, graph), *variants], engine)
     plan = ExperimentPlan(
-        *("ablation", experiment.name, graph, bundle, seeds, metrics, Design(())),
-        variants=tuple(bundles),
+        *("ablation", experiment.name, graph, bundles[0].bundle, seeds, metrics, Design(())),
+        variants=bundles,
+        essential=essential,
     )
     return checked_plan(plan)
+
+
+def bundles_of(variants: Sequence[Variant], engine: str) -> tuple[VariantBundle, ...]:
+    """Variants as they are sent to workers."""
+    names = slugs([variant.name for variant in variants])
+    return tuple(
+        VariantBundle(v.name, names[v.name], bundle_for(v.graph, engine), v.graph, v.changes)
+        for v in variants
+    )
 
 
 def engine_for(graph: Graph, runs: int, note: Note) -> str:
@@ -236,108 +263,3 @@ def checked_plan(plan: PlanT) -> PlanT:
             taken = f"taken by a column of {INDEX}: {', '.join(RESERVED)}"
             raise UsageError(f"metric '{name}': the name is {taken}; rename the metric")
     return plan
-
-
-def create(plan: ExperimentPlan, folder: Path) -> None:
-    """Make a plan's folder, which gets its name only when it is complete.
-
-    Raises
-    ------
-    UsageError : it cannot be written.
-    """
-    partial = folder.with_name(f".{folder.name}.partial")
-    try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        shutil.rmtree(partial, ignore_errors=True)
-        partial.mkdir()
-        _write_bundle(plan.bundle, partial)
-        drawn = stored_picture(plan.graph.network)
-        if drawn is not None:
-            (partial / DIAGRAM).write_text(drawn, encoding="utf-8")
-        for variant in plan.variants:
-            if variant.name != BASELINE:
-                _write_bundle(variant.bundle, partial / VARIANTS / variant.slug)
-        (partial / PLAN).write_text(dump_yaml(plan.to_dict()), encoding="utf-8")
-        Index.create(partial / INDEX, plan.columns)
-        partial.rename(folder)
-    except OSError as error:
-        shutil.rmtree(partial, ignore_errors=True)
-        raise UsageError(f"cannot write '{folder}': {error.strerror or error}") from None
-
-
-def _write_bundle(bundle: GraphBundle, folder: Path) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / GRAPH).write_text(bundle.text, encoding="utf-8")
-    for name, content in bundle.beside:
-        (folder / name).write_bytes(content)
-
-
-def read_plan(folder: Path) -> dict[str, Any]:
-    """The plan of a sweep or an ablation, as plain values.
-
-    Raises
-    ------
-    UsageError : there is no plan, or it cannot be read.
-    """
-    path = folder / PLAN
-    try:
-        stored = parse_yaml(path.read_text(encoding="utf-8"), str(path)).plain()
-    except (OSError, UnicodeDecodeError, GraphError) as error:
-        raise UsageError(f"cannot read the plan of '{folder}': {error}") from None
-    if not isinstance(stored, dict) or stored.get("schema_version") != SCHEMA_VERSION:
-        raise UsageError(f"'{path}' is not a plan of this version of the program")
-    try:
-        found = {"ends": {}, "never": {}, **stored}  # plans of earlier versions have neither
-        check_form(found, {"ends": dict, "never": dict})
-        for name, ends in found["ends"].items():
-            low, high = map(float, ends)
-            found["ends"][name] = (low, high)
-    except (TypeError, ValueError) as error:
-        raise UsageError(f"'{path}' is damaged: {error}") from None
-    return found
-
-
-def check_same(plan: ExperimentPlan, folder: Path) -> None:
-    """Check that a folder belongs to the same plan, and contains no links.
-
-    Raises
-    ------
-    UsageError : it does not; the message lists the differences.
-    """
-    _refuse_links(folder)
-    stored = read_plan(folder)
-    try:
-        text = (folder / GRAPH).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise UsageError(f"cannot read '{folder / GRAPH}': {error}") from None
-    if stored.get("digest") == plan.digest:
-        return
-    mine = {"kind": plan.kind, **plan.specification, "metrics": list(plan.metrics)}
-    keys = dict.fromkeys([*mine, *("vary", "random", "sobol", "sampling_seed", "variants")])
-    differing = [
-        f"{key}: {_short(stored.get(key))} there, {_short(mine.get(key))} here"
-        for key in keys
-        if stored.get(key) != mine.get(key)
-    ]
-    if text != plan.bundle.text or not differing:
-        differing.append("the graph")
-    raise UsageError(
-        f"'{folder}' belongs to a different plan, which differs in {'; '.join(differing)}; "
-        f"{_ALTERNATIVES[plan.kind]}"
-    )
-
-
-def _refuse_links(folder: Path) -> None:
-    """Refuse to write into a folder with links: their targets could be written or deleted."""
-    with system_errors(f"read '{folder}'"):
-        for path in [*folder.iterdir(), *folder.glob("*/*")]:
-            if path.is_symlink():
-                raise UsageError(
-                    f"'{path}' is a link, which is not followed when a folder is continued; "
-                    "replace it by what it points to"
-                )
-
-
-def _short(value: Any) -> str:
-    text = "nothing" if value is None else str(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."

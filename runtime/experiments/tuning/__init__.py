@@ -3,8 +3,7 @@
 from runtime.experiments.tuning.judging import Judged, Judgement, judge
 from runtime.experiments.tuning.output import NOTHING, judgements, save_json, summary
 from runtime.experiments.tuning.plan import HELD_OUT, TUNING, TuningPlan, tuning_plan
-from runtime.experiments.tuning.request import TuningRequest, tuning_request
-from runtime.experiments.tuning.running import TuningOptions, TuningResult, run_tuning
+from runtime.experiments.tuning.running import TuningResult, run_tuning
 from runtime.experiments.tuning.scores import Score, Tried
 from runtime.experiments.tuning.writing import check_writable, write_values
 
@@ -16,9 +15,7 @@ __all__ = [
     "Judgement",
     "Score",
     "Tried",
-    "TuningOptions",
     "TuningPlan",
-    "TuningRequest",
     "TuningResult",
     "check_writable",
     "judge",
@@ -27,6 +24,5 @@ __all__ = [
     "save_json",
     "summary",
     "tuning_plan",
-    "tuning_request",
     "write_values",
 ]

@@ -1,15 +1,30 @@
-"""The plan of a tuning run: everything its numbers depend on."""
+"""The plan of a tuning: everything that its numbers depend on.
+
+In: an experiment. Out: :class:`TuningPlan`, which numbers the trials of each configuration; with
+two seeds and the conditions a and b, configuration 3 has these::
+
+    stage 0: 12 (a, first seed), 13 (b, first seed)     stage 1: 14 (a, second), 15 (b, second)
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
-from runtime.document import flow_yaml, full_path
+from runtime.document import flow_yaml
 from runtime.engine import silent
 from runtime.errors import UsageError
-from runtime.experiments.design import Design, RunSet, Seeds, Tuning, slugs
+from runtime.experiments.design import (
+    Design,
+    Experiment,
+    RunSet,
+    Seeds,
+    Tuning,
+    Variant,
+    check_paths,
+    tuning_of,
+)
 from runtime.experiments.execution import (
     GRAPH,
     VARIANTS,
@@ -20,12 +35,12 @@ from runtime.experiments.execution import (
     Trial,
     VariantBundle,
     bundle_for,
+    bundles_of,
     checked_plan,
     engine_for,
     metrics_of,
 )
 from runtime.experiments.tuning.optimizer import optimizer_version
-from runtime.graph import Graph
 
 HELD_OUT, TUNING = "held_out.csv", "tuning.json"
 CONDITION, CONFIGURATION = "condition", "configuration"
@@ -87,9 +102,7 @@ class TuningPlan(ExperimentPlan):
         """The held-out runs of some configurations, given by number."""
         runs = self.tuning.held_out
         for i, (number, values) in enumerate(chosen.items()):
-            edits = (
-                () if values is None else tuple(zip(self.paths, self.cells(values), strict=True))
-            )
+            edits = self._edits(values)
             for j, condition in enumerate(self._conditions(runs, len(self.tuning.training.names))):
                 for k, seed in enumerate(runs.seeds):
                     place = (i * len(runs.conditions) + j) * len(runs.seeds) + k
@@ -99,8 +112,7 @@ class TuningPlan(ExperimentPlan):
     def _conditions(self, runs: RunSet, first: int) -> list[VariantBundle]:
         bundles = self.variants[first : first + len(runs.conditions)]
         return [
-            VariantBundle(name, bundle.slug, bundle.bundle)
-            for name, bundle in zip(runs.names, bundles, strict=True)
+            replace(bundle, name=name) for name, bundle in zip(runs.names, bundles, strict=True)
         ]
 
     @property
@@ -134,33 +146,28 @@ class TuningPlan(ExperimentPlan):
         return found
 
 
-def tuning_plan(
-    name: str, graph: Graph, design: Design, tuning: Tuning, note: Note = silent
-) -> TuningPlan:
+def tuning_plan(experiment: Experiment, note: Note = silent) -> TuningPlan:
     """The plan of a tuning run; ``note`` receives hints that would make it faster.
 
     Raises
     ------
-    UsageError : there is nothing to vary, a factor is duplicated, or a column's name is taken.
+    UsageError : there is nothing to vary, or a factor or a column's name is there twice.
     MissingExtraError : optuna is not installed.
     """
-    if not design.factors:
+    graph, factors = experiment.graph, experiment.entries.factors
+    tuning = tuning_of(experiment)
+    if not factors:
         raise UsageError("there is nothing to tune; add --vary PATH=RANGE")
-    paths = [full_path(graph.document, factor.path) for factor in design.factors]
-    for i, path in enumerate(paths):
-        if path in paths[:i]:
-            raise UsageError(f"'{design.factors[i].path}' is varied twice; keep one")
+    check_paths(graph, factors)
     engine = engine_for(graph, (1 + tuning.trials) * len(tuning.training), note)
-    bundles, taken = [], []
-    for kind, runs in (("training", tuning.training), ("held_out", tuning.held_out)):
-        for condition in runs.conditions:
-            taken.append(f"{kind} {condition.name}")
-            bundles.append(bundle_for(condition.graph.check(), engine))
-    names = slugs(taken)
+    conditions = [
+        Variant(f"{kind} {condition.name}", condition.graph.check())
+        for kind, runs in (("training", tuning.training), ("held_out", tuning.held_out))
+        for condition in runs.conditions
+    ]
     plan = TuningPlan(
-        *("tuning", name, graph, bundle_for(graph, engine), Seeds(()), metrics_of(graph)),
-        Design(design.factors, seed=tuning.seed),
-        tuple(VariantBundle(n, names[n], b) for n, b in zip(taken, bundles, strict=True)),
+        *("tuning", experiment.name, graph, bundle_for(graph, engine), Seeds(())),
+        *(metrics_of(graph), Design(factors, seed=tuning.seed), bundles_of(conditions, engine)),
         tuning=tuning,
     )
     return checked_plan(plan)

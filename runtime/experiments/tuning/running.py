@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -17,11 +17,11 @@ from runtime.experiments.execution import (
     PLAN,
     Index,
     Row,
+    RunOptions,
     Task,
     Trial,
     WorkerPool,
-    check_same,
-    create,
+    open_folder,
     read_plan,
     run_trials,
 )
@@ -32,24 +32,6 @@ from runtime.files import system_errors
 from runtime.terminal import Progress
 
 WINNERS = 5  # of a front, that are run on the held-out runs
-
-
-@dataclass(frozen=True)
-class TuningOptions:
-    """How a tuning is run; none of this affects its numbers.
-
-    Parameters
-    ----------
-    folder : where it is written.
-    resume : continue one that is there.
-    make_pool : makes the worker pool, once everything else has been checked.
-    timeout : time limit of a run in seconds.
-    """
-
-    folder: Path
-    resume: bool
-    make_pool: Callable[[], WorkerPool]
-    timeout: float | None = None
 
 
 @dataclass
@@ -91,7 +73,7 @@ class TuningResult:
         return sum(len(one.rows) for one in self.tried)
 
 
-def run_tuning(plan: TuningPlan, options: TuningOptions, progress: Progress) -> TuningResult:
+def run_tuning(plan: TuningPlan, options: RunOptions, progress: Progress) -> TuningResult:
     """Run what has no row in the indices yet.
 
     The optimiser is asked again from the start and told what the index holds, so that a tuning that
@@ -99,16 +81,20 @@ def run_tuning(plan: TuningPlan, options: TuningOptions, progress: Progress) -> 
 
     Raises
     ------
-    UsageError : the folder belongs to a different plan, exists although ``resume`` is off, or
-        cannot be written.
+    UsageError : as for :func:`open_folder`.
     MissingExtraError : optuna is not installed.
     """
     began = time.perf_counter()
-    _open_folder(plan, options)
-    result = TuningResult(plan, options.folder, [])
+    folder = options.folder
+    if options.resume and (folder / PLAN).exists():
+        _extend(plan, folder)
+    open_folder(plan, options)
+    if not (folder / HELD_OUT).exists():
+        Index.create(folder / HELD_OUT, plan.held_out_columns)
+    result = TuningResult(plan, folder, [])
     with (
-        closing(Index(options.folder / INDEX, plan.columns)) as index,
-        closing(Index(options.folder / HELD_OUT, plan.held_out_columns)) as judged,
+        closing(Index(folder / INDEX, plan.columns)) as index,
+        closing(Index(folder / HELD_OUT, plan.held_out_columns)) as judged,
         closing(_Runner(plan, options, progress)) as runner,
     ):
         try:
@@ -122,22 +108,6 @@ def run_tuning(plan: TuningPlan, options: TuningOptions, progress: Progress) -> 
             result.is_interrupted = True
     result.wall_s = time.perf_counter() - began
     return result
-
-
-def _open_folder(plan: TuningPlan, options: TuningOptions) -> None:
-    folder = options.folder
-    if folder.exists():
-        if options.resume:
-            _extend(plan, folder)
-        check_same(plan, folder)
-        if not options.resume:
-            raise UsageError(
-                f"'{folder}' exists already; --resume continues it, --name begins another"
-            )
-    else:
-        create(plan, folder)
-    if not (folder / HELD_OUT).exists():
-        Index.create(folder / HELD_OUT, plan.held_out_columns)
 
 
 def _extend(plan: TuningPlan, folder: Path) -> None:
@@ -164,7 +134,7 @@ def _extend(plan: TuningPlan, folder: Path) -> None:
 class _Runner:
     """Runs trials that have no row yet, on a pool that is made when it is first needed."""
 
-    def __init__(self, plan: TuningPlan, options: TuningOptions, progress: Progress) -> None:
+    def __init__(self, plan: TuningPlan, options: RunOptions, progress: Progress) -> None:
         self.plan, self.options, self.progress = plan, options, progress
         self.pool: WorkerPool | None = None
         self.finished = False

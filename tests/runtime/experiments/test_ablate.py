@@ -22,7 +22,7 @@ SEEDS = ("--seeds", "0..5", "-j", "2")
 
 
 def folder_of(root: Path) -> Path:
-    return (root / "ablations" / "draw" / "latest").resolve()
+    return root / "ablations" / "draw"
 
 
 def values(folder: Path) -> dict[tuple[str, int], dict[str, str]]:
@@ -99,7 +99,8 @@ def test_what_a_folder_holds(here: Run, draw: Path, tmp_path: Path) -> None:
     assert "bypassed" in drawn and "bypassed" not in whole
     for block in ("draw", "twice", "half", "sum"):
         assert block in drawn
-    again = here("ablate", str(folder / "plan.yaml"), "--json", "-j", "2", "--no-plots")
+    again = ("ablate", str(folder / "plan.yaml"), "--name", "again", "-j", "2", "--no-plots")
+    again = here(*again, "--json")
     assert json.loads(again.stdout)["table"] == facts["table"]
 
 
@@ -221,7 +222,8 @@ def test_an_interrupted_ablation_goes_on(here: Run, draw: Path, tmp_path: Path) 
     (folder / "ablation.json").unlink()
     kept = index.read_bytes().splitlines(keepends=True)
     index.write_bytes(b"".join(kept[:6]) + kept[6][:9])
-    done = here(*variants, "--resume", str(folder), "--json")
+    assert "exists already; --resume continues it, --name NAME begins" in here(*variants).stderr
+    done = here(*variants, "--resume", "--json")
     assert done.returncode == 0, done.stderr
     assert len(json.loads(done.stdout)["table"]) == 6
     numbers = ("status", "drawn", "total", "above_two")
@@ -229,11 +231,26 @@ def test_an_interrupted_ablation_goes_on(here: Run, draw: Path, tmp_path: Path) 
     assert {key: [row[n] for n in numbers] for key, row in again.items()} == {
         key: [row[n] for n in numbers] for key, row in whole.items()
     }
-    other = here(*variants, "--bypass", "twice", "--resume", str(folder))
+    other = here(*variants, "--bypass", "twice", "--resume")
     assert other.returncode == 2
     assert "belongs to a different plan, which differs in variants" in other.stderr
-    missing = here(*variants, "--resume", "nosuch")
-    assert "--resume nosuch: there is no such folder" in missing.stderr
+    for command in (("--resume", str(folder)), ("--resume", "nosuch")):
+        done = here(*variants, *command)
+        assert done.returncode == 2
+        assert "--resume takes no folder: it continues the one of --out DIR and --n" in done.stderr
+
+
+def test_a_folder_of_older_ablations_is_left_alone(here: Run, draw: Path, tmp_path: Path) -> None:
+    """They were at ablations/NAME/DATE-TIME-ID; such a one is still continued, by its name."""
+    variants = ("ablate", "draw.yaml", *SEEDS, "--no-plots", "--bypass", "half", "--json")
+    older = ("--out", "ablations/draw", "--name", "20260101-120000-abcdef")
+    assert here(*variants, *older).returncode == 0
+    done = here(*variants)
+    assert done.returncode == 2
+    assert "'ablations/draw' exists already, and is not the folder of a" in done.stderr
+    assert "--name NAME begins one elsewhere" in done.stderr
+    again = here(*variants, *older, "--resume")
+    assert again.returncode == 0 and json.loads(again.stdout)["variants"][1]["runs"] == 6
 
 
 @pytest.mark.parametrize(
@@ -295,7 +312,7 @@ def test_a_world_is_looked_up_beside_the_experiment(here: Run, draw: Path, tmp_p
         "  small: {set: {world: rooms/small.yaml}}\n  shipped: {set: {world: worlds/l_room.yaml}}\n"
     )
     assert here("ablate", "mine/e.yaml", "--no-plots", "-j", "1").returncode == 0
-    variants = next((tmp_path / "ablations" / "rooms").glob("*/variants"))
+    variants = tmp_path / "ablations" / "rooms" / "variants"
     small = (variants / "small" / "graph.resolved.yaml").read_text()
     assert all(corner in small for corner in ("[-1, -1]", "[1, -1]", "[1, 1]", "[-1, 1]"))
     assert "room:" in (variants / "shipped" / "graph.resolved.yaml").read_text()

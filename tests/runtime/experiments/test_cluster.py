@@ -82,17 +82,18 @@ def test_an_ablation_on_a_cluster_that_loses_a_worker_gives_the_same_index(
 ) -> None:
     removed = ("--without", "half", "--bypass", "half", "--bypass", "twice", "--seeds", "0..11")
     ablate = ("ablate", "draw.yaml", "--set", "draw.how=brief", *removed, "--no-plots", "-q")
-    done = here(*ablate, "-j", "2")
+    done = here(*ablate, "-j", "2", "--name", "local")
     assert done.returncode == 0, done.stderr
-    [local] = (tmp_path / "ablations" / "draw").glob("2*")
+    local, dask = (tmp_path / "ablations" / name for name in ("local", "dask"))
 
     address, processes = cluster
     with subprocess.Popen(
-        [script, *ablate, "--scheduler", address], cwd=tmp_path, stderr=subprocess.PIPE
+        [script, *ablate, "--scheduler", address, "--name", "dask"],
+        cwd=tmp_path,
+        stderr=subprocess.PIPE,
     ) as ablation:
-        while not (found := {*local.parent.glob("2*")} - {local}):
+        while not dask.exists():
             assert ablation.poll() is None
-        [dask] = found
         while lines(dask / "index.csv") < 8:
             assert ablation.poll() is None
         processes[1].kill()

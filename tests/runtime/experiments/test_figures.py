@@ -140,7 +140,7 @@ def test_more_configurations_than_a_page_shows(
 def test_an_ablation(here: Run, draw: Path, tmp_path: Path) -> None:
     variants = ("--bypass", "half", "--without", "sum", "--seeds", "0..4", "-j", "2")
     assert here("ablate", "draw.yaml", *variants, "--no-plots").returncode == 0
-    figure = ablation_figure(tmp_path / "ablations" / "draw" / "latest")
+    figure = ablation_figure(tmp_path / "ablations" / "draw")
     drawn, total = figure.axes[:2]
     assert [text.get_text() for text in drawn.get_yticklabels()] == [
         *("baseline", "bypass half", "without sum")

@@ -99,10 +99,12 @@ def test_a_folder_of_ones_own_is_continued(draw: Path, tmp_path: Path) -> None:
     first = runtime.sweep(draw, factors, seeds="0,1", folder=folder, jobs=2)
     index = (folder / "index.csv").read_text()
     (folder / "index.csv").write_text("".join(index.splitlines(keepends=True)[:3]))
-    again = runtime.sweep(draw, factors, seeds="0,1", folder=folder, jobs=2)
+    with pytest.raises(runtime.UsageError, match="exists already; resume=True continues it"):
+        runtime.sweep(draw, factors, seeds="0,1", folder=folder)
+    again = runtime.sweep(draw, factors, seeds="0,1", folder=folder, resume=True, jobs=2)
     assert [t.metrics for t in again.trials] == [t.metrics for t in first.trials]
     with pytest.raises(runtime.UsageError, match="belongs to a different plan"):
-        runtime.sweep(draw, factors, seeds="0,2", folder=folder)
+        runtime.sweep(draw, factors, seeds="0,2", folder=folder, resume=True)
 
 
 def test_a_temporary_folder_goes_with_its_table(draw: Path) -> None:

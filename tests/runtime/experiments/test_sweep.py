@@ -14,10 +14,9 @@ from pathlib import Path
 import pytest
 
 import runtime
-from runtime.document.node import from_python, parse_yaml
-from runtime.errors import Problems
+from runtime.document.node import parse_yaml
 from runtime.experiments.design.experiment import read_experiment
-from runtime.experiments.design.seeds import Seeds, parse_seeds
+from runtime.experiments.design.request import Request
 from runtime.experiments.execution.plan import sweep_plan
 from tests.compilers import needs_compiler
 from tests.conftest import Run
@@ -71,18 +70,13 @@ def test_seeds_alone_are_a_sweep(here: Run, draw: Path, tmp_path: Path) -> None:
 @needs_compiler
 def test_all_trials_have_one_engine() -> None:
     # Compilation does not pay off for two trials; it does for as many as would take minutes.
+    experiment = read_experiment("line_actuator_failure")
     for seeds, engine in (("0..1", "python"), ("0..9999999", "compiled")):
-        plan = sweep_plan(read_experiment("line_actuator_failure"), seeds_of(seeds))
+        plan = sweep_plan(Request.of({"seeds": seeds}).added_to(experiment))
         assert parse_yaml(plan.bundle.text, "g").plain()["run"]["engine"] == engine
     asked = read_experiment("line_actuator_failure", lambda g: g.set("run.engine", "python"))
-    plan = sweep_plan(asked, seeds_of("0..9999999"))
+    plan = sweep_plan(Request.of({"seeds": "0..9999999"}).added_to(asked))
     assert parse_yaml(plan.bundle.text, "g").plain()["run"]["engine"] == "python"
-
-
-def seeds_of(text: str) -> Seeds:
-    found = parse_seeds(from_python(text), "seeds", Problems())
-    assert found is not None
-    return found
 
 
 def test_the_plan_is_an_experiment_that_gives_the_same_rows(
@@ -315,7 +309,7 @@ def test_values_that_do_not_go_together_are_rows(here: Run, draw: Path, tmp_path
         (["--vary", "draw.level=[1]", "--keep", "best:0"], "expected all, failed, best:N or none"),
         (["--vary", "draw.level=[1]", "-j", "0"], "expected an integer from 1 to 4096"),
         (["--vary", "draw.level=[1]", "--timeout", "-1"], "expected a number above 0"),
-        (["--vary", "draw.level=0..1", "--sobol", "0"], "--sobol 0: expected at least 1"),
+        (["--vary", "draw.level=0..1", "--sobol", "0"], "--sobol 0: expected an integer from 1 to"),
         (["--vary", "draw.level=[1]", "--name", "a/b"], "--name a/b: expected letters, digits"),
         (
             ["--vary", "draw.level=[1]", "--set", "metrics.seed={kind: final, of: draw.out}"],

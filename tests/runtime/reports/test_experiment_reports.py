@@ -63,7 +63,7 @@ def folders(script: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str,
         goals = ("--minimize", "drawn", "--maximize", "total", "--held-out", "10..12")
         run("tune", "draw.yaml", *seeds, "--vary", "draw.level=0..5", *goals, "--trials", "6")
         found["tuning"] = root / "tunings" / "draw"
-    return {**found, "ablation": (root / "ablations" / "draw" / "latest").resolve()}
+    return {**found, "ablation": root / "ablations" / "draw"}
 
 
 @pytest.fixture(scope="module")

@@ -13,6 +13,7 @@ from runtime.experiments import run_ablation
 from runtime.experiments.design.experiment import Experiment, read_experiment
 from runtime.experiments.design.seeds import Seeds
 from runtime.experiments.design.variants import check_variants
+from runtime.experiments.execution.folder import RunOptions
 from runtime.experiments.execution.plan import ablation_plan
 from runtime.experiments.execution.worker_pool import WorkerPool, local_pool
 from runtime.graph import Graph
@@ -93,11 +94,9 @@ def measure(
     chosen = seeds or experiment.seeds
     if chosen is None:
         raise UsageError(f"{experiment.name}: there are no seeds")
-    variants = list(experiment.variants)
-    plan = ablation_plan(experiment, variants, chosen)
-    done = run_ablation(
-        plan, variants, {}, folder / plan.name, lambda: _pool(jobs), progress=Progress(plan.name)
-    )
+    plan = ablation_plan(replace(experiment, entries=replace(experiment.entries, seeds=chosen)))
+    options = RunOptions(folder / plan.name, lambda: _pool(jobs), resume=True)
+    done = run_ablation(plan, options, Progress(plan.name))
     if done.is_interrupted:
         raise KeyboardInterrupt
     rows = done.rows

@@ -31,7 +31,7 @@ def tuned(out: Path, jobs: int) -> None:
     stored = out / NAME / ALONE
     if stored.exists():
         return
-    seeds, conditions = read_experiment(str(FILE)).tuning.held_out
+    seeds, conditions = read_experiment(str(FILE)).entries.held_out
     found = {}
     for condition in conditions:
         graph = condition.graph.without("adaptive").set("run.engine", "compiled")

@@ -1,8 +1,14 @@
-"""Ensembles of neurons that learn online by PES, spiking and not (paper, section III-D)."""
+"""Ensembles of neurons that learn online by PES, spiking and not (paper, section III-D).
+
+An input (d,) and an error (k,) go in, what was learnt (k,) comes out. Encoding, neurons, synapse,
+decoding and rule are one block: what an Ensemble and a Decoder with ``filter: spikes`` compute in
+two, at a third of the calls::
+
+    snn: {type: AdaptiveEnsemble, neurons: 100, learning_rate: 1.0e-4}
+"""
 
 from __future__ import annotations
 
-import math
 from abc import abstractmethod
 from collections.abc import Mapping
 from typing import final
@@ -18,10 +24,11 @@ from blocks.core import (
     State,
     kernel_of,
     param,
-    portable,
 )
 from blocks.core.portable import flush, flush_due
-from blocks.learning.learner import Learner, decode, dot, gain_and_bias, lif_rate, pes
+from blocks.neural.learner import Learner, decode_activity, dot, gain_and_bias
+from blocks.neural.lif import LIF, lif_rate_step, lif_step
+from blocks.neural.rules import follow, pes_step, share_of
 
 SILENT = 10.0  # Hz; activity below it hardly counts in a normalised step
 
@@ -60,6 +67,10 @@ class LearningEnsemble(Learner):
     scaled_encoders = State("neurons", "d", doc="gain * encoders / radius")
     offset = State("neurons", doc="bias current")
 
+    @property
+    def _model(self) -> LIF:
+        return LIF(tau_rc=self.tau_rc, tau_ref=self.tau_ref)
+
     def validate(self) -> None:
         problems = []
         if (self.gain is None) != (self.bias is None):
@@ -94,11 +105,12 @@ class LearningEnsemble(Learner):
         encoders = directions if self.encoders is None else self.encoders.reshape(n, d)
         state.scaled_encoders[:] = gain[:, None] * encoders / self.radius
         state.offset[:] = bias if self.bias is None else self.bias
-        state.pass_on = -math.expm1(-state.dt / self.tau_syn)
+        state.pass_on = share_of(self.tau_syn, state.dt)
         state.gamma = self.learning_rate * state.dt / n
         state.floor = SILENT**2 * n
-        state.fade = 1.0 - state.pass_on
-        state.scratch, state.products = np.zeros(n), np.zeros_like(state.weights)
+        state.fade, state.scratch = 1.0 - state.pass_on, np.zeros(n)
+        # What the step of a neuron model takes: its parameters, and a state that LIF does not have.
+        state.constants, state.empty = self._model.constants, np.zeros(0)
         state.encoder_rows = np.ascontiguousarray(state.scaled_encoders.T)
         state.further = range(1, d)
 
@@ -132,7 +144,7 @@ class LearningEnsemble(Learner):
         return self.learning_rate * state.dt / (power + float(state.floor))
 
     def output(self, state: BlockState, t: float) -> FloatArray:
-        return decode(state.weights, state.activity, self.limit)
+        return decode_activity(state.weights, state.activity, self.limit)
 
     def update(
         self, state: BlockState, t: float, input: FloatArray, error: FloatArray, learn: float
@@ -145,7 +157,7 @@ class LearningEnsemble(Learner):
         current += state.offset
         self._respond(state)
         gamma, keep = self._gamma(state) * learn, self.keep_of(state, error)
-        pes(state.weights, state.activity, error, gamma, keep, state.products)
+        pes_step(state.weights, state.activity, error, gamma, keep)
         if flush_due(t, state.dt):
             self._flush(state)
 
@@ -165,7 +177,7 @@ class LearningEnsemble(Learner):
             current[i] += offset[i]
         self._respond(state)
         gamma, keep = self._gamma(state) * learn, self.keep_of(state, error)
-        pes(state.weights, state.activity, error, gamma, keep, state.products)
+        pes_step(state.weights, state.activity, error, gamma, keep)
         if flush_due(t, state.dt):
             self._flush(state)
 
@@ -216,12 +228,9 @@ class AdaptiveEnsemble(LearningEnsemble):
 
     def validate_in(self, context: BlockContext) -> None:
         problems = []
-        if context.dt > self.tau_ref:
-            message = (
-                f"a step of {context.dt:g} s is longer than tau_ref = {self.tau_ref:g} s and would "
-                "lose spikes; give the block a smaller dt"
-            )
-            problems.append(("tau_ref", message))
+        too_long = self._model.too_long(context.dt)
+        if too_long:
+            problems.append(("tau_ref", f"{too_long}; give the block a smaller dt"))
         try:
             super().validate_in(context)
         except ParameterError as error:
@@ -234,51 +243,21 @@ class AdaptiveEnsemble(LearningEnsemble):
         n = self.neurons
         voltage = state.rng.uniform(0.0, 1.0, n)
         state.voltage[:] = voltage if self.voltage is None else self.voltage
-        state.height = 1.0 / state.dt
-        state.kick = state.pass_on * state.height
-        state.silence = self.tau_ref + state.dt
-        state.step, state.decay = np.full(n, state.dt), np.full(n, -self.tau_rc)
-        state.zeros, state.ones, state.fades = np.zeros(n), np.ones(n), np.full(n, state.fade)
-        scalars = (0.0, 1.0, self.tau_rc, state.silence, state.height, state.kick)
-        state.scalars = tuple(map(np.array, scalars))
-        state.rise, state.few = np.zeros(n), np.zeros(n, dtype=np.int64)
 
     def _respond(self, state: BlockState) -> None:
-        """LIF neurons and their synapses.
-
-        Constants are arrays, some without axes, and results are written in place: with a hundred
-        neurons numpy's overhead for a number as operand costs as much as the arithmetic.
-        """
-        zero, one, tau_rc, silence, height, kick = state.scalars
-        current, voltage, refractory = state.current, state.voltage, state.refractory
-        awake, step = state.scratch, state.step
-        refractory -= step
-        np.subtract(step, refractory, out=awake)
-        np.maximum(awake, state.zeros, out=awake)
-        np.minimum(awake, step, out=awake)
-        awake /= state.decay
-        portable.expm1(awake, out=awake)
-        np.subtract(current, voltage, out=state.rise)
-        awake *= state.rise
-        voltage -= awake
-        spiking = (voltage > state.ones).nonzero()[0]
-        # The spike lies inside the step: the rest of the step counts to the refractory time.
-        drive = current[spiking]
-        drive -= one
-        since = voltage[spiking]
-        np.subtract(one, since, out=since)
-        since /= drive
-        portable.log1p(since, out=since)
-        since *= tau_rc
-        since += silence
-        refractory[spiking] = since
-        np.maximum(voltage, state.zeros, out=voltage)
-        voltage[spiking] = zero
-        state.spikes.fill(0.0)
-        state.spikes[spiking] = height
-        activity = state.activity
-        activity *= state.fades
-        activity[spiking] += kick
+        lif_step(
+            state.dt,
+            state.current,
+            state.spikes,
+            state.voltage,
+            state.refractory,
+            state.empty,
+            state.constants,
+        )
+        # Not s += share (r - s), as in `follow`: that rounds otherwise, and the published runs were
+        # made with this form.
+        state.activity *= state.fade
+        state.activity += state.pass_on * state.spikes
 
     def _flush(self, state: BlockState) -> None:
         flush(state.voltage)
@@ -287,38 +266,6 @@ class AdaptiveEnsemble(LearningEnsemble):
 
     # Its start extends that of LearningEnsemble without changing what this kernel depends on.
     _update_kernel = kernel_of(LearningEnsemble.update)(LearningEnsemble._update_kernel)
-
-    @kernel_of(_respond)
-    def _respond_kernel(self, state: BlockState) -> None:
-        voltage, refractory, activity = state.voltage, state.refractory, state.activity
-        current, dt = state.current, state.dt
-        # First, without a branch, the common cases: awake or refractory for the whole step.
-        full = math.expm1(-dt / self.tau_rc)
-        for i in range(len(voltage)):
-            refractory[i] -= dt
-            rise = full if refractory[i] <= 0.0 else 0.0
-            voltage[i] = max(voltage[i] - (current[i] - voltage[i]) * rise, 0.0)
-            activity[i] *= state.fade
-            state.spikes[i] = 0.0
-        # Then the few that wake up or spike in it: marked, then listed, also without a branch.
-        few, count = state.few, 0
-        for i in range(len(voltage)):
-            few[i] = (voltage[i] > 1.0) | ((refractory[i] > 0.0) & (refractory[i] < dt))
-        for i in range(len(voltage)):
-            marked = few[i]
-            few[count] = i
-            count += marked
-        for i in few[:count]:
-            left = refractory[i]
-            if 0.0 < left < dt:
-                rise = math.expm1(-(dt - left) / self.tau_rc)
-                voltage[i] = max(voltage[i] - (current[i] - voltage[i]) * rise, 0.0)
-            if voltage[i] > 1.0:
-                since = math.log1p((1.0 - voltage[i]) / (current[i] - 1.0))
-                refractory[i] = state.silence + self.tau_rc * since
-                voltage[i] = 0.0
-                state.spikes[i] = state.height
-                activity[i] += state.kick
 
 
 @final
@@ -342,17 +289,7 @@ class RateEnsemble(LearningEnsemble):
     rates = State("neurons", event=True, unit="1/s", doc="firing rates r")
 
     def _respond(self, state: BlockState) -> None:
-        np.copyto(state.rates, lif_rate(state.current, self.tau_rc, self.tau_ref))
-        np.subtract(state.rates, state.activity, out=state.scratch)
-        state.scratch *= state.pass_on
-        state.activity += state.scratch
-
-    @kernel_of(_respond)
-    def _respond_kernel(self, state: BlockState) -> None:
-        for i in range(len(state.rates)):
-            above = state.current[i] - 1.0
-            rate = 0.0
-            if above > 0.0:
-                rate = 1.0 / (self.tau_ref + self.tau_rc * math.log1p(1.0 / above))
-            state.rates[i] = rate
-            state.activity[i] += state.pass_on * (rate - state.activity[i])
+        # A rate has no voltage, no refractory time and no recovery.
+        empty, rates = state.empty, state.rates
+        lif_rate_step(state.dt, state.current, rates, empty, empty, empty, state.constants)
+        follow(state.activity, rates, state.pass_on)

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from typing import final
 
 import numpy as np
 
 from blocks.core import BlockState, FloatArray, State, param
 from blocks.core.portable import flush, flush_due
-from blocks.learning.learner import Learner, mean_squared_rate
+from blocks.neural.learner import IntegratingLearner
+from blocks.neural.rules import follow, pes_step, share_of
 
 
 @final
-class MRAC(Learner):
+class MRAC(IntegratingLearner):
     """Model reference adaptive control with a linear regressor: a bias and a weight per input.
 
         input, error, learn ─▶ [ MRAC ] ─▶ output
@@ -34,20 +34,16 @@ class MRAC(Learner):
     alone, so the block breaks loops.
     """
 
-    power: float | None = param(
-        None, unit="Hz^2", above=0.0, doc="mean squared rate, instead of the computed one"
-    )
     tau_syn: float = param(0.01, unit="s", above=0.0, doc="time constant of the input's lowpass")
     bias = State("k", doc="what was learnt for input 0")
     weights = State("k", "d", doc="what was learnt per input")
     regressor = State("d", doc="the input behind its lowpass")
 
     def start(self, state: BlockState) -> None:
-        power = 1.0 if self.normalised else self.power
-        if power is None:
-            power = mean_squared_rate(self.max_rates, self.intercepts, self.tau_rc, self.tau_ref)
-        state.step = self.learning_rate * power * state.dt
-        state.pass_on = -math.expm1(-state.dt / self.tau_syn)
+        super().start(state)
+        state.pass_on = share_of(self.tau_syn, state.dt)
+        # The bias is the weight of an input that is always 1.
+        state.bias_weights, state.one = state.bias[:, None], np.ones(1)
 
     def watch(self, state: BlockState) -> float:
         """The norm of the weights."""
@@ -65,13 +61,13 @@ class MRAC(Learner):
         return power
 
     def output(self, state: BlockState, t: float) -> FloatArray:
-        found = np.empty(len(state.bias))
-        for k in range(len(found)):
+        value = np.empty(len(state.bias))
+        for k in range(len(value)):
             total = state.bias[k]
             for j in range(len(state.regressor)):
                 total += state.weights[k, j] * state.regressor[j]
-            found[k] = min(max(total, -self.limit), self.limit)
-        return found
+            value[k] = min(max(total, -self.limit), self.limit)
+        return value
 
     def update(
         self, state: BlockState, t: float, input: FloatArray, error: FloatArray, learn: float
@@ -79,13 +75,9 @@ class MRAC(Learner):
         keep, step = self.keep_of(state, error), state.step * learn
         if self.normalised:
             step /= self._power(state)
-        for k in range(len(error)):
-            slope = step * error[k]
-            state.bias[k] = keep * state.bias[k] - slope
-            for j in range(len(input)):
-                state.weights[k, j] = keep * state.weights[k, j] - slope * state.regressor[j]
-        for j in range(len(input)):
-            state.regressor[j] += state.pass_on * (input[j] - state.regressor[j])
+        pes_step(state.bias_weights, state.one, error, step, keep)
+        pes_step(state.weights, state.regressor, error, step, keep)
+        follow(state.regressor, input, state.pass_on)
         if flush_due(t, state.dt):
             flush(state.regressor)
             flush(state.bias)

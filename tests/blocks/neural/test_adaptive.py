@@ -10,7 +10,8 @@ import pytest
 
 import blocks
 import runtime
-from blocks.learning.learner import gain_and_bias, lif_rate
+from blocks.neural.learner import gain_and_bias
+from blocks.neural.lif import lif_rates
 
 DT = 0.001
 
@@ -108,7 +109,7 @@ def test_rate_is_the_closed_form(current: float) -> None:
     )
     graph = graph.add("snn", snn).connect("x.value", "snn.input").connect("e.value", "snn.error")
     spikes = graph.probe("snn.spikes").run()["snn.spikes"]
-    expected = float(lif_rate(np.array(current), 0.02, 0.002))
+    expected = float(lif_rates(np.array(current), 0.02, 0.002))
     assert expected == pytest.approx(1.0 / (0.002 + 0.02 * math.log1p(1.0 / (current - 1.0))))
     # Spike times are resolved inside a step, so counts over 5 s are off by one spike at most.
     assert abs(spikes.sum() * DT / 5.0 - expected) <= 1.0 / 5.0
@@ -117,7 +118,7 @@ def test_rate_is_the_closed_form(current: float) -> None:
 def test_gain_and_bias_give_rate_and_intercept() -> None:
     rates, intercepts = np.array([200.0, 310.0]), np.array([-0.7, 0.4])
     gain, bias = gain_and_bias(rates, intercepts, 0.02, 0.002)
-    np.testing.assert_allclose(lif_rate(gain + bias, 0.02, 0.002), rates, rtol=1e-12)
+    np.testing.assert_allclose(lif_rates(gain + bias, 0.02, 0.002), rates, rtol=1e-12)
     np.testing.assert_allclose(gain * intercepts + bias, 1.0, rtol=1e-12)
 
 
@@ -271,6 +272,6 @@ def test_rates_may_take_steps_longer_than_the_refractory_time() -> None:
     graph = graph.connect("x.value", "snn.input").connect("e.value", "snn.error")
     result = graph.probe("snn.rates").probe("snn.activity").probe("snn.current").run()
     # A constant rate through a lowpass: s(t) = r (1 - exp(-t / tau_syn)).
-    rates = lif_rate(result["snn.current"][-1], 0.02, 0.002)
+    rates = lif_rates(result["snn.current"][-1], 0.02, 0.002)
     t = result.time("snn.activity")[:, None]
     np.testing.assert_allclose(result["snn.activity"], rates * -np.expm1(-t / 0.01), rtol=1e-10)

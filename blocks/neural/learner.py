@@ -1,6 +1,8 @@
-"""Learners: their ports and parameters, the PES rule, LIF tuning curves, and an integrator.
+"""Learners: the ports, parameters and checks that all share, and an integrator as the simplest.
 
-An ensemble of neurons (:mod:`blocks.learning.neurons`) and :class:`AdaptiveBias` share all of it.
+The input (d,), the error (k,) to reduce and a factor on it go in, what was learnt (k,) comes out.
+An ensemble of neurons (:mod:`blocks.neural.adaptive`), MRAC and AdaptiveBias can therefore replace
+each other in a graph, as in ``--replace snn=AdaptiveBias``.
 """
 
 from __future__ import annotations
@@ -28,6 +30,8 @@ from blocks.core import (
     portable,
 )
 from blocks.core.portable import flush, flush_due
+from blocks.neural.lif import lif_gain_and_bias, lif_rates
+from blocks.neural.rules import pes_step
 
 LARGEST_STEP = 2.0
 GROWING, GROWTH = 4, 1.5
@@ -119,7 +123,7 @@ class Learner(Block, ABC):
         """What was learnt up to this tick, (k,), each component within +-limit."""
 
 
-def decode(weights: FloatArray, activity: FloatArray, limit: float) -> FloatArray:
+def decode_activity(weights: FloatArray, activity: FloatArray, limit: float) -> FloatArray:
     """weights (k, n) times activity (n,), each component within +-limit, (k,)."""
     # Not by BLAS, whose order of summation depends on the processor. With k = 1, operands of equal
     # shape save NumPy the broadcasting, which takes longer than the products.
@@ -129,7 +133,7 @@ def decode(weights: FloatArray, activity: FloatArray, limit: float) -> FloatArra
     return np.array([min(max(value, -limit), limit) for value in decoded.tolist()])
 
 
-@kernel_of(decode)
+@kernel_of(decode_activity)
 def _decode_kernel(weights: FloatArray, activity: FloatArray, limit: float) -> FloatArray:
     decoded = np.empty(len(weights))
     for row in range(len(weights)):
@@ -155,61 +159,14 @@ def dot(a: FloatArray, b: FloatArray) -> float:
     return (s0 + s1) + (s2 + s3)
 
 
-def pes(
-    weights: FloatArray,
-    activity: FloatArray,
-    error: FloatArray,
-    gamma: float,
-    keep: float,
-    scratch: FloatArray,
-) -> None:
-    """The PES rule with a leak, in place: weights = keep weights - gamma error activity'.
-
-    Parameters
-    ----------
-    weights, activity, error : (k, n), (n,), (k,).
-    scratch : (k, n), overwritten.
-    """
-    if keep != 1.0:
-        weights *= np.array(keep)
-    for k, slope in enumerate(error.tolist()):
-        # NumPy takes an array without axes much faster than a number.
-        np.multiply(activity, np.array(gamma * slope), out=scratch[k])
-    weights -= scratch
-
-
-@kernel_of(pes)
-def _pes_kernel(
-    weights: FloatArray,
-    activity: FloatArray,
-    error: FloatArray,
-    gamma: float,
-    keep: float,
-    scratch: FloatArray,
-) -> None:
-    for k in range(len(error)):
-        row, slope = weights[k], gamma * error[k]
-        for i in range(len(row)):
-            row[i] = keep * row[i] - slope * activity[i]
-
-
 def gain_and_bias(
     max_rates: FloatArray, intercepts: FloatArray, tau_rc: float, tau_ref: float
 ) -> tuple[FloatArray, FloatArray]:
-    """Gain and bias of LIF neurons that start to fire at ``intercepts`` and reach ``max_rates``.
-
-    z = 1 / (1 - exp((tau_ref - 1/rate) / tau_rc)); gain = (1 - z) / (intercept - 1);
-    bias = 1 - gain * intercept. Rates in Hz, times in seconds.
-    """
+    """Gain and bias of LIF neurons that start to fire at ``intercepts`` and reach ``max_rates``."""
+    # 1 - exp loses up to five bits of what -expm1, in LIF.gain_and_bias, keeps: the published runs
+    # of the paper's cases, one of them chaotic, were made with it.
     z = 1.0 / (1.0 - portable.exp((tau_ref - 1.0 / max_rates) / tau_rc))
-    gain = (1.0 - z) / (intercepts - 1.0)
-    return gain, 1.0 - gain * intercepts
-
-
-def lif_rate(current: FloatArray, tau_rc: float, tau_ref: float) -> FloatArray:
-    """Steady firing rate (Hz) of a LIF neuron: 1 / (tau_ref + tau_rc log1p(1 / (J - 1)))."""
-    above = np.maximum(current - 1.0, 1e-300)
-    return np.where(current > 1.0, 1.0 / (tau_ref + tau_rc * portable.log1p(1.0 / above)), 0.0)
+    return lif_gain_and_bias(z, intercepts)
 
 
 def mean_squared_rate(
@@ -223,11 +180,25 @@ def mean_squared_rate(
     middles = (np.arange(nodes) + 0.5) / nodes
     rates, starts = (low + (high - low) * middles for low, high in (max_rates, intercepts))
     _, bias = gain_and_bias(rates[:, None], starts[None, :], tau_rc, tau_ref)
-    return float(np.mean(lif_rate(bias, tau_rc, tau_ref) ** 2))
+    return float(np.mean(lif_rates(bias, tau_rc, tau_ref) ** 2))
+
+
+class IntegratingLearner(Learner, ABC):
+    """A learner without neurons, as fast as the ensemble that it replaces."""
+
+    power: float | None = param(
+        None, unit="Hz^2", above=0.0, doc="mean squared rate, instead of the computed one"
+    )
+
+    def start(self, state: BlockState) -> None:
+        power = 1.0 if self.normalised else self.power
+        if power is None:
+            power = mean_squared_rate(self.max_rates, self.intercepts, self.tau_rc, self.tau_ref)
+        state.step = self.learning_rate * power * state.dt
 
 
 @final
-class AdaptiveBias(Learner):
+class AdaptiveBias(IntegratingLearner):
     """Learn an output that is the same for all inputs: an integrator of the error, with a leak.
 
         input, error ─▶ [ AdaptiveBias ] ─▶ output
@@ -244,20 +215,12 @@ class AdaptiveBias(Learner):
     not read. The output depends on the state alone, so the block breaks loops.
     """
 
-    power: float | None = param(
-        None, unit="Hz^2", above=0.0, doc="mean squared rate, instead of the computed one"
-    )
-
     bias = State("k", doc="what was learnt")
 
     def start(self, state: BlockState) -> None:
-        power = 1.0 if self.normalised else self.power
-        if power is None:
-            power = mean_squared_rate(self.max_rates, self.intercepts, self.tau_rc, self.tau_ref)
-        state.step = self.learning_rate * power * state.dt
+        super().start(state)
         # PES of one neuron whose activity is 1.
         state.weights, state.activity = state.bias[:, None], np.ones(1)
-        state.scratch = np.zeros_like(state.weights)
 
     def watch(self, state: BlockState) -> float:
         """The norm of the learnt output."""
@@ -268,10 +231,10 @@ class AdaptiveBias(Learner):
         return float(state.step)
 
     def output(self, state: BlockState, t: float) -> FloatArray:
-        return decode(state.weights, state.activity, self.limit)
+        return decode_activity(state.weights, state.activity, self.limit)
 
     def update(self, state: BlockState, t: float, error: FloatArray, learn: float) -> None:
         gamma, keep = state.step * learn, self.keep_of(state, error)
-        pes(state.weights, state.activity, error, gamma, keep, state.scratch)
+        pes_step(state.weights, state.activity, error, gamma, keep)
         if flush_due(t, state.dt):
             flush(state.bias)

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import cumulative_trapezoid, solve_ivp
 
 from blocks import MRAC, AdaptiveBias, BlockContext, BlockState, FloatArray, Vector
-from tests.blocks.learning.test_bias import DT, T, output
+from tests.blocks.neural.test_bias import DT, T, output
 
 TYPES = {"input": Vector(1), "error": Vector(1), "output": Vector(1)}
 

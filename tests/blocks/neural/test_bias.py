@@ -11,7 +11,7 @@ from scipy.integrate import dblquad
 import blocks
 import runtime
 from blocks import AdaptiveBias, AdaptiveEnsemble, Block, RateEnsemble
-from blocks.learning.learner import mean_squared_rate
+from blocks.neural.learner import mean_squared_rate
 
 DT = 0.001
 

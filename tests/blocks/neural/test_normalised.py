@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from blocks import MRAC, AdaptiveBias, AdaptiveEnsemble, RateEnsemble
-from blocks.learning.learner import Learner
-from tests.blocks.learning.test_bias import T, learner_graph, output
+from blocks.neural.learner import Learner
+from tests.blocks.neural.test_bias import T, learner_graph, output
 
 LEARNERS: tuple[type[Learner], ...] = (AdaptiveBias, MRAC, RateEnsemble, AdaptiveEnsemble)
 

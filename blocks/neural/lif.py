@@ -1,0 +1,227 @@
+"""Leaky integrate-and-fire neurons: the one text of their step and of their steady rate.
+
+    tau_rc V' = J - V;  a spike where V passes 1, then V = 0 for tau_ref
+    r(J) = 1 / (tau_ref + tau_rc log1p(1 / (J - 1))) above J = 1, else 0
+
+Arrays of n neurons go in and are changed in place: currents J in, spikes out. The models of an
+Ensemble and the fused blocks (:mod:`blocks.neural.adaptive`) call the same functions::
+
+    lif_step(0.001, current, spikes, voltage, refractory, recovery, LIF().constants)
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from blocks.core import FloatArray, kernel_of, param, portable
+from blocks.neural.neurons import NeuronModel
+
+# From this many neurons, leaving out those that are awake for the whole step pays in Python.
+MANY = 301
+# The least argument of log1p; -1 would be a spike infinitely long ago.
+LEAST_SINCE = -1.0 + 2.0**-53
+# NumPy takes an array without axes much faster than a number.
+ZERO, ONE = np.array(0.0), np.array(1.0)
+
+
+def lif_step(
+    dt: float,
+    current: FloatArray,
+    spikes: FloatArray,
+    voltage: FloatArray,
+    refractory: FloatArray,
+    recovery: FloatArray,
+    constants: FloatArray,
+) -> None:
+    """One step of LIF neurons; a spike inside a step shortens the refractory time by the rest.
+
+    A neuron wakes inside the step if its refractory time ends there: V then rises for the rest of
+    the step only. Of the same voltage and current, the time since a spike follows in closed form,
+    tau_rc log1p((1 - V) / (J - 1)), so that rates are right at any step up to tau_ref.
+    """
+    tau_rc, tau_ref = constants.item(0), constants.item(1)
+    step = np.array(dt)
+    refractory -= step
+    rise = np.subtract(current, voltage, out=spikes)  # written again below
+    if len(voltage) < MANY:
+        # The same for all of them: fewer calls, which is what counts for few neurons.
+        awake = refractory - step
+        np.maximum(awake, -step, out=awake)
+        np.minimum(awake, ZERO, out=awake)
+        awake /= np.array(tau_rc)
+        rise *= portable.expm1(awake, out=awake)
+    else:
+        partly = ((refractory > 0.0) & (refractory < dt)).nonzero()[0]
+        waking = rise[partly] * portable.expm1((refractory[partly] - dt) / tau_rc)
+        rise *= math.expm1(-dt / tau_rc)
+        rise *= refractory <= 0.0
+        rise[partly] = waking
+    voltage -= rise
+    spiking = (voltage > ONE).nonzero()[0]
+    since = np.subtract(ONE, voltage[spiking])
+    since /= current[spiking] - ONE
+    # With tau_rc far below dt, V is J to rounding, and the quotient -1.
+    np.maximum(since, np.array(LEAST_SINCE), out=since)
+    portable.log1p(since, out=since)
+    since *= np.array(tau_rc)
+    since += np.array(tau_ref + dt)
+    refractory[spiking] = since
+    np.maximum(voltage, ZERO, out=voltage)
+    voltage[spiking] = 0.0
+    spikes.fill(0.0)
+    spikes[spiking] = 1.0 / dt
+
+
+@kernel_of(lif_step)
+def _lif_kernel(
+    dt: float,
+    current: FloatArray,
+    spikes: FloatArray,
+    voltage: FloatArray,
+    refractory: FloatArray,
+    recovery: FloatArray,
+    constants: FloatArray,
+) -> None:
+    tau_rc, tau_ref = constants[0], constants[1]
+    # First, without a branch, the common cases: awake or refractory for the whole step.
+    full, height = math.expm1(-dt / tau_rc), 1.0 / dt
+    for i in range(len(voltage)):
+        refractory[i] -= dt
+        rise = full if refractory[i] <= 0.0 else 0.0
+        voltage[i] = max(voltage[i] - (current[i] - voltage[i]) * rise, 0.0)
+        spikes[i] = 0.0
+    # Then the few that wake up or spike in it: marked, then listed, also without a branch, which
+    # a processor would guess wrongly for as many as there are.
+    few, count = np.empty(len(voltage), dtype=np.int64), 0
+    for i in range(len(voltage)):
+        few[i] = (voltage[i] > 1.0) | ((refractory[i] > 0.0) & (refractory[i] < dt))
+    for i in range(len(voltage)):
+        marked = few[i]
+        few[count] = i
+        count += marked
+    for i in few[:count]:
+        if 0.0 < refractory[i] < dt:
+            rise = math.expm1((refractory[i] - dt) / tau_rc)
+            voltage[i] = max(voltage[i] - (current[i] - voltage[i]) * rise, 0.0)
+        if voltage[i] > 1.0:
+            since = math.log1p(max((1.0 - voltage[i]) / (current[i] - 1.0), LEAST_SINCE))
+            refractory[i] = tau_ref + dt + tau_rc * since
+            voltage[i] = 0.0
+            spikes[i] = height
+
+
+def lif_rates(current: FloatArray, tau_rc: float, tau_ref: float) -> FloatArray:
+    """1 / (tau_ref + tau_rc log1p(1 / (J - 1))) above J = 1, else 0."""
+    above = np.asarray(current) - 1.0
+    firing = above > 0.0
+    rates = np.zeros(above.shape)
+    rates[firing] = 1.0 / (tau_ref + tau_rc * portable.log1p(1.0 / above[firing]))
+    return rates
+
+
+def lif_gain_and_bias(z: FloatArray, intercepts: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Gain and bias of neurons that fire at their largest rate for an input of 1.
+
+    gain = (1 - z) / (intercept - 1), bias = 1 - gain * intercept, where z, from the largest rate,
+    is 1 / (1 - exp((tau_ref - 1 / rate) / tau_rc)): r(J) solved for J at that rate.
+    """
+    gain = (1.0 - z) / (intercepts - 1.0)
+    return gain, 1.0 - gain * intercepts
+
+
+class _Leaky(NeuronModel, abstract=True):
+    """What LIF neurons have in common, spiking or not."""
+
+    tau_rc: float = param(0.02, unit="s", above=0.0, doc="membrane time constant")
+    tau_ref: float = param(0.002, unit="s", above=0.0, doc="refractory time")
+
+    @property
+    def fastest(self) -> float:
+        return 1.0 / self.tau_ref
+
+    def rates(self, current: FloatArray) -> FloatArray:
+        return lif_rates(current, self.tau_rc, self.tau_ref)
+
+    def gain_and_bias(
+        self, max_rates: FloatArray, intercepts: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        z = -1.0 / portable.expm1((self.tau_ref - 1.0 / max_rates) / self.tau_rc)
+        return lif_gain_and_bias(z, intercepts)
+
+
+class LIF(_Leaky):
+    """Leaky integrate-and-fire: tau_rc V' = J - V; a spike where V passes 1, then silence."""
+
+    step = staticmethod(lif_step)
+
+    def too_long(self, dt: float) -> str:
+        if dt <= self.tau_ref:
+            return ""
+        return (
+            f"a step of {dt:g} s is longer than tau_ref = {self.tau_ref:g} s and would lose spikes"
+        )
+
+
+def lif_rate_step(
+    dt: float,
+    current: FloatArray,
+    spikes: FloatArray,
+    voltage: FloatArray,
+    refractory: FloatArray,
+    recovery: FloatArray,
+    constants: FloatArray,
+) -> None:
+    """The steady rates of LIF neurons at the currents of this step."""
+    spikes[...] = lif_rates(current, constants.item(0), constants.item(1))
+
+
+@kernel_of(lif_rate_step)
+def _lif_rate_kernel(
+    dt: float,
+    current: FloatArray,
+    spikes: FloatArray,
+    voltage: FloatArray,
+    refractory: FloatArray,
+    recovery: FloatArray,
+    constants: FloatArray,
+) -> None:
+    for i in range(len(current)):
+        above = current[i] - 1.0
+        spikes[i] = 0.0
+        if above > 0.0:
+            spikes[i] = 1.0 / (constants[1] + constants[0] * math.log1p(1.0 / above))
+
+
+class LIFRate(_Leaky):
+    """The steady rate of LIF neurons, without spikes."""
+
+    spiking = False
+    initial_voltage = "0"
+
+    step = staticmethod(lif_rate_step)
+
+
+def adaptive_lif_step(
+    dt: float,
+    current: FloatArray,
+    spikes: FloatArray,
+    voltage: FloatArray,
+    refractory: FloatArray,
+    recovery: FloatArray,
+    constants: FloatArray,
+) -> None:
+    """LIF of the current less the adaptation, which each spike raises and which decays."""
+    current -= recovery
+    lif_step(dt, current, spikes, voltage, refractory, recovery, constants)
+    recovery += (dt / constants.item(2)) * (constants.item(3) * spikes - recovery)
+
+
+class AdaptiveLIF(LIF):
+    """LIF of the current J - n, with tau_n n' = inc_n spikes - n (La Camera et al., 2004)."""
+
+    tau_n: float = param(1.0, unit="s", above=0.0, doc="time constant of the adaptation")
+    inc_n: float = param(0.01, at_least=0.0, doc="adaptation per spike")
+
+    step = staticmethod(adaptive_lif_step)

@@ -1,0 +1,252 @@
+"""The entries of an experiment, read and checked once for files, commands and calls.
+
+In: a mapping of nodes, such as ``{vary: {lqr.q.0: 0.1..1:5}, seeds: 0..9, minimize: error}``. The
+position of each node says where it was written: a line of a file, or ``--seeds 0..9``. Out:
+:class:`Entries`. What a command adds is laid over what the file says::
+
+    Entries(seeds=0..9, trials=50).overlaid(Entries(trials=100))  ->  seeds 0..9, 100 trials
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields
+from typing import Any, Literal, get_args
+
+from runtime.document import Node, check_keys
+from runtime.errors import Problems, Where
+from runtime.experiments.design.checks import check_factor, check_metric
+from runtime.experiments.design.factors import Factor, parse_factor
+from runtime.experiments.design.objective import Constraint, Objective
+from runtime.experiments.design.sampling import Method
+from runtime.experiments.design.seeds import Seeds, parse_seeds
+from runtime.experiments.design.variants import Variant
+from runtime.graph import Graph
+
+Sampler = Literal["tpe", "nsga2", "sobol", "random"]
+Over = Literal["mean", "worst"]
+SWEEP_KEYS = ("vary", "random", "sobol", "sampling_seed", "minimize", "maximize")
+TUNING_KEYS = (
+    *("constraints", "trials", "sampler", "batch", "over", "stop_early"),
+    *("training", "held_out"),
+)
+RUN_KEYS = ("seeds", "conditions")
+MOST_SAMPLES, MOST_TRIALS, MOST_BATCH = 10**9, 10**6, 4096
+_CONSTRAINT = re.compile(r"\s*(?P<metric>\S+)\s+(?P<side>below|above)\s+(?P<bound>\S+)\s*")
+# The seeds and the conditions of training or of held-out runs.
+RunEntries = tuple[Seeds | None, tuple[Variant, ...]]
+
+
+@dataclass(frozen=True)
+class Entries:
+    """What is written about an experiment besides its graph; None or empty where nothing is.
+
+    Parameters
+    ----------
+    seeds : of all runs; of a tuning, of the training runs.
+    factors, sampling, sampling_seed : what is varied; by which method how many samples of it.
+    objectives : what is minimised or maximised, the first one for a sweep.
+    constraints : what must hold for the winner of a tuning.
+    trials, sampler, batch, over, stop_early : how a tuning searches; see :class:`Tuning`.
+    training, held_out : the runs of a tuning.
+    """
+
+    seeds: Seeds | None = None
+    factors: tuple[Factor, ...] = ()
+    sampling: tuple[Method, int] | None = None
+    sampling_seed: int | None = None
+    objectives: tuple[Objective, ...] = ()
+    constraints: tuple[Constraint, ...] = ()
+    trials: int | None = None
+    sampler: Sampler | None = None
+    batch: int | None = None
+    over: Over | None = None
+    stop_early: bool | None = None
+    training: RunEntries = (None, ())
+    held_out: RunEntries = (None, ())
+
+    def overlaid(self, other: Entries) -> Entries:
+        """These entries with others over them: an entry of ``other`` replaces one of the same name.
+
+        A factor replaces that of the same path, constraints are added.
+        """
+        replaced = {factor.path for factor in other.factors}
+        found: dict[str, Any] = {
+            "factors": (*(f for f in self.factors if f.path not in replaced), *other.factors),
+            "constraints": self.constraints + other.constraints,
+            # The seeds of a command are those of training, whatever the file says of either.
+            "training": (
+                other.training[0] or other.seeds or self.training[0],
+                other.training[1] or self.training[1],
+            ),
+            "held_out": (
+                other.held_out[0] or self.held_out[0],
+                other.held_out[1] or self.held_out[1],
+            ),
+        }
+        for each in fields(self):
+            value = getattr(other, each.name)
+            is_absent = value is None or value == ()
+            found.setdefault(each.name, getattr(self, each.name) if is_absent else value)
+        return Entries(**found)
+
+
+def read_entries(
+    document: Node,
+    graph: Graph,
+    problems: Problems,
+    variants: Callable[[Node, str], list[Variant]] = lambda node, address: [],
+) -> Entries:
+    """The entries of a mapping, checked on a graph that is valid itself.
+
+    Parameters
+    ----------
+    variants : reads a section of named changes, given with its address.
+    """
+    reader = _EntryReader(document, graph, problems, variants)
+    stop_early = reader.choice("stop_early", (True, False))
+    return Entries(
+        seeds=reader.seeds(document, "seeds"),
+        factors=tuple(reader.factors()),
+        sampling=reader.sampling(),
+        sampling_seed=reader.whole("sampling_seed", 0, MOST_SAMPLES),
+        objectives=tuple(reader.objectives()),
+        constraints=tuple(reader.constraints()),
+        trials=reader.whole("trials", 1, MOST_TRIALS),
+        sampler=reader.choice("sampler", get_args(Sampler)),
+        batch=reader.whole("batch", 1, MOST_BATCH),
+        over=reader.choice("over", get_args(Over)),
+        stop_early=stop_early,
+        training=reader.runs("training"),
+        held_out=reader.runs("held_out"),
+    )
+
+
+@dataclass
+class _EntryReader:
+    """Reads one entry after the other; continues after a problem."""
+
+    document: Node
+    graph: Graph
+    problems: Problems
+    variants: Callable[[Node, str], list[Variant]]
+
+    def refuse(self, node: Node, address: str, message: str) -> None:
+        """Report a problem; what no file contains is named by its option, not by its address."""
+        self.problems.add(node.where, address if node.where.line else "", message)
+
+    def seeds(self, document: Node, key: str, prefix: str = "") -> Seeds | None:
+        node = document.get(key)
+        if node is None:
+            return None
+        return parse_seeds(node, f"{prefix}{key}" if node.where.line else "", self.problems)
+
+    def factors(self) -> Iterator[Factor]:
+        vary = self.document.get("vary")
+        if vary is not None and not vary.is_map:
+            self.refuse(vary, "vary", f"expected {{path: values}}, got {vary.describe()}")
+        for path, node in () if vary is None else vary.items():
+            is_in_file = node.key.line > 0
+            address = f"vary.{path}" if is_in_file else path
+            factor = parse_factor(path, node, address, self.problems)
+            if factor is not None:
+                where = node.key if is_in_file else Where(node.where.file)
+                check_factor(self.graph, factor, where, self.problems)
+                yield factor
+
+    def sampling(self) -> tuple[Method, int] | None:
+        methods: tuple[Method, ...] = ("sobol", "random")
+        found = [(m, n) for m in methods if (n := self.whole(m, 1, MOST_SAMPLES)) is not None]
+        if len(found) > 1:
+            node = self.document.get("random") or self.document
+            self.refuse(node, "random", "there is 'sobol' as well as 'random'; keep one")
+        return found[-1] if found else None
+
+    def whole(self, key: str, least: int, most: int) -> int | None:
+        """An integer; None if there is none, or a wrong one."""
+        node = self.document.get(key)
+        if node is None:
+            return None
+        value = node.value
+        if type(value) is int and least <= value <= most:
+            return value
+        message = f"expected an integer from {least} to {most}, got {node.describe()}"
+        self.refuse(node, key, message)
+        return None
+
+    def choice(self, key: str, choices: tuple[Any, ...]) -> Any:
+        """One of some values of one type; None if there is none, or another."""
+        node = self.document.get(key)
+        if node is None:
+            return None
+        if node.value in choices and type(node.value) is type(choices[0]):
+            return node.value
+        expected = ", ".join(str(choice).lower() for choice in choices)
+        self.refuse(node, key, f"expected one of {expected}, got {node.describe()}")
+        return None
+
+    def objectives(self) -> Iterator[Objective]:
+        goals: tuple[Literal["minimize", "maximize"], ...] = ("minimize", "maximize")
+        for goal in goals:
+            node = self.document.get(goal)
+            for item in [] if node is None else node.value if node.is_list else [node]:
+                objective = Objective(str(item.value), goal)
+                check_metric(self.graph, objective.metric, item.where, goal, self.problems)
+                yield objective
+
+    def constraints(self) -> Iterator[Constraint]:
+        """Those of ``{effort: {below: 0.3}}``, or of ``[effort below 0.3]``."""
+        section = self.document.get("constraints")
+        if section is None:
+            return
+        example = "as in {effort: {below: 0.3}}"
+        if section.is_list:
+            yield from filter(None, map(self.constraint, section.value))
+            return
+        if not section.is_map:
+            message = f"expected metrics with bounds, {example}, got {section.describe()}"
+            self.refuse(section, "constraints", message)
+            return
+        for metric, node in section.items():
+            address = f"constraints.{metric}"
+            if not node.is_map:
+                message = f"expected below or above, {example}, got {node.describe()}"
+                self.refuse(node, address, message)
+                continue
+            check_keys(node, ("below", "above"), address, self.problems, "key")
+            for side, bound in node.items():
+                number = bound.value
+                if isinstance(number, bool) or not isinstance(number, (int, float)):
+                    message = f"expected a number, got {bound.describe()}"
+                    self.refuse(bound, f"{address}.{side}", message)
+                elif side in ("below", "above"):
+                    check_metric(self.graph, metric, node.where, address, self.problems)
+                    yield Constraint(metric, "below" if side == "below" else "above", float(number))
+
+    def constraint(self, node: Node) -> Constraint | None:
+        """The constraint that a string such as ``effort below 0.3`` describes."""
+        match = _CONSTRAINT.fullmatch(node.value) if isinstance(node.value, str) else None
+        try:
+            bound = float(match["bound"]) if match else float("nan")
+        except ValueError:
+            bound = float("nan")
+        if match is None or bound != bound:
+            message = f"expected a constraint as 'effort below 0.3', got {node.describe()}"
+            self.refuse(node, "constraints", message)
+            return None
+        address = "constraints" if node.where.line else ""
+        check_metric(self.graph, match["metric"], node.where, address, self.problems)
+        return Constraint(match["metric"], "below" if match["side"] == "below" else "above", bound)
+
+    def runs(self, key: str) -> RunEntries:
+        node = self.document.get(key)
+        if node is None:
+            return None, ()
+        if not node.is_map:
+            self.refuse(node, key, f"expected seeds and conditions, got {node.describe()}")
+            return None, ()
+        check_keys(node, RUN_KEYS, key, self.problems, "key")
+        section = node.get("conditions")
+        conditions = () if section is None else self.variants(section, f"{key}.conditions")
+        return self.seeds(node, "seeds", f"{key}."), tuple(conditions)

@@ -1,0 +1,195 @@
+"""The folder of an experiment, under one rule for sweeps, ablations and tunings.
+
+In: a plan, and where it is run. Out: a folder with ``plan.yaml``, the graphs and an index; what is
+written into it belongs to this plan alone::
+
+    no folder                       it is made, with --resume too: a kill may have come before it
+    a folder of the same plan       --resume continues it, without it nothing is touched
+    a folder of another plan        an error that lists what differs
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from runtime.diagrams import stored_picture
+from runtime.document import dump_yaml, parse_yaml
+from runtime.errors import GraphError, UsageError
+from runtime.experiments.design import BASELINE, ON_COMMAND_LINE
+from runtime.experiments.execution.index import Index
+from runtime.experiments.execution.plan import (
+    GRAPH,
+    INDEX,
+    SCHEMA_VERSION,
+    VARIANTS,
+    ExperimentPlan,
+)
+from runtime.experiments.execution.trials import GraphBundle
+from runtime.experiments.execution.worker_pool import WorkerPool
+from runtime.files import check_form, system_errors
+from runtime.runs import DIAGRAM
+
+PLAN, SUMMARY = "plan.yaml", "summary.json"
+TABLE, DIAGRAMS, RUNS = "ablation.json", "diagrams", "runs"
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How an experiment is run; none of this affects its numbers.
+
+    Parameters
+    ----------
+    folder : where it is written.
+    make_pool : makes the worker pool, once everything else has been checked.
+    resume : whether an experiment that is there is continued.
+    keep : which trials of a sweep leave a run folder.
+    timeout : time limit of a trial in seconds.
+    option : how an option is written in messages, ``--{}`` on a command line.
+    """
+
+    folder: Path
+    make_pool: Callable[[], WorkerPool]
+    resume: bool = False
+    keep: str = "none"
+    timeout: float | None = None
+    option: str = "{}"
+
+
+def open_folder(plan: ExperimentPlan, options: RunOptions) -> None:
+    """Make the folder of a plan, or check that it may be continued.
+
+    Raises
+    ------
+    UsageError : it belongs to a different plan, exists although it is not resumed, or cannot be
+        read or written.
+    """
+    folder, option = options.folder, options.option
+    if not folder.exists():
+        _create(plan, folder)
+        return
+    if not (folder / PLAN).exists():
+        raise UsageError(
+            f"'{folder}' exists already, and is not the folder of a {plan.kind} (it has no {PLAN});"
+            f" {_other(plan, option)} begins one elsewhere"
+        )
+    _check_same(plan, folder, option)
+    if not options.resume:
+        resume = "--resume" if option == ON_COMMAND_LINE else "resume=True"
+        raise UsageError(
+            f"'{folder}' exists already; {resume} continues it, "
+            f"{_other(plan, option)} begins another {plan.kind}"
+        )
+
+
+def _other(plan: ExperimentPlan, option: str) -> str:
+    """The option that chooses another folder."""
+    return "--name NAME" if option == ON_COMMAND_LINE else "another folder"
+
+
+def _create(plan: ExperimentPlan, folder: Path) -> None:
+    """Make a plan's folder, which gets its name only when it is complete.
+
+    Raises
+    ------
+    UsageError : it cannot be written.
+    """
+    partial = folder.with_name(f".{folder.name}.partial")
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        shutil.rmtree(partial, ignore_errors=True)
+        partial.mkdir()
+        _write_bundle(plan.bundle, partial)
+        drawn = stored_picture(plan.graph.network)
+        if drawn is not None:
+            (partial / DIAGRAM).write_text(drawn, encoding="utf-8")
+        for variant in plan.variants:
+            if variant.name != BASELINE:
+                _write_bundle(variant.bundle, partial / VARIANTS / variant.slug)
+        (partial / PLAN).write_text(dump_yaml(plan.to_dict()), encoding="utf-8")
+        Index.create(partial / INDEX, plan.columns)
+        partial.rename(folder)
+    except OSError as error:
+        shutil.rmtree(partial, ignore_errors=True)
+        raise UsageError(f"cannot write '{folder}': {error.strerror or error}") from None
+
+
+def _write_bundle(bundle: GraphBundle, folder: Path) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / GRAPH).write_text(bundle.text, encoding="utf-8")
+    for name, content in bundle.beside:
+        (folder / name).write_bytes(content)
+
+
+def read_plan(folder: Path) -> dict[str, Any]:
+    """The plan of an experiment, as plain values.
+
+    Raises
+    ------
+    UsageError : there is no plan, or it cannot be read.
+    """
+    path = folder / PLAN
+    try:
+        stored = parse_yaml(path.read_text(encoding="utf-8"), str(path)).plain()
+    except (OSError, UnicodeDecodeError, GraphError) as error:
+        raise UsageError(f"cannot read the plan of '{folder}': {error}") from None
+    if not isinstance(stored, dict) or stored.get("schema_version") != SCHEMA_VERSION:
+        raise UsageError(f"'{path}' is not a plan of this version of the program")
+    try:
+        found = {"ends": {}, "never": {}, **stored}  # plans of earlier versions have neither
+        check_form(found, {"ends": dict, "never": dict})
+        for name, ends in found["ends"].items():
+            low, high = map(float, ends)
+            found["ends"][name] = (low, high)
+    except (TypeError, ValueError) as error:
+        raise UsageError(f"'{path}' is damaged: {error}") from None
+    return found
+
+
+def _check_same(plan: ExperimentPlan, folder: Path, option: str) -> None:
+    """Check that a folder belongs to the same plan, and contains no links.
+
+    Raises
+    ------
+    UsageError : it does not; the message lists the differences.
+    """
+    _refuse_links(folder)
+    stored = read_plan(folder)
+    try:
+        text = (folder / GRAPH).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise UsageError(f"cannot read '{folder / GRAPH}': {error}") from None
+    if stored.get("digest") == plan.digest:
+        return
+    mine = {"kind": plan.kind, **plan.specification, "metrics": list(plan.metrics)}
+    keys = dict.fromkeys([*mine, *("vary", "random", "sobol", "sampling_seed", "variants")])
+    differing = [
+        f"{key}: {_short(stored.get(key))} there, {_short(mine.get(key))} here"
+        for key in keys
+        if stored.get(key) != mine.get(key)
+    ]
+    if text != plan.bundle.text or not differing:
+        differing.append("the graph")
+    raise UsageError(
+        f"'{folder}' belongs to a different plan, which differs in {'; '.join(differing)}; "
+        f"{_other(plan, option)} begins another {plan.kind} beside it"
+    )
+
+
+def _refuse_links(folder: Path) -> None:
+    """Refuse to write into a folder with links: their targets could be written or deleted."""
+    with system_errors(f"read '{folder}'"):
+        for path in [*folder.iterdir(), *folder.glob("*/*")]:
+            if path.is_symlink():
+                raise UsageError(
+                    f"'{path}' is a link, which is not followed when a folder is continued; "
+                    "replace it by what it points to"
+                )
+
+
+def _short(value: Any) -> str:
+    text = "nothing" if value is None else str(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
