@@ -26,7 +26,8 @@ from blocks import (
     wall_fitting,
     world,
 )
-from blocks.core import Block, Registry, SignalType, Variant
+from blocks.core import Block, SignalType, Variant
+from blocks.extensions import Registry
 
 _T = TypeVar("_T")
 # A module is registered before its code has run: other threads must not see it until then.

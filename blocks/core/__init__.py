@@ -39,7 +39,6 @@ from blocks.core.params import (
     size_of,
 )
 from blocks.core.portable import arctan2, cos, directions, product, sin, solve
-from blocks.core.registries import BrokenPackageError, Offer, Registry, groups, read_again
 from blocks.core.scalar_functions import RESERVED, modulo, nearest
 from blocks.core.settings import Setting, SettingError
 from blocks.core.signals import (
@@ -76,7 +75,6 @@ __all__ = [
     "BlockSpec",
     "BlockState",
     "BoolArray",
-    "BrokenPackageError",
     "DeclarationError",
     "Elementwise",
     "Evaluation",
@@ -86,7 +84,6 @@ __all__ = [
     "Input",
     "IntArray",
     "MissingPackageError",
-    "Offer",
     "Options",
     "Output",
     "Param",
@@ -97,7 +94,6 @@ __all__ = [
     "PortType",
     "Pose",
     "PoseValue",
-    "Registry",
     "Same",
     "Scalar",
     "Scan",
@@ -124,7 +120,6 @@ __all__ = [
     "function_from",
     "function_kernel",
     "function_text",
-    "groups",
     "has_kernels",
     "hint",
     "kernel_for",
@@ -138,7 +133,6 @@ __all__ = [
     "plain",
     "portable",
     "product",
-    "read_again",
     "read_expression",
     "require",
     "show",

@@ -9,8 +9,8 @@ from typing import Any, ClassVar, Self
 
 from blocks.core.params import hint, plain, show
 from blocks.core.reading import read_params
-from blocks.core.registries import BrokenPackageError, Registry
 from blocks.core.settings import Setting, SettingError
+from blocks.extensions import BrokenPackageError, Registry
 
 
 class Variant(Setting):

@@ -14,10 +14,11 @@ from blocks.neural.lif import LIF, AdaptiveLIF, LIFRate
 from blocks.neural.models import Izhikevich, ReLU, Sigmoid, SpikingReLU, Tanh
 from blocks.neural.mrac import MRAC
 from blocks.neural.neurons import NeuronModel
+from blocks.neural.solvers import Solver
 from blocks.neural.synapses import Synapse
 from blocks.neural.tuning import PLACES, Tuning, table_shape
 from blocks.neural.weights import Weights
 
 __all__ = ["LIF", "MRAC", "PLACES", "AdaptiveBias", "AdaptiveEnsemble", "AdaptiveLIF", "Decoder"]
 __all__ += ["Ensemble", "Izhikevich", "LIFRate", "NeuronModel", "RateEnsemble", "ReLU", "Sigmoid"]
-__all__ += ["SpikingReLU", "Synapse", "Tanh", "Tuning", "Weights", "table_shape"]
+__all__ += ["Solver", "SpikingReLU", "Synapse", "Tanh", "Tuning", "Weights", "table_shape"]

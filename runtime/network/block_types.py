@@ -10,12 +10,12 @@ from typing import TypeVar
 from blocks.core import (
     TYPES,
     Block,
-    BrokenPackageError,
     DeclarationError,
     SignalType,
     Variant,
     hint,
 )
+from blocks.extensions import BrokenPackageError
 from blocks.registry import (
     BLOCKS,
     BUILTIN,

@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Generic, Protocol, TypeVar
 
-from blocks.core import Registry, hint
+from blocks.core import hint
+from blocks.extensions import Registry
 from blocks.registry import Modules
 from runtime.document import Node, check_keys, misspelt
 from runtime.errors import Problems
@@ -62,8 +63,9 @@ def choose(
     written, files = node.get("kind"), dict[str, bytes]()
     asked = "" if written is None else str(written.plain())
     if node.get("module") is not None:
-        wanted = kinds.wanted
-        found: tuple[K, dict[str, bytes]] | None = own_object(node, kinds.kind, wanted, address, problems, modules)
+        found: tuple[K, dict[str, bytes]] | None = own_object(
+            node, kinds.kind, kinds.wanted, address, problems, modules
+        )
         if found is None:
             return None
         declared: K | None

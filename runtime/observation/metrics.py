@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from blocks.core import FloatArray, Registry, param, show
+from blocks.core import FloatArray, param, show
+from blocks.extensions import Registry
 from blocks.world import World
 from runtime.document import in_time
 from runtime.observation import (

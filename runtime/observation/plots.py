@@ -7,7 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from blocks.core import Options, Registry, plain
+from blocks.core import Options, plain
+from blocks.extensions import Registry
 from runtime.network import Network
 from runtime.observation.plot_options import (
     Averaged,

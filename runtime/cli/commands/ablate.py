@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runtime.cli.commands import show_folder
+from runtime.arguments import show_folder
 from runtime.cli.commands.changes import with_changes
 from runtime.cli.commands.workers import (
     add_experiment,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from argparse import ArgumentParser, Namespace
 from typing import TYPE_CHECKING
 
-from runtime.cli.commands import add_json
+from runtime.arguments import add_json
 from runtime.errors import UsageError
 from runtime.terminal import show, show_json, table, tell
 
@@ -35,7 +35,8 @@ def run(options: Namespace) -> int:
         for line in BLOCKS.broken():
             tell(f"note: {line}")
     if options.type is not None and options.type not in known:
-        from blocks.core import BrokenPackageError, hint
+        from blocks.core import hint
+        from blocks.extensions import BrokenPackageError
         from runtime.network import ours_for
 
         try:

@@ -6,7 +6,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runtime.cli.commands import show_folder
+from runtime.arguments import show_folder
 from runtime.cli.commands.workers import (
     add_experiment,
     add_factors,

@@ -12,7 +12,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runtime.cli.commands import add_output, at_least, integer
+from runtime.arguments import add_output, at_least, integer
 from runtime.cli.commands.changes import add_changes, changed
 from runtime.errors import UsageError
 from runtime.terminal import tell

@@ -10,9 +10,8 @@ from pathlib import Path
 import pytest
 
 import runtime
-from blocks.core import read_again
 from runtime.errors import GraphError
-from tests.blocks.core.test_registries import package
+from tests.blocks.test_extensions import package
 
 HOW_TO = (Path(__file__).parents[3] / "docs" / "how-to.md").read_text(encoding="utf-8")
 PLOT = """from runtime.observation import PLOT_KINDS, PlotKind
@@ -41,9 +40,7 @@ def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     package(tmp_path, "sb_rms", f"{group}rms = sb_rms:A\n", "raise RuntimeError('imported')")
     package(tmp_path, "sb_plot", "[spikeblocks.plots]\nown = sb_plot:OWN\n", PLOT)
     monkeypatch.syspath_prepend(str(tmp_path))
-    read_again()
     yield tmp_path
-    read_again()
     for name in set(sys.modules) - before:
         del sys.modules[name]
 

@@ -12,9 +12,10 @@ of which those of packages are imported one by one, when they are asked for::
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 if TYPE_CHECKING:
@@ -202,9 +203,13 @@ class _Installed:
     unreadable: list[str]
 
 
-@cache
 def _installed() -> _Installed:
-    """All our entry points, read once; the first of equally named packages, as Python imports it.
+    return _offered_on(tuple(sys.path))
+
+
+@lru_cache(maxsize=1)
+def _offered_on(path: tuple[str, ...]) -> _Installed:
+    """Our entry points of all packages; the first of equally named ones, as Python imports it.
 
     ``importlib.metadata.entry_points`` would fail with the first package whose text is damaged.
     """
@@ -212,7 +217,7 @@ def _installed() -> _Installed:
 
     points: dict[str, list[tuple[str, EntryPoint]]] = {}
     unreadable, seen = [], set()
-    for distribution in distributions():
+    for distribution in distributions(path=list(path)):
         try:
             ours = [p for p in distribution.entry_points if p.group.startswith(PREFIX)]
             name = distribution.metadata["Name"] if ours else ""
@@ -230,11 +235,6 @@ def _installed() -> _Installed:
 def groups() -> tuple[str, ...]:
     """The groups under which packages offer something, ours or misspelt."""
     return tuple(_installed().points)
-
-
-def read_again() -> None:
-    """Look again at what is installed, as after ``pip install`` in a running session."""
-    _installed.cache_clear()
 
 
 def _named(distribution: Distribution) -> str:

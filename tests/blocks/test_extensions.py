@@ -9,7 +9,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from blocks.core import Block, BrokenPackageError, Registry, read_again
+from blocks.core import Block
+from blocks.extensions import BrokenPackageError, Registry
 from blocks.generic import Sum
 from tests.conftest import Run
 
@@ -57,9 +58,7 @@ def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     (folder / "sb_latin-1.0.dist-info/METADATA").write_bytes(b"\xff\xfe")
     (folder / "sb_text-1.0.dist-info/entry_points.txt").write_bytes(b"\xff\xfe[x")
     monkeypatch.syspath_prepend(str(folder))
-    read_again()
     yield folder
-    read_again()
     for name in set(sys.modules) - before:
         if name.startswith("sb_"):
             del sys.modules[name]
