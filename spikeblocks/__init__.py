@@ -26,8 +26,12 @@ __all__ = [*runtime.__all__, "blocks"]
 
 
 def __getattr__(name: str) -> Any:
+    if name == "__version__":
+        from importlib.metadata import version  # not at the start of every command
+
+        return version(__name__)
     return importlib.import_module("blocks") if name == "blocks" else getattr(runtime, name)
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return sorted([*__all__, "__version__"])

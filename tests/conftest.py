@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from runtime.toolchain import MissingCompilerError
+from runtime.toolchain import VARIABLE, MissingCompilerError
 from tests.compilers import REASON
 from tests.launcher import AVAILABLE, Launcher
 
@@ -22,6 +22,13 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # Hundreds of tests start a process; without kept bytecode each would compile the project again.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Keep compiled code in a folder of the tests' own, for the workers of pytest-xdist as well."""
+    if config.cache is not None:
+        os.environ.setdefault(VARIABLE, str(config.cache.mkdir("compiled")))
+
 
 Run = Callable[..., "subprocess.CompletedProcess[str]"]
 

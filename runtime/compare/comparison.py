@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from runtime.compare.documents import Difference, differences
+from runtime.compare.documents import KeyDifference, differences
 from runtime.compare.probes import FirstDifference, Pair, pair
 from runtime.compare.runs import Run
 from runtime.errors import UsageError
@@ -19,7 +19,7 @@ COMMON_FILES = (WRITTEN, RESOLVED, DIAGRAM, METRICS, PROBES, STATES)
 
 
 @dataclass(frozen=True)
-class Compared:
+class RunComparison:
     """One run compared with the first: the probes of both, and those that only one has.
 
     ``missing`` maps a probe to the label of the run that did not record it.
@@ -51,10 +51,10 @@ class Comparison:
     """
 
     runs: list[Run]
-    graph: list[Difference]
-    circumstances: list[Difference]
+    graph: list[KeyDifference]
+    circumstances: list[KeyDifference]
     metrics: dict[str, list[float | None]]
-    others: list[Compared]
+    others: list[RunComparison]
 
     @property
     def labels(self) -> list[str]:
@@ -123,7 +123,7 @@ def _check_shared(a: Run, b: Run) -> None:
     raise UsageError(f"nothing to compare: {titles} share no probe and no metric")
 
 
-def _compared(first: Run, run: Run, names: Iterable[str]) -> Compared:
+def _compared(first: Run, run: Run, names: Iterable[str]) -> RunComparison:
     dt = float(first.result.manifest["dt"])
     here, there = first.result.probes, run.result.probes
     pairs = [pair(here[n], there[n], dt) for n in names if n in here and n in there]
@@ -132,7 +132,7 @@ def _compared(first: Run, run: Run, names: Iterable[str]) -> Compared:
         for name in names
         if (name in here) != (name in there)
     }
-    return Compared(run, pairs, missing)
+    return RunComparison(run, pairs, missing)
 
 
 def _order(run: Run) -> dict[str, int]:

@@ -23,7 +23,7 @@ ABSENT: Final = Absent.ABSENT
 
 
 @dataclass(frozen=True)
-class Difference:
+class KeyDifference:
     """A path at which documents differ.
 
     ``values`` has one item per document, :data:`ABSENT` where it has no such key.
@@ -41,7 +41,7 @@ class Difference:
         return "removed" if all(value is ABSENT for value in others) else "changed"
 
 
-def differences(documents: Sequence[Any]) -> list[Difference]:
+def differences(documents: Sequence[Any]) -> list[KeyDifference]:
     """The differences of documents, in the order of the first one's keys.
 
     Mappings are compared key by key; an entry that only some documents have is one difference.
@@ -54,7 +54,7 @@ def differences(documents: Sequence[Any]) -> list[Difference]:
     return list(_differences("", tuple(documents)))
 
 
-def _differences(path: str, values: tuple[Any, ...]) -> Iterator[Difference]:
+def _differences(path: str, values: tuple[Any, ...]) -> Iterator[KeyDifference]:
     if all(same(value, values[0]) for value in values[1:]):
         return
     # A section that only some have is compared by its entries.
@@ -68,7 +68,7 @@ def _differences(path: str, values: tuple[Any, ...]) -> Iterator[Difference]:
         for i, items in enumerate(zip(*values, strict=True)):
             yield from _differences(f"{path}[{i}]", items)
     else:
-        yield Difference(path, values)
+        yield KeyDifference(path, values)
 
 
 def _itemwise(values: Sequence[Any]) -> bool:

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from typing import Any
 
-from runtime.compare.comparison import Compared, Comparison
-from runtime.compare.documents import ABSENT, Difference, text_of
+from runtime.compare.comparison import Comparison, RunComparison
+from runtime.compare.documents import ABSENT, KeyDifference, text_of
 from runtime.compare.probes import Column, Pair
 from runtime.terminal import number, table
 
@@ -48,7 +48,7 @@ def _common(comparison: Comparison) -> Iterator[str]:
         yield f"metrics\n{_metrics(comparison)}"
 
 
-def _document_table(labels: Sequence[str], found: Sequence[Difference]) -> str:
+def _document_table(labels: Sequence[str], found: Sequence[KeyDifference]) -> str:
     rows = [["", *labels]]
     for item in found:
         values = [text_of(value, VALUE_WIDTH) for value in item.values]
@@ -76,7 +76,7 @@ def _metric_difference(a: float | None, b: float | None) -> list[str]:
     return [f"{b - a:+.4g}", part]
 
 
-def _by_tolerance(comparison: Comparison, other: Compared, rtol: float, atol: float) -> str:
+def _by_tolerance(comparison: Comparison, other: RunComparison, rtol: float, atol: float) -> str:
     head = ["", "largest difference", "", "at [s]", "rms", "beyond tolerance"]
     rows = [head]
     beyond = 0
@@ -118,7 +118,7 @@ def _column_rows(pair: Pair, columns: Sequence[Column]) -> Iterator[list[str]]:
         ]
 
 
-def _by_bits(comparison: Comparison, other: Compared) -> str:
+def _by_bits(comparison: Comparison, other: RunComparison) -> str:
     first, label = comparison.labels[0], other.run.label
     differences = other.first_differences
     recorded = _recorded(comparison, other)
@@ -143,7 +143,7 @@ def _by_bits(comparison: Comparison, other: Compared) -> str:
     return "\n".join([*lines, *recorded])
 
 
-def _recorded(comparison: Comparison, other: Compared) -> list[str]:
+def _recorded(comparison: Comparison, other: RunComparison) -> list[str]:
     """Probes that only one run recorded, or at other times, a line each."""
     first, label = comparison.labels[0], other.run.label
     lines = [f"  {name}: not recorded by {who}" for name, who in other.missing.items()]
@@ -189,14 +189,14 @@ def as_data(comparison: Comparison, exact: bool, rtol: float, atol: float) -> di
     return plain
 
 
-def _difference(labels: Sequence[str], item: Difference) -> dict[str, Any]:
+def _difference(labels: Sequence[str], item: KeyDifference) -> dict[str, Any]:
     """A difference; values has no entry for a run without the path."""
     pairs = zip(labels, item.values, strict=True)
     values = {label: value for label, value in pairs if value is not ABSENT}
     return {"path": item.path, "change": item.change, "values": values}
 
 
-def _exact_data(other: Compared) -> dict[str, Any]:
+def _exact_data(other: RunComparison) -> dict[str, Any]:
     differences = [
         {
             "probe": pair.name,
@@ -214,7 +214,7 @@ def _exact_data(other: Compared) -> dict[str, Any]:
     }
 
 
-def _tolerance_data(other: Compared, rtol: float, atol: float) -> dict[str, Any]:
+def _tolerance_data(other: RunComparison, rtol: float, atol: float) -> dict[str, Any]:
     probes = []
     for pair in other.pairs:
         columns = pair.columns(rtol, atol)
@@ -231,7 +231,7 @@ def _tolerance_data(other: Compared, rtol: float, atol: float) -> dict[str, Any]
     return {"rtol": rtol, "atol": atol, "probes": probes, **_unequal_recordings(other)}
 
 
-def _unequal_recordings(other: Compared) -> dict[str, Any]:
+def _unequal_recordings(other: RunComparison) -> dict[str, Any]:
     """Probes that only one run recorded, or at other times."""
     partial = [pair for pair in other.pairs if not pair.is_whole]
     return {"missing": other.missing, "recorded_otherwise": [_partial(p) for p in partial]}

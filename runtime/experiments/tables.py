@@ -29,7 +29,7 @@ from runtime.experiments.analysis import (
 from runtime.experiments.design import Objective
 from runtime.experiments.execution import INDEX, Columns, Row, read_rows
 from runtime.experiments.sweeping import SweepResult
-from runtime.experiments.tuning import Judgement, Tried, TuningResult, judgements, summary
+from runtime.experiments.tuning import Candidate, Judgement, TuningResult, judgements, summary
 from runtime.runs import Figures
 from runtime.terminal import table, with_unit
 
@@ -306,9 +306,9 @@ class TuningTable:
     folder : the tuning's folder, as that of :class:`SweepTable`.
     """
 
-    configurations: tuple[Tried, ...] = field(repr=False)
-    winners: tuple[Tried, ...]
-    better: tuple[Tried, ...]
+    configurations: tuple[Candidate, ...] = field(repr=False)
+    winners: tuple[Candidate, ...]
+    better: tuple[Candidate, ...]
     judgements: tuple[Judgement, ...] = field(repr=False)
     paths: tuple[str, ...]
     folder: Path = field(repr=False)

@@ -8,6 +8,7 @@ from runtime.plots.figures import (
     save_plots,
 )
 from runtime.plots.film import animate, animated
+from runtime.plots.formulas import disable_math
 from runtime.plots.linear import draw_linear
 from runtime.plots.looks import LOOKS, fit
 from runtime.plots.map import (
@@ -27,7 +28,6 @@ from runtime.plots.style import (
     WIDTH,
     axis_label,
     coincident,
-    disable_math,
     display_names,
     draw_series,
     explain_empty,

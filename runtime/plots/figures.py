@@ -23,7 +23,7 @@ from matplotlib.figure import Figure
 from runtime.errors import UsageError, one_line
 from runtime.files import slug, write_whole
 from runtime.observation import PLOT_KINDS, PlotSpec, RunData, offered
-from runtime.plots import looks, style, titles
+from runtime.plots import formulas, looks, style, titles
 from runtime.plots.map import contacts
 from runtime.plots.painters import PAINTERS
 from runtime.plots.trajectory import equal_scales
@@ -80,7 +80,7 @@ def draw(plot: PlotSpec, result: RunData, look: str = "screen") -> Figure:
             top = painter(figure, shown, style.run_end(result))
         arrange(figure, top, plot)
         titles.set_title(top, plot.title, result)
-        style.disable_math(figure)
+        formulas.disable_math(figure)
         if "size" not in plot.options:
             looks.fit(figure, looks.LOOKS[look])
         titles.separate_notes(figure)

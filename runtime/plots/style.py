@@ -8,9 +8,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.mathtext import MathTextParser
-from matplotlib.text import Text
-from matplotlib.ticker import LogFormatter, MaxNLocator, ScalarFormatter
+from matplotlib.ticker import MaxNLocator
 
 from blocks.core import FloatArray
 from runtime.document import SECOND, TIME_UNITS
@@ -36,7 +34,6 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 THIN_ABOVE, THIN_TO = 20_000, 4_000  # rows
 LINESTYLES = ("-", "--", ":", "-.")
 GREEK = {"theta": "θ", "omega": "ω", "kappa": "κ"}
-_FORMULA = re.compile(r"\$[^$\s]+\$")
 # Any: the names of the parameters are a literal type in some versions of matplotlib only.
 STYLE: Any = {
     "font.family": "sans-serif",
@@ -54,7 +51,6 @@ STYLE: Any = {
     "axes.axisbelow": True,
     "axes.formatter.limits": (-3, 4),
     "axes.formatter.useoffset": False,
-    "axes.formatter.use_mathtext": True,
     "grid.color": "0.9",
     "grid.linewidth": 0.5,
     "xtick.labelsize": 8.0,
@@ -221,35 +217,6 @@ def line_style(i: int, covers: int = 0) -> dict[str, Any]:
     if covers:
         dashes = (0.0, (4.0, 3.0) if covers == 1 else (1.5, 5.5))
     return {"color": COLOURS[i % len(COLOURS)], "linestyle": dashes}
-
-
-def is_formula(text: str) -> bool:
-    """Whether a text has formulas as $e_p$, without spaces, that matplotlib can draw."""
-    found = _FORMULA.findall(text)
-    if not found or text.count("$") != 2 * len(found):
-        return False
-    try:
-        for formula in found:
-            MathTextParser("path").parse(formula)
-    except ValueError:
-        return False
-    return True
-
-
-def disable_math(figure: Figure) -> None:
-    """Show names and titles as they are written; only $e_p$, without spaces, is a formula.
-
-    Tick labels of numbers stay formulas, since matplotlib writes them.
-    """
-    for text in figure.findobj(Text):
-        text.set_parse_math(is_formula(text.get_text()))
-    for axes in figure.axes:
-        for axis in (axes.xaxis, axes.yaxis):
-            is_number = isinstance(axis.get_major_formatter(), ScalarFormatter | LogFormatter)
-            axis.get_offset_text().set_parse_math(True)
-            for tick in axis.get_major_ticks():
-                for label in (tick.label1, tick.label2):
-                    label.set_parse_math(is_number)
 
 
 def run_end(result: RunData) -> float:

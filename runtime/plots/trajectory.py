@@ -105,7 +105,8 @@ def equal_scales(figure: Figure, axes: Axes) -> None:
     Called last, since the size of the axes depends on titles and legends. Matplotlib's own
     ``adjustable="datalim"`` overrides the limits at every drawing, with a warning.
     """
-    figure.draw_without_rendering()
+    if (layout := figure.get_layout_engine()) is not None:
+        layout.execute(figure)  # sizes only; draw_without_rendering would do all but the pixels
     box = axes.get_window_extent()
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     metres = max((right - left) / box.width, (top - bottom) / box.height)

@@ -10,7 +10,7 @@ from runtime.experiments.execution import PLAN, read_plan
 from runtime.files import check_form
 from runtime.runs import MANIFEST, run_folder
 
-_PLAN = {"kind": str, "experiment": str, "points": int, "metrics": [str]}
+_PLAN = {"kind": str, "experiment": str, "total": int, "metrics": [str]}
 
 
 @dataclass(frozen=True)

@@ -140,7 +140,7 @@ def moment(stamp: str) -> str:
 
 def plan_provenance(folder: Path, plan: Mapping[str, Any]) -> Html:
     """The provenance of a sweep's or an ablation's results."""
-    found = plan.get("made")
+    found = plan.get("provenance")
     made = found if isinstance(found, Mapping) else {}
     changes = made.get("changes")
     more = [

@@ -14,9 +14,9 @@ from runtime.experiments.analysis import (
     NEVER,
     SAME,
     SAME_RUNS,
-    Group,
     SweepData,
     Tally,
+    TrialGroup,
     gather,
     read_sweep,
 )
@@ -100,7 +100,7 @@ def _read(folder: Path) -> _Sweep:
     metric = "" if data.objective is None else data.objective.metric
     ends, never = data.ends.get(metric, ANY), data.never.get(metric, NEVER)
     tally = Tally(data.seeds, column, data.objective, ends, never)
-    swept = _Sweep(folder, plan, data, tally, plan["points"])
+    swept = _Sweep(folder, plan, data, tally, plan["total"])
     for row in swept.rows():
         swept.tally.add(row)
     return swept
@@ -163,7 +163,7 @@ def _table(swept: _Sweep, best: Mapping[tuple[str, ...], int] | None, label: str
     return join(table(head, rows, numbers, label=label), note)
 
 
-def _configuration(swept: _Sweep, group: Group) -> list[str]:
+def _configuration(swept: _Sweep, group: TrialGroup) -> list[str]:
     ok = sum(row.status == "ok" for row in group.rows)
     data = swept.data
     cells = [*map(short, group.cells), f"{ok}/{data.seeds}"]

@@ -165,7 +165,7 @@ class Builder:
         if path is None:
             with self._writing():
                 path, compiled = self._linked(name, objects, note)
-                store.bound()
+                store.bound_at_times()
         try:
             return Library(path, ctypes.CDLL(str(path)), compiled)
         except OSError as error:

@@ -180,11 +180,11 @@ def check(case: Case) -> str:
 
 
 def _tell_unfinished() -> None:
-    """Take one of the points' folders away: there is something left to look at."""
-    points = sorted(Path(SWEEP, "points").glob("*"))
-    for point in points[-1:]:
-        if point.is_dir() and not point.is_symlink():
-            shutil.rmtree(point)
+    """Take one of the trials' folders away: there is something left to look at."""
+    trials = sorted(Path(SWEEP, "trials").glob("*"))
+    for trial in trials[-1:]:
+        if trial.is_dir() and not trial.is_symlink():
+            shutil.rmtree(trial)
 
 
 def run(examples: int, seed: int) -> Record:

@@ -14,7 +14,7 @@ import pytest
 import runtime
 from runtime.document.loader import SHIPPED
 from runtime.experiments.design.seeds import Seeds
-from runtime.experiments.design.variants import BASELINE, Variant
+from runtime.experiments.design.variants import BASELINE, GraphVariant
 from tests.studies.ablation import runs
 from tests.studies.ablation.conclusions import ALL, FED, INTEGRATOR, SPEED, TURN
 from tests.studies.ablation.judge import (
@@ -103,7 +103,7 @@ PLACES = {"params.q_y": "lqr.0", "params.q_theta": "lqr.2"}
 
 
 @cache
-def experiment(configuration: Configuration, rule: str) -> tuple[Variant, ...]:
+def experiment(configuration: Configuration, rule: str) -> tuple[GraphVariant, ...]:
     return tuple(runs.read(configuration, rule).variants)
 
 

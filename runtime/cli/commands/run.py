@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,14 +15,11 @@ from runtime.errors import SimulationError, UsageError, one_line
 from runtime.terminal import number, show, show_json, table, tell
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-
-    from matplotlib.figure import Figure
+    from collections.abc import Mapping, Sequence
 
     from runtime.cli.commands.watching import Done
     from runtime.engine import Interrupts
     from runtime.graph import Graph
-    from runtime.observation import PlotSpec
     from runtime.runs import Result
 
 HELP = "simulate, record, draw the probes, print the metrics"
@@ -73,15 +71,14 @@ def run(options: Namespace) -> int:
 def _once(options: Namespace, before: Result | None) -> Done:
     """One run; ``before`` is one from before the graph was edited, which its figures show too."""
     from runtime.cli.commands.watching import Done
-    from runtime.engine import Interrupts, Profile, profile_text
+    from runtime.engine import Interrupts, Profile
     from runtime.runs import Draft, link_latest, new_folder
 
     graph = changed_graph(options.graph, options).check()
-    formats = _formats(options.figures)
     compared = rivals(graph, options.vs)
     _check_options(graph, options)
-    quiet = options.quiet or options.json
     profile = Profile() if options.profile else None
+    quiet = options.quiet or options.json
     draft = Draft(new_folder(Path(options.out), graph.title))
     if not quiet:
         _report_leftovers(draft.folder.parent)
@@ -91,29 +88,30 @@ def _once(options: Namespace, before: Result | None) -> Done:
     if folder == draft.folder:
         link_latest(folder)
     code = _exit_code(result, failure, interrupts, folder == draft.folder)
+    others, draws = {}, interrupts.leaves_time
+    try:
+        if draws and failure is None and (options.vs or not options.no_plots):
+            others = run_rivals(compared, quiet, Path(options.out))
+    except KeyboardInterrupt:
+        code, draws = code or 130, False
+    if not options.json:
+        # Before anything is drawn, which takes longer than many a run.
+        _print_result(result, options, others, before)
+    earlier = len(result.notes)
     pictures: list[Path] = []
-    others: dict[str, Result] = {}
-    if interrupts.leaves_time:
-        try:
-            if failure is None and not (options.no_plots and options.vs is None):
-                others = run_rivals(compared, quiet, Path(options.out))
-            drawn = painter(result, others, folder, options, before)
-            pictures = _pictures(result, folder, options, formats, drawn, others)
+    try:
+        if draws:
+            pictures = _pictures(result, folder, options, others, before)
             pictures += [_diagram(graph, folder)] if options.watch else []
-        except KeyboardInterrupt:
-            code = code or 130
+    except KeyboardInterrupt:
+        code = code or 130
     rows = profile.rows(result.manifest["ticks"], result.manifest["wall_s"]) if profile else []
     if options.json:
-        more: dict[str, Any] = {"profile": rows} if rows else {}
-        if options.vs in others:
-            more["vs"] = {"change": options.vs, "metrics": others[options.vs].metrics}
-        show_json(_summary(result, folder) | more)
+        show_json(_summary(result, folder, options, others, rows))
     else:
-        columns = {names(change, options.labels): other for change, other in others.items()}
-        latest = {} if before is None else {("now", "before"): before}
-        _print_result(result, folder, pictures, options, columns or latest)
-    if rows and not options.json:
-        show(profile_text(rows))
+        _tell_notes(result.notes[earlier:], options)
+        show_folder("run", folder, pictures)
+        _show_profile(rows)
     _report_failures(result, failure, folder)
     return Done(code, result, [Path(name) for name in graph.texts])
 
@@ -165,6 +163,7 @@ def _report_leftovers(folder: Path) -> None:
 
 def _check_options(graph: Graph, options: Namespace) -> None:
     """Raise an error before the run if the graph does not allow an option."""
+    _formats(options.figures)
     if options.labels:
         names("", options.labels)
         if options.vs is None:
@@ -199,9 +198,8 @@ def _pictures(
     result: Result,
     folder: Path,
     options: Namespace,
-    formats: list[str],
-    drawn: Callable[[PlotSpec], Figure] | None,
     others: Mapping[str, Result],
+    before: Result | None,
 ) -> list[Path]:
     """Draw the requested pictures into a run's folder; returns the files.
 
@@ -211,10 +209,12 @@ def _pictures(
 
     files = []
     wanted = not (options.quiet or options.json)
+    drawn = painter(result, others, folder, options, before)
     if not options.no_plots:
         from runtime.plots import save_plots
 
         drawing = Progress("drawing", wanted=wanted)
+        formats = _formats(options.figures)
         files += save_plots(
             *(result, folder / "plots", result.notes.append, formats, options.style, drawn, drawing)
         )
@@ -239,8 +239,24 @@ def _labelled(options: Namespace, result: Result, other: Result) -> dict[str, Re
     return {first: result, second: other}
 
 
-def _summary(result: Result, folder: Path) -> dict[str, Any]:
+def _show_profile(rows: list[dict[str, Any]]) -> None:
+    from runtime.engine import profile_text
+
+    if rows:
+        show(profile_text(rows))
+
+
+def _summary(
+    result: Result,
+    folder: Path,
+    options: Namespace,
+    others: Mapping[str, Result],
+    rows: list[dict[str, Any]],
+) -> dict[str, Any]:
     manifest = result.manifest
+    more: dict[str, Any] = {"profile": rows} if rows else {}
+    if options.vs in others:
+        more["vs"] = {"change": options.vs, "metrics": others[options.vs].metrics}
     return {
         "schema_version": manifest["schema_version"],
         "run": str(folder),
@@ -254,21 +270,25 @@ def _summary(result: Result, folder: Path) -> dict[str, Any]:
         "us_per_tick": manifest["us_per_tick"],
         "failures": result.failures,
         "notes": result.notes,
+        **more,
     }
 
 
+def _tell_notes(notes: Sequence[str], options: Namespace) -> None:
+    """Print notes, unless the user asked for quiet."""
+    for note in () if options.quiet else notes:
+        tell(f"note: {note}")
+
+
 def _print_result(
-    result: Result,
-    folder: Path,
-    pictures: list[Path],
-    options: Namespace,
-    others: Mapping[tuple[str, str], Result],
+    result: Result, options: Namespace, rivals: Mapping[str, Result], before: Result | None
 ) -> None:
-    """Print notes, metrics and files; ``others`` are compared runs with the names of both."""
+    """Print notes and metrics, beside those of the rivals or of the run before an edit."""
     manifest = result.manifest
-    if not options.quiet:
-        for note in result.notes:
-            tell(f"note: {note}")
+    others = {names(change, options.labels): other for change, other in rivals.items()}
+    if not others and before is not None:
+        others = {("now", "before"): before}
+    _tell_notes(result.notes, options)
     simulated = manifest["ticks"] * manifest["dt"]
     show(
         f"{result.title}: {simulated:g} {result.time_unit} in {manifest['wall_s']:.2f} s "
@@ -294,4 +314,4 @@ def _print_result(
         }
         rows = [(k, f"{result.measured(k)} {units[k]}".rstrip()) for k in result.metrics]
         show(table(rows))
-    show_folder("run", folder, pictures)
+    sys.stdout.flush()  # a pipe or a file shows them before the pictures, too

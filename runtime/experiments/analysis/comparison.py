@@ -12,9 +12,9 @@ from runtime.experiments.analysis.statistics import (
     CORRECTION,
     LEVEL,
     TESTS,
-    Difference,
     Ends,
     Estimate,
+    PairedDifference,
     Test,
     Values,
     adjusted,
@@ -55,7 +55,7 @@ class ComparisonLine:
     metric: str
     runs: int
     own: Estimate
-    difference: Difference | None = None
+    difference: PairedDifference | None = None
     p_adjusted: float = math.nan
     p_presence: float = math.nan
     is_removed: bool = False

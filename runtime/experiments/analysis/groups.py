@@ -27,7 +27,7 @@ REASONS, REASONS_SHOWN = 200, 5
 
 
 @dataclass(frozen=True)
-class Group:
+class TrialGroup:
     """The rows of one configuration, in the order of its seeds."""
 
     number: int
@@ -58,24 +58,24 @@ class Grouping:
         self.seeds = seeds
         self._open: dict[int, list[Row]] = {}
 
-    def add(self, row: Row) -> Group | None:
+    def add(self, row: Row) -> TrialGroup | None:
         """Add a row; returns the group if it is complete."""
         number = row.trial // self.seeds
         rows = self._open.setdefault(number, [])
         rows.append(row)
         return self._closed(number) if len(rows) == self.seeds else None
 
-    def rest(self) -> Iterator[Group]:
+    def rest(self) -> Iterator[TrialGroup]:
         """The groups that are not complete."""
         for number in sorted(self._open):
             yield self._closed(number)
 
-    def _closed(self, number: int) -> Group:
+    def _closed(self, number: int) -> TrialGroup:
         rows = sorted(self._open.pop(number), key=lambda row: row.trial)
-        return Group(number, rows[0].cells, tuple(rows))
+        return TrialGroup(number, rows[0].cells, tuple(rows))
 
 
-def gather(rows: Iterable[Row], seeds: int) -> Iterator[Group]:
+def gather(rows: Iterable[Row], seeds: int) -> Iterator[TrialGroup]:
     """The groups of an index, the incomplete ones last."""
     grouping = Grouping(seeds)
     for row in rows:
@@ -86,7 +86,7 @@ def gather(rows: Iterable[Row], seeds: int) -> Iterator[Group]:
 
 
 @dataclass(frozen=True)
-class Ranked:
+class RankedConfiguration:
     """A configuration with the mean of the objective over its seeds."""
 
     cells: tuple[str, ...]
@@ -114,7 +114,7 @@ class Tally:
 
     def __post_init__(self) -> None:
         self._grouping = Grouping(self.seeds)
-        self._heap: list[tuple[tuple[int, float], int, Ranked]] = []
+        self._heap: list[tuple[tuple[int, float], int, RankedConfiguration]] = []
         self._order = itertools.count()
 
     def add(self, row: Row) -> None:
@@ -127,7 +127,7 @@ class Tally:
         if group is not None:
             self._rank(group)
 
-    def _rank(self, group: Group) -> None:
+    def _rank(self, group: TrialGroup) -> None:
         if self.objective is None or self.column is None:
             return
         if any(row.metrics[self.column] is None for row in group.rows):
@@ -138,10 +138,10 @@ class Tally:
         if len(self._heap) == BEST and rank <= self._heap[0][0]:
             return
         push = heapq.heappush if len(self._heap) < BEST else heapq.heappushpop
-        push(self._heap, (rank, -next(self._order), Ranked(group.cells, found)))
+        push(self._heap, (rank, -next(self._order), RankedConfiguration(group.cells, found)))
 
     @property
-    def best(self) -> list[Ranked]:
+    def best(self) -> list[RankedConfiguration]:
         """The best configurations, the best first."""
         return [ranked for _, _, ranked in sorted(self._heap, reverse=True)]
 

@@ -56,7 +56,7 @@ class Estimate:
 
 
 @dataclass(frozen=True)
-class Difference(Estimate):
+class PairedDifference(Estimate):
     """A mean paired difference; ``p`` is the probability of one as large by chance alone.
 
     Parameters
@@ -107,7 +107,7 @@ def estimate(
 
 def difference(
     values: Values, baseline: Values, test: Test = "t", is_same: bool = False
-) -> Difference:
+) -> PairedDifference:
     """The mean of ``values - baseline`` over the seeds on which both have a value.
 
     Parameters
@@ -129,7 +129,7 @@ def difference(
     both = [a - b for a, b in pairs if a is not None and b is not None and math.isfinite(a - b)]
     found = estimate(both, test, is_same=is_same)
     only_signs = len(both) < len(pairs) or (len(apart) > 1 and _is_constant(apart))
-    return Difference(
+    return PairedDifference(
         *(found.n, found.mean, found.low, found.high, len(apart) - len(both), is_same),
         p=_p(apart, test, only_signs),
         pairs=len(apart),

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from blocks.core import FloatArray
 from runtime.document import flow_yaml, from_python, parse_yaml
 from runtime.errors import Problems, UsageError
-from runtime.experiments.analysis.groups import Group, gather
+from runtime.experiments.analysis.groups import TrialGroup, gather
 from runtime.experiments.analysis.statistics import ANY, Ends, Estimate
 from runtime.experiments.design import Factor, Objective, Range, parse_factor, parse_seeds
 from runtime.experiments.execution import INDEX, Columns, read_plan, read_rows
@@ -118,9 +118,9 @@ def read_sweep(folder: Path) -> SweepData:
     )
 
 
-def _thinned(groups: Iterable[Group]) -> tuple[list[Group], int]:
+def _thinned(groups: Iterable[TrialGroup]) -> tuple[list[TrialGroup], int]:
     """Every n-th configuration, with n such that at most ``MOST`` are left."""
-    kept: list[Group] = []
+    kept: list[TrialGroup] = []
     every, count = 1, 0
     for group in groups:
         count += 1

@@ -16,11 +16,11 @@ from runtime.experiments.design.factors import Factor, Range, parse_factor
 from runtime.experiments.design.objective import Constraint, Objective
 from runtime.experiments.design.request import ON_COMMAND_LINE, Named, Request, SeedList
 from runtime.experiments.design.sampling import Design, Method
-from runtime.experiments.design.search import RunSet, Tuning, tuning_of
+from runtime.experiments.design.search import RunSet, TuningSettings, tuning_of
 from runtime.experiments.design.seeds import Seeds, parse_seeds
 from runtime.experiments.design.variants import (
     BASELINE,
-    Variant,
+    GraphVariant,
     check_variants,
     grouped,
     removals,
@@ -39,6 +39,7 @@ __all__ = [
     "Entries",
     "Experiment",
     "Factor",
+    "GraphVariant",
     "Method",
     "Named",
     "Objective",
@@ -49,8 +50,7 @@ __all__ = [
     "Sampler",
     "SeedList",
     "Seeds",
-    "Tuning",
-    "Variant",
+    "TuningSettings",
     "check_design",
     "check_experiment",
     "check_paths",

@@ -21,7 +21,7 @@ from runtime.experiments.design.factors import Factor, parse_factor
 from runtime.experiments.design.objective import Constraint, Objective
 from runtime.experiments.design.sampling import Method
 from runtime.experiments.design.seeds import Seeds, parse_seeds
-from runtime.experiments.design.variants import Variant
+from runtime.experiments.design.variants import GraphVariant
 from runtime.graph import Graph
 
 Sampler = Literal["tpe", "nsga2", "sobol", "random"]
@@ -35,7 +35,7 @@ RUN_KEYS = ("seeds", "conditions")
 MOST_SAMPLES, MOST_TRIALS, MOST_BATCH = 10**9, 10**6, 4096
 _CONSTRAINT = re.compile(r"\s*(?P<metric>\S+)\s+(?P<side>below|above)\s+(?P<bound>\S+)\s*")
 # The seeds and the conditions of training or of held-out runs.
-RunEntries = tuple[Seeds | None, tuple[Variant, ...]]
+RunEntries = tuple[Seeds | None, tuple[GraphVariant, ...]]
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def read_entries(
     document: Node,
     graph: Graph,
     problems: Problems,
-    variants: Callable[[Node, str], list[Variant]] = lambda node, address: [],
+    variants: Callable[[Node, str], list[GraphVariant]] = lambda node, address: [],
 ) -> Entries:
     """The entries of a mapping, checked on a graph that is valid itself.
 
@@ -130,7 +130,7 @@ class _EntryReader:
     document: Node
     graph: Graph
     problems: Problems
-    variants: Callable[[Node, str], list[Variant]]
+    variants: Callable[[Node, str], list[GraphVariant]]
 
     def refuse(self, node: Node, address: str, message: str) -> None:
         """Report a problem; what no file contains is named by its option, not by its address."""

@@ -30,15 +30,16 @@ from runtime.experiments.design.entries import SWEEP_KEYS, TUNING_KEYS, Entries,
 from runtime.experiments.design.objective import Objective
 from runtime.experiments.design.sampling import Design
 from runtime.experiments.design.seeds import Seeds
-from runtime.experiments.design.variants import Variant
+from runtime.experiments.design.variants import GraphVariant
 from runtime.files import slug
 from runtime.graph import Graph, load
 
 CHANGES = ("with", "set", "wire", "without", "bypass", "replace")
 # Further keys of plan.yaml, which is an experiment file as well.
 PLAN_KEYS = (
-    *("schema_version", "kind", "metrics", "units", "ends", "never", "points", "digest"),
-    *("made", "optimizer"),
+    *("schema_version", "kind", "metrics", "units", "ends", "never", "total", "digest"),
+    *("provenance", "optimizer"),
+    *("points", "made"),  # total and provenance, in plans of schema 1
 )
 KEYS = (
     *("experiment", "graph", "until", *CHANGES, "seeds", *SWEEP_KEYS, "variants"),
@@ -55,7 +56,7 @@ class Experiment:
     name: str
     graph: Graph
     entries: Entries = field(default_factory=Entries)
-    variants: tuple[Variant, ...] = ()
+    variants: tuple[GraphVariant, ...] = ()
     path: Path | None = None
 
     @property
@@ -94,7 +95,7 @@ def read_experiment(
     if not is_experiment(document):
         graph = change(load(source, modules=modules))
         return Experiment(slug(graph.title), graph, path=path)
-    reader = _Reader(document, path.parent, change, partial(load, modules=modules))
+    reader = _ExperimentReader(document, path.parent, change, partial(load, modules=modules))
     return replace(reader.read(path.stem), path=path)
 
 
@@ -118,7 +119,9 @@ def check_experiment(
     ------
     GraphError, UsageError : what is wrong.
     """
-    experiment = _Reader(document, path.parent, change, load_graph, unsaved).read(path.stem)
+    experiment = _ExperimentReader(document, path.parent, change, load_graph, unsaved).read(
+        path.stem
+    )
     problems = Problems()
     for variant in experiment.variants:
         written = (document.get("variants") or document).get(variant.name) or document
@@ -149,7 +152,7 @@ def is_experiment(document: Node) -> bool:
 
 
 @dataclass
-class _Reader:
+class _ExperimentReader:
     """Reads one file; continues after a problem as long as the rest can be checked."""
 
     document: Node
@@ -256,11 +259,11 @@ class _Reader:
         module, colon, kind = str(node.value).rpartition(":")
         return f"{self.folder / module}:{kind}" if colon else kind
 
-    def variants(self, graph: Graph) -> list[Variant]:
+    def variants(self, graph: Graph) -> list[GraphVariant]:
         section = self.document.get("variants")
         return [] if section is None else self.named_variants(section, "variants", graph)
 
-    def named_variants(self, section: Node, address: str, graph: Graph) -> list[Variant]:
+    def named_variants(self, section: Node, address: str, graph: Graph) -> list[GraphVariant]:
         """The graphs of a section that maps names to changes of a graph."""
         if not section.is_map:
             message = f"expected {{name: changes}}, got {section.describe()}"
@@ -285,11 +288,13 @@ class _Reader:
             found.append(self.variant(name, node, base, graph))
         return found
 
-    def variant(self, name: str, node: Node, changed: Graph, baseline: Graph) -> Variant:
+    def variant(self, name: str, node: Node, changed: Graph, baseline: Graph) -> GraphVariant:
         message = node.get("changes")
         if message is not None:
-            return Variant(name, changed, tuple(map(str, message.plain())))
+            return GraphVariant(name, changed, tuple(map(str, message.plain())))
         other = node.get("graph")
         if other is not None:
-            return Variant(name, changed, (f"graph {other.value}", *map(str, changed.overrides)))
-        return Variant.of(name, changed, baseline)
+            return GraphVariant(
+                name, changed, (f"graph {other.value}", *map(str, changed.overrides))
+            )
+        return GraphVariant.of(name, changed, baseline)

@@ -17,7 +17,7 @@ from runtime.document import Node, from_python, parse_yaml
 from runtime.errors import Problems, UsageError, Where
 from runtime.experiments.design.entries import read_entries
 from runtime.experiments.design.experiment import Experiment
-from runtime.experiments.design.variants import Variant
+from runtime.experiments.design.variants import GraphVariant
 from runtime.files import slug
 from runtime.graph import Graph
 
@@ -123,10 +123,10 @@ class Request:
         )
 
 
-def _variants(named: Named, baseline: Graph) -> Iterable[Variant]:
+def _variants(named: Named, baseline: Graph) -> Iterable[GraphVariant]:
     for name, each in named:
         graph = each if isinstance(each, Graph) else each(baseline)
-        yield Variant.of(name, graph, baseline)
+        yield GraphVariant.of(name, graph, baseline)
 
 
 def _origin(option: str, key: str, value: object) -> str:

@@ -15,7 +15,7 @@ from runtime.experiments.design.entries import Over, Sampler
 from runtime.experiments.design.experiment import Experiment
 from runtime.experiments.design.objective import Constraint, Objective
 from runtime.experiments.design.seeds import Seeds
-from runtime.experiments.design.variants import Variant, check_variants
+from runtime.experiments.design.variants import GraphVariant, check_variants
 
 NOMINAL = "nominal"
 TRIALS, BATCH = 100, 4
@@ -27,7 +27,7 @@ class RunSet:
     """Every condition with every seed."""
 
     seeds: Seeds
-    conditions: tuple[Variant, ...]
+    conditions: tuple[GraphVariant, ...]
 
     def __len__(self) -> int:
         return len(self.seeds) * len(self.conditions)
@@ -38,7 +38,7 @@ class RunSet:
 
 
 @dataclass(frozen=True)
-class Tuning:
+class TuningSettings:
     """How the values of the factors are found, and what is required of them.
 
     Parameters
@@ -73,7 +73,7 @@ class Tuning:
         return tuple(dict.fromkeys([*(o.metric for o in self.objectives), *required]))
 
 
-def tuning_of(experiment: Experiment) -> Tuning:
+def tuning_of(experiment: Experiment) -> TuningSettings:
     """What an experiment says about its search, with the defaults.
 
     Raises
@@ -90,13 +90,13 @@ def tuning_of(experiment: Experiment) -> Tuning:
     own = graph.network.seed
     seeds, conditions = entries.training
     seeds = seeds or entries.seeds or Seeds(((own, own),))
-    training = RunSet(seeds, conditions or (Variant(NOMINAL, graph),))
+    training = RunSet(seeds, conditions or (GraphVariant(NOMINAL, graph),))
     seeds, conditions = entries.held_out
     held_out = RunSet(seeds or HELD_OUT, conditions or training.conditions)
     _check_apart(training, held_out)
     for runs in (training, held_out):
         check_variants(runs.conditions)
-    return Tuning(
+    return TuningSettings(
         objectives,
         entries.constraints,
         entries.trials or TRIALS,

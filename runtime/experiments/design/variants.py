@@ -16,7 +16,7 @@ Change = tuple[str, str]
 
 
 @dataclass(frozen=True)
-class Variant:
+class GraphVariant:
     """A graph with a name; ``changes`` describes how it differs from the baseline."""
 
     name: str
@@ -24,7 +24,7 @@ class Variant:
     changes: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, name: str, graph: Graph, baseline: Graph) -> Variant:
+    def of(cls, name: str, graph: Graph, baseline: Graph) -> GraphVariant:
         known = len(baseline.overrides)
         return cls(name, graph, tuple(map(str, graph.overrides[known:])))
 
@@ -50,7 +50,7 @@ def grouped(changes: Iterable[Change]) -> tuple[list[Change], list[tuple[str, li
     return common, variants
 
 
-def check_variants(variants: Sequence[Variant]) -> None:
+def check_variants(variants: Sequence[GraphVariant]) -> None:
     """Check that the names are unique and that all graphs can run.
 
     Raises
@@ -71,7 +71,7 @@ def check_variants(variants: Sequence[Variant]) -> None:
             raise UsageError(f"variant '{name}' cannot run:\n{error}") from None
 
 
-def removals(graph: Graph) -> tuple[list[Variant], dict[str, str]]:
+def removals(graph: Graph) -> tuple[list[GraphVariant], dict[str, str]]:
     """Variants that each remove one block or part of a graph.
 
     A block with a pass-through is bypassed. Another block is removed if every input wired to it is
@@ -82,7 +82,7 @@ def removals(graph: Graph) -> tuple[list[Variant], dict[str, str]]:
     The variants, and for each essential block the error that its removal causes.
     """
     removed = graph.network.removed
-    variants: list[Variant] = []
+    variants: list[GraphVariant] = []
     essential: dict[str, str] = {}
     for name in graph.network.scope.all_names():
         if any(other == name or other.startswith(f"{name}.") for other in removed):
@@ -95,7 +95,7 @@ def removals(graph: Graph) -> tuple[list[Variant], dict[str, str]]:
             except GraphError as error:
                 reason = error.problems[0].text.partition(";")[0]
                 continue
-            variants.append(Variant.of(f"{kind} {name}", changed, graph))
+            variants.append(GraphVariant.of(f"{kind} {name}", changed, graph))
             break
         else:
             essential[name] = reason

@@ -33,6 +33,7 @@ from runtime.experiments.execution.worker_pool import WorkerPool
 from runtime.files import check_form, system_errors
 from runtime.runs import DIAGRAM
 
+READ_VERSIONS = (1, SCHEMA_VERSION)
 PLAN, SUMMARY = "plan.yaml", "summary.json"
 TABLE, DIAGRAMS, RUNS = "ablation.json", "diagrams", "runs"
 
@@ -136,10 +137,12 @@ def read_plan(folder: Path) -> dict[str, Any]:
         stored = parse_yaml(path.read_text(encoding="utf-8"), str(path)).plain()
     except (OSError, UnicodeDecodeError, GraphError) as error:
         raise UsageError(f"cannot read the plan of '{folder}': {error}") from None
-    if not isinstance(stored, dict) or stored.get("schema_version") != SCHEMA_VERSION:
+    if not isinstance(stored, dict) or stored.get("schema_version") not in READ_VERSIONS:
         raise UsageError(f"'{path}' is not a plan of this version of the program")
+    # Plans of schema 1 have other words for two entries, and the first ones no ends and never.
+    older = {"total": stored.get("points"), "provenance": stored.get("made")}
     try:
-        found = {"ends": {}, "never": {}, **stored}  # plans of earlier versions have neither
+        found = {"ends": {}, "never": {}, **older, **stored}
         check_form(found, {"ends": dict, "never": dict})
         for name, ends in found["ends"].items():
             low, high = map(float, ends)

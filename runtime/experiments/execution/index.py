@@ -20,8 +20,9 @@ from runtime.experiments.execution.trials import Trial
 from runtime.experiments.execution.worker import Status, TrialResult
 from runtime.files import lock, open_file
 
-FIRST, MIDDLE, LAST = ("point",), ("seed", "status", "reason"), ("signals", "check", "wall_s")
+FIRST, MIDDLE, LAST = ("trial",), ("seed", "status", "reason"), ("signals", "check", "wall_s")
 RESERVED = (*FIRST, *MIDDLE, *LAST)
+OLD_FIRST = "point"  # the same column in indexes of earlier versions
 STATUSES = get_args(Status)
 NO_SIGNAL = "-"
 LONGEST_REASON = 2000  # characters that are written
@@ -155,11 +156,12 @@ def read_rows(path: Path, columns: Columns) -> Iterator[Row]:
         raise UsageError(f"cannot read '{path}': {error}") from None
 
 
-def _checked_rows(path: Path, columns: Columns, reader: _Reader) -> Iterator[Row]:
+def _checked_rows(path: Path, columns: Columns, reader: _CsvReader) -> Iterator[Row]:
     number, seen = 1, _Seen()
     try:
         header = next(reader, [])
-        if header != columns.header:
+        names = [*FIRST, *header[1:]] if header[:1] == [OLD_FIRST] else header
+        if names != columns.header:
             want, got = ", ".join(columns.header), one_line(", ".join(header)) or "nothing"
             raise UsageError(
                 f"'{path}' belongs to a different plan: expected the columns {want}; got {got}"
@@ -177,7 +179,7 @@ def _checked_rows(path: Path, columns: Columns, reader: _Reader) -> Iterator[Row
         raise UsageError(f"{message}; {advice}") from None
 
 
-class _Reader(Protocol):
+class _CsvReader(Protocol):
     """What ``csv.reader`` returns: the fields of one row after the other."""
 
     @property
@@ -244,7 +246,8 @@ class Index:
         header = csv_line(self.columns.header).encode()
         os.lseek(self._file, 0, os.SEEK_SET)
         first = os.read(self._file, len(header) + 1).replace(b"\r\n", b"\n")
-        if not first.startswith(header):
+        older = header.replace(FIRST[0].encode(), OLD_FIRST.encode(), 1)
+        if not first.startswith((header, older)):
             return  # reading its rows says what is wrong
         size = os.fstat(self._file).st_size
         end = size

@@ -22,9 +22,9 @@ from runtime.experiments.design import (
     BASELINE,
     Design,
     Experiment,
+    GraphVariant,
     Objective,
     Seeds,
-    Variant,
     check_design,
     check_variants,
     removals,
@@ -40,7 +40,8 @@ from runtime.experiments.execution.trials import (
 )
 from runtime.graph import Graph
 
-SCHEMA_VERSION = 1
+# 1: the number of trials was called points, and the origin of a plan made.
+SCHEMA_VERSION = 2
 GRAPH, INDEX, VARIANTS = "graph.resolved.yaml", "index.csv", "variants"
 Kind = Literal["sweep", "ablation", "tuning"]
 Note = Callable[[str], None]
@@ -157,9 +158,9 @@ class ExperimentPlan:
             "units": self.units,
             "ends": {name: list(ends) for name, ends in self.ends.items()},
             "never": self.never,
-            "points": self.total,
+            "total": self.total,
             "digest": self.digest,
-            "made": {
+            "provenance": {
                 "started": datetime.now().astimezone().isoformat(timespec="seconds"),
                 "argv": list(sys.argv),
                 "source": str(source) if source else None,
@@ -214,7 +215,7 @@ def ablation_plan(experiment: Experiment, note: Note = silent) -> ExperimentPlan
     if not metrics:
         raise UsageError("the graph has no metrics to compare variants by; add 'metrics:'")
     engine = engine_for(graph, (1 + len(variants)) * len(seeds), note)
-    bundles = bundles_of([Variant(BASELINE, graph), *variants], engine)
+    bundles = bundles_of([GraphVariant(BASELINE, graph), *variants], engine)
     plan = ExperimentPlan(
         *("ablation", experiment.name, graph, bundles[0].bundle, seeds, metrics, Design(())),
         variants=bundles,
@@ -223,7 +224,7 @@ def ablation_plan(experiment: Experiment, note: Note = silent) -> ExperimentPlan
     return checked_plan(plan)
 
 
-def bundles_of(variants: Sequence[Variant], engine: str) -> tuple[VariantBundle, ...]:
+def bundles_of(variants: Sequence[GraphVariant], engine: str) -> tuple[VariantBundle, ...]:
     """Variants as they are sent to workers."""
     names = slugs([variant.name for variant in variants])
     return tuple(

@@ -17,7 +17,7 @@ POLL = 1.0  # s; how often the remaining time is redrawn
 
 
 @dataclass(frozen=True)
-class _Sent:
+class _Submission:
     trial: Trial
     attempt: int
 
@@ -39,10 +39,10 @@ def run_trials(
     task : how to run a trial; called when the trial is sent.
     idle : called about every second.
     """
-    running: dict[Future[TrialResult], _Sent] = {}
+    running: dict[Future[TrialResult], _Submission] = {}
 
     def send(trial: Trial, attempt: int) -> None:
-        running[pool.executor.submit(run_task, task(trial))] = _Sent(trial, attempt)
+        running[pool.executor.submit(run_task, task(trial))] = _Submission(trial, attempt)
 
     exhausted = False
     while running or not exhausted:

@@ -15,7 +15,7 @@ _CHUNK = 1 << 20
 _CHUNKS = 64  # read at once, each at most a system buffer; then other channels are served
 
 
-class Channel:
+class MessageChannel:
     """Complete messages over a socket, without ever blocking.
 
     A message that its sender did not complete because it died is dropped: :meth:`receive` returns

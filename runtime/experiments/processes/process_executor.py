@@ -29,7 +29,7 @@ from typing import Any, Literal, ParamSpec, TypeVar
 
 from runtime.errors import UsageError
 from runtime.experiments.processes import choice
-from runtime.experiments.processes.messages import Channel
+from runtime.experiments.processes.messages import MessageChannel
 from runtime.experiments.processes.starter import Starter, cannot_start
 
 P = ParamSpec("P")
@@ -60,7 +60,7 @@ class _Worker:
     after its channel was closed until it is known how its process ended.
     """
 
-    channel: Channel
+    channel: MessageChannel
     starter: Starter
     state: Literal["starting", "idle", "busy", "ending"] = "starting"
     pid: int = 0
@@ -214,7 +214,7 @@ class ProcessExecutor(Executor):
                 self._watch_starter()
                 atexit.unregister(self._end)
                 atexit.register(self._end)  # what is registered last runs first
-            channel = Channel(self.starter.start())
+            channel = MessageChannel(self.starter.start())
         except OSError as error:
             self._limit_jobs(str(error.strerror))
             return

@@ -1,20 +1,20 @@
 """Tuning: values of factors that are found by an optimiser, and judged by held-out runs."""
 
-from runtime.experiments.tuning.judging import Judged, Judgement, judge
+from runtime.experiments.tuning.judging import Evaluation, Judgement, judge
 from runtime.experiments.tuning.output import NOTHING, judgements, save_json, summary
 from runtime.experiments.tuning.plan import HELD_OUT, TUNING, TuningPlan, tuning_plan
 from runtime.experiments.tuning.running import TuningResult, run_tuning
-from runtime.experiments.tuning.scores import Score, Tried
+from runtime.experiments.tuning.scores import Candidate, Score
 from runtime.experiments.tuning.writing import check_writable, write_values
 
 __all__ = [
     "HELD_OUT",
     "NOTHING",
     "TUNING",
-    "Judged",
+    "Candidate",
+    "Evaluation",
     "Judgement",
     "Score",
-    "Tried",
     "TuningPlan",
     "TuningResult",
     "check_writable",

@@ -9,8 +9,8 @@ from typing import Any
 
 from runtime.experiments.analysis import (
     ANY,
-    Difference,
     Estimate,
+    PairedDifference,
     adjusted,
     difference,
     estimate,
@@ -20,11 +20,11 @@ from runtime.experiments.analysis import (
 )
 from runtime.experiments.design import RunSet
 from runtime.experiments.tuning.plan import BASELINE, TuningPlan
-from runtime.experiments.tuning.scores import Scorer, Tried
+from runtime.experiments.tuning.scores import Candidate, Scorer
 
 
 @dataclass(frozen=True)
-class Judged:
+class Evaluation:
     """A metric of a configuration on one set of runs, beside the baseline on the same runs.
 
     ``over`` is as in tuning: over the conditions the mean or the worst. ``mean`` and ``difference``
@@ -35,7 +35,7 @@ class Judged:
     mean: Estimate
     runs: int
     over: float
-    difference: Difference | None
+    difference: PairedDifference | None
     p: float = math.nan
 
     def to_dict(self) -> dict[str, Any]:
@@ -59,8 +59,8 @@ class Judgement:
 
     number: int
     metric: str
-    training: Judged
-    held_out: Judged
+    training: Evaluation
+    held_out: Evaluation
 
     @property
     def optimism(self) -> float:
@@ -78,7 +78,10 @@ class Judgement:
 
 
 def judge(
-    plan: TuningPlan, tried: Sequence[Tried], winners: Sequence[Tried], held_out: dict[int, Tried]
+    plan: TuningPlan,
+    tried: Sequence[Candidate],
+    winners: Sequence[Candidate],
+    held_out: dict[int, Candidate],
 ) -> list[Judgement]:
     """A line for each metric that matters, of the baseline and of each winner."""
     scorer = Scorer(plan.tuning, plan.metrics)
@@ -94,8 +97,8 @@ def judge(
 
 
 def _judged(
-    plan: TuningPlan, scorer: Scorer, metric: str, runs: RunSet, one: Tried, baseline: Tried
-) -> Judged:
+    plan: TuningPlan, scorer: Scorer, metric: str, runs: RunSet, one: Candidate, baseline: Candidate
+) -> Evaluation:
     values, same = _by_condition(scorer, metric, runs, one)
     own, own_same = _by_condition(scorer, metric, runs, baseline)
     mine = _observations(values, same)
@@ -109,11 +112,11 @@ def _judged(
         is_one = all(both) and len(both) == 1
         theirs = _observations(own, both)
         apart = difference(_observations(values, both), theirs, is_same=is_one)
-    return Judged(mean, len(mine), over, apart)
+    return Evaluation(mean, len(mine), over, apart)
 
 
 def _by_condition(
-    scorer: Scorer, metric: str, runs: RunSet, one: Tried
+    scorer: Scorer, metric: str, runs: RunSet, one: Candidate
 ) -> tuple[list[list[float | None]], list[bool]]:
     """A metric's values in each condition, and whether the seed changes nothing there."""
     values = scorer.values(metric, one.rows, runs, runs.seeds)

@@ -10,7 +10,7 @@ from typing import Any
 
 from blocks.core import MissingPackageError, require
 from runtime.errors import MissingExtraError
-from runtime.experiments.design import Factor, Range, Tuning
+from runtime.experiments.design import Factor, Range, TuningSettings
 
 DIGITS = 4  # of values that are tried, so that a winner can be written by hand
 PENALTY = 1e12  # a cost that is worse than any; samplers compare costs, they do not add them
@@ -36,7 +36,7 @@ class Optimizer:
     MissingExtraError : optuna is not installed.
     """
 
-    def __init__(self, factors: Sequence[Factor], tuning: Tuning) -> None:
+    def __init__(self, factors: Sequence[Factor], tuning: TuningSettings) -> None:
         self.factors = factors
         self._optuna = _optuna()
         self._optuna.logging.set_verbosity(self._optuna.logging.ERROR)
@@ -49,7 +49,7 @@ class Optimizer:
                 directions=["minimize"] * len(tuning.objectives), sampler=self._sampler(tuning)
             )
 
-    def _sampler(self, tuning: Tuning) -> Any:
+    def _sampler(self, tuning: TuningSettings) -> Any:
         samplers = self._optuna.samplers
         constraints = {"constraints_func": self._violated} if tuning.constraints else {}
         if tuning.sampler == "tpe":

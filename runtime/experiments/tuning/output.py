@@ -18,10 +18,10 @@ from runtime.experiments.analysis import (
     too_few,
 )
 from runtime.experiments.execution import SCHEMA_VERSION
-from runtime.experiments.tuning.judging import Judged, Judgement, judge
+from runtime.experiments.tuning.judging import Evaluation, Judgement, judge
 from runtime.experiments.tuning.plan import BASELINE, TUNING, TuningPlan
 from runtime.experiments.tuning.running import TuningResult
-from runtime.experiments.tuning.scores import Tried
+from runtime.experiments.tuning.scores import Candidate
 from runtime.files import write_json
 from runtime.terminal import number, table, with_unit
 
@@ -75,7 +75,7 @@ def _runs(plan: TuningPlan, key: str) -> dict[str, Any]:
     return {"seeds": str(runs.seeds), "conditions": conditions}
 
 
-def _tried(plan: TuningPlan, one: Tried) -> dict[str, Any]:
+def _tried(plan: TuningPlan, one: Candidate) -> dict[str, Any]:
     score = one.score
     means = {} if score is None else score.metrics
     return {
@@ -196,11 +196,11 @@ def _rows(result: TuningResult) -> list[list[str]]:
     return rows
 
 
-def _mean(judged: Judged, never: str) -> str:
+def _mean(judged: Evaluation, never: str) -> str:
     return mean_of(judged.mean, 1 if judged.mean.is_same else judged.runs, never)
 
 
-def _apart(judged: Judged) -> str:
+def _apart(judged: Evaluation) -> str:
     apart = judged.difference
     if apart is None:
         return "-"

@@ -18,10 +18,10 @@ from runtime.errors import UsageError
 from runtime.experiments.design import (
     Design,
     Experiment,
+    GraphVariant,
     RunSet,
     Seeds,
-    Tuning,
-    Variant,
+    TuningSettings,
     check_paths,
     tuning_of,
 )
@@ -54,7 +54,7 @@ class TuningPlan(ExperimentPlan):
     ``variants`` are the conditions, those of training first.
     """
 
-    tuning: Tuning = field(kw_only=True)
+    tuning: TuningSettings = field(kw_only=True)
 
     @property
     def paths(self) -> tuple[str, ...]:
@@ -161,7 +161,7 @@ def tuning_plan(experiment: Experiment, note: Note = silent) -> TuningPlan:
     check_paths(graph, factors)
     engine = engine_for(graph, (1 + tuning.trials) * len(tuning.training), note)
     conditions = [
-        Variant(f"{kind} {condition.name}", condition.graph.check())
+        GraphVariant(f"{kind} {condition.name}", condition.graph.check())
         for kind, runs in (("training", tuning.training), ("held_out", tuning.held_out))
         for condition in runs.conditions
     ]

@@ -27,7 +27,7 @@ from runtime.experiments.execution import (
 )
 from runtime.experiments.tuning.optimizer import Optimizer, Suggestion
 from runtime.experiments.tuning.plan import BASELINE, HELD_OUT, TUNING, TuningPlan
-from runtime.experiments.tuning.scores import Scorer, Tried, front
+from runtime.experiments.tuning.scores import Candidate, Scorer, front
 from runtime.files import system_errors
 from runtime.terminal import Progress
 
@@ -45,14 +45,14 @@ class TuningResult:
 
     plan: TuningPlan
     folder: Path
-    tried: list[Tried]
-    winners: list[Tried] = field(default_factory=list)
-    held_out: dict[int, Tried] = field(default_factory=dict)
+    tried: list[Candidate]
+    winners: list[Candidate] = field(default_factory=list)
+    held_out: dict[int, Candidate] = field(default_factory=dict)
     wall_s: float = 0.0
     is_interrupted: bool = False
 
     @property
-    def better(self) -> list[Tried]:
+    def better(self) -> list[Candidate]:
         """The winners that are better than the graph's own values on the held-out runs, too."""
         scores = {number: one.score for number, one in self.held_out.items()}
         own = scores.get(BASELINE)
@@ -181,7 +181,7 @@ class _Training:
     def run(self) -> None:
         """Try the baseline, then as many configurations as planned."""
         tuning, factors = self.plan.tuning, self.plan.design.factors
-        own = Tried(BASELINE, None)
+        own = Candidate(BASELINE, None)
         self._try([own])
         optimizer = Optimizer(factors, tuning)
         # The optimiser learns from the graph's own values as from any others.
@@ -191,12 +191,12 @@ class _Training:
         asked = 0
         while asked < tuning.trials:
             batch = optimizer.ask(min(tuning.batch, tuning.trials - asked))
-            tried = [Tried(asked + i, s.values) for i, s in enumerate(batch, start=1)]
+            tried = [Candidate(asked + i, s.values) for i, s in enumerate(batch, start=1)]
             self._try(tried)
             self._tell(optimizer, batch, tried)
             asked += len(batch)
 
-    def _try(self, batch: Sequence[Tried]) -> None:
+    def _try(self, batch: Sequence[Candidate]) -> None:
         going = list(batch)
         for stage in range(len(self.seeds)):
             trials = [t for one in going for t in self.plan.stage(one.number, one.values, stage)]
@@ -216,22 +216,22 @@ class _Training:
                 one.status = "no value"
         self.result.tried.extend(batch)
 
-    def _of(self, one: Tried, trials: Iterable[Trial]) -> Iterator[Trial]:
+    def _of(self, one: Candidate, trials: Iterable[Trial]) -> Iterator[Trial]:
         return (trial for trial in trials if trial.configuration.number == one.number)
 
-    def _stopped(self, one: Tried, seeds: Sequence[int]) -> bool:
+    def _stopped(self, one: Candidate, seeds: Sequence[int]) -> bool:
         if self.scorer.should_stop(one, self.result.tried, seeds):
             one.status = "stopped"
         return one.status == "stopped"
 
     def _tell(
-        self, optimizer: Optimizer, batch: Sequence[Suggestion], tried: Sequence[Tried]
+        self, optimizer: Optimizer, batch: Sequence[Suggestion], tried: Sequence[Candidate]
     ) -> None:
         for suggestion, one in zip(batch, tried, strict=True):
             if one.score is not None:
                 optimizer.tell(suggestion, one.score.costs, one.score.violations)
 
-    def _show(self, going: Sequence[Tried]) -> None:
+    def _show(self, going: Sequence[Candidate]) -> None:
         best = front(self.result.tried)
         note = ""
         if best and best[0].score is not None:
@@ -243,7 +243,7 @@ class _Training:
         self.runner.progress(min(done, total), total, note)
 
 
-def _seen(one: Tried, seeds: Sequence[int]) -> list[int]:
+def _seen(one: Candidate, seeds: Sequence[int]) -> list[int]:
     """The seeds that a configuration has run with."""
     had = {seed for _, seed in one.rows}
     return [seed for seed in seeds if seed in had]
@@ -252,7 +252,7 @@ def _seen(one: Tried, seeds: Sequence[int]) -> list[int]:
 def _judge(plan: TuningPlan, runner: _Runner, index: Index, result: TuningResult) -> None:
     chosen: dict[int, Sequence[Any] | None] = {BASELINE: None}
     chosen |= {one.number: one.values for one in result.winners}
-    held_out = {number: Tried(number, values) for number, values in chosen.items()}
+    held_out = {number: Candidate(number, values) for number, values in chosen.items()}
     for row in runner.run(plan.held_out(chosen), _rows(index), index):
         held_out[int(row.cells[0])].rows[row.cells[1], row.seed] = row
     scorer = Scorer(plan.tuning, plan.metrics)
@@ -276,7 +276,7 @@ def _check_row(trial: Trial, row: Row, path: Path) -> None:
         )
 
 
-def _spaced(found: list[Tried], most: int) -> list[Tried]:
+def _spaced(found: list[Candidate], most: int) -> list[Candidate]:
     """At most so many of a front, its ends included."""
     if len(found) <= most:
         return found

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from runtime.experiments.design import Objective, RunSet, Tuning
+from runtime.experiments.design import Objective, RunSet, TuningSettings
 from runtime.experiments.execution import Row
 
 ENOUGH = 5  # complete configurations, before others are stopped early
@@ -65,7 +65,7 @@ class Score:
 
 
 @dataclass
-class Tried:
+class Candidate:
     """A configuration and its runs so far; ``values`` is None for the graph's own."""
 
     number: int
@@ -78,7 +78,7 @@ class Tried:
 class Scorer:
     """Turns the runs of a configuration into its score."""
 
-    def __init__(self, tuning: Tuning, metrics: Sequence[str]) -> None:
+    def __init__(self, tuning: TuningSettings, metrics: Sequence[str]) -> None:
         self.tuning = tuning
         self.columns = {name: i for i, name in enumerate(metrics)}
 
@@ -125,7 +125,9 @@ class Scorer:
                 return objective.goal == "minimize"
         return any(c.side == "below" for c in self.tuning.constraints if c.metric == metric)
 
-    def should_stop(self, tried: Tried, others: Iterable[Tried], seeds: Sequence[int]) -> bool:
+    def should_stop(
+        self, tried: Candidate, others: Iterable[Candidate], seeds: Sequence[int]
+    ) -> bool:
         """Whether half of the complete configurations beat this one on the runs that it had.
 
         One without a value is always stopped. The baseline is not.
@@ -147,7 +149,7 @@ def _cost(objective: Objective, value: float) -> float:
     return math.inf if math.isnan(value) else objective.of(value)
 
 
-def front(tried: Iterable[Tried]) -> list[Tried]:
+def front(tried: Iterable[Candidate]) -> list[Candidate]:
     """The complete, feasible configurations that no other dominates, by their first objective.
 
     With one objective it is the best one. The baseline competes: with one objective it is alone in
@@ -157,7 +159,7 @@ def front(tried: Iterable[Tried]) -> list[Tried]:
         (one, one.score) for one in tried if one.status == "complete" and one.score is not None
     ]
     known = [(one, score) for one, score in known if score.is_feasible and score.has_values]
-    best: list[tuple[Tried, Score]] = []
+    best: list[tuple[Candidate, Score]] = []
     for one, score in known:
         if any(other.dominates(score) for _, other in known):
             continue

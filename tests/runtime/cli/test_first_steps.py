@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.metadata
 import json
 import os
 import subprocess
@@ -257,7 +258,8 @@ def test_the_installed_name_can_be_imported() -> None:
 
     assert spikeblocks.load is runtime.load
     assert spikeblocks.blocks.Gain(gain=2.0).gain == 2.0
-    assert set(dir(spikeblocks)) == {*runtime.__all__, "blocks"}
+    assert set(dir(spikeblocks)) == {*runtime.__all__, "blocks", "__version__"}
+    assert spikeblocks.__version__ == importlib.metadata.version("spikeblocks")
 
 
 @pytest.mark.parametrize("hidden", ["blocks", "runtime"])

@@ -103,7 +103,7 @@ def test_rows_are_appended_and_read(index: Index) -> None:
     index.append(row(0))
     assert [found.trial for found in index.rows()] == [1, 0]
     assert index.path.read_text().splitlines(keepends=True) == [
-        "point,a.b,c,seed,status,reason,rms,final,signals,check,wall_s\n",
+        "trial,a.b,c,seed,status,reason,rms,final,signals,check,wall_s\n",
         checked('1,1.0,"[1, 2]",0,ok,,0.1,,', "0.25"),
         checked('0,1.0,"[1, 2]",0,ok,,0.1,,', "0.25"),
     ]
@@ -215,7 +215,7 @@ def test_rows_of_another_plan_are_refused(index: Index, rows: list[Row], message
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "belongs to a different plan: expected the columns point, a.b"),
+        ("", "belongs to a different plan: expected the columns trial, a.b"),
         ("point,x,seed\n", "got point, x, seed"),
         (
             csv_line(COLUMNS.header) + "1,2\n",

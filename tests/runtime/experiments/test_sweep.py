@@ -31,7 +31,7 @@ def rows(folder: Path) -> list[dict[str, str]]:
         found = list(csv.DictReader(lines))
     for row in found:
         assert float(row.pop("wall_s")) >= 0.0
-    return sorted(found, key=lambda row: int(row["point"]))
+    return sorted(found, key=lambda row: int(row["trial"]))
 
 
 def test_a_grid_with_seeds_has_a_row_per_trial(cli: Run, draw: Path, tmp_path: Path) -> None:
@@ -42,7 +42,7 @@ def test_a_grid_with_seeds_has_a_row_per_trial(cli: Run, draw: Path, tmp_path: P
     expected = [
         (level, gain, seed) for level in (0.5, 1.5) for gain in (1.0, 2.0, 3.0) for seed in (3, 4)
     ]
-    assert [int(row["point"]) for row in found] == list(range(12))
+    assert [int(row["trial"]) for row in found] == list(range(12))
     assert [
         (float(row["draw.level"]), float(row["params.gain"]), int(row["seed"])) for row in found
     ] == expected
@@ -60,7 +60,7 @@ def test_seeds_alone_are_a_sweep(here: Run, draw: Path, tmp_path: Path) -> None:
     done = here(*TWO, "--seeds", "0..7", "--json")
     assert done.returncode == 0, done.stderr
     summary = json.loads(done.stdout)
-    assert (summary["knobs"], summary["plots"]) == ([], [])
+    assert (summary["factors"], summary["plots"]) == ([], [])
     [best] = summary["best"]
     assert best["n"] == 8
     assert best["mean"] == pytest.approx(1.0 + sum(map(normal, range(8))) / 8)
@@ -86,7 +86,7 @@ def test_the_plan_is_an_experiment_that_gives_the_same_rows(
     assert first.returncode == 0, first.stderr
     plan = parse_yaml((tmp_path / "sweeps/draw/plan.yaml").read_text(), "plan").plain()
     assert plan["vary"] == {"draw.level": "0..1"}
-    assert (plan["random"], plan["sampling_seed"], plan["points"]) == (4, 0, 8)
+    assert (plan["random"], plan["sampling_seed"], plan["total"]) == (4, 0, 8)
     again = here("sweep", "sweeps/draw/plan.yaml", "--name", "again", "--no-plots", "-j", "2")
     assert again.returncode == 0, again.stderr
     assert rows(tmp_path / "sweeps" / "again") == rows(tmp_path / "sweeps" / "draw")
@@ -218,7 +218,7 @@ def test_links_lead_nowhere(here: Run, draw: Path, tmp_path: Path) -> None:
     sweep = (*TWO, "--no-plots", "--vary", "draw.level=[1, 2]", "--keep", "best:1", "--resume")
     assert here(*sweep).returncode == 0
     folder, outside = tmp_path / "sweeps" / "draw", tmp_path / "outside"
-    for name in ("points", "index.csv", "summary.json", ".summary.json.partial", "points/000007"):
+    for name in ("trials", "index.csv", "summary.json", ".summary.json.partial", "trials/000007"):
         inside = folder / name
         there = inside.exists()
         if there:
@@ -242,7 +242,7 @@ def test_links_lead_nowhere(here: Run, draw: Path, tmp_path: Path) -> None:
 def test_folders_of_other_names_are_kept(here: Run, draw: Path, tmp_path: Path) -> None:
     sweep = (*TWO, "--no-plots", "--vary", "draw.level=[1, 2]", "--keep", "best:1", "--resume")
     assert here(*sweep).returncode == 0
-    stray = tmp_path / "sweeps" / "draw" / "points" / "0abc"
+    stray = tmp_path / "sweeps" / "draw" / "trials" / "0abc"
     stray.touch()
     done = here(*sweep)
     assert (done.returncode, stray.exists()) == (0, True), done.stderr
@@ -379,6 +379,40 @@ def test_a_folder_is_never_mixed_up(here: Run, draw: Path, tmp_path: Path) -> No
     assert (tmp_path / "sweeps/draw/index.csv").read_bytes() == before
 
 
+def test_a_folder_of_schema_1_is_continued_and_reported(
+    here: Run, draw: Path, tmp_path: Path
+) -> None:
+    """In it, plan.yaml says points and made, and the index and the run folders point."""
+    sweep = (*TWO, "--vary", "draw.level=[1, 2, 3]", "--keep", "all", "--no-plots")
+    assert here(*sweep).returncode == 0
+    folder = tmp_path / "sweeps" / "draw"
+    whole = (folder / "index.csv").read_text()
+    plan = (folder / "plan.yaml").read_text()
+    for new, old in (
+        *(("schema_version: 2", "schema_version: 1"), ("\ntotal:", "\npoints:")),
+        ("\nprovenance:", "\nmade:"),
+    ):
+        assert new in plan
+        plan = plan.replace(new, old)
+    (folder / "plan.yaml").write_text(plan)
+    lines = whole.replace("trial,", "point,", 1).splitlines(keepends=True)
+    (folder / "index.csv").write_text("".join(lines[:2]))
+    (folder / "trials").rename(folder / "points")
+    shutil.rmtree(folder / "points" / "000002")
+    assert here("report", "sweeps/draw").returncode == 0
+    page = (folder / "report.html").read_text()
+    assert "1 of 3" in page and "git commit" in page
+    (folder / "index.csv").write_text("".join(lines[:2]) + lines[2][:7])  # cut by a kill
+    done = here(*sweep, "--resume")
+    assert done.returncode == 0, done.stderr
+    found = (folder / "index.csv").read_text().splitlines()
+    assert found[0].startswith("point,")
+    without_duration = [line.rpartition(",")[0] for line in whole.splitlines()]
+    assert [line.rpartition(",")[0] for line in sorted(found[1:])] == sorted(without_duration[1:])
+    assert len(list((folder / "points").iterdir())) == 3 and not (folder / "trials").exists()
+    assert here("sweep", "sweeps/draw/plan.yaml", "--name", "again", *sweep[2:]).returncode == 0
+
+
 def test_the_index_of_another_plan_is_refused(here: Run, draw: Path, tmp_path: Path) -> None:
     for name, values in (("a", "[1, 2]"), ("b", "[2, 1]")):
         done = here(*TWO, "--no-plots", "--vary", f"draw.level={values}", "--name", name)
@@ -392,7 +426,7 @@ def test_the_index_of_another_plan_is_refused(here: Run, draw: Path, tmp_path: P
 
 
 def kept(folder: Path) -> list[str]:
-    return sorted(path.name for path in (folder / "points").glob("*"))
+    return sorted(path.name for path in (folder / "trials").glob("*"))
 
 
 @pytest.mark.parametrize(
@@ -410,12 +444,12 @@ def test_keep(here: Run, draw: Path, tmp_path: Path, keep: str, numbers: list[st
     assert done.returncode == 0, done.stderr
     folder = tmp_path / "sweeps" / "draw"
     assert kept(folder) == numbers
-    result = runtime.open(folder / "points" / numbers[-1])
+    result = runtime.open(folder / "trials" / numbers[-1])
     assert result.status == ("failed" if keep == "failed" else "complete")
     if keep != "failed":
         assert result.metrics["drawn"] == -9.0 + normal(0)
         # The folder can be run again by itself, with its user block.
-        again = here("run", f"sweeps/draw/points/{numbers[-1]}/graph.resolved.yaml", "--json")
+        again = here("run", f"sweeps/draw/trials/{numbers[-1]}/graph.resolved.yaml", "--json")
         assert json.loads(again.stdout)["metrics"] == result.metrics
 
 

@@ -19,17 +19,17 @@ from runtime.document import parse_yaml
 from runtime.errors import GraphError, Problems, UsageError
 from runtime.experiments.design import (
     Constraint,
+    GraphVariant,
     Objective,
     RunSet,
     Seeds,
-    Tuning,
-    Variant,
+    TuningSettings,
     own_value,
     parse_factor,
 )
 from runtime.experiments.execution import Row
 from runtime.experiments.tuning.optimizer import Optimizer
-from runtime.experiments.tuning.scores import Scorer, Tried, front
+from runtime.experiments.tuning.scores import Candidate, Scorer, front
 from runtime.experiments.tuning.tuning_plots import importance
 from tests.conftest import Run
 from tests.extras import install_line
@@ -437,7 +437,7 @@ class TestTheGraphsOwnValues:
         assert own == 0.5
         goals = (Objective("error"),)
         runs = RunSet(Seeds(((0, 0),)), ())
-        tuning = Tuning(goals, (), 10, "tpe", 4, 0, "mean", True, runs, runs)
+        tuning = TuningSettings(goals, (), 10, "tpe", 4, 0, "mean", True, runs, runs)
         optimizer = Optimizer([factor], tuning)
         first = optimizer.begin_with([own])
         assert (first is None) == (values == "[0.25, 0.75]")
@@ -451,16 +451,16 @@ class TestTheGraphsOwnValues:
 
 def scorer(objectives: int = 1, over: Any = "mean") -> Scorer:
     graph = runtime.Graph()
-    runs = RunSet(Seeds(((0, 1),)), (Variant("a", graph), Variant("b", graph)))
+    runs = RunSet(Seeds(((0, 1),)), (GraphVariant("a", graph), GraphVariant("b", graph)))
     goals = tuple(Objective(name) for name in ("m", "n")[:objectives])
     bound = (Constraint("n", "below", 10.0),)
-    tuning = Tuning(goals, bound, 10, "tpe", 4, 0, over, True, runs, runs)
+    tuning = TuningSettings(goals, bound, 10, "tpe", 4, 0, over, True, runs, runs)
     return Scorer(tuning, ("m", "n"))
 
 
-def tried(number: int, *values: tuple[float | None, float]) -> Tried:
+def tried(number: int, *values: tuple[float | None, float]) -> Candidate:
     """A configuration with the values of (a, 0), (b, 0), (a, 1), (b, 1), as far as given."""
-    one = Tried(number, (1.0,))
+    one = Candidate(number, (1.0,))
     for (name, seed), metrics in zip(
         (("a", 0), ("b", 0), ("a", 1), ("b", 1)), values, strict=False
     ):

@@ -13,7 +13,8 @@ import pytest
 
 import runtime
 from runtime.plots import display_names, layers
-from runtime.plots.style import coincident, is_formula
+from runtime.plots.formulas import is_formula
+from runtime.plots.style import coincident
 from runtime.runs import Result
 from tests.conftest import Run
 

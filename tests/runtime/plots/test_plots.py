@@ -157,7 +157,7 @@ class TestAllKinds:
         axes = figure.axes[0]
         power = axes.yaxis.get_offset_text()
         (below,) = (text for text in axes.texts if text.get_gid() == "subtitle")
-        assert "10^{-5}" in power.get_text().replace("\N{MINUS SIGN}", "-")
+        assert power.get_text() == "×10⁻⁵"
         assert not power.get_window_extent().overlaps(below.get_window_extent())
 
     def test_subtitle_names_blocks_that_were_not_removed_as_a_part(self) -> None:

@@ -77,7 +77,7 @@ def pages(folders: dict[str, Path]) -> dict[str, Path]:
 
 def _index(folder: Path) -> list[dict[str, str]]:
     with (folder / "index.csv").open(newline="") as lines:
-        return sorted(csv.DictReader(lines), key=lambda row: int(row["point"]))
+        return sorted(csv.DictReader(lines), key=lambda row: int(row["trial"]))
 
 
 def _number(text: str) -> float:

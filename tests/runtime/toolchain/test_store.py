@@ -112,6 +112,22 @@ def test_the_oldest_entries_are_removed(cache: Path) -> None:
     assert {path.stem for path in cache.glob("*.sha256")} == kept
 
 
+def test_the_folder_is_not_walked_at_each_build(
+    cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    walks: list[None] = []
+    monkeypatch.setattr(store, "bound", lambda: walks.append(None))
+    store.bound_at_times()
+    store.bound_at_times()
+    assert len(walks) == 1
+    now = (cache / store.WALKED).stat().st_mtime
+    for age, expected in ((0.5, 1), (2.0, 2), (-2.0, 3)):  # the last: the clock was set back
+        then = now - age * store.PAUSE
+        os.utime(cache / store.WALKED, (then, then))
+        store.bound_at_times()
+        assert len(walks) == expected
+
+
 def test_what_is_used_is_not_old(cache: Path) -> None:
     entry(cache, "used", 3 * store.DAY, 1000)
     entry(cache, "unused", 2 * store.DAY, 1000)

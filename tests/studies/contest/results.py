@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from runtime.experiments.analysis import Difference, Estimate, adjusted, difference, estimate
+from runtime.experiments.analysis import Estimate, PairedDifference, adjusted, difference, estimate
 from tests.studies.contest.contestants import FRONT, FRONTS, LIMITS, TASKS, name_of
 
 ERROR, CHANGE, UNLEARNT, SATURATION = "error", "effort_change", "unlearnt", "saturation"
@@ -95,7 +95,7 @@ class Verdict:
     """
 
     counts: float
-    difference: Difference
+    difference: PairedDifference
     p: float
     p_equivalent: float
     survives: bool = True
@@ -218,7 +218,7 @@ def by_condition(runs: dict[Run, float]) -> dict[str, float]:
     return {condition: float(np.mean(values)) for condition, values in found.items()}
 
 
-def _apart(one: Contestant, rival: Contestant) -> Difference:
+def _apart(one: Contestant, rival: Contestant) -> PairedDifference:
     apart = list(one.against(rival).values())
     return difference(apart, [0.0] * len(apart))
 
