@@ -7,12 +7,6 @@ from functools import cached_property
 
 import numpy as np
 
-from blocks.control.riccati import (
-    feedback_gain_kernel,
-    refined_kernel,
-    riccati_kernel,
-    turned,
-)
 from blocks.control.tracking import Tracker, offsets
 from blocks.core import (
     BlockContext,
@@ -22,7 +16,9 @@ from blocks.core import (
     PoseValue,
     State,
     TwistValue,
+    eliminate,
     kernel_of,
+    kron,
     param,
     product,
     solve,
@@ -77,24 +73,55 @@ def riccati(
     ------
     ValueError : if P has not converged after ``max_iterations``.
     """
+    with np.errstate(all="ignore"):  # an overflow is detected as divergence
+        p, iterations, converged = _doubled(a, b, q, r, tolerance, max_iterations)
+    if not converged:
+        raise ValueError(f"the Riccati equation has not converged after {iterations} iterations")
+    return _refined(a, b, q, r, p)
+
+
+@kernel_of(riccati)
+def _riccati_kernel(
+    a: FloatArray,
+    b: FloatArray,
+    q: FloatArray,
+    r: FloatArray,
+    tolerance: float = 1e-13,
+    max_iterations: int = 2**40,
+) -> FloatArray:
+    p, _, converged = _doubled(a, b, q, r, tolerance, max_iterations)
+    if not converged:
+        raise ValueError("the Riccati equation has not converged")
+    return _refined(a, b, q, r, p)
+
+
+def _doubled(
+    a: FloatArray,
+    b: FloatArray,
+    q: FloatArray,
+    r: FloatArray,
+    tolerance: float,
+    max_iterations: int,
+) -> tuple[FloatArray, int, bool]:
+    """P, the number of iterations, and whether P has converged."""
     eye = np.eye(len(a))
-    power, g = a, product(b, solve(r, b.T))
-    p: FloatArray = np.array(q, dtype=np.float64)
+    power, g, p = a.copy(), product(b, solve(r, b.T)), q.copy()
     iterations = 1
     while iterations < max_iterations:
-        with np.errstate(all="ignore"):  # an overflow is detected as divergence
-            w = solve(eye + product(g, p), eye)
-            pw = product(power, w)
-            change = product(product(product(power.T, p), w), power)
-            g = g + product(product(pw, g), power.T)
-            power = product(pw, power)
-            p = p + 0.5 * (change + change.T)
-        iterations *= 2
-        if not np.isfinite(p).all():
+        w = eye.copy()
+        if not eliminate(eye + product(g, p), w):
             break
-        if np.abs(change).max() <= tolerance * np.abs(p).max():
-            return _refined(a, b, q, r, p)
-    raise ValueError(f"the Riccati equation has not converged after {iterations} iterations")
+        pw = product(power, w)
+        change = product(product(product(power.T, p), w), power)
+        g = g + product(product(pw, g), power.T)
+        power = product(pw, power)
+        p = p + 0.5 * (change + change.T)
+        iterations *= 2
+        if not np.all(np.isfinite(p)):
+            break
+        if np.max(np.abs(change)) <= tolerance * np.max(np.abs(p)):
+            return p, iterations, True
+    return p, iterations, False
 
 
 def _refined(
@@ -109,14 +136,14 @@ def _refined(
     f = a - eye - product(b, k)
     fp = product(f.T, p)
     residual = q + product(product(k.T, r), k) + fp + product(p, f) + product(fp, f)
-    operator = np.kron(f.T, eye) + np.kron(eye, f.T) + np.kron(f.T, f.T)
-    try:
-        step = solve(operator, -residual.reshape(-1, 1)).reshape(p.shape)
-    except np.linalg.LinAlgError:
+    operator = kron(f.T, eye) + kron(eye, f.T) + kron(f.T, f.T)
+    column = -residual.reshape(len(p) * len(p), 1)
+    if not eliminate(operator, column):
         return p  # a state without weight does not decay: singular
-    if np.abs(step).max() > 1e-6 * np.abs(p).max():
+    step = column.reshape(len(p), len(p))
+    if np.max(np.abs(step)) > 1e-6 * np.max(np.abs(p)):
         return p  # more than rounding: such a state, almost unweighted
-    return np.asarray(p + 0.5 * (step + step.T), dtype=np.float64)
+    return p + 0.5 * (step + step.T)
 
 
 def feedback_gain(a: FloatArray, b: FloatArray, r: FloatArray, p: FloatArray) -> FloatArray:
@@ -208,6 +235,10 @@ class LQR(Tracker):
             return self._straight[dt]
         return self._solve(dt, heading)
 
+    @kernel_of(solve)
+    def _solve_kernel(self, dt: float, heading: float) -> tuple[FloatArray, FloatArray]:
+        return self._solve(dt, heading)
+
     def _solve(self, dt: float, heading: float) -> tuple[FloatArray, FloatArray]:
         q, r = self.weights
         c, s = math.cos(heading), math.sin(heading)
@@ -227,28 +258,10 @@ class LQR(Tracker):
         return np.asarray(solve_discrete_are(a, b, q, r), dtype=np.float64)
 
     def start(self, state: BlockState) -> None:
-        state.model = linearised(self.v_r, 0.0, state.dt, self.model)
         self._remember(state, 0.0)
 
     def _remember(self, state: BlockState, heading: float) -> None:
-        state.cost_to_go[:], state.gain[:] = self.solve(state.dt, heading)
-        state.solved_at[0] = heading
-
-    @kernel_of(_remember)
-    def _remember_kernel(self, state: BlockState, heading: float) -> None:
-        (a, b), (q, r) = state.model, self.weights
-        q = turned(q, heading)
-        if self.solver == "dare":
-            p = self._dare(a, b, q, r)
-        else:
-            p = riccati_kernel(a, b, q, r, self.tolerance, self.max_iterations)
-            p = refined_kernel(a, b, q, r, p)
-        gain = feedback_gain_kernel(a, b, r, p)
-        for j in range(3):
-            for i in range(3):
-                state.cost_to_go[i, j] = p[i, j]
-            for i in range(2):
-                state.gain[i, j] = gain[i, j]
+        state.cost_to_go[...], state.gain[...] = self.solve(state.dt, heading)
         state.solved_at[0] = heading
 
     def output(

@@ -24,7 +24,18 @@ from blocks.core.expressions import (
 )
 from blocks.core.extras import MissingPackageError, pip_line, require
 from blocks.core.kernels import function_kernel, has_kernels, kernel_for, kernel_of
-from blocks.core.matrices import covariance_fault, times
+from blocks.core.matrices import (
+    covariance_fault,
+    dot,
+    eliminate,
+    kron,
+    product,
+    small_eliminate,
+    small_product,
+    solve,
+    times,
+    transposed,
+)
 from blocks.core.options import Options
 from blocks.core.params import (
     REQUIRED,
@@ -38,7 +49,7 @@ from blocks.core.params import (
     show,
     size_of,
 )
-from blocks.core.portable import arctan2, cos, directions, product, sin, solve
+from blocks.core.portable import arctan2, cos, directions, sin
 from blocks.core.scalar_functions import RESERVED, modulo, nearest
 from blocks.core.settings import Setting, SettingError
 from blocks.core.signals import (
@@ -116,6 +127,8 @@ __all__ = [
     "covariance_fault",
     "differ",
     "directions",
+    "dot",
+    "eliminate",
     "expression_function",
     "function_from",
     "function_kernel",
@@ -124,6 +137,7 @@ __all__ = [
     "hint",
     "kernel_for",
     "kernel_of",
+    "kron",
     "maybe_degrees",
     "modulo",
     "nearest",
@@ -139,7 +153,10 @@ __all__ = [
     "signal_type",
     "sin",
     "size_of",
+    "small_eliminate",
+    "small_product",
     "solve",
     "spread_to",
     "times",
+    "transposed",
 ]

@@ -69,9 +69,10 @@ class Output:
 class State:
     """An array that the engine owns on behalf of the block and that a probe may record.
 
-    The shape consists of numbers, names of integer parameters and length symbols of ports;
-    ``like`` appends the shape of a port's signal. A probe records a state before the tick's
-    update; an ``event``, which is what happened in the tick, after it.
+    The shape consists of numbers, names of integer parameters and length symbols of ports, as in
+    ``State(2, 3)`` or ``State("n")``; ``State((2, 3))`` is the same. ``like`` appends the shape of
+    a port's signal. A probe records a state before the tick's update; an ``event``, which is what
+    happened in the tick, after it.
     A ``cached`` state saves an output from repeating a computation: outputs may write it, and must
     return the same values without it.
     A ``continuous`` state is integrated from tick to tick by the run's solver, together with those
@@ -90,7 +91,7 @@ class State:
 
     def __init__(
         self,
-        *shape: int | str,
+        *shape: int | str | tuple[int | str, ...],
         like: str = "",
         doc: str = "",
         unit: str = "",
@@ -100,6 +101,8 @@ class State:
         continuous: bool = False,
         name: str = "",
     ) -> None:
+        if len(shape) == 1 and isinstance(shape[0], (tuple, list)):
+            shape = tuple(shape[0])  # State((2, 3)), as NumPy writes shapes
         self.__dict__.update(shape=shape, like=like, doc=doc, unit=unit, name=name)
         self.__dict__.update(signal=signal, event=event, cached=cached, continuous=continuous)
 

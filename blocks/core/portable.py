@@ -1,8 +1,10 @@
-"""Arithmetic whose bits depend neither on the processor nor on the number of threads.
+"""Functions of arrays whose bits do not depend on the processor; denormal numbers flushed.
 
-The order of summation in BLAS and LAPACK depends on the processor and the number of threads, and
-NumPy takes the functions below from different libraries with and without AVX-512. Whatever enters
-a simulation or a metric uses this module instead.
+Arrays go in, arrays of the same shape come out. NumPy takes these functions from different
+libraries with and without AVX-512; whatever enters a simulation or a metric uses this module, and
+:mod:`blocks.core.matrices` for linear algebra, instead::
+
+    share = -portable.expm1(-dt / tau)
 """
 
 from __future__ import annotations
@@ -47,47 +49,6 @@ def _flush_kernel(x: FloatArray) -> None:
     cells = x.ravel()
     for i in range(len(cells)):
         cells[i] = 0.0 if abs(cells[i]) < TINY else cells[i]
-
-
-def product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """The matrix product of (..., m, k) and (..., k, n), an array (..., m, n).
-
-    Without optimisation ``einsum`` sums in NumPy's own loops, compiled once for all processors.
-    """
-    return np.asarray(np.einsum("...ij,...jk->...ik", a, b))
-
-
-def solve(a: FloatArray, b: FloatArray) -> FloatArray:
-    """The solution x of a x = b by Gaussian elimination with partial pivoting.
-
-    Parameters
-    ----------
-    a : (n, n). b : (n, m).
-
-    Returns
-    -------
-    array : (n, m).
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError : a is singular.
-    """
-    n = len(a)
-    work = np.concatenate((a, b), axis=1)
-    for k in range(n):
-        pivot = k + int(np.abs(work[k:, k]).argmax())
-        if work[pivot, k] == 0.0:
-            raise np.linalg.LinAlgError("Singular matrix")
-        if pivot != k:
-            work[[k, pivot]] = work[[pivot, k]]
-        work[k, k:] /= work[k, k]
-        below = k + 1 + work[k + 1 :, k].nonzero()[0]  # few, in a matrix with bands
-        work[below, k:] -= work[below, k, None] * work[k, k:]
-    x = work[:, n:]
-    for k in range(n - 1, 0, -1):
-        above = work[:k, k].nonzero()[0]
-        x[above] -= work[above, k, None] * x[k]
-    return x.copy()
 
 
 def sin(x: FloatArray) -> FloatArray:

@@ -205,6 +205,13 @@ def _check_states(cls: type, spec: BlockSpec, own_sizes: bool) -> None:
                 f"{cls.__name__}.{name}: like='{state.like}' is not a port"
                 f"{hint(state.like, spec.ports)}"
             )
+        for length in state.shape:
+            whole = isinstance(length, int) and not isinstance(length, bool) and length >= 0
+            if not whole and not isinstance(length, str):
+                raise DeclarationError(
+                    f"{cls.__name__}.{name}: expected lengths, whole numbers or names, as in "
+                    f"State(2, 3) or State('n'), got {length!r}"
+                )
         unknown = [n for n in state.shape if isinstance(n, str) and n not in lengths]
         if unknown and not own_sizes:
             raise DeclarationError(

@@ -1,4 +1,10 @@
-"""An estimator of the states of a nonlinear system."""
+"""An estimator of the states of a nonlinear system, by its linearisation at each tick.
+
+A measurement y and any signals u go in, the estimate x of the states comes out::
+
+    filter: {type: ExtendedKalmanFilter, transition: [x - 0.1*x**3], observation: [x**2],
+             states: [x], Q: [[0.01]], R: 0.1, x0: 1}
+"""
 
 from __future__ import annotations
 
@@ -26,7 +32,12 @@ from blocks.core import (
     size_of,
 )
 from blocks.dynamics.equations import Equations, input_count
-from blocks.dynamics.kalman import covariance_problems, product, solved, transposed
+from blocks.dynamics.kalman import (
+    corrected_covariance,
+    covariance_problems,
+    kalman_gain,
+    propagated,
+)
 
 # The relative step of a central difference: the cube root of the rounding error.
 STEP = float(np.finfo(np.float64).eps) ** (1.0 / 3.0)
@@ -57,10 +68,14 @@ class ExtendedKalmanFilter(Block):
     )
     estimate = Output(Vector("n"), doc="the corrected states")
 
-    transition: tuple[str, ...] | None = param(
-        None, doc="f, the states one step later: ['x + 0.1*v', 'v - 0.1*sin(x) + u[0]']"
+    f: tuple[str, ...] | None = param(
+        None,
+        name="transition",
+        doc="f, the states one step later: ['x + 0.1*v', 'v - 0.1*sin(x) + u[0]']",
     )
-    observation: tuple[str, ...] | None = param(None, doc="h, the measurements of states: 'x**2'")
+    h: tuple[str, ...] | None = param(
+        None, name="observation", doc="h, the measurements of states: 'x**2'"
+    )
     states: tuple[str, ...] | None = param(None, doc="names of the states: [x, v]")
     constants: Mapping[str, float] | None = param(
         None, doc="names that the expressions use, with their values: {k: 2.5}"
@@ -95,11 +110,9 @@ class ExtendedKalmanFilter(Block):
         ]
         problems = problems or covariance_problems(self.q, self.p0, self.r.reshape(p, p))
         problems += self.equations.problems()
-        for name, texts, count, method in (
-            ("transition", self.transition, n, "following"),
-            ("observation", self.observation, p, "observed"),
-        ):
-            own = getattr(type(self), method) is not getattr(ExtendedKalmanFilter, method)
+        for name, texts, count in (("transition", self.f, n), ("observation", self.h, p)):
+            # The expressions, or a subclass with a method of the same name in their place.
+            own = getattr(type(self), name) is not getattr(ExtendedKalmanFilter, name)
             if texts is None and not own:
                 problems.append((name, f"missing; expected {count} expression(s)"))
             elif texts is not None and len(texts) != count:
@@ -112,7 +125,7 @@ class ExtendedKalmanFilter(Block):
         if problems:
             raise ParameterError(problems)
         self.equations.check(self.written)
-        for text in self.observation or ():
+        for text in self.h or ():
             if re.search(r"\bu\b", text):
                 message = f"'{text}': a measurement cannot depend on u; make that a state"
                 raise ParameterError([("observation", message)])
@@ -129,8 +142,8 @@ class ExtendedKalmanFilter(Block):
     @property
     def written(self) -> list[tuple[str, str]]:
         """All expressions, each with its parameter."""
-        found = [("transition", text) for text in self.transition or ()]
-        return found + [("observation", text) for text in self.observation or ()]
+        transition = [("transition", text) for text in self.f or ()]
+        return transition + [("observation", text) for text in self.h or ()]
 
     @property
     def variables(self) -> dict[str, SignalType]:
@@ -143,9 +156,9 @@ class ExtendedKalmanFilter(Block):
         n, p, equations = self.x0.size, self.measured, self.equations
         state.n, state.p, state.constants = n, p, equations.values
         count = len(state.context.terms["u"])
-        texts = self.transition or ("0",) * n
+        texts = self.f or ("0",) * n
         state.f = equations.function("transition", texts, count, "array")
-        texts = self.observation or ("0",) * p
+        texts = self.h or ("0",) * p
         state.h = equations.function("observation", texts, count, "array")
         state.q, state.r = self.q.copy(), self.r.reshape(p, p).copy()
         state.wrapped = np.zeros(p)
@@ -155,19 +168,19 @@ class ExtendedKalmanFilter(Block):
         state.P[:] = np.eye(n) if self.p0 is None else self.p0
         state.one_y = state.context.types["measurement"].form == "scalar"
 
-    def following(
+    def transition(
         self, state: BlockState, t: float, x: FloatArray, u: tuple[float, ...]
     ) -> FloatArray:
         """f: the states (n) one step after x."""
-        found: FloatArray = state.f(t, x.tolist(), u, state.constants)
-        return found
+        after: FloatArray = state.f(t, x.tolist(), u, state.constants)
+        return after
 
-    def observed(self, state: BlockState, t: float, x: FloatArray) -> FloatArray:
+    def observation(self, state: BlockState, t: float, x: FloatArray) -> FloatArray:
         """h: the measurements (p) of x."""
-        found: FloatArray = state.h(t, x.tolist(), (), state.constants)
-        return found
+        expected: FloatArray = state.h(t, x.tolist(), (), state.constants)
+        return expected
 
-    def following_slope(
+    def transition_jacobian(
         self, state: BlockState, t: float, x: FloatArray, u: tuple[float, ...]
     ) -> FloatArray:
         """F (n, n): row i holds the derivatives of f_i."""
@@ -175,75 +188,59 @@ class ExtendedKalmanFilter(Block):
         for j in range(state.n):
             step = STEP * (1.0 + abs(x[j]))
             near[j] = x[j] + step
-            above = self.following(state, t, near, u)
+            above = self.transition(state, t, near, u)
             near[j] = x[j] - step
-            below = self.following(state, t, near, u)
+            below = self.transition(state, t, near, u)
             near[j] = x[j]
             for i in range(state.n):
                 out[i, j] = (above[i] - below[i]) / (2.0 * step)
         return out
 
-    def observed_slope(self, state: BlockState, t: float, x: FloatArray) -> FloatArray:
+    def observation_jacobian(self, state: BlockState, t: float, x: FloatArray) -> FloatArray:
         """H (p, n): row i holds the derivatives of h_i."""
         out, near = np.zeros((state.p, state.n)), x.copy()
         for j in range(state.n):
             step = STEP * (1.0 + abs(x[j]))
             near[j] = x[j] + step
-            above = self.observed(state, t, near)
+            above = self.observation(state, t, near)
             near[j] = x[j] - step
-            below = self.observed(state, t, near)
+            below = self.observation(state, t, near)
             near[j] = x[j]
             for i in range(state.p):
-                out[i, j] = self.apart(state, i, above[i] - below[i]) / (2.0 * step)
+                # An angle can pass from pi to -pi within the step.
+                out[i, j] = self.innovation(state, i, above[i], below[i]) / (2.0 * step)
         return out
 
-    def apart(self, state: BlockState, i: int, error: float) -> float:
-        """A difference of measurement i, wrapped to [-pi, pi] if it is an angle."""
+    def innovation(self, state: BlockState, i: int, measurement: float, expected: float) -> float:
+        """What measurement i differs by, wrapped to [-pi, pi] if it is an angle."""
+        difference = measurement - expected
         if state.wrapped[i] > 0.0:
-            return math.atan2(math.sin(error), math.cos(error))
-        return error
+            return math.atan2(math.sin(difference), math.cos(difference))
+        return difference
 
-    def weights(self, state: BlockState, slope: FloatArray) -> FloatArray:
-        """K (n, p)."""
-        crossed = product(state.P, transposed(slope))
-        spread = product(slope, crossed)
-        for i in range(state.p):
-            for j in range(state.p):
-                spread[i, j] += state.r[i, j]
-        # K S = P H', so that S' K' = H P' is solved for K'.
-        return transposed(solved(transposed(spread), transposed(crossed)))
+    def gain(self, state: BlockState, jacobian: FloatArray) -> FloatArray:
+        """K (n, p) of H (p, n)."""
+        return kalman_gain(state.P, jacobian, state.r)
 
     def output(self, state: BlockState, t: float, measurement: Any) -> FloatArray:
         x = state.x.copy()
-        gain = self.weights(state, self.observed_slope(state, t, x))
-        expected = self.observed(state, t, x)
+        weight = self.gain(state, self.observation_jacobian(state, t, x))
+        expected = self.observation(state, t, x)
         out: FloatArray = x.copy()
         for k in range(state.p):
-            given = measurement if state.one_y else measurement[k]
-            error = self.apart(state, k, given - expected[k])
+            y = measurement if state.one_y else measurement[k]
+            error = self.innovation(state, k, y, expected[k])
             for i in range(state.n):
-                out[i] += gain[i, k] * error
+                out[i] += weight[i, k] * error
         return out
 
     def update(
         self, state: BlockState, t: float, u: tuple[float, ...], estimate: FloatArray
     ) -> None:
-        slope = self.observed_slope(state, t, state.x.copy())
-        gain = self.weights(state, slope)
-        kept = product(gain, slope)
-        for i in range(state.n):
-            for j in range(state.n):
-                kept[i, j] = (1.0 if i == j else 0.0) - kept[i, j]
-        after = product(product(kept, state.P), transposed(kept))
-        noise = product(product(gain, state.r), transposed(gain))
-        for i in range(state.n):
-            for j in range(state.n):
-                after[i, j] += noise[i, j]
+        # H and K are computed again: an output keeps nothing, since it may be asked for again.
+        jacobian = self.observation_jacobian(state, t, state.x.copy())
+        weight = self.gain(state, jacobian)
+        after = corrected_covariance(state.P, jacobian, weight, state.r)
         now = estimate.copy()
-        slope = self.following_slope(state, t, now, u)
-        spread = product(product(slope, after), transposed(slope))
-        ahead = self.following(state, t, now, u)
-        for i in range(state.n):
-            state.x[i] = ahead[i]
-            for j in range(state.n):
-                state.P[i, j] = spread[i, j] + state.q[i, j]
+        state.P[...] = propagated(self.transition_jacobian(state, t, now, u), after, state.q)
+        state.x[:] = self.transition(state, t, now, u)

@@ -1,4 +1,9 @@
-"""Estimators of states in discrete time."""
+"""Estimators of states in discrete time: the filter of linear systems, and the steps of all.
+
+A measurement y and a control u go in, the estimate x of the states comes out, at each tick::
+
+    filter: {type: KalmanFilter, A: [[1, 0.05], [0, 1]], C: [1, 0], Q: [[0.01, 0], [0, 0.01]], R: 1}
+"""
 
 from __future__ import annotations
 
@@ -21,6 +26,9 @@ from blocks.core import (
     covariance_fault,
     param,
     size_of,
+    small_eliminate,
+    small_product,
+    transposed,
 )
 
 
@@ -34,6 +42,39 @@ def covariance_problems(
         for name, (matrix, definite) in checked.items()
         if matrix is not None and (fault := covariance_fault(matrix, definite))
     ]
+
+
+def kalman_gain(p: FloatArray, c: FloatArray, r: FloatArray) -> FloatArray:
+    """K = P C' (C P C' + R)^-1, (n, p), of P (n, n), C (p, n) and R (p, p).
+
+    Raises
+    ------
+    ArithmeticError : C P C' + R is singular; a definite R keeps it from that, overflow apart.
+    """
+    crossed = small_product(p, transposed(c))
+    innovation = small_product(c, crossed) + r
+    # K S = P C', so that S' K' = C P' is solved for K'.
+    gain = transposed(crossed)
+    if not small_eliminate(transposed(innovation), gain):
+        raise ArithmeticError("the covariance of the innovation is singular")
+    return transposed(gain)
+
+
+def corrected_covariance(
+    p: FloatArray, c: FloatArray, gain: FloatArray, r: FloatArray
+) -> FloatArray:
+    """(I - K C) P (I - K C)' + K R K', (n, n).
+
+    Joseph's form: the shorter (I - K C) P loses symmetry by rounding, and in time definiteness.
+    """
+    rest = np.eye(len(p)) - small_product(gain, c)
+    noise = small_product(small_product(gain, r), transposed(gain))
+    return propagated(rest, p, noise)
+
+
+def propagated(a: FloatArray, p: FloatArray, q: FloatArray) -> FloatArray:
+    """A P A' + Q, (n, n)."""
+    return small_product(small_product(a, p), transposed(a)) + q
 
 
 class KalmanFilter(Block):
@@ -113,18 +154,12 @@ class KalmanFilter(Block):
         state.one_y = kinds["measurement"].form == "scalar"
         state.one_u = kinds["control"].form == "scalar"
 
-    def weights(self, state: BlockState) -> FloatArray:
+    def gain(self, state: BlockState) -> FloatArray:
         """K (n, p)."""
-        crossed = product(state.P, transposed(state.c))
-        spread = product(state.c, crossed)
-        for i in range(state.p):
-            for j in range(state.p):
-                spread[i, j] += state.r[i, j]
-        # K S = P C', so that S' K' = C P' is solved for K'.
-        return transposed(solved(transposed(spread), transposed(crossed)))
+        return kalman_gain(state.P, state.c, state.r)
 
     def output(self, state: BlockState, t: float, measurement: Any) -> FloatArray:
-        gain = self.weights(state)
+        weight = self.gain(state)
         out = np.zeros(state.n)
         for i in range(state.n):
             out[i] = state.x[i]
@@ -133,76 +168,17 @@ class KalmanFilter(Block):
             for j in range(state.n):
                 error -= state.c[k, j] * state.x[j]
             for i in range(state.n):
-                out[i] += gain[i, k] * error
+                out[i] += weight[i, k] * error
         return out
 
     def update(self, state: BlockState, t: float, control: Any, estimate: FloatArray) -> None:
-        gain = self.weights(state)
-        kept = product(gain, state.c)
-        for i in range(state.n):
-            for j in range(state.n):
-                kept[i, j] = (1.0 if i == j else 0.0) - kept[i, j]
-        after = product(product(kept, state.P), transposed(kept))
-        noise = product(product(gain, state.r), transposed(gain))
-        for i in range(state.n):
-            for j in range(state.n):
-                after[i, j] += noise[i, j]
-        following = product(product(state.a, after), transposed(state.a))
+        weight = self.gain(state)
+        after = corrected_covariance(state.P, state.c, weight, state.r)
+        state.P[...] = propagated(state.a, after, state.q)
         for i in range(state.n):
             total = 0.0
             for j in range(state.n):
                 total += state.a[i, j] * estimate[j]
-                state.P[i, j] = following[i, j] + state.q[i, j]
             for j in range(state.m):
                 total += state.b[i, j] * (control if state.one_u else control[j])
             state.x[i] = total
-
-
-def product(a: FloatArray, b: FloatArray) -> FloatArray:
-    """The matrix product, summed from left to right."""
-    out = np.zeros((a.shape[0], b.shape[1]))
-    for i in range(a.shape[0]):
-        for j in range(b.shape[1]):
-            for k in range(a.shape[1]):
-                out[i, j] += a[i, k] * b[k, j]
-    return out
-
-
-def transposed(a: FloatArray) -> FloatArray:
-    """The transposed matrix."""
-    out = np.zeros((a.shape[1], a.shape[0]))
-    for i in range(a.shape[0]):
-        for j in range(a.shape[1]):
-            out[j, i] = a[i, j]
-    return out
-
-
-def solved(a: FloatArray, b: FloatArray) -> FloatArray:
-    """The solution x of a x = b, by Gaussian elimination with partial pivoting.
-
-    ``a`` is a covariance, which noise of the measurement keeps from being singular.
-    """
-    n, m = a.shape[0], b.shape[1]
-    work, out = a.copy(), b.copy()
-    for k in range(n):
-        pivot = k
-        for i in range(k + 1, n):
-            if abs(work[i, k]) > abs(work[pivot, k]):
-                pivot = i
-        for j in range(n):
-            work[k, j], work[pivot, j] = work[pivot, j], work[k, j]
-        for j in range(m):
-            out[k, j], out[pivot, j] = out[pivot, j], out[k, j]
-        for i in range(k + 1, n):
-            factor = work[i, k] / work[k, k]
-            for j in range(k, n):
-                work[i, j] -= factor * work[k, j]
-            for j in range(m):
-                out[i, j] -= factor * out[k, j]
-    for k in range(n - 1, -1, -1):
-        for j in range(m):
-            total = out[k, j]
-            for i in range(k + 1, n):
-                total -= work[k, i] * out[i, j]
-            out[k, j] = total / work[k, k]
-    return out

@@ -22,12 +22,13 @@ from blocks.core import (
     ParameterError,
     Spikes,
     State,
+    dot,
     kernel_of,
     param,
 )
 from blocks.core.portable import flush, flush_due
-from blocks.neural.learner import Learner, decode_activity, dot, gain_and_bias
-from blocks.neural.lif import LIF, lif_rate_step, lif_step
+from blocks.neural.learner import Learner, decode_activity, gain_and_bias
+from blocks.neural.lif import lif_rate_step, lif_step
 from blocks.neural.rules import follow, pes_step, share_of
 
 SILENT = 10.0  # Hz; activity below it hardly counts in a normalised step
@@ -66,10 +67,6 @@ class LearningEnsemble(Learner):
     weights = State("k", "neurons", doc="decoding weights W")
     scaled_encoders = State("neurons", "d", doc="gain * encoders / radius")
     offset = State("neurons", doc="bias current")
-
-    @property
-    def _model(self) -> LIF:
-        return LIF(tau_rc=self.tau_rc, tau_ref=self.tau_ref)
 
     def validate(self) -> None:
         problems = []
@@ -110,7 +107,7 @@ class LearningEnsemble(Learner):
         state.floor = SILENT**2 * n
         state.fade, state.scratch = 1.0 - state.pass_on, np.zeros(n)
         # What the step of a neuron model takes: its parameters, and a state that LIF does not have.
-        state.constants, state.empty = self._model.constants, np.zeros(0)
+        state.constants, state.empty = self.model.constants, np.zeros(0)
         state.encoder_rows = np.ascontiguousarray(state.scaled_encoders.T)
         state.further = range(1, d)
 
@@ -228,9 +225,10 @@ class AdaptiveEnsemble(LearningEnsemble):
 
     def validate_in(self, context: BlockContext) -> None:
         problems = []
-        too_long = self._model.too_long(context.dt)
+        too_long = self.model.too_long(context.dt)
         if too_long:
-            problems.append(("tau_ref", f"{too_long}; give the block a smaller dt"))
+            name = "tau_ref" if context.dt > self.tau_ref else "tau_rc"
+            problems.append((name, f"{too_long}; give the block a smaller dt"))
         try:
             super().validate_in(context)
         except ParameterError as error:

@@ -218,8 +218,13 @@ class Ensemble(Block):
 
     def _impossible(self, rates: FloatArray, intercepts: FloatArray) -> list[tuple[str, str]]:
         problems = []
-        if rates.min() <= 0.0:
-            problems.append(("max_rates", f"expected rates above 0 Hz, got {rates.min():.6g}"))
+        slowest = self.neuron.slowest
+        if rates.min() <= slowest:
+            wanted = f"expected rates above {slowest:.6g} Hz"
+            if slowest > 0.0:
+                # Not refused, they would give gains of 0 or below: neurons that an input inhibits.
+                wanted += f" and below {self.neuron.fastest:g} Hz, between which this neuron fires"
+            problems.append(("max_rates", f"{wanted}, got {rates.min():.6g}"))
         elif rates.max() >= self.neuron.fastest:
             message = f"this neuron fires at less than {self.neuron.fastest:g} Hz"
             problems.append(("max_rates", f"{message}, got {rates.max():.6g}; lower the rates"))

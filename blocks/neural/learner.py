@@ -25,12 +25,13 @@ from blocks.core import (
     Scalar,
     State,
     Vector,
+    dot,
     kernel_of,
     param,
     portable,
 )
 from blocks.core.portable import flush, flush_due
-from blocks.neural.lif import lif_gain_and_bias, lif_rates
+from blocks.neural.lif import LIF, lif_gain_and_bias, lif_rates
 from blocks.neural.rules import pes_step
 
 LARGEST_STEP = 2.0
@@ -66,15 +67,23 @@ class Learner(Block, ABC):
         (-1.0, 0.9), below=1.0, shape=(2,), doc="range of the inputs where firing sets in"
     )
 
+    @property
+    def model(self) -> LIF:
+        """The neurons, or those that this learner replaces."""
+        return LIF(tau_rc=self.tau_rc, tau_ref=self.tau_ref)
+
     def validate(self) -> None:
         problems = []
         for name in ("max_rates", "intercepts"):
             low, high = self.value(name)
             if low > high:
                 problems.append((name, f"expected [low, high], got [{low:g}, {high:g}]"))
-        fastest = 1.0 / self.tau_ref
+        slowest, fastest = self.model.slowest, self.model.fastest
         if self.max_rates[1] >= fastest:
             message = f"a refractory time of {self.tau_ref:g} s allows less than {fastest:g} Hz"
+            problems.append(("max_rates", message))
+        if self.max_rates[0] <= slowest:
+            message = f"these time constants allow more than {slowest:.6g} Hz at the threshold"
             problems.append(("max_rates", message))
         if problems:
             raise ParameterError(problems)
@@ -140,23 +149,6 @@ def _decode_kernel(weights: FloatArray, activity: FloatArray, limit: float) -> F
         total = dot(weights[row], activity)
         decoded[row] = total if limit == math.inf else min(max(total, -limit), limit)
     return decoded
-
-
-def dot(a: FloatArray, b: FloatArray) -> float:
-    """The inner product of two vectors (n,), summed in the same order on every machine.
-
-    Four independent sums, which a processor can add at the same time.
-    """
-    s0 = s1 = s2 = s3 = 0.0
-    last = len(a) - len(a) % 4
-    for i in range(0, last, 4):
-        s0 += a[i] * b[i]
-        s1 += a[i + 1] * b[i + 1]
-        s2 += a[i + 2] * b[i + 2]
-        s3 += a[i + 3] * b[i + 3]
-    for i in range(last, len(a)):
-        s0 += a[i] * b[i]
-    return (s0 + s1) + (s2 + s3)
 
 
 def gain_and_bias(

@@ -20,8 +20,10 @@ from blocks.neural.neurons import NeuronModel
 
 # From this many neurons, leaving out those that are awake for the whole step pays in Python.
 MANY = 301
-# The least argument of log1p; -1 would be a spike infinitely long ago.
-LEAST_SINCE = -1.0 + 2.0**-53
+# The longest step, in tau_rc: exp(-30) of the way to J is left, 400 times the rounding of J. After
+# 37, V is J, and when it passed 1 can no longer be told.
+LONGEST_STEP = 30.0
+ABOVE_ONE = float(np.nextafter(1.0, 2.0))
 # NumPy takes an array without axes much faster than a number.
 ZERO, ONE = np.array(0.0), np.array(1.0)
 
@@ -62,8 +64,6 @@ def lif_step(
     spiking = (voltage > ONE).nonzero()[0]
     since = np.subtract(ONE, voltage[spiking])
     since /= current[spiking] - ONE
-    # With tau_rc far below dt, V is J to rounding, and the quotient -1.
-    np.maximum(since, np.array(LEAST_SINCE), out=since)
     portable.log1p(since, out=since)
     since *= np.array(tau_rc)
     since += np.array(tau_ref + dt)
@@ -106,7 +106,7 @@ def _lif_kernel(
             rise = math.expm1((refractory[i] - dt) / tau_rc)
             voltage[i] = max(voltage[i] - (current[i] - voltage[i]) * rise, 0.0)
         if voltage[i] > 1.0:
-            since = math.log1p(max((1.0 - voltage[i]) / (current[i] - 1.0), LEAST_SINCE))
+            since = math.log1p((1.0 - voltage[i]) / (current[i] - 1.0))
             refractory[i] = tau_ref + dt + tau_rc * since
             voltage[i] = 0.0
             spikes[i] = height
@@ -141,6 +141,11 @@ class _Leaky(NeuronModel, abstract=True):
     def fastest(self) -> float:
         return 1.0 / self.tau_ref
 
+    @property
+    def slowest(self) -> float:
+        # Below the rate of the least current above 1, gains would round to 0.
+        return float(self.rates(np.array(ABOVE_ONE)))
+
     def rates(self, current: FloatArray) -> FloatArray:
         return lif_rates(current, self.tau_rc, self.tau_ref)
 
@@ -157,11 +162,17 @@ class LIF(_Leaky):
     step = staticmethod(lif_step)
 
     def too_long(self, dt: float) -> str:
-        if dt <= self.tau_ref:
-            return ""
-        return (
-            f"a step of {dt:g} s is longer than tau_ref = {self.tau_ref:g} s and would lose spikes"
-        )
+        if dt > self.tau_ref:
+            return (
+                f"a step of {dt:g} s is longer than tau_ref = {self.tau_ref:g} s and would lose "
+                "spikes"
+            )
+        if dt > LONGEST_STEP * self.tau_rc:
+            return (
+                f"a step of {dt:g} s is longer than {LONGEST_STEP:g} times tau_rc = "
+                f"{self.tau_rc:g} s, so that the time of a spike in it cannot be told"
+            )
+        return ""
 
 
 def lif_rate_step(

@@ -1,4 +1,9 @@
-"""Neuron models beside the LIF family: rectified linear, sigmoid, tanh, Izhikevich's."""
+"""Neuron models beside the LIF family: rectified linear, sigmoid, tanh, Izhikevich's.
+
+Each is a class with its step (see :mod:`blocks.neural.neurons`): currents in, spikes or rates out::
+
+    a: {type: Ensemble, neuron: {type: Sigmoid, tau_ref: 0.002}, max_rates: "uniform(300, 450)"}
+"""
 
 from __future__ import annotations
 
@@ -8,6 +13,46 @@ import numpy as np
 
 from blocks.core import FloatArray, kernel_of, param, portable
 from blocks.neural.neurons import NeuronModel
+
+# exp(700) is about 1e304: a rate below 1e-300 Hz, where exp(710) would overflow.
+LARGEST_EXPONENT = 700.0
+BELOW_ONE = float(np.nextafter(1.0, 0.0))
+
+
+class _Odd(NeuronModel, abstract=True):
+    """A model whose intercept is at a current of 0."""
+
+    def inverse(self, rates: FloatArray) -> FloatArray:
+        """The currents at which the rates are these."""
+        raise NotImplementedError
+
+    def gain_and_bias(
+        self, max_rates: FloatArray, intercepts: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        gain = self.inverse(max_rates) / (1.0 - intercepts)
+        return gain, -gain * intercepts
+
+
+class _Saturating(_Odd, abstract=True):
+    """A rate that is a function of the current alone, and never 1 / tau_ref."""
+
+    spiking = False
+    initial_voltage = "0"
+    tau_ref: float = param(0.0025, unit="s", above=0.0, doc="inverse of the largest rate")
+
+    @property
+    def fastest(self) -> float:
+        return 1.0 / self.tau_ref
+
+    def rates(self, current: FloatArray) -> FloatArray:
+        currents = np.array(current, dtype=float).reshape(-1)
+        rates, unused = np.empty(currents.size), np.zeros(0)
+        type(self).step(1.0, currents, rates, unused, unused, unused, self.constants)
+        return rates.reshape(np.shape(current))
+
+    def share(self, rates: FloatArray) -> FloatArray:
+        """Rates as shares of the largest: below 1, where rounding would make them 1."""
+        return np.minimum(self.tau_ref * rates, BELOW_ONE)
 
 
 def spiking_relu_step(
@@ -26,17 +71,14 @@ def spiking_relu_step(
     spikes[...] = whole / dt
 
 
-class _Linear(NeuronModel, abstract=True):
+class _Linear(_Odd, abstract=True):
     """Rates that are the current itself, where it is positive."""
 
     def rates(self, current: FloatArray) -> FloatArray:
         return np.maximum(current, 0.0)
 
-    def gain_and_bias(
-        self, max_rates: FloatArray, intercepts: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        gain = max_rates / (1.0 - intercepts)
-        return gain, -gain * intercepts
+    def inverse(self, rates: FloatArray) -> FloatArray:
+        return rates
 
 
 class SpikingReLU(_Linear):
@@ -77,31 +119,21 @@ def sigmoid_step(
 ) -> None:
     """The logistic function of the currents."""
     for i in range(len(current)):
-        spikes[i] = 1.0 / (constants[0] * (1.0 + math.exp(-current[i])))
+        spikes[i] = 1.0 / (constants[0] * (1.0 + math.exp(min(-current[i], LARGEST_EXPONENT))))
 
 
-class Sigmoid(NeuronModel):
+class Sigmoid(_Saturating):
     """A rate of 1 / (tau_ref (1 + exp(-J))); the intercept is where J = 0, at half the
     largest rate."""
 
-    spiking = False
-    initial_voltage = "0"
-    tau_ref: float = param(0.0025, unit="s", above=0.0, doc="inverse of the largest rate")
     step = staticmethod(sigmoid_step)
 
     @property
-    def fastest(self) -> float:
-        return 1.0 / self.tau_ref
+    def slowest(self) -> float:
+        return 0.5 / self.tau_ref
 
-    def rates(self, current: FloatArray) -> FloatArray:
-        return np.asarray(1.0 / (self.tau_ref * (1.0 + portable.exp(-np.asarray(current)))))
-
-    def gain_and_bias(
-        self, max_rates: FloatArray, intercepts: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        largest = -portable.log(1.0 / (self.tau_ref * max_rates) - 1.0)
-        gain = largest / (1.0 - intercepts)
-        return gain, -gain * intercepts
+    def inverse(self, rates: FloatArray) -> FloatArray:
+        return -portable.log(1.0 / self.share(rates) - 1.0)
 
 
 def tanh_step(
@@ -118,27 +150,13 @@ def tanh_step(
         spikes[i] = math.tanh(current[i]) / constants[0]
 
 
-class Tanh(NeuronModel):
+class Tanh(_Saturating):
     """A rate of tanh(J) / tau_ref, negative on one side of the intercept."""
 
-    spiking = False
-    initial_voltage = "0"
-    tau_ref: float = param(0.0025, unit="s", above=0.0, doc="inverse of the largest rate")
     step = staticmethod(tanh_step)
 
-    @property
-    def fastest(self) -> float:
-        return 1.0 / self.tau_ref
-
-    def rates(self, current: FloatArray) -> FloatArray:
-        return np.asarray(portable.tanh(np.asarray(current)) / self.tau_ref)
-
-    def gain_and_bias(
-        self, max_rates: FloatArray, intercepts: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        largest = portable.atanh(self.tau_ref * max_rates)
-        gain = largest / (1.0 - intercepts)
-        return gain, -gain * intercepts
+    def inverse(self, rates: FloatArray) -> FloatArray:
+        return portable.atanh(self.share(rates))
 
 
 def izhikevich_step(

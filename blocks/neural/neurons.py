@@ -71,6 +71,11 @@ class NeuronModel(Variant, root=True, registry="neurons"):
         """The rate in Hz that is never reached."""
         return math.inf
 
+    @property
+    def slowest(self) -> float:
+        """The rate in Hz at the intercept: a neuron's largest rate has to exceed it."""
+        return 0.0
+
     def too_long(self, dt: float) -> str:
         """Why a step is too long for the model; '' if it is not."""
         return ""

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from blocks.core import FloatArray, Variant, param, portable
+from blocks.core import FloatArray, Variant, param, product, solve
 
 # Up to this many neurons, and multiplications, results have the same bits on every processor.
 PORTABLE_NEURONS, PORTABLE_WORK = 200, 10**8
@@ -100,7 +100,7 @@ class Lasso(Solver, label="lasso"):
 def products(a: FloatArray, b: FloatArray) -> FloatArray:
     """A matrix product: with the same bits everywhere up to a size, beyond that by BLAS."""
     if a.shape[0] * a.shape[1] * b.shape[1] <= PORTABLE_WORK:
-        return portable.product(a, b)
+        return product(a, b)
     return np.asarray(a @ b)
 
 
@@ -118,7 +118,7 @@ def ridge(a: FloatArray, y: FloatArray, sigma: float) -> FloatArray:
     right = y if is_dual else products(a.T, y)
     try:
         if len(gram) <= PORTABLE_NEURONS:
-            solved = portable.solve(gram, right)
+            solved = solve(gram, right)
         else:
             solved = np.asarray(np.linalg.solve(gram, right), dtype=np.float64)
     except np.linalg.LinAlgError:

@@ -20,7 +20,7 @@ from blocks.core import (
     Variant,
     hint,
     param,
-    portable,
+    product,
     show,
 )
 from blocks.core.portable import SELDOM, flush
@@ -139,10 +139,10 @@ def _exponential(matrix: FloatArray) -> FloatArray:
     scaled = matrix / 2.0**halvings
     total, term = np.eye(len(matrix)), np.eye(len(matrix))
     for i in range(1, 16):
-        term = portable.product(term, scaled) / i
+        term = product(term, scaled) / i
         total = total + term
     for _ in range(halvings):
-        total = portable.product(total, total)
+        total = product(total, total)
     return total
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from blocks.core import FloatArray, portable
+from blocks.core import FloatArray, product
 from blocks.neural.neurons import NeuronModel
 
 # Where responses are computed: places along each neuron's encoder, in radii.
@@ -44,7 +44,7 @@ class Tuning:
         """Input currents (p, n) of a group's neurons at points (p, d)."""
         mine = slice(group * self.neurons, (group + 1) * self.neurons)
         scaled = self.encoders[mine] / self.radius
-        drive = portable.product(points, scaled.T)
+        drive = product(points, scaled.T)
         return drive * self.gain[mine] + self.bias[mine]
 
     def rates(self, points: FloatArray, group: int = 0) -> FloatArray:

@@ -1,9 +1,7 @@
-"""Plants in continuous time to start from: vehicles, pendulums, an arm, masses."""
+"""Mechanical plants in continuous time to start from: pendulums, an arm, masses."""
 
 from blocks.plants.arms import TwoLinkArm
 from blocks.plants.masses import DoubleIntegrator, MassSpringDamper
 from blocks.plants.pendulums import CartPole, Pendulum
-from blocks.plants.vehicles import Bicycle, Unicycle
 
-__all__ = ["Bicycle", "CartPole", "DoubleIntegrator", "MassSpringDamper", "Pendulum"]
-__all__ += ["TwoLinkArm", "Unicycle"]
+__all__ = ["CartPole", "DoubleIntegrator", "MassSpringDamper", "Pendulum", "TwoLinkArm"]

@@ -1,5 +1,11 @@
-"""Robots and what disturbs them: plants, contact, actuators with limits and faults, noise."""
+"""Vehicles and what disturbs them: motion, contact, actuators with limits and faults, noise.
 
+``differential_drive.py`` moves a robot tick by tick through the world, which can stop it;
+``continuous.py`` has the same kinematics, and a car's, as equations for the run's solver.
+"""
+
+from blocks.vehicle.continuous import Bicycle, Unicycle
+from blocks.vehicle.differential_drive import INTEGRATORS, DifferentialDrive
 from blocks.vehicle.disturbances import (
     ActuatorDelay,
     ActuatorFault,
@@ -9,16 +15,17 @@ from blocks.vehicle.disturbances import (
     WheelSlip,
 )
 from blocks.vehicle.explorer import Explorer
-from blocks.vehicle.plants import INTEGRATORS, DifferentialDrive
 
 __all__ = [
     "INTEGRATORS",
     "ActuatorDelay",
     "ActuatorFault",
     "ActuatorLag",
+    "Bicycle",
     "DifferentialDrive",
     "Explorer",
     "PoseNoise",
     "Saturator",
+    "Unicycle",
     "WheelSlip",
 ]

@@ -25,6 +25,7 @@ from blocks.core import (
     kernel_of,
     param,
     product,
+    small_product,
 )
 from blocks.wall_fitting.bspline import Samples, arc_length, control_points, fit_even, projection
 from blocks.wall_fitting.contour import Beams, Returns, chain
@@ -35,7 +36,6 @@ from blocks.wall_fitting.kernels.bspline import (
     even_basis,
     fit_kernel,
     positions,
-    projected,
     sampled_evenly_kernel,
 )
 from blocks.wall_fitting.kernels.contour import (
@@ -362,7 +362,7 @@ class WallFitter(Block):
             arc = arc_length_kernel(line)
             start = arc[nearest_row(line)] - self.behind - MARGIN
             data = stretch_kernel(line, arc, start, self._length, state.projection.shape[1])
-            points = projected(state.projection, data)
+            points = small_product(state.projection, data)
             rows = sampled_evenly_kernel(
                 state.first, state.bands, points, self.step, self.samples, MARGIN
             )

@@ -38,8 +38,8 @@ class RunComparison:
     @property
     def first_differences(self) -> list[tuple[Pair, FirstDifference]]:
         """Each probe's first difference, the earliest first."""
-        found = [(pair, at) for pair in self.pairs if (at := pair.first_difference) is not None]
-        return sorted(found, key=lambda item: item[1].tick)
+        first = [(pair, at) for pair in self.pairs if (at := pair.first_difference) is not None]
+        return sorted(first, key=lambda item: item[1].tick)
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ def compare(
         graph=differences([run.document for run in runs]),
         circumstances=differences([_circumstances(run) for run in runs]),
         metrics={name: [run.result.metrics.get(name) for run in runs] for name in metrics},
-        others=[_compared(first, run, names) for run in rest],
+        others=[_compare_with_first(first, run, names) for run in rest],
     )
 
 
@@ -104,15 +104,15 @@ def _circumstances(run: Run) -> dict[str, Any]:
     return known | ({"modules": modules} if modules else {})
 
 
-def _probes(runs: Sequence[Run], wanted: Sequence[str]) -> list[str]:
+def _probes(runs: Sequence[Run], selection: Sequence[str]) -> list[str]:
     known = list(dict.fromkeys(name for run in runs for name in run.result.probes))
-    for name in wanted:
+    for name in selection:
         if name not in known:
             from blocks.core import hint
 
             suggestion = hint(name, known) or f"; there are {', '.join(known) or 'none'}"
             raise UsageError(f"no run has a probe '{name}'{suggestion}")
-    return list(dict.fromkeys(wanted)) or known
+    return list(dict.fromkeys(selection)) or known
 
 
 def _check_shared(a: Run, b: Run) -> None:
@@ -123,7 +123,7 @@ def _check_shared(a: Run, b: Run) -> None:
     raise UsageError(f"nothing to compare: {titles} share no probe and no metric")
 
 
-def _compared(first: Run, run: Run, names: Iterable[str]) -> RunComparison:
+def _compare_with_first(first: Run, run: Run, names: Iterable[str]) -> RunComparison:
     dt = float(first.result.manifest["dt"])
     here, there = first.result.probes, run.result.probes
     pairs = [pair(here[n], there[n], dt) for n in names if n in here and n in there]
@@ -140,6 +140,6 @@ def _order(run: Run) -> dict[str, int]:
 
     Empty for a run folder of an earlier version, which does not have it.
     """
-    found = run.result.manifest.get("order")
-    names = found if isinstance(found, list) else []
+    order = run.result.manifest.get("order")
+    names = order if isinstance(order, list) else []
     return {name: i for i, name in enumerate(names) if isinstance(name, str)}

@@ -36,21 +36,21 @@ def exact_summary(comparison: Comparison) -> str:
 def _common(comparison: Comparison) -> Iterator[str]:
     rows = [[run.label, run.result.title, str(run.folder)] for run in comparison.runs]
     yield "runs\n" + table(rows)
-    for title, found in (
+    for title, differences in (
         ("graph", comparison.graph),
         ("circumstances", comparison.circumstances),
     ):
-        if found:
-            yield f"{title}\n{_document_table(comparison.labels, found)}"
+        if differences:
+            yield f"{title}\n{_document_table(comparison.labels, differences)}"
         else:
             yield f"{title}: no difference"
     if comparison.metrics:
         yield f"metrics\n{_metrics(comparison)}"
 
 
-def _document_table(labels: Sequence[str], found: Sequence[KeyDifference]) -> str:
+def _document_table(labels: Sequence[str], differences: Sequence[KeyDifference]) -> str:
     rows = [["", *labels]]
-    for item in found:
+    for item in differences:
         values = [text_of(value, VALUE_WIDTH) for value in item.values]
         rows.append([f"{SIGNS[item.change]} {item.path}", *values])
     return table(rows)
@@ -162,7 +162,7 @@ def as_data(comparison: Comparison, exact: bool, rtol: float, atol: float) -> di
     Infinities and NaN are written as in YAML: ".inf", "-.inf", ".nan".
     """
     labels = comparison.labels
-    found = {
+    data = {
         "schema_version": SCHEMA_VERSION,
         "kind": "comparison",
         "runs": [
@@ -185,7 +185,7 @@ def as_data(comparison: Comparison, exact: bool, rtol: float, atol: float) -> di
             for other in comparison.others
         },
     }
-    plain: dict[str, Any] = _plain(found)
+    plain: dict[str, Any] = _plain(data)
     return plain
 
 

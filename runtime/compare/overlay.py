@@ -83,8 +83,8 @@ def overlays(runs: Sequence[Run], probes: Sequence[str]) -> Iterator[tuple[str, 
                 planes[plot.name] = figure
     yield from planes.items()
     for name in probes:
-        found = {run.label: run.result.probes.get(name) for run in runs}
-        recorded = {label: r for label, r in found.items() if r is not None and len(r.t) > 1}
+        recordings = {run.label: run.result.probes.get(name) for run in runs}
+        recorded = {label: r for label, r in recordings.items() if r is not None and len(r.t) > 1}
         shapes = {(r.values.shape[1:], r.units) for r in recorded.values()}
         if len(recorded) > 1 and len(shapes) == 1:
             yield f"{name}_over_time" if name in planes else name, _over_time(runs, name, recorded)
@@ -106,8 +106,8 @@ def versus(runs: Sequence[Run], plot: PlotSpec, look: str = "screen") -> Figure:
         panels: dict[str, Sequence[_Line]] = {}
         shown: list[Recording] = []
         for name in plot.of:
-            found = {run.label: run.result.probes.get(name) for run in runs}
-            recorded = {label: r for label, r in found.items() if r is not None and len(r.t)}
+            recordings = {run.label: run.result.probes.get(name) for run in runs}
+            recorded = {label: r for label, r in recordings.items() if r is not None and len(r.t)}
             if recorded:
                 panels |= {f"{label}\0{name}": own for label, own in _panels(recorded).items()}
                 shown += recorded.values()
@@ -176,21 +176,21 @@ def _moving(panels: Mapping[str, Sequence[_Line]]) -> Mapping[str, Sequence[_Lin
     return shown or panels
 
 
-def _covered(lines: Sequence[FloatArray]) -> list[int]:
+def _count_covered(lines: Sequence[FloatArray]) -> list[int]:
     """How many lines each one covers, without one: the first is wider and stays visible."""
     return [max(0, count - 1) for count in coincident(lines)]
 
 
 def _draw(axes: Axes, lines: Sequence[_Line]) -> None:
     order = layers([line.y for line in lines])
-    covered = _covered([line.y for line in lines])
+    hidden = _count_covered([line.y for line in lines])
     for i, line in enumerate(lines):
         draw_series(
             *(axes, line.t, line.y, line.held),
             label=line.label,
             linewidth=LATER if i or len(lines) == 1 else FIRST,
             zorder=order[i],
-            **line_style(i, covered[i]),
+            **line_style(i, hidden[i]),
         )
     values = [line.y[np.isfinite(line.y)] for line in lines]
     if min(y.min(initial=0.0) for y in values) < 0.0 < max(y.max(initial=0.0) for y in values):
@@ -239,7 +239,7 @@ def _plane(
 ) -> Figure | None:
     """The trajectories of all runs in one plane; None where fewer than two recorded one."""
     poses = [
-        _named(run.result.probes[name], run.label)
+        _relabel_pose(run.result.probes[name], run.label)
         for name in _poses(runs[0], plot)[:1]
         if name in probes
         for run in runs
@@ -255,12 +255,14 @@ def _plane(
             first = runs[0].result.probes
             labels = dict(zip(plot.of, plot.options.get("labels", ()), strict=False))
             paths = [
-                _called(first[n], labels.get(n, ""))
+                _relabel_path(first[n], labels.get(n, ""))
                 for n in plot.of
                 if n in first and first[n].kinds == ("Path",)
             ]
-            touched = contacts(plot, [run.result for run in runs])
-            top = draw_trajectory(figure, [*poses, *paths, *touched], run_end(runs[0].result))
+            contact_points = contacts(plot, [run.result for run in runs])
+            top = draw_trajectory(
+                figure, [*poses, *paths, *contact_points], run_end(runs[0].result)
+            )
         arrange(figure, top, replace(plot, options={**plot.options, "labels": ()}))
         write_title(top, plot.title, _subtitle(runs))
         disable_math(figure)
@@ -293,13 +295,13 @@ def _poses(run: Run, plot: PlotSpec) -> list[str]:
     return [name for name in plot.of if name in known and known[name].kinds == ("Pose",)]
 
 
-def _called(recorded: Recording, name: str) -> Recording:
+def _relabel_path(recorded: Recording, name: str) -> Recording:
     """A recorded path with the name that the plot gives it, if any."""
     names = tuple(f"{name}.{label.rpartition('.')[2]}" for label in recorded.labels)
     return replace(recorded, names=names) if name else recorded
 
 
-def _named(recorded: Recording, label: str) -> Recording:
+def _relabel_pose(recorded: Recording, label: str) -> Recording:
     """A recorded pose with its run's label, for the legend."""
     labels = tuple(f"{label}.{component}" for component in ("x", "y", "theta"))
     return replace(recorded, name=label, labels=labels, names=(), addresses={label: (0, 3)})
@@ -309,11 +311,11 @@ def _map(figure: Figure, runs: Sequence[Run], plot: PlotSpec, poses: Sequence[Re
     """The first run's world, with the trajectories of all runs."""
     xy = np.concatenate([recorded.values[:, :2] for recorded in poses])
     axes, handles = map_axes(figure, plot, runs[0].result, xy)
-    covered = _covered([recorded.values[:, :2] for recorded in poses])
+    hidden = _count_covered([recorded.values[:, :2] for recorded in poses])
     for i, recorded in enumerate(poses):
-        look = line_style(i, covered[i]) | {"linewidth": LATER + 0.2 if i else FIRST}
+        look = line_style(i, hidden[i]) | {"linewidth": LATER + 0.2 if i else FIRST}
         handles += axes.plot(*recorded.values[:, :2].T, label=recorded.name, zorder=2.6, **look)
-    for touched in contacts(plot, [run.result for run in runs]):
-        handles.append(mark_contacts(axes, touched.values))
+    for contact in contacts(plot, [run.result for run in runs]):
+        handles.append(mark_contacts(axes, contact.values))
     figure.legend(handles=handles, loc="outside right upper")
     return axes

@@ -74,10 +74,10 @@ class Pair:
         count, at = 0, None
         for rows, (a, b) in row_blocks(self.a, self.b):
             differs = _bits(a) != _bits(b)
-            found = np.flatnonzero(differs.any(axis=1))
-            count += len(found)
-            if at is None and len(found):
-                row = int(found[0])
+            differing = np.flatnonzero(differs.any(axis=1))
+            count += len(differing)
+            if at is None and len(differing):
+                row = int(differing[0])
                 at = self._difference_at(rows.start + row, int(differs[row].argmax()))
         return count, at
 

@@ -71,8 +71,8 @@ def _labels(folders: Sequence[Path], results: Sequence[RunData]) -> list[str]:
     titles = len({r.title for r in results}) > 1
     seeds = len({r.manifest["seed"] for r in results}) > 1
     labels = []
-    for result, made in zip(results, changes, strict=True):
-        own = [_short(o) for o in made if o not in common and not _sets_seed(o)]
+    for result, own_changes in zip(results, changes, strict=True):
+        own = [_short(o) for o in own_changes if o not in common and not _sets_seed(o)]
         parts = [result.title] * titles + own
         parts += [f"seed {result.manifest['seed']}"] * seeds
         labels.append(_cut(", ".join(parts) or "as written"))
@@ -85,7 +85,7 @@ def _labels(folders: Sequence[Path], results: Sequence[RunData]) -> list[str]:
             else label
             for label, folder in zip(labels, folders, strict=True)
         ]
-    return _numbered(labels)
+    return _number_duplicates(labels)
 
 
 def _sets_seed(change: Override) -> bool:
@@ -110,7 +110,7 @@ def _id(folder: Path) -> str:
     return _cut(stamp.group(1) if stamp else name)
 
 
-def _numbered(labels: Sequence[str]) -> list[str]:
+def _number_duplicates(labels: Sequence[str]) -> list[str]:
     """Labels with numbers after duplicates, since the same folder may be given twice."""
     seen: Counter[str] = Counter()
     numbered = []

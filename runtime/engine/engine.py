@@ -22,6 +22,7 @@ from runtime.engine.profile import Profile
 from runtime.engine.program import Program
 from runtime.engine.recorder import Recorder
 from runtime.engine.replay import ExactRunner
+from runtime.engine.rosenbrock import implicit
 from runtime.engine.runners import (
     CompiledError,
     MakeRunner,
@@ -40,7 +41,6 @@ from runtime.engine.solvers import (
     TIME,
     blend,
     controls,
-    implicit,
     joined,
     judged,
     method_of,
@@ -330,7 +330,7 @@ class Engine:
         if part is None:
             return {}
         method = method_of(self.network.solver.name, part.size)
-        slopes = np.zeros((method.stages, part.size))
+        slopes = np.zeros((method.slope_rows, part.size))
         solver, dt = self.network.solver, self.network.dt
         control = controls(
             solver.rtol, solver.atol, min(dt, solver.max_step or dt), self.network.until

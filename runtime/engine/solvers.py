@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from blocks.core import FloatArray
+from runtime.engine.rosenbrock import SHIFT, SPARE
 
 
 @dataclass(frozen=True)
@@ -18,10 +19,10 @@ class Method:
 
     nodes : the time of each stage as a share of the step.
     rows : how the slopes of the stages so far are weighted to reach the next stage; the last row
-        gives the end of the step. For an implicit method see :func:`implicit`.
+        gives the end of the step. For an implicit method see ``rosenbrock.py``.
     order : the error of a whole run is proportional to this power of the step.
-    errors : weights of the slopes in the estimated error of a step; none for a fixed step.
-    is_implicit : whether :func:`implicit` moves the states from stage to stage.
+    errors : weights of the last slopes in the estimated error of a step; none for a fixed step.
+    is_implicit : whether ``rosenbrock.implicit`` moves the states from stage to stage.
     """
 
     nodes: tuple[float, ...]
@@ -33,6 +34,11 @@ class Method:
     @property
     def stages(self) -> int:
         return len(self.nodes)
+
+    @property
+    def slope_rows(self) -> int:
+        """The rows of the slopes: one for each stage, and what an implicit method keeps."""
+        return self.stages + (SPARE if self.is_implicit else 0)
 
     @property
     def terms(self) -> tuple[tuple[tuple[int, float], ...], ...]:
@@ -76,7 +82,6 @@ METHODS = {
 # RODAS (Hairer and Wanner, Solving ODEs II, 1996, section IV.7): for each implicit stage how the
 # increments so far are weighted to reach the next one, how they enter its equation, the weight of
 # the derivative by time there, and its node.
-GAMMA = 0.25
 _FIFTH = (1.221224509226641, 6.019134481288629, 12.53708332932087, -0.6878860361058950, 1.0)
 _REACH = (
     (1.544,),
@@ -99,8 +104,6 @@ _ENTER: tuple[tuple[float, ...], ...] = (
 )
 _BY_TIME = (0.25, -0.1043, 0.1035, -0.03620000000000023, 0.0, 0.0)
 _NODES = (0.0, 0.386, 0.21, 0.63, 1.0, 1.0)
-# The share of the step after which the derivative by time is estimated.
-SHIFT = 1e-5
 
 
 def method_of(name: str, size: int) -> Method:
@@ -111,7 +114,7 @@ def method_of(name: str, size: int) -> Method:
     rows += _REACH
     rows += [(*row, *[0.0] * (5 - len(row)), d) for row, d in zip(_ENTER, _BY_TIME, strict=True)]
     nodes = (0.0,) * (size + 1) + (SHIFT, *_NODES[1:])
-    return Method(nodes, tuple(rows), 4, (0.0,) * (size + 6) + (1.0,), True)
+    return Method(nodes, tuple(rows), 4, (1.0, *[0.0] * SPARE), True)
 
 
 # The entries of ``control``, the memory of a solver that chooses its own steps: the next step (s),
@@ -119,8 +122,6 @@ def method_of(name: str, size: int) -> Method:
 # since the last tick.
 STEP, RTOL, ATOL, LARGEST, SMALLEST, REJECTED, COUNT = range(7)
 MAX_SUBSTEPS = 100_000
-# The rounding of a float64, of which the root is the best step of a difference.
-DIFFERENCE = 2.220446049250313e-16
 
 
 def controls(rtol: float, atol: float, max_step: float, until: float) -> FloatArray:
@@ -187,88 +188,6 @@ def moved(
         states[i] = start[i] + total
 
 
-def implicit(
-    states: FloatArray,
-    start: FloatArray,
-    slopes: FloatArray,
-    table: FloatArray,
-    stage: int,
-    h: float,
-) -> None:
-    """Move the states to the next stage of a linearly implicit method (Rosenbrock).
-
-    Of n states, stages 1 to n give the columns of the Jacobian J by differences, and stage n + 1
-    the derivative by time f_t. The increments k_i solve (1 / (gamma h) - J) k_i = f_i +
-    sum C_ij k_j / h + h d_i f_t, and replace the slopes f_i of their stages. The last is the
-    estimated error of the step; it is kept as a slope, k / h.
-    """
-    n = len(states)
-    i = stage - n - 1
-    if 0 < stage <= n:
-        moved_by = states[stage - 1] - start[stage - 1]
-        for r in range(n):
-            slopes[stage, r] = (slopes[stage, r] - slopes[0, r]) / moved_by
-    for r in range(n):
-        states[r] = start[r]
-    if stage < n:
-        states[stage] += math.sqrt(DIFFERENCE * max(1e-5, abs(start[stage])))
-    if i >= 0:
-        row = 0 if i == 0 else stage
-        if i == 0:
-            for r in range(n):
-                slopes[stage, r] = (slopes[stage, r] - slopes[0, r]) / (SHIFT * h)
-        matrix, right = np.zeros((n, n)), np.zeros(n)
-        rows = len(slopes)
-        for r in range(n):
-            for c in range(n):
-                matrix[r, c] = -slopes[c + 1, r]
-            matrix[r, r] += 1.0 / (GAMMA * h)
-            total = slopes[row, r] + table[rows + i, 5] * h * slopes[n + 1, r]
-            for m in range(i):
-                total += table[rows + i, m] / h * slopes[0 if m == 0 else n + 1 + m, r]
-            right[r] = total
-        eliminate(matrix, right)
-        for r in range(n):
-            slopes[row, r] = right[r]
-        for r in range(n):
-            for m in range(i + 1):
-                states[r] += table[stage, m] * slopes[0 if m == 0 else n + 1 + m, r]
-            if i == 5:
-                slopes[stage, r] = right[r] / h
-
-
-def eliminate(matrix: FloatArray, right: FloatArray) -> None:
-    """Solve a system in place by elimination with partial pivoting."""
-    n = len(right)
-    for k in range(n):
-        best = k
-        for r in range(k + 1, n):
-            if abs(matrix[r, k]) > abs(matrix[best, k]):
-                best = r
-        if best != k:
-            for c in range(k, n):
-                kept = matrix[k, c]
-                matrix[k, c] = matrix[best, c]
-                matrix[best, c] = kept
-            last = right[k]
-            right[k] = right[best]
-            right[best] = last
-        if matrix[k, k] == 0.0:
-            # The step is far too long, and rejected for its large increments.
-            matrix[k, k] = 1e-30
-        for r in range(k + 1, n):
-            factor = matrix[r, k] / matrix[k, k]
-            if factor != 0.0:
-                for c in range(k + 1, n):
-                    matrix[r, c] -= factor * matrix[k, c]
-                right[r] -= factor * right[k]
-    for k in range(n - 1, -1, -1):
-        total = right[k]
-        for c in range(k + 1, n):
-            total -= matrix[k, c] * right[c]
-        right[k] = total / matrix[k, k]
-
-
 # The entries of ``stop``, the search for the time at which a run stops: bounds (s since the tick),
 # whether it was found, the distance of the signal from the level at the last tick, the tick and the
 # time at which the run stopped.
@@ -321,10 +240,11 @@ def judged(
     Returns the part of the tick (s) that is done; -1 - i if no step is small enough for column i.
     """
     worst, column = 0.0, 0
+    first = len(slopes) - len(errors)
     for i in range(len(states)):
         error = 0.0
         for j in range(len(errors)):
-            error += errors[j] * slopes[j, i]
+            error += errors[j] * slopes[first + j, i]
         scale = control[ATOL] + control[RTOL] * max(abs(start[i]), abs(states[i]))
         ratio = abs(h * error) / scale
         if not ratio <= worst:

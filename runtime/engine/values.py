@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
 import numpy as np
@@ -60,6 +60,7 @@ class OutputChecks:
     """Checks what the blocks of a network return against the types of their outputs."""
 
     network: Network
+    _shapes: dict[str, list[tuple[int, ...]]] = field(default_factory=dict)
 
     def form(self, block: str, port: str, value: Any) -> None:
         """Check one output's form.
@@ -108,9 +109,12 @@ class OutputChecks:
             listed = ", ".join(names)
             message = f"derivative must return a tuple, one value per state ({listed})"
             raise TypeError(f"{message}, got {brief(value)}")
-        for name, rate in zip(names, (value,) if len(names) == 1 else value, strict=True):
+        if block not in self._shapes:  # an implicit solver asks thousands of times on one tick
+            states = (spec.states[name] for name in names)
             context = self.network.context(block)
-            shape = state_shape(entry.made, spec.states[name], context, spec)
+            self._shapes[block] = [state_shape(entry.made, s, context, spec) for s in states]
+        given = (value,) if len(names) == 1 else value
+        for name, rate, shape in zip(names, given, self._shapes[block], strict=True):
             if np.shape(rate) != shape or np.asarray(rate).dtype.kind not in "fiu":
                 expected = f"numbers of shape {shape}" if shape else "a float"
                 message = f"derivative of state '{name}' must be {expected}"

@@ -41,7 +41,7 @@ from runtime.experiments.execution import (
 from runtime.files import own_folder, system_errors, write_json, write_whole
 from runtime.terminal import Progress
 
-KEPT = ("ok", "failed", "timeout")
+SAVED_STATUSES = ("ok", "failed", "timeout")
 
 
 @dataclass
@@ -74,13 +74,13 @@ class AblationResult:
 
     def _removed_metrics(self) -> set[tuple[str, str]]:
         """(variant, metric) where the variant removes what the metric measures."""
-        found = set()
+        pairs = set()
         for variant in self.plan.variants:
             inputs = {m.name: m.inputs.values() for m in variant.graph.observation.metrics}
-            found |= {
+            pairs |= {
                 (variant.name, m) for m in self.plan.metrics if None in inputs.get(m, (None,))
             }
-        return found
+        return pairs
 
     def to_dict(self) -> dict[str, Any]:
         """What ablation.json holds."""
@@ -156,7 +156,7 @@ def _run(plan: ExperimentPlan, options: RunOptions, index: Index, progress: Prog
 
     def task(trial: Trial) -> Task:
         if trial.seed == first:
-            return Task(trial, "trajectory", KEPT, timeout=options.timeout)
+            return Task(trial, "trajectory", SAVED_STATUSES, timeout=options.timeout)
         return Task(trial, timeout=options.timeout)
 
     def record(trial: Trial, result: TrialResult) -> None:

@@ -28,7 +28,7 @@ from runtime.experiments.design import (
     SeedList,
     read_experiment,
 )
-from runtime.experiments.execution import RunOptions, ablation_plan, chosen_pool, sweep_plan
+from runtime.experiments.execution import RunOptions, ablation_plan, pool_factory, sweep_plan
 from runtime.experiments.sweeping import SweepResult, run_sweep
 from runtime.experiments.tables import AblationTable, SweepTable, TuningTable
 from runtime.experiments.tuning import TuningResult, run_tuning, save_json, tuning_plan
@@ -103,7 +103,7 @@ def sweep(
     plan = sweep_plan(request.added_to(_experiment(graph)))
 
     def run(target: Path) -> SweepResult:
-        pool = chosen_pool(jobs, scheduler, timeout)
+        pool = pool_factory(jobs, scheduler, timeout)
         options = RunOptions(target, pool, resume, keep, timeout)
         return run_sweep(plan, options, Progress(plan.name))
 
@@ -152,7 +152,7 @@ def ablate(
     plan = ablation_plan(request.added_to(_experiment(graph)))
 
     def run(target: Path) -> AblationResult:
-        pool = chosen_pool(jobs, scheduler, timeout)
+        pool = pool_factory(jobs, scheduler, timeout)
         options = RunOptions(target, pool, resume, timeout=timeout)
         return run_ablation(plan, options, Progress(plan.name), test)
 
@@ -217,7 +217,7 @@ def tune(
     plan = tuning_plan(request.added_to(_experiment(graph)))
 
     def run(target: Path) -> TuningResult:
-        pool = chosen_pool(jobs, scheduler, timeout)
+        pool = pool_factory(jobs, scheduler, timeout)
         options = RunOptions(target, pool, resume, timeout=timeout)
         done = run_tuning(plan, options, Progress(plan.name))
         save_json(done)

@@ -109,8 +109,8 @@ class _Table:
         columns["seed"] = [trial.seed for trial in self.trials]
         columns["status"] = [trial.status for trial in self.trials]
         for name in metrics:
-            found = [trial.metrics[name] for trial in self.trials]
-            columns[name] = [math.nan if value is None else value for value in found]
+            values = [trial.metrics[name] for trial in self.trials]
+            columns[name] = [math.nan if value is None else value for value in values]
         return dataframe(columns, self.units, "to_dataframe()")
 
     def _counts(self) -> str:
@@ -163,8 +163,8 @@ class SweepTable(_Table):
         if goal is None:
             return None
         metric, most = goal.metric, len(self.seeds)
-        whole = [found for found in self.configurations if found.metrics[metric].is_over(most)]
-        return min(whole, key=lambda found: goal.of(found.metrics[metric].mean), default=None)
+        candidates = [each for each in self.configurations if each.metrics[metric].is_over(most)]
+        return min(candidates, key=lambda each: goal.of(each.metrics[metric].mean), default=None)
 
     def plot(self) -> Figures:
         """The sweep's figures by their names."""
@@ -174,19 +174,19 @@ class SweepTable(_Table):
 
     def _rows(self) -> list[tuple[str, ...]]:
         metrics = list(self.configurations[0].metrics) if self.configurations else []
-        is_ok = all(found.ok == len(self.seeds) for found in self.configurations)
+        is_ok = all(each.ok == len(self.seeds) for each in self.configurations)
         ok = () if is_ok else ("ok",)
         rows = [(*self.factors, *ok, *(with_unit(name, self.units) for name in metrics))]
-        for found in self.configurations[:MOST]:
-            given = (_cell(value) for value in found.values.values())
-            share = () if is_ok else (f"{found.ok}/{len(self.seeds)}",)
-            means = (self._mean(name, each) for name, each in found.metrics.items())
-            rows.append((*given, *share, *means))
+        for each in self.configurations[:MOST]:
+            values = (_cell(value) for value in each.values.values())
+            share = () if is_ok else (f"{each.ok}/{len(self.seeds)}",)
+            means = (self._mean(name, each) for name, each in each.metrics.items())
+            rows.append((*values, *share, *means))
         return rows
 
-    def _mean(self, metric: str, found: Estimate) -> str:
+    def _mean(self, metric: str, estimate: Estimate) -> str:
         """A mean with half of its interval, and how many seeds have a value if not all."""
-        return mean_of(found, len(self.seeds), self.never.get(metric, NEVER), spread=True)
+        return mean_of(estimate, len(self.seeds), self.never.get(metric, NEVER), spread=True)
 
     def _head(self) -> str:
         count = len(self.configurations)
@@ -205,11 +205,11 @@ class SweepTable(_Table):
             mean = self._mean(self.objective.metric, best.metrics[self.objective.metric])
             metric = with_unit(self.objective.metric, self.units)
             notes.append(f"{goal} {metric}: {mean} at {chosen or 'its only configuration'}")
-        found = [e for each in self.configurations for e in each.metrics.values()]
-        notes += [HALF] * any(each.n > 1 for each in found)
-        notes += [f"{SAME}: {SAME_RUNS}."] * any(each.is_same for each in found)
+        estimates = [e for each in self.configurations for e in each.metrics.values()]
+        notes += [HALF] * any(each.n > 1 for each in estimates)
+        notes += [f"{SAME}: {SAME_RUNS}."] * any(each.is_same for each in estimates)
         seeds = len(self.seeds)
-        notes += [SOME] * any(each.n and not each.is_over(seeds) for each in found)
+        notes += [SOME] * any(each.n and not each.is_over(seeds) for each in estimates)
         return [*notes, *self._failures()]
 
     def __repr__(self) -> str:
@@ -258,10 +258,10 @@ class AblationTable(_Table):
         ------
         KeyError : there is no such variant or metric.
         """
-        for found in self.lines:
-            if (found.variant, found.metric) == (variant, metric):
-                return found
-        metrics = ", ".join(dict.fromkeys(found.metric for found in self.lines))
+        for each in self.lines:
+            if (each.variant, each.metric) == (variant, metric):
+                return each
+        metrics = ", ".join(dict.fromkeys(each.metric for each in self.lines))
         variants = ", ".join(self.variants)
         raise KeyError(
             f"no line for '{variant}' and '{metric}'; variants: {variants}; metrics: {metrics}"
@@ -318,7 +318,7 @@ class TuningTable:
     def of(cls, result: TuningResult) -> TuningTable:
         """The table of a tuning that has ended."""
         return cls(
-            tuple(result.tried),
+            tuple(result.candidates),
             tuple(result.winners),
             tuple(result.better),
             tuple(judgements(result)),

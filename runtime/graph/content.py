@@ -47,8 +47,8 @@ class Content:
     ) -> Content:
         """With another document; a param that the change makes unused is left out, with a note."""
         document, unused = without_unused(self.document, document)
-        made, told = (*self.overrides, *overrides), (*self.notes, *notes, *unused)
-        return replace(self, document=document, overrides=made, notes=told, **changes)
+        all_overrides, all_notes = (*self.overrides, *overrides), (*self.notes, *notes, *unused)
+        return replace(self, document=document, overrides=all_overrides, notes=all_notes, **changes)
 
 
 @dataclass(frozen=True)
@@ -64,8 +64,8 @@ class Checked:
 
         key = (None if plots is None else repr(plots), profiled)
         if key not in self.programs:
-            seen = self.observation if plots is None else self.observation.reduced(plots)
-            self.programs[key] = Program(self.network, seen, profiled)
+            observation = self.observation if plots is None else self.observation.reduced(plots)
+            self.programs[key] = Program(self.network, observation, profiled)
         return self.programs[key]
 
     def with_seed(self, seed: int) -> Checked:
@@ -129,9 +129,9 @@ def checked(content: Content) -> Checked:
     GraphError : listing all that is wrong.
     MissingExtraError : nothing is wrong, but a block needs a package that is not installed.
     """
-    found = examined(content)
-    if found.problems or found.network is None or found.observation is None:
-        raise GraphError(_part_instead(content.document) or found.problems)
-    if found.missing is not None:
-        raise found.missing
-    return Checked(found.network, found.observation)
+    examination = examined(content)
+    if examination.problems or examination.network is None or examination.observation is None:
+        raise GraphError(_part_instead(content.document) or examination.problems)
+    if examination.missing is not None:
+        raise examination.missing
+    return Checked(examination.network, examination.observation)

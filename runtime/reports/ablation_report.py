@@ -57,28 +57,28 @@ def ablation_report(folder: Path) -> str:
     ------
     UsageError : it is not complete, or its files cannot be read.
     """
-    found = _read(folder)
+    results = _read(folder)
     plan = read_plan(folder)
     sections = {
-        "Differences": _differences(found),
-        "Figures": _figure(folder, found),
-        "Variants": _variants(found),
-        "Diagrams": join(*_diagrams(folder, found)),
+        "Differences": _differences(results),
+        "Figures": _figure(folder, results),
+        "Variants": _variants(results),
+        "Diagrams": join(*_diagrams(folder, results)),
         "Graph": pieces.graph_file(folder / GRAPH, "The graph of the baseline."),
         "Provenance": pieces.plan_provenance(folder, plan),
     }
-    lead = f"Ablation of {found['graph']}: the baseline and {_count(found)} on the same seeds."
-    title = str(found["experiment"])
-    return page("Ablation", title, lead, _facts(found, plan), sections, folder)
+    lead = f"Ablation of {results['graph']}: the baseline and {_count(results)} on the same seeds."
+    title = str(results["experiment"])
+    return page("Ablation", title, lead, _facts(results, plan), sections, folder)
 
 
-def _count(found: Mapping[str, Any]) -> str:
-    others = len(found["variants"]) - 1
+def _count(results: Mapping[str, Any]) -> str:
+    others = len(results["variants"]) - 1
     return f"{others} variant{'s' if others != 1 else ''}"
 
 
-def _facts(found: Mapping[str, Any], plan: Mapping[str, Any]) -> Html:
-    variants = found["variants"]
+def _facts(results: Mapping[str, Any], plan: Mapping[str, Any]) -> Html:
+    variants = results["variants"]
     failed = sum(variant["failed"] for variant in variants)
     message = element("span", str(failed), class_="bad") if failed else "none"
     return facts(
@@ -88,24 +88,24 @@ def _facts(found: Mapping[str, Any], plan: Mapping[str, Any]) -> Html:
             ("runs", str(sum(variant["runs"] for variant in variants))),
             ("failed runs", message),
             ("intervals", "95 %"),
-            ("test", str(found["test"]).partition(" (")[0]),
+            ("test", str(results["test"]).partition(" (")[0]),
         ]
     )
 
 
-def _differences(found: Mapping[str, Any]) -> Html:
+def _differences(results: Mapping[str, Any]) -> Html:
     head = ["variant", "seeds", "mean", "95 % interval of the mean"]
     head += ["difference", "95 % interval of the difference"]
     head += ["p, corrected", "significant"]
     groups: dict[str, list[list[str]]] = {}
-    for line in found["table"]:
-        name = with_unit(line["metric"], found.get("units") or {})
-        never = (found.get("never") or {}).get(line["metric"], NEVER)
+    for line in results["table"]:
+        name = with_unit(line["metric"], results.get("units") or {})
+        never = (results.get("never") or {}).get(line["metric"], NEVER)
         groups.setdefault(name, []).append(_line(line, never))
     note = element(
         "p",
-        f"Differences are from the baseline, paired by seed ({found['test']}). A difference is "
-        f"significant if p < {LEVEL:.2g} after {found['correction']}'s correction for all "
+        f"Differences are from the baseline, paired by seed ({results['test']}). A difference is "
+        f"significant if p < {LEVEL:.2g} after {results['correction']}'s correction for all "
         "comparisons of the table. n/N: n of N seeds have a value (for a difference, in both "
         "variants), and means are over those; what is never reached counts as worse than any "
         "value, in a sign test. “yes, in seeds”: the share of seeds with a value differs "
@@ -140,7 +140,7 @@ def _line(line: Mapping[str, Any], never: str) -> list[str]:
     ]
 
 
-def _figure(folder: Path, found: Mapping[str, Any]) -> Html:
+def _figure(folder: Path, results: Mapping[str, Any]) -> Html:
     caption = (
         "Metrics by variant: means with their intervals, and a dot for each seed; hollow if the "
         "difference from the baseline is not significant."
@@ -148,29 +148,29 @@ def _figure(folder: Path, found: Mapping[str, Any]) -> Html:
     return pieces.plot(ablation_figure(folder), "figure-1", caption, wide=True)
 
 
-def _variants(found: Mapping[str, Any]) -> Html:
+def _variants(results: Mapping[str, Any]) -> Html:
     rows = []
-    for variant in found["variants"]:
+    for variant in results["variants"]:
         reasons = "; ".join(f"{r['count']} × {r['reason']}" for r in variant["reasons"])
         message = "; ".join(variant["notes"])
         changes = "; ".join(variant["changes"]) or "none"
         rows.append([variant["name"], changes, str(variant["failed"]), reasons, message])
     head = ["variant", "changes", "failed", "reasons", "notes"]
-    kept = [i for i in range(len(head)) if i < 3 or any(row[i] for row in rows)]
-    shown = [[row[i] for i in kept] for row in rows]
-    titles = [head[i] for i in kept]
+    columns = [i for i in range(len(head)) if i < 3 or any(row[i] for row in rows)]
+    shown = [[row[i] for i in columns] for row in rows]
+    titles = [head[i] for i in columns]
     wraps = [i for i in range(len(titles)) if i not in (0, 2)]
     parts = [table(titles, shown, [2], label="variants", wraps=wraps)]
-    if found["essential"]:
+    if results["essential"]:
         parts.append(element("h3", "Essential blocks, which cannot be removed on their own"))
-        essential = [[str(name), str(reason)] for name, reason in found["essential"].items()]
+        essential = [[str(name), str(reason)] for name, reason in results["essential"].items()]
         parts.append(table(["block", "reason"], essential, label="essential blocks", wraps=[1]))
     return join(*parts)
 
 
-def _diagrams(folder: Path, found: Mapping[str, Any]) -> Iterator[Html]:
+def _diagrams(folder: Path, results: Mapping[str, Any]) -> Iterator[Html]:
     """The diagram of each variant, with removed blocks in grey."""
-    for variant in found["variants"]:
+    for variant in results["variants"]:
         name = str(variant["name"])
         yield element("h3", name)
         file = folder / DIAGRAMS / f"{variant['slug']}.json"

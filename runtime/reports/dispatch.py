@@ -66,8 +66,8 @@ def _run(folder: Path) -> Report:
 
     inside = sorted(plan.parent for plan in folder.glob(f"*/{PLAN}"))
     if inside and not (folder / MANIFEST).is_file():
-        found = folder / "latest" if folder / "latest" in inside else inside[-1]
+        suggestion = folder / "latest" if folder / "latest" in inside else inside[-1]
         message = "is not the folder of a run, sweep, ablation or tuning"
-        raise UsageError(f"'{folder}' {message}; did you mean '{found}'?")
-    found = run_folder(folder)
-    return Report("run", found, run_report(found))
+        raise UsageError(f"'{folder}' {message}; did you mean '{suggestion}'?")
+    suggestion = run_folder(folder)
+    return Report("run", suggestion, run_report(suggestion))

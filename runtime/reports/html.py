@@ -35,12 +35,12 @@ def join(*parts: str) -> Html:
 
 def element(tag: str, /, *children: str, **attributes: str) -> Html:
     """``<tag attributes>children</tag>``; ``class_`` stands for class, ``_`` for ``-``."""
-    given = "".join(
+    written = "".join(
         f' {key.rstrip("_").replace("_", "-")}="{text(value)}"' for key, value in attributes.items()
     )
     if tag in VOID:
-        return Html(f"<{tag}{given}>")
-    return Html(f"<{tag}{given}>{join(*children)}</{tag}>")
+        return Html(f"<{tag}{written}>")
+    return Html(f"<{tag}{written}>{join(*children)}</{tag}>")
 
 
 def table(

@@ -44,7 +44,9 @@ def interval(low: float | None, high: float | None, *, signed: bool = False) -> 
     return f"[{_digits(low, signed)}, {_digits(high, signed)}]"
 
 
-def mean(found: Mapping[str, Any], runs: int, never: str = NEVER, *, signed: bool = False) -> Html:
+def mean(
+    estimate: Mapping[str, Any], runs: int, never: str = NEVER, *, signed: bool = False
+) -> Html:
     """A mean, with the number of runs that have a value if not all have.
 
     Parameters
@@ -52,11 +54,11 @@ def mean(found: Mapping[str, Any], runs: int, never: str = NEVER, *, signed: boo
     found : an estimate as plain data.
     never : what it means if every value is infinite.
     """
-    n = found["n"]
-    if not n and found.get("never") and not signed:
+    n = estimate["n"]
+    if not n and estimate.get("never") and not signed:
         return element("span", f"{never}, 0 of {runs}", class_="bad")
-    shown = number(found["mean"], signed=signed)
-    if found.get("identical") or not 0 < n < runs:
+    shown = number(estimate["mean"], signed=signed)
+    if estimate.get("identical") or not 0 < n < runs:
         return shown
     return join(shown, element("span", f" {n}/{runs}", class_="soft"))
 
@@ -92,11 +94,11 @@ def diagram_file(file: Path, name: str, label: str) -> Html:
     return diagram_frame(drawn, name, label)
 
 
-def diagram_frame(drawn: str, name: str, label: str) -> Html:
+def diagram_frame(drawing: str, name: str, label: str) -> Html:
     """A diagram's SVG, scaled to the page as far as its text stays legible."""
-    svg = diagram_svg(drawn, slug(name, "diagram"), label)
-    found = re.search(r'viewBox="0 0 ([\d.]+) ', svg)
-    width = float(found.group(1)) if found else 0.0
+    svg = diagram_svg(drawing, slug(name, "diagram"), label)
+    box = re.search(r'viewBox="0 0 ([\d.]+) ', svg)
+    width = float(box.group(1)) if box else 0.0
     how = f"min-width: {LEGIBLE * width:.0f}px; max-width: {width:.0f}px"
     styled = Html(svg.replace("<svg ", f'<svg style="{how}" ', 1))
     kind = "diagram" + " wide" * (width > WIDE) + " broad" * (width > BROAD)
@@ -126,9 +128,9 @@ def command(argv: Any) -> Html:
     return element("code", shlex.join([Path(words[0]).name, *words[1:]])) if words else Html("")
 
 
-def versions(found: Any) -> Html:
+def versions(packages: Any) -> Html:
     """Names and versions of packages."""
-    known = found if isinstance(found, Mapping) else {}
+    known = packages if isinstance(packages, Mapping) else {}
     rows = [[str(name), str(version)] for name, version in known.items()]
     return table(["package", "version"], rows, label="versions")
 
@@ -140,9 +142,9 @@ def moment(stamp: str) -> str:
 
 def plan_provenance(folder: Path, plan: Mapping[str, Any]) -> Html:
     """The provenance of a sweep's or an ablation's results."""
-    found = plan.get("provenance")
-    made = found if isinstance(found, Mapping) else {}
-    changes = made.get("changes")
+    entry = plan.get("provenance")
+    origin = entry if isinstance(entry, Mapping) else {}
+    changes = origin.get("changes")
     more = [
         ("seeds", str(plan.get("seeds", ""))),
         ("changes", "; ".join(map(str, changes)) if isinstance(changes, list) else ""),
@@ -150,7 +152,7 @@ def plan_provenance(folder: Path, plan: Mapping[str, Any]) -> Html:
         ("digest", str(plan.get("digest", ""))),
         ("folder", str(folder.resolve())),
     ]
-    return provenance(made, more)
+    return provenance(origin, more)
 
 
 def _sampling(plan: Mapping[str, Any]) -> str:
@@ -161,14 +163,14 @@ def _sampling(plan: Mapping[str, Any]) -> str:
     return "all combinations" if plan.get("kind") == "sweep" else ""
 
 
-def provenance(made: Mapping[str, Any], more: Sequence[tuple[str, str]]) -> Html:
+def provenance(origin: Mapping[str, Any], more: Sequence[tuple[str, str]]) -> Html:
     """The provenance of results: command, source, commit, time, further facts, versions."""
     pairs = [
-        ("command", command(made.get("argv"))),
-        ("source", str(made.get("source") or "built in Python")),
-        ("git commit", str(made.get("git") or "none")),
-        ("started", str(made.get("started", ""))),
+        ("command", command(origin.get("argv"))),
+        ("source", str(origin.get("source") or "built in Python")),
+        ("git commit", str(origin.get("git") or "none")),
+        ("started", str(origin.get("started", ""))),
         *more,
     ]
     listed = facts([(name, value) for name, value in pairs if value], "list")
-    return join(listed, element("h3", "Versions"), versions(made.get("versions")))
+    return join(listed, element("h3", "Versions"), versions(origin.get("versions")))

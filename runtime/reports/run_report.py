@@ -103,16 +103,16 @@ def _metric_entries(text: str, file: str) -> dict[str, dict[str, Any]]:
     plain = parse_yaml(text, file).plain()
     sections = plain if isinstance(plain, dict) else {}
     params, entries = (
-        found if isinstance(found, dict) else {}
-        for found in (sections.get("params"), sections.get("metrics"))
+        section if isinstance(section, dict) else {}
+        for section in (sections.get("params"), sections.get("metrics"))
     )
 
-    def filled(value: Any) -> Any:
+    def value_of(value: Any) -> Any:
         is_param = isinstance(value, str) and value.startswith("$")
         return params.get(value[1:], value) if is_param else value
 
     return {
-        name: {key: filled(value) for key, value in entry.items()}
+        name: {key: value_of(value) for key, value in entry.items()}
         for name, entry in entries.items()
         if isinstance(entry, dict)
     }
@@ -201,8 +201,8 @@ def _provenance(folder: Path, result: RunData) -> Html:
     return join(pieces.provenance(manifest, more), *_hashes(manifest.get("hashes")))
 
 
-def _hashes(found: Any) -> Iterator[Html]:
-    if isinstance(found, dict) and found:
+def _hashes(hashes: Any) -> Iterator[Html]:
+    if isinstance(hashes, dict) and hashes:
         yield element("h3", "Files")
-        rows = [[str(name), element("code", str(digest))] for name, digest in found.items()]
+        rows = [[str(name), element("code", str(digest))] for name, digest in hashes.items()]
         yield table(["file", "SHA-256"], rows, label="hashes of files", wraps=[1])

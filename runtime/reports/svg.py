@@ -50,14 +50,14 @@ def figure_svg(figure: Figure, name: str, label: str) -> Html:
     return _inline(root, name, label)
 
 
-def diagram_svg(drawn: str, name: str, label: str) -> Html:
+def diagram_svg(drawing: str, name: str, label: str) -> Html:
     """A block diagram, as :mod:`runtime.diagrams` draws it, as an SVG element."""
-    return _inline(_parsed(drawn), name, label)
+    return _inline(_parsed(drawing), name, label)
 
 
-def _parsed(drawn: str) -> ElementTree.Element:
+def _parsed(drawing: str) -> ElementTree.Element:
     """A drawing as a tree; characters that are not printable become U+FFFD."""
-    return ElementTree.fromstring(drawn if drawn.isprintable() else visible(drawn))
+    return ElementTree.fromstring(drawing if drawing.isprintable() else visible(drawing))
 
 
 def _is_dense(artist: object) -> bool:

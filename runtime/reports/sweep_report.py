@@ -149,8 +149,8 @@ def _table(swept: _Sweep, best: Mapping[tuple[str, ...], int] | None, label: str
     if best is None:
         chosen = sorted(groups, key=lambda group: group.number)
     else:
-        found = [group for group in groups if group.cells in best]
-        chosen = sorted(found, key=lambda group: best[group.cells])[: len(best)]
+        best_groups = [group for group in groups if group.cells in best]
+        chosen = sorted(best_groups, key=lambda group: best[group.cells])[: len(best)]
     head = [*swept.factors, "ok"]
     for metric in swept.shown:
         head += [swept.data.label(metric), f"{metric}: 95 % interval"]
@@ -169,9 +169,9 @@ def _configuration(swept: _Sweep, group: TrialGroup) -> list[str]:
     cells = [*map(short, group.cells), f"{ok}/{data.seeds}"]
     for metric in swept.shown:
         ends = data.ends.get(metric, ANY)
-        found = group.estimate(swept.metrics.index(metric), ends).to_dict()
-        cells += [pieces.mean(found, data.seeds, data.never.get(metric, NEVER))]
-        cells += [pieces.interval(found["low"], found["high"])]
+        estimate = group.estimate(swept.metrics.index(metric), ends).to_dict()
+        cells += [pieces.mean(estimate, data.seeds, data.never.get(metric, NEVER))]
+        cells += [pieces.interval(estimate["low"], estimate["high"])]
     return cells
 
 
@@ -196,7 +196,7 @@ def _failures(swept: _Sweep) -> Html:
         return Html("")
     rows = [[status, str(count)] for status, count in sorted(counts.items())]
     parts = [table(["status", "trials"], rows, [1], label="trials by status")]
-    reasons = [[str(found["reason"]), str(found["count"])] for found in swept.tally.top_reasons()]
+    reasons = [[str(each["reason"]), str(each["count"])] for each in swept.tally.top_reasons()]
     if reasons:
         parts.append(element("h3", "Reasons, the most frequent first"))
         parts.append(table(["reason", "trials"], reasons, [1], label="reasons", wraps=[0]))

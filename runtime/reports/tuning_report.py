@@ -134,10 +134,10 @@ def _winners(stored: Mapping[str, Any]) -> Html:
         [str(number), *(text_of(by_number[number]["values"][path]) for path in factors)]
         for number in stored["front"]
     ]
-    found = table(["configuration", *factors], rows, range(1, len(factors) + 1), label="winners")
+    winners = table(["configuration", *factors], rows, range(1, len(factors) + 1), label="winners")
     if stored["table"] and not stored.get("better", stored["front"]):
-        return join(found, element("p", f"On the held-out runs, {NOTHING}.", class_="warn"))
-    return found
+        return join(winners, element("p", f"On the held-out runs, {NOTHING}.", class_="warn"))
+    return winners
 
 
 def _judged(stored: Mapping[str, Any]) -> Html:
@@ -164,14 +164,18 @@ def _judged(stored: Mapping[str, Any]) -> Html:
     return join(table(head, rows, range(2, len(head)), label="training and held-out runs"), note)
 
 
-def _cells(judged: Mapping[str, Any], never: str) -> list[str | Html]:
-    apart = judged.get("difference") or {}
-    few = 0 < apart.get("pairs", 0) < apart.get("needed", 0) and not apart["identical"]
+def _cells(evaluation: Mapping[str, Any], never: str) -> list[str | Html]:
+    difference = evaluation.get("difference") or {}
+    few = (
+        0 < difference.get("pairs", 0) < difference.get("needed", 0) and not difference["identical"]
+    )
     return [
-        pieces.mean(judged, judged.get("runs", judged["n"]), never),
-        SAME if judged.get("identical") else pieces.interval(judged["low"], judged["high"]),
-        pieces.number(apart.get("mean"), signed=True),
-        too_few(apart["needed"]) if few else pieces.probability(apart.get("p_adjusted")),
+        pieces.mean(evaluation, evaluation.get("runs", evaluation["n"]), never),
+        SAME
+        if evaluation.get("identical")
+        else pieces.interval(evaluation["low"], evaluation["high"]),
+        pieces.number(difference.get("mean"), signed=True),
+        too_few(difference["needed"]) if few else pieces.probability(difference.get("p_adjusted")),
     ]
 
 
@@ -183,8 +187,8 @@ def _figures(folder: Path) -> Iterator[Html]:
 def _configurations(stored: Mapping[str, Any]) -> Html:
     factors = list(stored["vary"])
     metrics = list(stored["configurations"][0]["metrics"])
-    tried = stored["configurations"][1:]
-    shown = tried[-FEW:]
+    configurations = stored["configurations"][1:]
+    shown = configurations[-FEW:]
     rows = [
         [
             str(one["number"]),
@@ -201,7 +205,9 @@ def _configurations(stored: Mapping[str, Any]) -> Html:
         "status",
     ]
     numbers = range(1, len(head) - 1)
-    found = table(head, rows, numbers, label="configurations")
-    if len(shown) == len(tried):
-        return found
-    return join(element("p", f"The last {FEW} of {len(tried)}.", class_="soft small"), found)
+    listing = table(head, rows, numbers, label="configurations")
+    if len(shown) == len(configurations):
+        return listing
+    return join(
+        element("p", f"The last {FEW} of {len(configurations)}.", class_="soft small"), listing
+    )

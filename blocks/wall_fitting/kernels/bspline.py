@@ -165,18 +165,6 @@ def interpolate_kernel(
     return result
 
 
-def projected(matrix: FloatArray, data: FloatArray) -> FloatArray:
-    """The product of a matrix (n, m) and data (m, 2)."""
-    result = np.empty((len(matrix), 2))
-    for i in range(len(matrix)):
-        x, y = 0.0, 0.0
-        for j in range(len(data)):
-            x += matrix[i, j] * data[j, 0]
-            y += matrix[i, j] * data[j, 1]
-        result[i, 0], result[i, 1] = x, y
-    return result
-
-
 def sampled_evenly_kernel(
     first: IntArray,
     bands: FloatArray,

@@ -11,9 +11,9 @@ from runtime.arguments import show_folder
 from runtime.cli.commands.changes import with_changes
 from runtime.cli.commands.workers import (
     add_experiment,
+    experiment_of,
     note_of,
     progress_of,
-    requested,
     run_options,
     start_early,
 )
@@ -53,12 +53,12 @@ def run(options: Namespace) -> int:
     """Run the trials that have no row yet; print the table and draw the figure."""
     start_early(options)
     from runtime.experiments import run_ablation
-    from runtime.experiments.design import grouped
+    from runtime.experiments.design import group_changes
     from runtime.experiments.execution import ablation_plan
 
-    options.changes, named = grouped(options.changes or ())
+    options.changes, named = group_changes(options.changes or ())
     variants = [(name, partial(with_changes, changes=changes)) for name, changes in named]
-    plan = ablation_plan(requested(options, variants), note_of(options))
+    plan = ablation_plan(experiment_of(options, variants), note_of(options))
     progress = progress_of(options, plan.name)
     done = run_ablation(plan, run_options(options, plan.name), progress, options.test)
     if done.is_interrupted:

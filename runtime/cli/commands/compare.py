@@ -48,9 +48,9 @@ def run(options: Namespace) -> int:
     comparison = compare(runs, _names(options.probes), causes_first=options.exact)
     folder, pictures = (None, []) if options.no_plots else _pictures(comparison, options)
     if options.json:
-        found = as_data(comparison, options.exact, options.rtol, options.atol)
+        stored = as_data(comparison, options.exact, options.rtol, options.atol)
         files = [str(path) for path in pictures]
-        show_json({**found, "plots": files})
+        show_json({**stored, "plots": files})
     else:
         tolerances = (options.rtol, options.atol)
         show(exact_summary(comparison) if options.exact else summary(comparison, *tolerances))

@@ -33,20 +33,20 @@ def run(options: Namespace) -> int:
 
     if options.out == "-" and options.json:
         raise UsageError("'--out -' writes the page to stdout, where --json writes; leave one out")
-    made = report(Path(options.path))
+    page = report(Path(options.path))
     if options.out == "-":
-        sys.stdout.buffer.write(made.html.encode())
+        sys.stdout.buffer.write(page.html.encode())
         return 0
-    written = Path(options.out) if options.out else made.folder / "report.html"
+    written = Path(options.out) if options.out else page.folder / "report.html"
     with system_errors(f"write '{written}'"):
         if options.out:
-            _write(written.resolve(), made.html)
+            _write(written.resolve(), page.html)
         else:
-            check_inside(made.folder)
-            write_whole(written, made.html)
+            check_inside(page.folder)
+            write_whole(written, page.html)
     if options.json:
-        found = {"schema_version": 1, "kind": made.kind, "folder": str(made.folder)}
-        show_json({**found, "report": str(written)})
+        summary = {"schema_version": 1, "kind": page.kind, "folder": str(page.folder)}
+        show_json({**summary, "report": str(written)})
     else:
         show(written)
     return 0

@@ -10,9 +10,9 @@ from runtime.arguments import show_folder
 from runtime.cli.commands.workers import (
     add_experiment,
     add_factors,
+    experiment_of,
     note_of,
     progress_of,
-    requested,
     run_options,
     start_early,
 )
@@ -49,7 +49,7 @@ def run(options: Namespace) -> int:
     from runtime.experiments import run_sweep
     from runtime.experiments.execution import sweep_plan
 
-    plan = sweep_plan(requested(options), note_of(options))
+    plan = sweep_plan(experiment_of(options), note_of(options))
     result = run_sweep(plan, run_options(options, plan.name), progress_of(options, plan.name))
     pictures: list[Path] = []
     if not (options.no_plots or result.is_interrupted):
@@ -85,9 +85,9 @@ def _print(result: SweepResult, pictures: list[Path]) -> None:
         is_same = all(ranked.objective.is_same for ranked in tally.best)
         show(f"{goal} {metric}{'' if is_same else ', mean and 95 % interval over seeds'}:")
         for ranked in tally.best:
-            found = ranked.objective
-            mean = mean_of(found, len(plan.seeds), tally.never)
-            ends = f"  {interval(found)}" if found.n > 1 else ""
+            estimate = ranked.objective
+            mean = mean_of(estimate, len(plan.seeds), tally.never)
+            ends = f"  {interval(estimate)}" if estimate.n > 1 else ""
             values = zip(plan.columns.factors, ranked.cells, strict=True)
             configuration = ", ".join(f"{factor}={short(value)}" for factor, value in values)
             show(f"  {mean:<10}{ends}  {configuration}".rstrip())

@@ -10,9 +10,9 @@ from runtime.arguments import show_folder
 from runtime.cli.commands.workers import (
     add_experiment,
     add_factors,
+    experiment_of,
     note_of,
     progress_of,
-    requested,
     run_options,
     start_early,
 )
@@ -97,7 +97,7 @@ def run(options: Namespace) -> int:
         tuning_plan,
     )
 
-    experiment = requested(options)
+    experiment = experiment_of(options)
     if options.write:
         check_writable(experiment)
     plan = tuning_plan(experiment, note_of(options))

@@ -87,7 +87,7 @@ def start_early(options: Namespace) -> None:
         choice.start_early()
 
 
-def requested(options: Namespace, variants: Named = ()) -> Experiment:
+def experiment_of(options: Namespace, variants: Named = ()) -> Experiment:
     """The experiment of a file or graph with all that the command line adds to it."""
     from runtime.experiments.design import ON_COMMAND_LINE, Request, read_experiment
 
@@ -111,11 +111,11 @@ def requested(options: Namespace, variants: Named = ()) -> Experiment:
 def run_options(options: Namespace, name: str) -> RunOptions:
     """How the experiment of this name is run: in which folder, by which workers."""
     from runtime.experiments.design import ON_COMMAND_LINE
-    from runtime.experiments.execution import RunOptions, chosen_pool
+    from runtime.experiments.execution import RunOptions, pool_factory
 
     return RunOptions(
         Path(options.out) / name,
-        chosen_pool(options.jobs, options.scheduler, options.timeout),
+        pool_factory(options.jobs, options.scheduler, options.timeout),
         options.resume,
         getattr(options, "keep", "none"),
         options.timeout,

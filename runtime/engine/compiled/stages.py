@@ -9,12 +9,11 @@ from runtime import engine
 from runtime.codegen import BOOL, FLOAT, INT, Array, Entry, Type
 from runtime.compiler import salt, written
 from runtime.engine.continuous import Continuous, Slot
+from runtime.engine.rosenbrock import factor_loops, implicit_loops, solve_loops
 from runtime.engine.schedule import CONDITIONS
 from runtime.engine.solvers import (
     Method,
-    eliminate,
     first_bad,
-    implicit,
     judged,
     keep,
     moved,
@@ -24,6 +23,7 @@ from runtime.engine.solvers import (
 from runtime.toolchain import Unit, digest, read_record, write_record
 
 ROWS = ("states", "start")
+IMPLICIT: list[Any] = [factor_loops, solve_loops, implicit_loops]
 TITLE = "The solver of the continuous states."
 
 
@@ -35,7 +35,7 @@ def solver_unit(part: Continuous, method: Method, searched: bool) -> tuple[Unit,
     searched : whether the run may stop between two ticks.
     """
     row = Array("float", (part.size,))
-    slopes = Array("float", (method.stages, part.size))
+    slopes = Array("float", (method.slope_rows, part.size))
     table = Array("float", method.table.shape)
     rows: list[tuple[str, Type]] = [(name, row) for name in ROWS]
     errors, control = Array("float", (len(method.errors),)), Array("float", (7,))
@@ -45,12 +45,12 @@ def solver_unit(part: Continuous, method: Method, searched: bool) -> tuple[Unit,
         Entry("solver_first_bad", "first_bad", [("slopes", slopes), ("stage", INT)], [FLOAT]),
         Entry(
             "solver_moved",
-            "implicit" if method.is_implicit else "moved",
+            "implicit_loops" if method.is_implicit else "moved",
             [*rows, ("slopes", slopes), ("table", table), ("stage", INT), ("h", FLOAT)],
         ),
     ]
     functions: list[Any] = [keep, first_bad]
-    functions += [eliminate, implicit] if method.is_implicit else [moved]
+    functions += IMPLICIT if method.is_implicit else [moved]
     if method.errors:
         taken: list[tuple[str, Type]] = [("control", control), ("done", FLOAT), ("dt", FLOAT)]
         entries.append(Entry("solver_substep", "substep", taken, [FLOAT]))

@@ -88,7 +88,7 @@ def ablation_figure(folder: Path) -> Figure:
     below = _plane_height(trajectories)
     with matplotlib.rc_context(STYLE):
         figure = Figure(figsize=(WIDTH, above + below + 0.4), layout="constrained")
-        headline(figure, f"{facts['experiment']}  ·  {_explained(facts)}")
+        headline(figure, f"{facts['experiment']}  ·  {_caption(facts)}")
         if trajectories:
             top, bottom = figure.subfigures(2, 1, height_ratios=[above, below], squeeze=False)[:, 0]
             _metrics(top, folder, facts, rows)
@@ -98,18 +98,18 @@ def ablation_figure(folder: Path) -> Figure:
     return figure
 
 
-def _explained(facts: dict[str, Any]) -> str:
+def _caption(facts: dict[str, Any]) -> str:
     """What the marks of an ablation's figure mean."""
     table = facts["table"]
     if all(line.get("identical") for line in table if line["recorded"]):
         return f"{SAME}: {SAME_RUNS}"
-    found = [f"{len(facts['seeds'])} seeds: means, 95 % intervals, a dot for each seed"]
+    sentences = [f"{len(facts['seeds'])} seeds: means, 95 % intervals, a dot for each seed"]
     verdicts = {(line["difference"] or {}).get("verdict") for line in table}
     hollow = "hollow: no significant difference to the baseline"
-    found.append(hollow + f", or {too_few()}" * (TOO_FEW in verdicts))
+    sentences.append(hollow + f", or {too_few()}" * (TOO_FEW in verdicts))
     if any(line.get("identical") for line in table):
-        found.append(f"a square: {SAME}, the seed changes nothing")
-    return "; ".join(found)
+        sentences.append(f"a square: {SAME}, the seed changes nothing")
+    return "; ".join(sentences)
 
 
 def read_facts(folder: Path) -> dict[str, Any]:
@@ -162,14 +162,14 @@ def _metric(
         look: dict[str, Any] = {"color": "0.5", "linewidth": 0.8, "linestyle": (0, (4, 2))}
         axes.axvline(lines[0]["mean"], **look, zorder=1.0)
     for y, (line, own) in enumerate(zip(lines, values, strict=True)):
-        found = [value for value in own if value is not None and math.isfinite(value)]
+        finite = [value for value in own if value is not None and math.isfinite(value)]
         if line.get("never"):
             _never(axes, y, line, never)
         if line.get("identical"):
-            found = found[:1]
+            finite = finite[:1]
         # Below the interval, which would hide them.
-        axes.plot(found, [y + SEEDS_BELOW] * len(found), ".", color="0.55", markersize=3.0)
-        if not found:
+        axes.plot(finite, [y + SEEDS_BELOW] * len(finite), ".", color="0.55", markersize=3.0)
+        if not finite:
             if not line.get("never"):
                 message = "no value" if line["recorded"] else "removed"
                 axes.annotate(message, (0.02, y), **SMALL, color=GREY)
@@ -229,14 +229,14 @@ def _trajectories(
 ) -> Iterator[tuple[int, str, RunData, FloatArray]]:
     """The runs that were kept, with x and y of the first pose in their plots."""
     for i, variant in enumerate(variants):
-        kept = folder / RUNS / str(variant["slug"])
-        result = read_run(kept) if kept.is_dir() else None
-        shown = None if result is None else next(_shown(result, "Pose"), None)
+        run = folder / RUNS / str(variant["slug"])
+        result = read_run(run) if run.is_dir() else None
+        shown = None if result is None else next(_recordings(result, "Pose"), None)
         if result is not None and shown is not None:
             yield i, str(variant["name"]), result, shown[1].values[:, :2]
 
 
-def _shown(result: RunData, kind: str) -> Iterator[tuple[str, Recording]]:
+def _recordings(result: RunData, kind: str) -> Iterator[tuple[str, Recording]]:
     """The recordings of a kind in a run's trajectory plots, with what the plots call them."""
     for plot in result.plots:
         labels = [*plot.options.get("labels", ()), *plot.of[len(plot.options.get("labels", ())) :]]
@@ -281,15 +281,15 @@ def _plane(
     low, high = _plane_extent(trajectories)
     if result.world is not None:
         draw_world(axes, result.world)
-    covered = coincident([xy for *_, xy in trajectories])
-    for (i, name, _, xy), count in zip(trajectories, covered, strict=True):
+    hidden = coincident([xy for *_, xy in trajectories])
+    for (i, name, _, xy), count in zip(trajectories, hidden, strict=True):
         # The baseline is below and wider, so that a variant that coincides with it is visible; a
         # variant that covers another one has gaps.
         look: dict[str, Any] = {"color": _colour(i), "linewidth": 1.2 if i else 2.8}
         gaps = line_style(i, max(0, count - 1))["linestyle"]
         look["linestyle"] = gaps if count > 1 else _dashes(i)
         handles += axes.plot(*xy.T, label=name, **look)
-    for label, path in _shown(result, "Path"):
+    for label, path in _recordings(result, "Path"):
         handles += axes.plot(*path.values[-1][:, :2].T, label=label, **PATH)
     axes.set(xlabel="x [m]", ylabel="y [m]", title=title)
     axes.set_xlim(low[0], high[0])

@@ -17,13 +17,13 @@ from runtime.experiments.analysis.statistics import (
     PairedDifference,
     Test,
     Values,
-    adjusted,
+    benjamini_hochberg,
     difference,
     estimate,
     fewest,
     is_significant,
+    mcnemar_test,
     number_or_none,
-    presence,
 )
 from runtime.experiments.analysis.words import (
     NEVER,
@@ -77,18 +77,18 @@ class ComparisonLine:
         """Whether the difference is significant, in a word or two."""
         if self.is_removed:
             return "removed"
-        found = self.difference
-        if found is None:
+        difference = self.difference
+        if difference is None:
             return ""
         if self.has_significant_presence:
             return "yes, in seeds"
-        if found.is_same:
-            return "equal" if found.mean == 0.0 else SAME
-        if found.pairs and found.p == 1.0 and not found.mean:
+        if difference.is_same:
+            return "equal" if difference.mean == 0.0 else SAME
+        if difference.pairs and difference.p == 1.0 and not difference.mean:
             return "equal"
         if self.has_significant_difference:
             return "yes"
-        if found.is_too_small or self.needed > self.runs:
+        if difference.is_too_small or self.needed > self.runs:
             return TOO_FEW
         return "-" if self.has_significant_difference is None else "no"
 
@@ -156,20 +156,20 @@ def compare(
                 line = replace(
                     line,
                     difference=difference(mine, base, test, is_same and (baseline, metric) in same),
-                    p_presence=presence(mine, base) if differs else math.nan,
+                    p_presence=mcnemar_test(mine, base) if differs else math.nan,
                 )
             lines.append(line)
     compared = [line.difference.p if line.difference is not None else math.nan for line in lines]
-    corrected = adjusted([*compared, *(line.p_presence for line in lines)])
-    found = zip(lines, corrected[: len(lines)], corrected[len(lines) :], strict=True)
-    return [replace(line, p_adjusted=p, p_presence=q) for line, p, q in found]
+    corrected = benjamini_hochberg([*compared, *(line.p_presence for line in lines)])
+    triples = zip(lines, corrected[: len(lines)], corrected[len(lines) :], strict=True)
+    return [replace(line, p_adjusted=p, p_presence=q) for line, p, q in triples]
 
 
 def comparison_rows(
     lines: Sequence[ComparisonLine],
     units: Mapping[str, str] | None = None,
     never: Mapping[str, str] | None = None,
-    shown: Callable[[Estimate, str], str] = interval,
+    interval_text: Callable[[Estimate, str], str] = interval,
 ) -> list[tuple[str, ...]]:
     """The table as texts: its header, and for each metric its name and a row per variant.
 
@@ -194,7 +194,7 @@ def comparison_rows(
         if line.metric != metric:
             metric = line.metric
             rows.append((with_unit(metric, units or {}),))
-        rows.append(_cells(line, shown, (never or {}).get(metric, NEVER)))
+        rows.append(_cells(line, interval_text, (never or {}).get(metric, NEVER)))
     return rows
 
 
@@ -238,15 +238,15 @@ def legend(lines: Sequence[ComparisonLine], test: Test) -> str:
 
 
 def _cells(
-    line: ComparisonLine, shown: Callable[[Estimate, str], str], never: str
+    line: ComparisonLine, interval_text: Callable[[Estimate, str], str], never: str
 ) -> tuple[str, ...]:
     cells = [f"  {line.variant}", seeds_of(line.own, line.runs)]
     cells += [number(line.own.mean) if line.own.n or not line.own.never else never]
-    cells += [shown(line.own, "")]
-    found = line.difference
-    if found is None:
+    cells += [interval_text(line.own, "")]
+    difference = line.difference
+    if difference is None:
         return (*cells, "", "", line.verdict)
-    mean = number(found.mean, "+")
-    if 0 < found.n < line.runs and not found.is_same:
-        mean += f" ({found.n}/{line.runs})"
-    return (*cells, mean, shown(found, "+"), line.verdict)
+    mean = number(difference.mean, "+")
+    if 0 < difference.n < line.runs and not difference.is_same:
+        mean += f" ({difference.n}/{line.runs})"
+    return (*cells, mean, interval_text(difference, "+"), line.verdict)

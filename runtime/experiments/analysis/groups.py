@@ -63,14 +63,14 @@ class Grouping:
         number = row.trial // self.seeds
         rows = self._open.setdefault(number, [])
         rows.append(row)
-        return self._closed(number) if len(rows) == self.seeds else None
+        return self._close(number) if len(rows) == self.seeds else None
 
     def rest(self) -> Iterator[TrialGroup]:
         """The groups that are not complete."""
         for number in sorted(self._open):
-            yield self._closed(number)
+            yield self._close(number)
 
-    def _closed(self, number: int) -> TrialGroup:
+    def _close(self, number: int) -> TrialGroup:
         rows = sorted(self._open.pop(number), key=lambda row: row.trial)
         return TrialGroup(number, rows[0].cells, tuple(rows))
 
@@ -132,13 +132,13 @@ class Tally:
             return
         if any(row.metrics[self.column] is None for row in group.rows):
             return
-        found = group.estimate(self.column, self.ends)
-        rank = -found.never, -self.objective.of(found.mean) if found.n else -math.inf
+        estimate = group.estimate(self.column, self.ends)
+        rank = -estimate.never, -self.objective.of(estimate.mean) if estimate.n else -math.inf
         # The first entry of a heap is the smallest: here the worst of the best.
         if len(self._heap) == BEST and rank <= self._heap[0][0]:
             return
         push = heapq.heappush if len(self._heap) < BEST else heapq.heappushpop
-        push(self._heap, (rank, -next(self._order), RankedConfiguration(group.cells, found)))
+        push(self._heap, (rank, -next(self._order), RankedConfiguration(group.cells, estimate)))
 
     @property
     def best(self) -> list[RankedConfiguration]:

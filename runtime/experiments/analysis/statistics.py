@@ -123,16 +123,16 @@ def difference(
         values, baseline = values[:1], baseline[:1]
     pairs = [(a, b) for a, b in zip(values, baseline, strict=True) if None not in (a, b)]
     # Never reached on both sides: no difference, as inf - inf is not.
-    apart = np.array(
+    differences = np.array(
         [0.0 if a == b else a - b for a, b in pairs if a is not None and b is not None], dtype=float
     )
-    both = [a - b for a, b in pairs if a is not None and b is not None and math.isfinite(a - b)]
-    found = estimate(both, test, is_same=is_same)
-    only_signs = len(both) < len(pairs) or (len(apart) > 1 and _is_constant(apart))
+    finite = [a - b for a, b in pairs if a is not None and b is not None and math.isfinite(a - b)]
+    paired = estimate(finite, test, is_same=is_same)
+    only_signs = len(finite) < len(pairs) or (len(differences) > 1 and _is_constant(differences))
     return PairedDifference(
-        *(found.n, found.mean, found.low, found.high, len(apart) - len(both), is_same),
-        p=_p(apart, test, only_signs),
-        pairs=len(apart),
+        *(paired.n, paired.mean, paired.low, paired.high, len(differences) - len(finite), is_same),
+        p=_p(differences, test, only_signs),
+        pairs=len(differences),
         needed=fewest() if test == "bootstrap" or only_signs else 2,
     )
 
@@ -165,7 +165,7 @@ def sign_test(larger: int, smaller: int) -> float:
     return min(1.0, 2.0 * float(special.bdtr(min(larger, smaller), larger + smaller, 0.5)))
 
 
-def adjusted(p: Sequence[float]) -> list[float]:
+def benjamini_hochberg(p: Sequence[float]) -> list[float]:
     """p values corrected for multiple comparisons (Benjamini-Hochberg); NaN stays NaN."""
     values = np.asarray(p, dtype=float)
     known = np.flatnonzero(np.isfinite(values))
@@ -175,7 +175,7 @@ def adjusted(p: Sequence[float]) -> list[float]:
     return [float(value) for value in values]
 
 
-def presence(values: Values, baseline: Values) -> float:
+def mcnemar_test(values: Values, baseline: Values) -> float:
     """p value of McNemar's exact test: do both have a value equally often?"""
     pairs = list(zip(values, baseline, strict=True))
     gained = sum(a is not None and b is None for a, b in pairs)
@@ -205,14 +205,14 @@ def _interval(data: FloatArray, test: Test) -> tuple[float, float]:
     if test == "bootstrap":
         from scipy import stats
 
-        found = stats.bootstrap(
+        ends = stats.bootstrap(
             (data,),
             np.mean,
             confidence_level=CONFIDENCE,
             n_resamples=RESAMPLES,
             random_state=_generator(),
         ).confidence_interval
-        return float(found.low), float(found.high)
+        return float(ends.low), float(ends.high)
     from scipy import special
 
     half = float(special.stdtrit(len(data) - 1, 0.5 + 0.5 * CONFIDENCE)) * _standard_error(data)
@@ -224,27 +224,27 @@ def _standard_error(data: FloatArray) -> float:
     return float(data.std(ddof=1)) / math.sqrt(len(data))
 
 
-def _p(apart: FloatArray, test: Test, only_signs: bool) -> float:
-    if len(apart) < 2:
+def _p(differences: FloatArray, test: Test, only_signs: bool) -> float:
+    if len(differences) < 2:
         return math.nan
     if only_signs:
-        return sign_test(int((apart > 0.0).sum()), int((apart < 0.0).sum()))
+        return sign_test(int((differences > 0.0).sum()), int((differences < 0.0).sum()))
     if test == "bootstrap":
         from scipy import stats
 
-        found = stats.permutation_test(
-            (apart,),
+        result = stats.permutation_test(
+            (differences,),
             lambda x, axis: x.mean(axis=axis),
             permutation_type="samples",
             vectorized=True,
             n_resamples=RESAMPLES,
             random_state=_generator(),
         )
-        return float(found.pvalue)
+        return float(result.pvalue)
     from scipy import special
 
-    t = abs(float(apart.mean())) / _standard_error(apart)
-    return 2.0 * float(special.stdtr(len(apart) - 1, -t))
+    t = abs(float(differences.mean())) / _standard_error(differences)
+    return 2.0 * float(special.stdtr(len(differences) - 1, -t))
 
 
 def _generator() -> np.random.Generator:

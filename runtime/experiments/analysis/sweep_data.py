@@ -62,20 +62,22 @@ class SweepData:
 
     def means(self, metric: str) -> FloatArray:
         """One mean per configuration; NaN where no trial has a value."""
-        return np.array([found.mean for found in self.metrics[metric]])
+        return np.array([estimate.mean for estimate in self.metrics[metric]])
 
     def is_partial(self, metric: str) -> NDArray[np.bool_]:
         """Whether each configuration's mean is over only some of the seeds."""
-        found = self.metrics[metric]
-        return np.array([each.n > 0 and not each.is_over(self.seeds) for each in found])
+        estimates = self.metrics[metric]
+        return np.array([each.n > 0 and not each.is_over(self.seeds) for each in estimates])
 
     def is_never(self, metric: str) -> NDArray[np.bool_]:
         """Whether the metric of each configuration is infinite with every seed that has one."""
-        return np.array([found.never > 0 and not found.n for found in self.metrics[metric]])
+        return np.array(
+            [estimate.never > 0 and not estimate.n for estimate in self.metrics[metric]]
+        )
 
     def is_same(self, metrics: Iterable[str]) -> bool:
         """Whether the seed changes nothing anywhere, so that all seeds are one run."""
-        return all(found.is_same for name in metrics for found in self.metrics[name])
+        return all(estimate.is_same for name in metrics for estimate in self.metrics[name])
 
 
 def read_sweep(folder: Path) -> SweepData:
@@ -96,7 +98,7 @@ def read_sweep(folder: Path) -> SweepData:
     metrics = tuple(map(str, plan.get("metrics", ())))
     columns = Columns(tuple(factor.path for factor in known), metrics)
     ends = plan["ends"]
-    groups, skipped = _thinned(gather(read_rows(folder / INDEX, columns), len(seeds)))
+    groups, skipped = _thin_out(gather(read_rows(folder / INDEX, columns), len(seeds)))
     goals = ((plan.get(goal), goal) for goal in ("minimize", "maximize"))
     chosen = next(((str(metric), goal) for metric, goal in goals if metric), None)
     return SweepData(
@@ -118,19 +120,19 @@ def read_sweep(folder: Path) -> SweepData:
     )
 
 
-def _thinned(groups: Iterable[TrialGroup]) -> tuple[list[TrialGroup], int]:
+def _thin_out(groups: Iterable[TrialGroup]) -> tuple[list[TrialGroup], int]:
     """Every n-th configuration, with n such that at most ``MOST`` are left."""
-    kept: list[TrialGroup] = []
+    thinned: list[TrialGroup] = []
     every, count = 1, 0
     for group in groups:
         count += 1
         if group.number % every == 0:
-            kept.append(group)
-        if len(kept) > MOST:
+            thinned.append(group)
+        if len(thinned) > MOST:
             every *= 2
-            kept = [group for group in kept if group.number % every == 0]
-    kept.sort(key=lambda group: group.number)
-    return kept, count - len(kept)
+            thinned = [group for group in thinned if group.number % every == 0]
+    thinned.sort(key=lambda group: group.number)
+    return thinned, count - len(thinned)
 
 
 def _axis(factor: Factor, cells: list[str]) -> Axis:
@@ -141,13 +143,13 @@ def _axis(factor: Factor, cells: list[str]) -> Axis:
         if np.isfinite(positions).all():
             return Axis(factor.path, positions, (), is_log)
     # In the order given; a sampled sweep may have them in another order.
-    given = [flow_yaml(value) for value in factor.values] or sorted(set(cells))
-    order = {name: i for i, name in enumerate(dict.fromkeys([*given, *cells]))}
+    names = [flow_yaml(value) for value in factor.values] or sorted(set(cells))
+    order = {name: i for i, name in enumerate(dict.fromkeys([*names, *cells]))}
     return Axis(factor.path, np.array([order[cell] for cell in cells], float), tuple(order), False)
 
 
-def spread(found: Estimate) -> tuple[float, float]:
+def spread(estimate: Estimate) -> tuple[float, float]:
     """The ends of an interval; the mean itself if there is none."""
-    if math.isnan(found.low):
-        return found.mean, found.mean
-    return found.low, found.high
+    if math.isnan(estimate.low):
+        return estimate.mean, estimate.mean
+    return estimate.low, estimate.high

@@ -111,15 +111,15 @@ def _curve(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
     """The means along a factor, with their intervals."""
     axis = data.axes[0]
     order = np.argsort(axis.positions, kind="stable")
-    found = [data.metrics[metric][i] for i in order]
+    estimates = [data.metrics[metric][i] for i in order]
     x = axis.positions[order]
-    mean = np.array([estimate.mean for estimate in found])
-    ends = np.array([spread(estimate) for estimate in found])
+    mean = np.array([estimate.mean for estimate in estimates])
+    ends = np.array([spread(estimate) for estimate in estimates])
     colour = COLOURS[0]
     if axis.names or len(x) <= CROWD:
         bars = np.abs(ends - mean[:, None]).T
-        joined = "none" if axis.names else "-"
-        look: dict[str, Any] = {"color": colour, "markersize": 4.0, "linestyle": joined}
+        line_style = "none" if axis.names else "-"
+        look: dict[str, Any] = {"color": colour, "markersize": 4.0, "linestyle": line_style}
         axes.errorbar(x, mean, yerr=bars, marker="o", capsize=2.5, **look)
     else:
         axes.fill_between(x, ends[:, 0], ends[:, 1], color=colour, alpha=0.2, linewidth=0.0)
@@ -140,7 +140,7 @@ def _curve(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
         axes.set_yticks([])
     small: dict[str, Any] = {"fontsize": 7.0, "va": "top", "ha": "center"}
     small |= {"xytext": (0, -5), "textcoords": "offset points", "xycoords": where}
-    for place, estimate, is_lost in zip(x, found, lost, strict=True):
+    for place, estimate, is_lost in zip(x, estimates, lost, strict=True):
         if len(x) > CROWD or (estimate.n and estimate.is_over(data.seeds)):
             continue
         message = f"{estimate.n}/{data.seeds}"
@@ -161,8 +161,8 @@ def _label(axes: Axes, axis: Axis, side: str) -> None:
 
 def _name_ticks(axes: Axes, side: str, ticks: Sequence[int], names: Sequence[str]) -> None:
     """Label ticks; names that are too wide to stand side by side are turned."""
-    turned = side == "x" and max(map(len, names)) * len(names) > 40
-    how: dict[str, Any] = {"rotation": 20, "ha": "right"} if turned else {}
+    is_wide = side == "x" and max(map(len, names)) * len(names) > 40
+    how: dict[str, Any] = {"rotation": 20, "ha": "right"} if is_wide else {}
     (axes.set_xticks if side == "x" else axes.set_yticks)(ticks, names, **how)
 
 
@@ -188,8 +188,8 @@ def _heat(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
     if grid.size <= FEW_CELLS:
         seeds = np.full(grid.shape, data.seeds)
         seeds[at] = [
-            data.seeds if found.n and found.is_over(data.seeds) else found.n
-            for found in data.metrics[metric]
+            data.seeds if estimate.n and estimate.is_over(data.seeds) else estimate.n
+            for estimate in data.metrics[metric]
         ]
         _numbers(axes, grid, seeds, data.seeds)
     else:

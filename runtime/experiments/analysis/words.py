@@ -18,14 +18,14 @@ def too_few(needed: int | None = None) -> str:
     return f"{TOO_FEW} to test ({fewest() if needed is None else needed} needed)"
 
 
-def seeds_of(found: Estimate, runs: int) -> str:
+def seeds_of(estimate: Estimate, runs: int) -> str:
     """How many seeds an estimate is over, as ``2/3``, or that all of them are one run."""
-    if found.is_same:
+    if estimate.is_same:
         return SAME
-    return str(runs) if found.n == runs else f"{found.n}/{runs}"
+    return str(runs) if estimate.n == runs else f"{estimate.n}/{runs}"
 
 
-def mean_of(found: Estimate, runs: int, never: str = NEVER, *, spread: bool = False) -> str:
+def mean_of(estimate: Estimate, runs: int, never: str = NEVER, *, spread: bool = False) -> str:
     """A mean, with how many seeds it is over if not all; what an infinite value means if all are.
 
     Parameters
@@ -33,28 +33,28 @@ def mean_of(found: Estimate, runs: int, never: str = NEVER, *, spread: bool = Fa
     never : such as ``never settled``.
     spread : whether its interval follows, as ``± 0.1`` or with both ends.
     """
-    if not found.n:
-        share = f" ({SAME})" if found.is_same else f", 0 of {runs}"
-        return never + share if found.never else "-"
-    half = half_width(found) if spread else "-"
-    shown = number(found.mean)
+    if not estimate.n:
+        share = f" ({SAME})" if estimate.is_same else f", 0 of {runs}"
+        return never + share if estimate.never else "-"
+    half = half_width(estimate) if spread else "-"
+    shown = number(estimate.mean)
     if half != "-":
         shown += f" {half}" if half.startswith("[") else f" ± {half}"
-    return shown if found.n == runs else f"{shown} ({seeds_of(found, runs)})"
+    return shown if estimate.n == runs else f"{shown} ({seeds_of(estimate, runs)})"
 
 
-def interval(found: Estimate, sign: str = "") -> str:
+def interval(estimate: Estimate, sign: str = "") -> str:
     """The confidence interval of an estimate for users, or a dash."""
-    if math.isnan(found.low):
+    if math.isnan(estimate.low):
         return "-"
-    return f"[{number(found.low, sign)}, {number(found.high, sign)}]"
+    return f"[{number(estimate.low, sign)}, {number(estimate.high, sign)}]"
 
 
-def half_width(found: Estimate, sign: str = "") -> str:
+def half_width(estimate: Estimate, sign: str = "") -> str:
     """Half of a confidence interval; both ends where its middle is not the mean."""
-    half = 0.5 * (found.high - found.low)
-    if math.isnan(half) or found.mean is None:
+    half = 0.5 * (estimate.high - estimate.low)
+    if math.isnan(half) or estimate.mean is None:
         return "-"
-    if abs(0.5 * (found.low + found.high) - found.mean) > 1e-6 * half:
-        return interval(found, sign)
+    if abs(0.5 * (estimate.low + estimate.high) - estimate.mean) > 1e-6 * half:
+        return interval(estimate, sign)
     return f"{half:.2g}"

@@ -22,7 +22,7 @@ from runtime.experiments.design.variants import (
     BASELINE,
     GraphVariant,
     check_variants,
-    grouped,
+    group_changes,
     removals,
     slugs,
 )
@@ -55,7 +55,7 @@ __all__ = [
     "check_experiment",
     "check_paths",
     "check_variants",
-    "grouped",
+    "group_changes",
     "is_experiment",
     "own_value",
     "parse_factor",

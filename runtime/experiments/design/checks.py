@@ -50,11 +50,11 @@ def own_value(graph: Graph, path: str) -> object:
     entry = network.entries.get(names[1]) if len(names) in (3, 4) else None
     if entry is None or names[0] != "blocks" or names[2] not in entry.cls.spec.params:
         return None
-    found = np.asarray(entry.made.value(names[2]), dtype=object)
+    value = np.asarray(entry.made.value(names[2]), dtype=object)
     if len(names) == 3:
-        return found.tolist()
+        return value.tolist()
     index = int(names[3]) if names[3].isdecimal() else -1
-    return found.tolist()[index] if found.ndim == 1 and 0 <= index < len(found) else None
+    return value.tolist()[index] if value.ndim == 1 and 0 <= index < len(value) else None
 
 
 def check_design(graph: Graph, design: Design, seeds: Seeds) -> None:

@@ -4,7 +4,7 @@ In: a mapping of nodes, such as ``{vary: {lqr.q.0: 0.1..1:5}, seeds: 0..9, minim
 position of each node says where it was written: a line of a file, or ``--seeds 0..9``. Out:
 :class:`Entries`. What a command adds is laid over what the file says::
 
-    Entries(seeds=0..9, trials=50).overlaid(Entries(trials=100))  ->  seeds 0..9, 100 trials
+    Entries(seeds=0..9, trials=50).overlay(Entries(trials=100))  ->  seeds 0..9, 100 trials
 """
 
 from __future__ import annotations
@@ -66,13 +66,13 @@ class Entries:
     training: RunEntries = (None, ())
     held_out: RunEntries = (None, ())
 
-    def overlaid(self, other: Entries) -> Entries:
+    def overlay(self, other: Entries) -> Entries:
         """These entries with others over them: an entry of ``other`` replaces one of the same name.
 
         A factor replaces that of the same path, constraints are added.
         """
         replaced = {factor.path for factor in other.factors}
-        found: dict[str, Any] = {
+        merged: dict[str, Any] = {
             "factors": (*(f for f in self.factors if f.path not in replaced), *other.factors),
             "constraints": self.constraints + other.constraints,
             # The seeds of a command are those of training, whatever the file says of either.
@@ -88,8 +88,8 @@ class Entries:
         for each in fields(self):
             value = getattr(other, each.name)
             is_absent = value is None or value == ()
-            found.setdefault(each.name, getattr(self, each.name) if is_absent else value)
-        return Entries(**found)
+            merged.setdefault(each.name, getattr(self, each.name) if is_absent else value)
+        return Entries(**merged)
 
 
 def read_entries(
@@ -157,11 +157,13 @@ class _EntryReader:
 
     def sampling(self) -> tuple[Method, int] | None:
         methods: tuple[Method, ...] = ("sobol", "random")
-        found = [(m, n) for m in methods if (n := self.whole(m, 1, MOST_SAMPLES)) is not None]
-        if len(found) > 1:
+        methods_used = [
+            (m, n) for m in methods if (n := self.whole(m, 1, MOST_SAMPLES)) is not None
+        ]
+        if len(methods_used) > 1:
             node = self.document.get("random") or self.document
             self.refuse(node, "random", "there is 'sobol' as well as 'random'; keep one")
-        return found[-1] if found else None
+        return methods_used[-1] if methods_used else None
 
     def whole(self, key: str, least: int, most: int) -> int | None:
         """An integer; None if there is none, or a wrong one."""

@@ -129,7 +129,7 @@ def check_experiment(
             variant.graph.check()
         except GraphError as error:
             for problem in error.problems:
-                where = _placed(problem.where, written.key)
+                where = _position(problem.where, written.key)
                 text = f"{problem.address}: {problem.text}".removeprefix(": ")
                 problems.add(where, f"variants.{variant.name}", text, problem.is_name)
         except MissingExtraError:
@@ -137,7 +137,7 @@ def check_experiment(
     problems.raise_any()
 
 
-def _placed(where: Where, otherwise: Where) -> Where:
+def _position(where: Where, otherwise: Where) -> Where:
     """The position of a change, which a graph knows as a text; or that of its variant."""
     _, _, rest = where.file.partition(f"{Path(otherwise.file).name}:")
     line, _, column = rest.partition(":")
@@ -206,24 +206,24 @@ class _ExperimentReader:
             return None
         try:
             file = find_file(named.value, (named.where, f"{prefix}graph"), self.folder)
-            return self.changed(self.load(str(file)), node, prefix)
+            return self.apply_changes(self.load(str(file)), node, prefix)
         except GraphError as error:
             self.problems.found += error.problems
             return None
 
-    def changed(self, graph: Graph, node: Node, prefix: str) -> Graph:
+    def apply_changes(self, graph: Graph, node: Node, prefix: str) -> Graph:
         """A graph with an entry's changes, in the order in which they are written."""
         for kind, item in node.items():
             if kind == "until":
                 graph = graph.set("run.until", item.plain(), origin=str(item.where))
             elif kind in CHANGES:
                 try:
-                    graph = self.applied(graph, kind, item, f"{prefix}{kind}")
+                    graph = self.apply_change(graph, kind, item, f"{prefix}{kind}")
                 except UsageError as error:
                     self.problems.add(item.where, f"{prefix}{kind}", str(error))
         return graph
 
-    def applied(self, graph: Graph, kind: str, node: Node, address: str) -> Graph:
+    def apply_change(self, graph: Graph, kind: str, node: Node, address: str) -> Graph:
         if kind in ("set", "wire", "replace"):
             if not node.is_map:
                 message = f"expected a mapping, as in {kind}: {{lqr.q: ...}}, got {node.describe()}"
@@ -249,8 +249,8 @@ class _ExperimentReader:
 
     def world(self, name: str, at: Location) -> str:
         """The world of that name: shipped, or a file relative to this one."""
-        found = find_file(name, at, self.folder, "world")
-        return name if found.is_relative_to(SHIPPED) else str(found.resolve())
+        path = find_file(name, at, self.folder, "world")
+        return name if path.is_relative_to(SHIPPED) else str(path.resolve())
 
     def type_name(self, node: Node, address: str) -> str:
         if not isinstance(node.value, str):
@@ -269,7 +269,7 @@ class _ExperimentReader:
             message = f"expected {{name: changes}}, got {section.describe()}"
             self.problems.add(section.where, address, message)
             return []
-        found = []
+        variants = []
         for name, node in section.items():
             place = f"{address}.{name}"
             if not node.is_map:
@@ -282,11 +282,11 @@ class _ExperimentReader:
                 base = self.graph(node, place) or graph
             else:
                 try:
-                    base = self.changed(graph, node, f"{place}.")
+                    base = self.apply_changes(graph, node, f"{place}.")
                 except GraphError as error:
                     self.problems.found += error.problems
-            found.append(self.variant(name, node, base, graph))
-        return found
+            variants.append(self.variant(name, node, base, graph))
+        return variants
 
     def variant(self, name: str, node: Node, changed: Graph, baseline: Graph) -> GraphVariant:
         message = node.get("changes")

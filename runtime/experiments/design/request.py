@@ -118,7 +118,7 @@ class Request:
         return replace(
             experiment,
             name=name,
-            entries=experiment.entries.overlaid(entries),
+            entries=experiment.entries.overlay(entries),
             variants=(*experiment.variants, *_variants(self.variants, graph)),
         )
 

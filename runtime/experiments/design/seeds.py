@@ -40,11 +40,11 @@ def parse_seeds(node: Node, address: str, problems: Problems) -> Seeds | None:
     """
     ranges: list[tuple[int, int]] = []
     for item in node.value if node.is_list else [node]:
-        found = _ranges(item.value)
-        if found is None:
+        parsed = _ranges(item.value)
+        if parsed is None:
             problems.add(item.where, address, f"{EXPECTED}, got {item.describe()}")
             return None
-        ranges += found
+        ranges += parsed
     message = _wrong(ranges)
     if message:
         problems.add(node.where, address, f"{EXPECTED}; {message}")
@@ -55,13 +55,13 @@ def parse_seeds(node: Node, address: str, problems: Problems) -> Seeds | None:
 def _ranges(value: object) -> list[tuple[int, int]] | None:
     if isinstance(value, bool) or not isinstance(value, (int, str)):
         return None
-    found = []
+    ranges = []
     for part in str(value).split(","):
         match = _PART.fullmatch(part)
         if match is None:
             return None
-        found.append((int(match[1]), int(match[2] or match[1])))
-    return found
+        ranges.append((int(match[1]), int(match[2] or match[1])))
+    return ranges
 
 
 def _wrong(ranges: list[tuple[int, int]]) -> str:

@@ -29,7 +29,7 @@ class GraphVariant:
         return cls(name, graph, tuple(map(str, graph.overrides[known:])))
 
 
-def grouped(changes: Iterable[Change]) -> tuple[list[Change], list[tuple[str, list[Change]]]]:
+def group_changes(changes: Iterable[Change]) -> tuple[list[Change], list[tuple[str, list[Change]]]]:
     """Split changes, in the order written, into those of the baseline and of each variant.
 
     ``variant NAME`` begins a variant, which has all changes up to the next ``variant``. Without it,
@@ -104,12 +104,12 @@ def removals(graph: Graph) -> tuple[list[GraphVariant], dict[str, str]]:
 
 def slugs(names: Sequence[str]) -> dict[str, str]:
     """A unique file name for each variant."""
-    found: dict[str, str] = {}
+    unique_names: dict[str, str] = {}
     for name in names:
         base = slug(name.replace(".", " "), "variant")[:60]
         unique, n = base, 2
         # Some file systems do not distinguish upper and lower case.
-        while unique.lower() in {other.lower() for other in found.values()}:
+        while unique.lower() in {other.lower() for other in unique_names.values()}:
             unique, n = f"{base}_{n}", n + 1
-        found[name] = unique
-    return found
+        unique_names[name] = unique
+    return unique_names

@@ -31,7 +31,7 @@ from runtime.experiments.execution.retention import RetentionPolicy, save_trial
 from runtime.experiments.execution.runner import run_all, run_trials
 from runtime.experiments.execution.trials import Configuration, Trial
 from runtime.experiments.execution.worker import TRAJECTORY_PLOTS, Task, TrialResult
-from runtime.experiments.execution.worker_pool import WorkerPool, chosen_pool
+from runtime.experiments.execution.worker_pool import WorkerPool, pool_factory
 
 __all__ = [
     "DIAGRAMS",
@@ -61,10 +61,10 @@ __all__ = [
     "bundle_for",
     "bundles_of",
     "checked_plan",
-    "chosen_pool",
     "engine_for",
     "metrics_of",
     "open_folder",
+    "pool_factory",
     "read_plan",
     "read_rows",
     "remaining",

@@ -142,14 +142,14 @@ def read_plan(folder: Path) -> dict[str, Any]:
     # Plans of schema 1 have other words for two entries, and the first ones no ends and never.
     older = {"total": stored.get("points"), "provenance": stored.get("made")}
     try:
-        found = {"ends": {}, "never": {}, **older, **stored}
-        check_form(found, {"ends": dict, "never": dict})
-        for name, ends in found["ends"].items():
+        plan = {"ends": {}, "never": {}, **older, **stored}
+        check_form(plan, {"ends": dict, "never": dict})
+        for name, ends in plan["ends"].items():
             low, high = map(float, ends)
-            found["ends"][name] = (low, high)
+            plan["ends"][name] = (low, high)
     except (TypeError, ValueError) as error:
         raise UsageError(f"'{path}' is damaged: {error}") from None
-    return found
+    return plan
 
 
 def _check_same(plan: ExperimentPlan, folder: Path, option: str) -> None:

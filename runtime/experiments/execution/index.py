@@ -52,7 +52,7 @@ class Row:
     def of(cls, trial: Trial, done: TrialResult, metrics: Sequence[str]) -> Row:
         values = tuple(done.metrics.get(name) for name in metrics)
         cells, wall_s = trial.configuration.cells, round(done.wall_s, 4)
-        reason = _shortened(done.reason)
+        reason = _shorten(done.reason)
         signals = tuple(done.signals.get(name, "") for name in metrics)
         return cls(trial.number, cells, trial.seed, done.status, reason, values, wall_s, signals)
 
@@ -70,8 +70,8 @@ class Columns:
 
     def line(self, row: Row) -> str:
         values = ["" if value is None else repr(value) for value in row.metrics]
-        middle = [str(row.seed), row.status, _escaped(row.reason)]
-        cells = map(_escaped, row.cells)
+        middle = [str(row.seed), row.status, _escape(row.reason)]
+        cells = map(_escape, row.cells)
         signals = " ".join(signal or NO_SIGNAL for signal in row.signals)
         fields = [str(row.trial), *cells, *middle, *values, signals]
         return csv_line([*fields, _check(fields), repr(row.wall_s)])
@@ -95,20 +95,20 @@ class Columns:
         seed, status = int(rest[0]), rest[1]
         if status not in STATUSES:
             raise ValueError(f"expected a status ({', '.join(STATUSES)}), got '{status}'")
-        cells, reason = tuple(map(_unescaped, factors)), _unescaped(rest[2])
+        cells, reason = tuple(map(_unescape, factors)), _unescape(rest[2])
         wall_s = float(rest[-1])
         if not 0.0 <= wall_s < math.inf:
             raise ValueError(f"expected a duration in wall_s, got '{rest[-1]}'")
         return Row(int(fields[0]), cells, seed, status, reason, values, wall_s, signals)
 
 
-def _shortened(reason: str) -> str:
+def _shorten(reason: str) -> str:
     if len(reason) <= LONGEST_REASON:
         return reason
     return f"{reason[:LONGEST_REASON]}... ({len(reason)} characters)"
 
 
-def _escaped(text: str) -> str:
+def _escape(text: str) -> str:
     """A text that no spreadsheet interprets as a formula; numbers stay numbers."""
     if not _FORMULA.match(text):
         return text
@@ -119,7 +119,7 @@ def _escaped(text: str) -> str:
     return text
 
 
-def _unescaped(text: str) -> str:
+def _unescape(text: str) -> str:
     return text[1:] if text.startswith("'") and _FORMULA.match(text) else text
 
 
@@ -321,15 +321,15 @@ def remaining(index: Index, trials: Iterator[Trial]) -> Iterator[Trial]:
                 break
             ahead[trial.number] = trial
             passed = trial.number
-        found = ahead.pop(row.trial, None)
-        if found is None:
+        trial_of_row = ahead.pop(row.trial, None)
+        if trial_of_row is None:
             raise UsageError(
                 f"'{index.path}': trial {row.trial} is a duplicate, or is not in the plan"
             )
-        if (found.configuration.cells, found.seed) != (row.cells, row.seed):
+        if (trial_of_row.configuration.cells, trial_of_row.seed) != (row.cells, row.seed):
             raise UsageError(
                 f"'{index.path}' belongs to a different plan: its trial {row.trial} is "
                 f"{', '.join(row.cells)} with seed {row.seed}, "
-                f"ours {', '.join(found.configuration.cells)} with seed {found.seed}"
+                f"ours {', '.join(trial_of_row.configuration.cells)} with seed {trial_of_row.seed}"
             )
     return itertools.chain(ahead.values(), trials)

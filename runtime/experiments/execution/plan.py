@@ -35,7 +35,7 @@ from runtime.experiments.execution.trials import (
     Configuration,
     GraphBundle,
     Trial,
-    swept_configurations,
+    sweep_configurations,
     trials_of,
 )
 from runtime.graph import Graph
@@ -108,7 +108,7 @@ class ExperimentPlan:
         """The configurations that are compared, one by one."""
         if self.kind == "sweep":
             paths = tuple(factor.path for factor in self.design.factors)
-            return swept_configurations(self.bundle, paths, self.design)
+            return sweep_configurations(self.bundle, paths, self.design)
         return (Configuration(i, (v.name,), v.bundle) for i, v in enumerate(self.variants))
 
     def trials(self) -> Iterator[Trial]:
@@ -118,19 +118,19 @@ class ExperimentPlan:
     @property
     def specification(self) -> dict[str, Any]:
         """The plan as entries of an experiment file, without its graph."""
-        found: dict[str, Any] = {"seeds": str(self.seeds)}
+        entries: dict[str, Any] = {"seeds": str(self.seeds)}
         if self.kind == "sweep":
-            found["vary"] = {factor.path: factor.written for factor in self.design.factors}
+            entries["vary"] = {factor.path: factor.written for factor in self.design.factors}
             if self.design.method != "grid":
-                found[self.design.method] = self.design.samples
-                found["sampling_seed"] = self.design.seed
+                entries[self.design.method] = self.design.samples
+                entries["sampling_seed"] = self.design.seed
         else:
-            found["variants"] = {
+            entries["variants"] = {
                 v.name: {"graph": f"{VARIANTS}/{v.slug}/{GRAPH}", "changes": [*v.changes]}
                 for v in self.variants
                 if v.name != BASELINE
             }
-        return found
+        return entries
 
     @property
     def digest(self) -> str:
@@ -261,6 +261,6 @@ def checked_plan(plan: PlanT) -> PlanT:
     header = plan.columns.header
     for name in plan.metrics:
         if header.count(name) > 1:
-            taken = f"taken by a column of {INDEX}: {', '.join(RESERVED)}"
-            raise UsageError(f"metric '{name}': the name is {taken}; rename the metric")
+            reason = f"taken by a column of {INDEX}: {', '.join(RESERVED)}"
+            raise UsageError(f"metric '{name}': the name is {reason}; rename the metric")
     return plan

@@ -16,7 +16,7 @@ from runtime.experiments.execution.trials import Trial
 from runtime.experiments.execution.worker import Task, TrialResult
 from runtime.runs import save
 
-KEPT_TRIALS, OLD_KEPT_TRIALS = "trials", "points"  # folders; the second of earlier versions
+TRIALS, OLD_TRIALS = "trials", "points"  # folders; the second of earlier versions
 NOT_OK = ("failed", "timeout")
 _OWN = re.compile(r"[0-9]{6,18}")  # the name of a trial's folder
 _BEST = re.compile(r"best:([1-9][0-9]{0,5})")
@@ -46,8 +46,8 @@ class RetentionPolicy:
         if self.policy not in ("none", "all", "failed") and best is None:
             raise UsageError(f"--keep {self.policy}: expected all, failed, best:N or none")
         self.most = int(best[1]) if best else 0
-        older = self.folder / OLD_KEPT_TRIALS
-        self.runs = older if older.is_dir() else self.folder / KEPT_TRIALS
+        older = self.folder / OLD_TRIALS
+        self.runs = older if older.is_dir() else self.folder / TRIALS
         if self.most and self.objective is None:
             raise UsageError(f"--keep {self.policy}: the graph has no metric that could be best")
 
@@ -56,9 +56,9 @@ class RetentionPolicy:
         if self.most:
             for row in rows:
                 self._rank(row)
-            kept = {number for _, number in self._heap}
+            best = {number for _, number in self._heap}
             for path in self.runs.glob("[0-9]*"):
-                if _OWN.fullmatch(path.name) and int(path.name) not in kept:
+                if _OWN.fullmatch(path.name) and int(path.name) not in best:
                     shutil.rmtree(path, ignore_errors=True)
 
     def task(self, trial: Trial) -> Task:

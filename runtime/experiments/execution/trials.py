@@ -46,10 +46,10 @@ class GraphBundle:
 
     @property
     def digest(self) -> str:
-        found = hashlib.sha256(self.text.encode("utf-8", "backslashreplace"))
+        content_hash = hashlib.sha256(self.text.encode("utf-8", "backslashreplace"))
         for name, content in self.beside:
-            found.update(json.dumps([name, len(content)]).encode() + content)
-        return found.hexdigest()
+            content_hash.update(json.dumps([name, len(content)]).encode() + content)
+        return content_hash.hexdigest()
 
 
 @dataclass(frozen=True)
@@ -86,7 +86,7 @@ def trials_of(configurations: Iterable[Configuration], seeds: Seeds) -> Iterator
             yield Trial(configuration.number * len(seeds) + i, configuration, seed)
 
 
-def swept_configurations(
+def sweep_configurations(
     bundle: GraphBundle, paths: tuple[str, ...], design: Iterable[tuple[Any, ...]]
 ) -> Iterator[Configuration]:
     """The configurations of a sweep."""

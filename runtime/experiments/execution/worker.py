@@ -31,7 +31,7 @@ Status = Literal["ok", "failed", "invalid", "timeout", "lost"]
 # What a trial records besides its metrics: nothing, its trajectory, or all plots of the graph.
 Record = Literal["metrics", "trajectory", "all"]
 TRAJECTORY_PLOTS = ("trajectory", "map")
-GRAPHS_KEPT = 4
+CACHED_GRAPHS = 4
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def run_task(task: Task) -> TrialResult:
     status: Status = "ok"
     reason, result = "", None
     try:
-        result = _simulated(task, deadline)
+        result = _simulate(task, deadline)
         if result.status not in ("complete", "stopped"):
             # Ctrl-C does not reach workers: only the deadline and blocks can interrupt a run.
             status, reason = "failed", f"a block raised KeyboardInterrupt at tick {result.ticks}"
@@ -129,7 +129,7 @@ def run_task(task: Task) -> TrialResult:
 
 
 def _metrics(configuration: Configuration) -> list[Metric]:
-    return _built(configuration.bundle, configuration.edits).observation.metrics
+    return _build(configuration.bundle, configuration.edits).observation.metrics
 
 
 def _values(metrics: list[Metric], result: Result, status: Status) -> dict[str, float | None]:
@@ -151,7 +151,7 @@ def _signals(metrics: list[Metric], result: Result) -> dict[str, str]:
     runs without a collision all count 0, and are twenty observations.
     """
     hashes: dict[str, bytes] = {}
-    found = {}
+    signals = {}
     for metric in metrics:
         if metric.is_recorded(result.probes):
             names = [name for name in metric.inputs.values() if name]
@@ -162,8 +162,8 @@ def _signals(metrics: list[Metric], result: Result) -> dict[str, str]:
             content = (
                 b"".join(hashes[n] for n in names) or repr(result.metrics[metric.name]).encode()
             )
-            found[metric.name] = hashlib.sha256(content).hexdigest()[:8]
-    return found
+            signals[metric.name] = hashlib.sha256(content).hexdigest()[:8]
+    return signals
 
 
 def _hash(values: FloatArray) -> bytes:
@@ -181,27 +181,27 @@ def _is_wanted(task: Task, metrics: dict[str, float | None]) -> bool:
     return cost is not None and cost < bound
 
 
-def _simulated(task: Task, deadline: Deadline) -> Result:
+def _simulate(task: Task, deadline: Deadline) -> Result:
     configuration = task.trial.configuration
-    graph = _built(configuration.bundle, configuration.edits).with_seed(task.trial.seed)
+    graph = _build(configuration.bundle, configuration.edits).with_seed(task.trial.seed)
     plots = {"metrics": (), "trajectory": TRAJECTORY_PLOTS, "all": None}[task.record]
     return simulate(graph.prepared(plots), deadline)
 
 
-@lru_cache(GRAPHS_KEPT)
-def _loaded(bundle: GraphBundle) -> Graph:
+@lru_cache(CACHED_GRAPHS)
+def _load(bundle: GraphBundle) -> Graph:
     plain: Any = parse_yaml(bundle.text, "graph.resolved.yaml").plain()
     if bundle.beside:
-        folder = _written_files(bundle)
+        folder = _write_files(bundle)
         # A path that is absolute stays what it is.
         plain = rename_files(plain, lambda _, path: str(folder / path))
     return load(plain)
 
 
-@lru_cache(GRAPHS_KEPT)
-def _built(bundle: GraphBundle, edits: tuple[tuple[str, str], ...]) -> Graph:
+@lru_cache(CACHED_GRAPHS)
+def _build(bundle: GraphBundle, edits: tuple[tuple[str, str], ...]) -> Graph:
     """A graph with its network, which all seeds of a configuration share."""
-    graph = _loaded(bundle)
+    graph = _load(bundle)
     for path, cell in edits:
         graph = graph.set(path, parse_yaml(cell, path).plain(), origin=path)
     return graph.check()
@@ -219,7 +219,7 @@ def _file_folder(bundle: GraphBundle) -> Path:
     return _scratch() / bundle.digest[:16]
 
 
-def _written_files(bundle: GraphBundle) -> Path:
+def _write_files(bundle: GraphBundle) -> Path:
     folder = _file_folder(bundle)
     folder.mkdir(exist_ok=True)
     for name, content in bundle.beside:

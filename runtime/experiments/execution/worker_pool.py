@@ -47,7 +47,7 @@ def local_pool(jobs: int, timeout: float | None) -> WorkerPool:
     return WorkerPool(executor, lambda: 2 * jobs, leave, (WorkerDied,))
 
 
-def chosen_pool(
+def pool_factory(
     jobs: int | None, scheduler: str | None, timeout: float | None
 ) -> Callable[[], WorkerPool]:
     """A function that makes a pool: a cluster's, or of processes, one per processor by default."""

@@ -32,11 +32,11 @@ def start_early() -> None:
 def take() -> Starter:
     """A starter for one executor: the spare one if it is still alive, else a new one."""
     while _spare:
-        found = _spare.pop()
-        found.reports()
-        if found.is_alive:
-            return found
-        found.close()
+        starter = _spare.pop()
+        starter.reports()
+        if starter.is_alive:
+            return starter
+        starter.close()
     return make()
 
 

@@ -117,7 +117,7 @@ def serve(control_file: int, folder: str) -> NoReturn:
             ready, _, _ = select.select([control.fileno(), wake_reader], [], [])
             if wake_reader in ready:
                 os.read(wake_reader, 4096)
-                for pid, status in _ended():
+                for pid, status in _reap():
                     workers.discard(pid)
                     control.sendall(REPORT.pack(pid, status))
             if control.fileno() in ready and not _handle_request(control, workers):
@@ -133,7 +133,7 @@ def serve(control_file: int, folder: str) -> NoReturn:
     os._exit(0)
 
 
-def _ended() -> Iterator[tuple[int, int]]:
+def _reap() -> Iterator[tuple[int, int]]:
     """The children that have ended, with their wait status."""
     while True:
         try:

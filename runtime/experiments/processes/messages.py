@@ -105,13 +105,13 @@ def _listen(link: socket.socket, calls: queue.SimpleQueue[bytes]) -> None:
 
 
 def _receive_exactly(link: socket.socket, length: int) -> bytes:
-    found = bytearray()
-    while len(found) < length:
-        data = link.recv(min(_CHUNK, length - len(found)))
+    received = bytearray()
+    while len(received) < length:
+        data = link.recv(min(_CHUNK, length - len(received)))
         if not data:
             raise EOFError
-        found += data
-    return bytes(found)
+        received += data
+    return bytes(received)
 
 
 def _send(link: socket.socket, message: bytes) -> None:

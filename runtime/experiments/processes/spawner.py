@@ -61,7 +61,7 @@ class Spawner(Starter):
             self._processes[process.pid] = process
             threading.Thread(target=self._report, args=(process,), daemon=True).start()
             try:
-                return _connected(listening, secret, process)
+                return _accept(listening, secret, process)
             except OSError:
                 process.kill()
                 raise
@@ -90,7 +90,7 @@ class Spawner(Starter):
             self._far.sendall(REPORT.pack(process.pid, code << 8 if code >= 0 else -code))
 
 
-def _connected(
+def _accept(
     listening: socket.socket, secret: bytes, process: subprocess.Popen[bytes]
 ) -> socket.socket:
     """The connection of a process that knows the secret.

@@ -67,8 +67,8 @@ class Starter:
         except OSError:
             self.is_alive = False
         whole = len(self._received) - len(self._received) % REPORT.size
-        found, self._received = self._received[:whole], self._received[whole:]
-        return [(pid, status) for pid, status in REPORT.iter_unpack(found)]
+        reports, self._received = self._received[:whole], self._received[whole:]
+        return [(pid, status) for pid, status in REPORT.iter_unpack(reports)]
 
     def _environment(self) -> dict[str, str]:
         """The environment of workers: they run in parallel, where more threads would compete."""

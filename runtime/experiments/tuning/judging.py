@@ -11,7 +11,7 @@ from runtime.experiments.analysis import (
     ANY,
     Estimate,
     PairedDifference,
-    adjusted,
+    benjamini_hochberg,
     difference,
     estimate,
     is_same,
@@ -39,17 +39,17 @@ class Evaluation:
     p: float = math.nan
 
     def to_dict(self) -> dict[str, Any]:
-        apart = None
+        paired = None
         if self.difference is not None:
             p = number_or_none(self.p)
-            apart = self.difference.to_dict() | {
+            paired = self.difference.to_dict() | {
                 "p_adjusted": p,
                 "distinguishable": is_significant(p),
             }
         return self.mean.to_dict() | {
             "runs": self.runs,
             "over": number_or_none(self.over),
-            "difference": apart,
+            "difference": paired,
         }
 
 
@@ -79,40 +79,45 @@ class Judgement:
 
 def judge(
     plan: TuningPlan,
-    tried: Sequence[Candidate],
+    candidates: Sequence[Candidate],
     winners: Sequence[Candidate],
     held_out: dict[int, Candidate],
 ) -> list[Judgement]:
     """A line for each metric that matters, of the baseline and of each winner."""
     scorer = Scorer(plan.tuning, plan.metrics)
-    training = {one.number: one for one in (tried[BASELINE], *winners)}
+    training = {one.number: one for one in (candidates[BASELINE], *winners)}
     lines = []
     for number in training:
         for metric in plan.tuning.metrics:
             sets = []
-            for runs, ran in ((plan.tuning.training, training), (plan.tuning.held_out, held_out)):
-                sets.append(_judged(plan, scorer, metric, runs, ran[number], ran[BASELINE]))
+            for runs, results in (
+                (plan.tuning.training, training),
+                (plan.tuning.held_out, held_out),
+            ):
+                sets.append(
+                    _evaluate(plan, scorer, metric, runs, results[number], results[BASELINE])
+                )
             lines.append(Judgement(number, metric, *sets))
-    return _corrected(lines)
+    return _correct(lines)
 
 
-def _judged(
+def _evaluate(
     plan: TuningPlan, scorer: Scorer, metric: str, runs: RunSet, one: Candidate, baseline: Candidate
 ) -> Evaluation:
     values, same = _by_condition(scorer, metric, runs, one)
     own, own_same = _by_condition(scorer, metric, runs, baseline)
-    mine = _observations(values, same)
-    found = [value for value in mine if value is not None]
+    observations = _observations(values, same)
+    known = [value for value in observations if value is not None]
     is_one = all(same) and len(same) == 1
-    mean = estimate(found, ends=plan.ends.get(metric, ANY), is_same=is_one)
+    mean = estimate(known, ends=plan.ends.get(metric, ANY), is_same=is_one)
     over = scorer.score(one.rows, runs, runs.seeds).metrics[metric]
-    apart = None
+    paired = None
     if one.number != BASELINE:
-        both = [a and b for a, b in zip(same, own_same, strict=True)]
-        is_one = all(both) and len(both) == 1
-        theirs = _observations(own, both)
-        apart = difference(_observations(values, both), theirs, is_same=is_one)
-    return Evaluation(mean, len(mine), over, apart)
+        same_in_both = [a and b for a, b in zip(same, own_same, strict=True)]
+        is_one = all(same_in_both) and len(same_in_both) == 1
+        theirs = _observations(own, same_in_both)
+        paired = difference(_observations(values, same_in_both), theirs, is_same=is_one)
+    return Evaluation(mean, len(observations), over, paired)
 
 
 def _by_condition(
@@ -132,11 +137,13 @@ def _observations(values: list[list[float | None]], same: list[bool]) -> list[fl
     return [value for each, is_one in pairs for value in (each[:1] if is_one else each)]
 
 
-def _corrected(lines: list[Judgement]) -> list[Judgement]:
+def _correct(lines: list[Judgement]) -> list[Judgement]:
     """The lines with p values corrected over all differences of the table."""
-    both = [judged for line in lines for judged in (line.training, line.held_out)]
-    found = adjusted([math.nan if j.difference is None else j.difference.p for j in both])
-    fixed = [replace(judged, p=p) for judged, p in zip(both, found, strict=True)]
+    evaluations = [evaluation for line in lines for evaluation in (line.training, line.held_out)]
+    corrected = benjamini_hochberg(
+        [math.nan if j.difference is None else j.difference.p for j in evaluations]
+    )
+    fixed = [replace(evaluation, p=p) for evaluation, p in zip(evaluations, corrected, strict=True)]
     return [
         Judgement(line.number, line.metric, fixed[2 * i], fixed[2 * i + 1])
         for i, line in enumerate(lines)

@@ -51,7 +51,7 @@ class Optimizer:
 
     def _sampler(self, tuning: TuningSettings) -> Any:
         samplers = self._optuna.samplers
-        constraints = {"constraints_func": self._violated} if tuning.constraints else {}
+        constraints = {"constraints_func": self._violations_of} if tuning.constraints else {}
         if tuning.sampler == "tpe":
             return samplers.TPESampler(
                 seed=tuning.seed,
@@ -67,7 +67,7 @@ class Optimizer:
             return samplers.QMCSampler(seed=tuning.seed, scramble=True)
         return samplers.RandomSampler(seed=tuning.seed)
 
-    def _violated(self, trial: Any) -> Sequence[float]:
+    def _violations_of(self, trial: Any) -> Sequence[float]:
         return self._violations.get(trial.number, (0.0,))
 
     def _distribution(self, factor: Factor) -> Any:
@@ -86,7 +86,9 @@ class Optimizer:
 
         That is so where one is outside of its factor's values.
         """
-        drawn = [_drawn(factor, value) for factor, value in zip(self.factors, values, strict=True)]
+        drawn = [
+            _parameter(factor, value) for factor, value in zip(self.factors, values, strict=True)
+        ]
         if None in drawn:
             return None
         paths = [factor.path for factor in self.factors]
@@ -95,14 +97,14 @@ class Optimizer:
 
     def ask(self, count: int) -> list[Suggestion]:
         """The next configurations, before any of them is known."""
-        found = []
+        suggestions = []
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             for _ in range(count):
                 trial = self._study.ask(self._space)
                 values = tuple(_value(factor, trial.params[factor.path]) for factor in self.factors)
-                found.append(Suggestion(values, trial))
-        return found
+                suggestions.append(Suggestion(values, trial))
+        return suggestions
 
     def tell(
         self, suggestion: Suggestion, costs: Sequence[float], violations: Sequence[float]
@@ -116,19 +118,19 @@ def _finite(value: float) -> float:
     return min(max(value, -PENALTY), PENALTY)
 
 
-def _value(factor: Factor, drawn: Any) -> Any:
+def _value(factor: Factor, parameter: Any) -> Any:
     """The factor's value that a drawn parameter stands for."""
     if not isinstance(factor, Range):
-        return factor.values[drawn]
+        return factor.values[parameter]
     if factor.steps:
-        return factor.value(drawn)
+        return factor.value(parameter)
     if factor.scale == "int":
-        return int(drawn)
-    rounded = float(f"{drawn:.{DIGITS}g}")
+        return int(parameter)
+    rounded = float(f"{parameter:.{DIGITS}g}")
     return min(max(rounded, float(factor.low)), float(factor.high))
 
 
-def _drawn(factor: Factor, value: Any) -> Any:
+def _parameter(factor: Factor, value: Any) -> Any:
     """The parameter that stands for a factor's value; None if there is none."""
     if not isinstance(factor, Range):
         return factor.values.index(value) if value in factor.values else None

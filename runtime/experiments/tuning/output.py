@@ -32,7 +32,7 @@ FEW = "few"
 def to_dict(result: TuningResult) -> dict[str, Any]:
     """What tuning.json holds."""
     plan = result.plan
-    counts = Counter(one.status for one in result.tried[1:])
+    counts = Counter(one.status for one in result.candidates[1:])
     complete = not result.is_interrupted
     return {
         "schema_version": SCHEMA_VERSION,
@@ -51,7 +51,7 @@ def to_dict(result: TuningResult) -> dict[str, Any]:
         "held_out_runs": sum(len(one.rows) for one in result.held_out.values()),
         "confidence": CONFIDENCE,
         "correction": CORRECTION,
-        "configurations": [_tried(plan, one) for one in result.tried],
+        "configurations": [_candidate_data(plan, one) for one in result.candidates],
         "front": [one.number for one in result.winners],
         "better": [one.number for one in result.better],
         "table": [line.to_dict() for line in judgements(result)],
@@ -63,7 +63,7 @@ def judgements(result: TuningResult) -> list[Judgement]:
     """The baseline and the winners on both sets of runs; empty before the held-out runs."""
     if not result.held_out:
         return []
-    return judge(result.plan, result.tried, result.winners, result.held_out)
+    return judge(result.plan, result.candidates, result.winners, result.held_out)
 
 
 def _runs(plan: TuningPlan, key: str) -> dict[str, Any]:
@@ -75,7 +75,7 @@ def _runs(plan: TuningPlan, key: str) -> dict[str, Any]:
     return {"seeds": str(runs.seeds), "conditions": conditions}
 
 
-def _tried(plan: TuningPlan, one: Candidate) -> dict[str, Any]:
+def _candidate_data(plan: TuningPlan, one: Candidate) -> dict[str, Any]:
     score = one.score
     means = {} if score is None else score.metrics
     return {
@@ -92,10 +92,10 @@ def _tried(plan: TuningPlan, one: Candidate) -> dict[str, Any]:
 def summary(result: TuningResult) -> str:
     """What the command prints, without the folder."""
     plan, tuning = result.plan, result.plan.tuning
-    counts = Counter(one.status for one in result.tried[1:])
+    counts = Counter(one.status for one in result.candidates[1:])
     statuses = ", ".join(f"{n} {status}" for status, n in sorted(counts.items()))
     lines = [
-        f"{plan.name}: {len(result.tried) - 1} of {tuning.trials} trials by {tuning.sampler}: "
+        f"{plan.name}: {len(result.candidates) - 1} of {tuning.trials} trials by {tuning.sampler}: "
         f"{statuses}; {result.runs} training runs in {result.wall_s:.1f} s"
     ]
     for name, runs in (("training", tuning.training), ("held out", tuning.held_out)):
@@ -125,37 +125,41 @@ def summary(result: TuningResult) -> str:
 
 def _legend(lines: list[Judgement]) -> str:
     """Explanations of the table, as far as they are needed."""
-    both = [judged for line in lines for judged in (line.training, line.held_out)]
-    apart = [judged.difference for judged in both if judged.difference is not None]
+    evaluations = [evaluation for line in lines for evaluation in (line.training, line.held_out)]
+    differences = [
+        evaluation.difference for evaluation in evaluations if evaluation.difference is not None
+    ]
     notes = ["mean over all runs; difference from the graph's own values on the same runs"]
-    if any(not found.is_same for found in apart):
+    if any(not difference.is_same for difference in differences):
         notes[0] += ", paired t, with 95 % intervals;\n* significant after Benjamini-Hochberg"
     notes[0] += ". optimism: training minus held-out."
-    if any(judged.mean.is_same for judged in both):
+    if any(evaluation.mean.is_same for evaluation in evaluations):
         notes.append(f"{SAME}: {SAME_RUNS}.")
-    if any(judged.mean.never for judged in both):
+    if any(evaluation.mean.never for evaluation in evaluations):
         notes.append("Infinite values (never ...) count as worse than any other: sign test.")
-    needed = {found.needed for found in apart if found.is_too_small}
+    needed = {difference.needed for difference in differences if difference.is_too_small}
     if needed:
         notes.append(f"{FEW}: {too_few(max(needed))}.")
     return "\n".join(notes)
 
 
 def _none_feasible(result: TuningResult) -> str:
-    best = [one for one in result.tried[1:] if one.score is not None and one.score.has_values]
+    best = [one for one in result.candidates[1:] if one.score is not None and one.score.has_values]
     if not best:
         return "no configuration has a value of every metric in every run"
     closest = min(best, key=lambda one: one.score.violation if one.score else math.inf)
     means = closest.score.metrics if closest.score else {}
-    found = ", ".join(f"{name} {number(means[name])}" for name in result.plan.tuning.metrics)
-    return f"no configuration satisfies the constraints; the closest, {closest.number}, has {found}"
+    values = ", ".join(f"{name} {number(means[name])}" for name in result.plan.tuning.metrics)
+    return (
+        f"no configuration satisfies the constraints; the closest, {closest.number}, has {values}"
+    )
 
 
 def edges(result: TuningResult) -> list[str]:
     """Which values of winners lie within 2 % of an end of their range."""
     from runtime.experiments.design import Range
 
-    found = []
+    notes = []
     for one in result.winners:
         for factor, value in zip(result.plan.design.factors, one.values or (), strict=False):
             if isinstance(factor, Range):
@@ -165,11 +169,11 @@ def edges(result: TuningResult) -> list[str]:
                 share = (at - low) / (high - low)
                 if not 0.02 <= share <= 0.98:
                     end = "lower" if share < 0.5 else "upper"
-                    found.append(
+                    notes.append(
                         f"note: {factor.path}={value:g} of {one.number} is at the {end} end of "
                         "its range; widen it"
                     )
-    return found
+    return notes
 
 
 def _rows(result: TuningResult) -> list[list[str]]:
@@ -196,22 +200,24 @@ def _rows(result: TuningResult) -> list[list[str]]:
     return rows
 
 
-def _mean(judged: Evaluation, never: str) -> str:
-    return mean_of(judged.mean, 1 if judged.mean.is_same else judged.runs, never)
+def _mean(evaluation: Evaluation, never: str) -> str:
+    return mean_of(evaluation.mean, 1 if evaluation.mean.is_same else evaluation.runs, never)
 
 
-def _apart(judged: Evaluation) -> str:
-    apart = judged.difference
-    if apart is None:
+def _apart(evaluation: Evaluation) -> str:
+    difference = evaluation.difference
+    if difference is None:
         return "-"
-    if math.isnan(apart.mean):
-        return f"({FEW})" if apart.is_too_small else "*" if is_significant(judged.p) else "-"
-    text = number(apart.mean, "+")
-    if not math.isnan(apart.low):
-        text += f" [{number(apart.low, '+')}, {number(apart.high, '+')}]"
-    if apart.is_too_small:
+    if math.isnan(difference.mean):
+        return (
+            f"({FEW})" if difference.is_too_small else "*" if is_significant(evaluation.p) else "-"
+        )
+    text = number(difference.mean, "+")
+    if not math.isnan(difference.low):
+        text += f" [{number(difference.low, '+')}, {number(difference.high, '+')}]"
+    if difference.is_too_small:
         return f"{text} ({FEW})"
-    return text + ("*" if is_significant(judged.p) else "")
+    return text + ("*" if is_significant(evaluation.p) else "")
 
 
 def save_json(result: TuningResult) -> dict[str, Any]:

@@ -98,10 +98,10 @@ class TuningPlan(ExperimentPlan):
             for i, condition in enumerate(self._conditions(runs, 0))
         ]
 
-    def held_out(self, chosen: dict[int, Sequence[Any] | None]) -> Iterator[Trial]:
+    def held_out(self, configurations: dict[int, Sequence[Any] | None]) -> Iterator[Trial]:
         """The held-out runs of some configurations, given by number."""
         runs = self.tuning.held_out
-        for i, (number, values) in enumerate(chosen.items()):
+        for i, (number, values) in enumerate(configurations.items()):
             edits = self._edits(values)
             for j, condition in enumerate(self._conditions(runs, len(self.tuning.training.names))):
                 for k, seed in enumerate(runs.seeds):
@@ -119,31 +119,31 @@ class TuningPlan(ExperimentPlan):
     def specification(self) -> dict[str, Any]:
         """The plan as entries of an experiment file, without its graph."""
         tuning = self.tuning
-        found: dict[str, Any] = {
+        entries: dict[str, Any] = {
             "vary": {factor.path: factor.written for factor in self.design.factors}
         }
         for goal in ("minimize", "maximize"):
             metrics = [o.metric for o in tuning.objectives if o.goal == goal]
             if metrics:
-                found[goal] = metrics
+                entries[goal] = metrics
         constraints: dict[str, dict[str, float]] = {}
         for constraint in tuning.constraints:
             constraints.setdefault(constraint.metric, {})[constraint.side] = constraint.bound
         if constraints:
-            found["constraints"] = constraints
-        found |= {"trials": tuning.trials, "sampler": tuning.sampler, "batch": tuning.batch}
-        found |= {"sampling_seed": tuning.seed, "over": tuning.over}
-        found["stop_early"] = tuning.stop_early
+            entries["constraints"] = constraints
+        entries |= {"trials": tuning.trials, "sampler": tuning.sampler, "batch": tuning.batch}
+        entries |= {"sampling_seed": tuning.seed, "over": tuning.over}
+        entries["stop_early"] = tuning.stop_early
         first = 0
         for name, runs in (("training", tuning.training), ("held_out", tuning.held_out)):
             slugs_of = self._conditions(runs, first)
             first += len(runs.conditions)
-            found[name] = {
+            entries[name] = {
                 "seeds": str(runs.seeds),
                 "conditions": {c.name: {"graph": f"{VARIANTS}/{c.slug}/{GRAPH}"} for c in slugs_of},
             }
-        found["optimizer"] = optimizer_version()
-        return found
+        entries["optimizer"] = optimizer_version()
+        return entries
 
 
 def tuning_plan(experiment: Experiment, note: Note = silent) -> TuningPlan:

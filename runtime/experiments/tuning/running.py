@@ -38,14 +38,14 @@ WINNERS = 5  # of a front, that are run on the held-out runs
 class TuningResult:
     """A tuning that has ended, or was interrupted.
 
-    ``tried`` are all configurations, the baseline first, with their training runs; ``winners`` are
-    those in the front of the training runs, without the baseline; ``held_out`` the held-out runs of
-    the baseline and of the winners, by number.
+    ``candidates`` are all configurations that were tried, the baseline first, with their training
+    runs; ``winners`` are those in the front of the training runs, without the baseline;
+    ``held_out`` the held-out runs of the baseline and of the winners, by number.
     """
 
     plan: TuningPlan
     folder: Path
-    tried: list[Candidate]
+    candidates: list[Candidate]
     winners: list[Candidate] = field(default_factory=list)
     held_out: dict[int, Candidate] = field(default_factory=dict)
     wall_s: float = 0.0
@@ -65,12 +65,12 @@ class TuningResult:
     @property
     def has_feasible(self) -> bool:
         """Whether a configuration, or the graph itself, satisfies the constraints."""
-        return bool(front(self.tried))
+        return bool(front(self.candidates))
 
     @property
     def runs(self) -> int:
         """The number of training runs."""
-        return sum(len(one.rows) for one in self.tried)
+        return sum(len(one.rows) for one in self.candidates)
 
 
 def run_tuning(plan: TuningPlan, options: RunOptions, progress: Progress) -> TuningResult:
@@ -94,15 +94,15 @@ def run_tuning(plan: TuningPlan, options: RunOptions, progress: Progress) -> Tun
     result = TuningResult(plan, folder, [])
     with (
         closing(Index(folder / INDEX, plan.columns)) as index,
-        closing(Index(folder / HELD_OUT, plan.held_out_columns)) as judged,
+        closing(Index(folder / HELD_OUT, plan.held_out_columns)) as held_out_index,
         closing(_Runner(plan, options, progress)) as runner,
     ):
         try:
             _Training(plan, runner, index, result).run()
-            best = [one for one in front(result.tried) if one.number != BASELINE]
-            result.winners = _spaced(best, WINNERS)
+            best = [one for one in front(result.candidates) if one.number != BASELINE]
+            result.winners = _spread(best, WINNERS)
             if result.winners:
-                _judge(plan, runner, judged, result)
+                _judge(plan, runner, held_out_index, result)
             runner.finished = True
         except KeyboardInterrupt:
             result.is_interrupted = True
@@ -124,8 +124,8 @@ def _extend(plan: TuningPlan, folder: Path) -> None:
     if read_plan(folder).get("digest") != shorter.digest:
         return
     with system_errors(f"write '{folder}'"):
-        for judged in (HELD_OUT, TUNING):
-            (folder / judged).unlink(missing_ok=True)
+        for name in (HELD_OUT, TUNING):
+            (folder / name).unlink(missing_ok=True)
         partial = folder / f".{PLAN}.partial"
         partial.write_text(dump_yaml(plan.to_dict()), encoding="utf-8")
         partial.replace(folder / PLAN)
@@ -182,64 +182,72 @@ class _Training:
         """Try the baseline, then as many configurations as planned."""
         tuning, factors = self.plan.tuning, self.plan.design.factors
         own = Candidate(BASELINE, None)
-        self._try([own])
+        self._run_batch([own])
         optimizer = Optimizer(factors, tuning)
         # The optimiser learns from the graph's own values as from any others.
         first = optimizer.begin_with([own_value(self.plan.graph, f.path) for f in factors])
         if first is not None:
             self._tell(optimizer, [first], [own])
-        asked = 0
-        while asked < tuning.trials:
-            batch = optimizer.ask(min(tuning.batch, tuning.trials - asked))
-            tried = [Candidate(asked + i, s.values) for i, s in enumerate(batch, start=1)]
-            self._try(tried)
-            self._tell(optimizer, batch, tried)
-            asked += len(batch)
+        count = 0
+        while count < tuning.trials:
+            batch = optimizer.ask(min(tuning.batch, tuning.trials - count))
+            candidates = [Candidate(count + i, s.values) for i, s in enumerate(batch, start=1)]
+            self._run_batch(candidates)
+            self._tell(optimizer, batch, candidates)
+            count += len(batch)
 
-    def _try(self, batch: Sequence[Candidate]) -> None:
-        going = list(batch)
+    def _run_batch(self, batch: Sequence[Candidate]) -> None:
+        running = list(batch)
         for stage in range(len(self.seeds)):
-            trials = [t for one in going for t in self.plan.stage(one.number, one.values, stage)]
-            owners = {t.number: one for one in going for t in self._of(one, trials)}
+            trials = [
+                t
+                for candidate in running
+                for t in self.plan.stage(candidate.number, candidate.values, stage)
+            ]
+            owners = {
+                t.number: candidate for candidate in running for t in self._of(candidate, trials)
+            }
             for row in self.runner.run(trials, self.known, self.index):
                 owners[row.trial].rows[row.cells[-1], row.seed] = row
-            self._show(going)
-            seen = self.seeds[: stage + 1]
+            self._show(running)
+            past_seeds = self.seeds[: stage + 1]
             if stage + 1 < len(self.seeds):
-                going = [one for one in going if not self._stopped(one, seen)]
-            if not going:
+                running = [
+                    candidate for candidate in running if not self._stopped(candidate, past_seeds)
+                ]
+            if not running:
                 break
-        for one in batch:
-            seeds = self.seeds if one.status == "complete" else _seen(one, self.seeds)
-            one.score = self.scorer.score(one.rows, self.plan.tuning.training, seeds)
-            if not one.score.has_values:
-                one.status = "no value"
-        self.result.tried.extend(batch)
+        for candidate in batch:
+            seeds = self.seeds if candidate.status == "complete" else _seen(candidate, self.seeds)
+            candidate.score = self.scorer.score(candidate.rows, self.plan.tuning.training, seeds)
+            if not candidate.score.has_values:
+                candidate.status = "no value"
+        self.result.candidates.extend(batch)
 
     def _of(self, one: Candidate, trials: Iterable[Trial]) -> Iterator[Trial]:
         return (trial for trial in trials if trial.configuration.number == one.number)
 
     def _stopped(self, one: Candidate, seeds: Sequence[int]) -> bool:
-        if self.scorer.should_stop(one, self.result.tried, seeds):
+        if self.scorer.should_stop(one, self.result.candidates, seeds):
             one.status = "stopped"
         return one.status == "stopped"
 
     def _tell(
-        self, optimizer: Optimizer, batch: Sequence[Suggestion], tried: Sequence[Candidate]
+        self, optimizer: Optimizer, batch: Sequence[Suggestion], candidates: Sequence[Candidate]
     ) -> None:
-        for suggestion, one in zip(batch, tried, strict=True):
-            if one.score is not None:
-                optimizer.tell(suggestion, one.score.costs, one.score.violations)
+        for suggestion, candidate in zip(batch, candidates, strict=True):
+            if candidate.score is not None:
+                optimizer.tell(suggestion, candidate.score.costs, candidate.score.violations)
 
-    def _show(self, going: Sequence[Candidate]) -> None:
-        best = front(self.result.tried)
+    def _show(self, running: Sequence[Candidate]) -> None:
+        best = front(self.result.candidates)
         note = ""
         if best and best[0].score is not None:
             goals = zip(self.plan.tuning.objectives, best[0].score.costs, strict=True)
             note = "best: " + ", ".join(f"{o.metric} {o.of(cost):.4g}" for o, cost in goals)
             note += " (own values)" if best[0].number == BASELINE else ""
         total = (1 + self.plan.tuning.trials) * len(self.plan.tuning.training)
-        done = max(one.number for one in going) * len(self.plan.tuning.training)
+        done = max(one.number for one in running) * len(self.plan.tuning.training)
         self.runner.progress(min(done, total), total, note)
 
 
@@ -276,8 +284,8 @@ def _check_row(trial: Trial, row: Row, path: Path) -> None:
         )
 
 
-def _spaced(found: list[Candidate], most: int) -> list[Candidate]:
+def _spread(candidates: list[Candidate], most: int) -> list[Candidate]:
     """At most so many of a front, its ends included."""
-    if len(found) <= most:
-        return found
-    return [found[round(i * (len(found) - 1) / (most - 1))] for i in range(most)]
+    if len(candidates) <= most:
+        return candidates
+    return [candidates[round(i * (len(candidates) - 1) / (most - 1))] for i in range(most)]

@@ -85,16 +85,16 @@ class Scorer:
     def score(self, rows: Mapping[Run, Row], runs: RunSet, seeds: Iterable[int]) -> Score:
         """The score over every condition and these seeds."""
         chosen = list(seeds)
-        found = {
+        values = {
             name: self._over(name, self.values(name, rows, runs, chosen))
             for name in self.tuning.metrics
         }
-        costs = tuple(_cost(o, found[o.metric]) for o in self.tuning.objectives)
+        costs = tuple(_cost(o, values[o.metric]) for o in self.tuning.objectives)
         violations = tuple(
-            math.inf if math.isnan(found[c.metric]) else c.violation(found[c.metric])
+            math.inf if math.isnan(values[c.metric]) else c.violation(values[c.metric])
             for c in self.tuning.constraints
         )
-        return Score(costs, violations, found)
+        return Score(costs, violations, values)
 
     def values(
         self, metric: str, rows: Mapping[Run, Row], runs: RunSet, seeds: Iterable[int]
@@ -126,16 +126,16 @@ class Scorer:
         return any(c.side == "below" for c in self.tuning.constraints if c.metric == metric)
 
     def should_stop(
-        self, tried: Candidate, others: Iterable[Candidate], seeds: Sequence[int]
+        self, candidate: Candidate, others: Iterable[Candidate], seeds: Sequence[int]
     ) -> bool:
         """Whether half of the complete configurations beat this one on the runs that it had.
 
         One without a value is always stopped. The baseline is not.
         """
-        if tried.values is None:
+        if candidate.values is None:
             return False
         runs = self.tuning.training
-        score = self.score(tried.rows, runs, seeds)
+        score = self.score(candidate.rows, runs, seeds)
         if not score.has_values or any(map(math.isinf, score.violations)):
             return True
         complete = [other for other in others if other.status == "complete"]
@@ -149,14 +149,14 @@ def _cost(objective: Objective, value: float) -> float:
     return math.inf if math.isnan(value) else objective.of(value)
 
 
-def front(tried: Iterable[Candidate]) -> list[Candidate]:
+def front(candidates: Iterable[Candidate]) -> list[Candidate]:
     """The complete, feasible configurations that no other dominates, by their first objective.
 
     With one objective it is the best one. The baseline competes: with one objective it is alone in
     the front if nothing is better, and of equal costs the first that was tried is kept.
     """
     known = [
-        (one, one.score) for one in tried if one.status == "complete" and one.score is not None
+        (one, one.score) for one in candidates if one.status == "complete" and one.score is not None
     ]
     known = [(one, score) for one, score in known if score.is_feasible and score.has_values]
     best: list[tuple[Candidate, Score]] = []

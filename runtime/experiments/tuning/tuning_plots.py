@@ -58,11 +58,11 @@ class _Data:
 
     def positions(self, factor: str) -> tuple[FloatArray, list[str]]:
         """Where each configuration lies along a factor; names if values are not numbers."""
-        found = [one["values"][factor] for one in self.tried]
-        if all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in found):
-            return np.array(found, dtype=float), []
-        names = list(dict.fromkeys(map(str, found)))
-        return np.array([names.index(str(v)) for v in found], dtype=float), names
+        values = [one["values"][factor] for one in self.tried]
+        if all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in values):
+            return np.array(values, dtype=float), []
+        names = list(dict.fromkeys(map(str, values)))
+        return np.array([names.index(str(v)) for v in values], dtype=float), names
 
 
 def _float(value: Any) -> float:
@@ -176,13 +176,17 @@ def _history(data: _Data) -> Figure:
 
 
 def _legend(figure: Figure, panels: list[Any]) -> None:
-    found: dict[str, Any] = {}
+    by_label: dict[str, Any] = {}
     for axes in panels:
         handles, labels = axes.get_legend_handles_labels()
-        found |= dict(zip(labels, handles, strict=True))
+        by_label |= dict(zip(labels, handles, strict=True))
     columns = max(1, round(4 * figure.get_figwidth() / WIDTH))
     figure.legend(
-        list(found.values()), list(found), loc="outside lower center", ncols=columns, fontsize=8.0
+        list(by_label.values()),
+        list(by_label),
+        loc="outside lower center",
+        ncols=columns,
+        fontsize=8.0,
     )
 
 

@@ -16,7 +16,7 @@ import blocks
 import runtime
 from blocks import LQR, Block, BlockState, FloatArray, PathPID, PurePursuit, Stanley
 from blocks.core import Evaluation, TwistValue
-from blocks.vehicle.plants import INTEGRATORS
+from blocks.vehicle import INTEGRATORS
 from tests.blocks.direct import state_of
 
 TRACKERS = (PathPID, PurePursuit, Stanley)

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import blocks
-from blocks import Block, FloatArray, ParameterError, param
+from blocks import Block, DeclarationError, FloatArray, ParameterError, State, param
 from blocks.core.params import plain as written
 from blocks.registry import BUILTIN
 from tests.blocks.direct import REQUIRED, state_of
@@ -266,3 +266,16 @@ def test_through_pairs() -> None:
         "DifferentialDrive": None,
     }.items():
         assert BUILTIN[name].spec.through == pair
+
+
+def test_the_shape_of_a_state_may_be_a_tuple() -> None:
+    class Held(Block):
+        x = State((2, 3))
+
+    assert Held.spec.states["x"] == State(2, 3)
+
+
+@pytest.mark.parametrize("shape", [(2.0,), (True,), (-1,), ((2, 3), 4), (None,)])
+def test_a_state_with_another_shape_is_refused(shape: Any) -> None:
+    with pytest.raises(DeclarationError, match=r"Held.x: expected lengths.* as in State\(2, 3\)"):
+        type("Held", (Block,), {"x": State(*shape)})

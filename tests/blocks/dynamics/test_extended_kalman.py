@@ -119,21 +119,21 @@ class Beacon(blocks.ExtendedKalmanFilter):
     measurement, u ─▶ [ Beacon ] ─▶ estimate
     """
 
-    def following(self, state: Any, t: float, x: Any, u: Any) -> Any:
+    def transition(self, state: Any, t: float, x: Any, u: Any) -> Any:
         out = np.empty(3)
         out[0] = x[0] + DT * u[0] * math.cos(x[2])
         out[1] = x[1] + DT * u[0] * math.sin(x[2])
         out[2] = x[2] + DT * u[1]
         return out
 
-    def observed(self, state: Any, t: float, x: Any) -> Any:
+    def observation(self, state: Any, t: float, x: Any) -> Any:
         out = np.empty(3)
         out[0] = math.sqrt((3.0 - x[0]) ** 2 + (1.0 - x[1]) ** 2)
         out[1] = math.atan2(1.0 - x[1], 3.0 - x[0]) - x[2]
         out[2] = math.sqrt((1.0 + x[0]) ** 2 + (2.0 + x[1]) ** 2)
         return out
 
-    def following_slope(self, state: Any, t: float, x: Any, u: Any) -> Any:
+    def transition_jacobian(self, state: Any, t: float, x: Any, u: Any) -> Any:
         return moved_slope(x, u)
 
 

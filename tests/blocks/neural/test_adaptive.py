@@ -115,6 +115,33 @@ def test_rate_is_the_closed_form(current: float) -> None:
     assert abs(spikes.sum() * DT / 5.0 - expected) <= 1.0 / 5.0
 
 
+def of_one_neuron(tau_rc: float) -> runtime.Graph:
+    """A neuron at a constant current of 5, of which only the membrane's time constant changes."""
+    graph = runtime.Graph(dt=DT, until=2.0)
+    graph = graph.add("x", blocks.Constant(value=1.0)).add("e", blocks.Constant(value=0.0))
+    fixed = {"gain": [0.0], "bias": [5.0], "encoders": [1.0], "voltage": [0.0]}
+    snn = blocks.AdaptiveEnsemble(
+        neurons=1, tau_rc=tau_rc, tau_ref=0.0025, max_rates=[396.0, 399.0], **fixed
+    )
+    graph = graph.add("snn", snn).connect("x.value", "snn.input").connect("e.value", "snn.error")
+    return graph.probe("snn.spikes")
+
+
+@pytest.mark.parametrize("engine", ["python", "compiled"])
+def test_a_membrane_much_faster_than_the_step_keeps_its_rate(engine: str) -> None:
+    tau_rc = DT / 29.0
+    result = of_one_neuron(tau_rc).run(engine=engine)
+    assert result.manifest["engine_notes"] == []
+    rate = float(lif_rates(np.array(5.0), tau_rc, 0.0025))
+    assert abs(result["snn.spikes"].sum() * DT / 2.0 - rate) <= 1.0 / 2.0
+
+
+def test_a_membrane_too_fast_for_the_step_is_refused() -> None:
+    message = "snn.tau_rc: a step of 0.001 s is longer than 30 times tau_rc = 1e-06 s.*smaller dt"
+    with pytest.raises(runtime.GraphError, match=message):
+        of_one_neuron(1e-6).check()
+
+
 def test_gain_and_bias_give_rate_and_intercept() -> None:
     rates, intercepts = np.array([200.0, 310.0]), np.array([-0.7, 0.4])
     gain, bias = gain_and_bias(rates, intercepts, 0.02, 0.002)
@@ -164,6 +191,7 @@ def test_fixing_one_drawn_quantity_leaves_the_others() -> None:
     [
         ({"gain": [1.0] * 100}, "bias: gain and bias go together"),
         ({"max_rates": [200, 600]}, "max_rates: a refractory time of 0.002 s allows less than 500"),
+        ({"max_rates": [1, 300]}, "max_rates: these time constants allow more than 1.38.* Hz"),
         ({"intercepts": [0.5, -0.5]}, "intercepts: expected .low, high."),
         ({"encoders": [1.0, 2.0]}, "encoders: expected an array of neurons or neuronsxn numbers"),
         ({"neurons": 0}, "neurons: expected an integer at least 1, got 0"),

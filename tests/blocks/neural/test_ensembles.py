@@ -187,6 +187,13 @@ def test_draws_depend_on_seed_and_name_only() -> None:
     ("parameters", "message"),
     [
         ({"max_rates": 600}, "max_rates: this neuron fires at less than 500 Hz, got 600"),
+        ({"max_rates": 0.0}, "max_rates: expected rates above 1.38.* Hz and below 500 Hz.*got 0"),
+        ({"max_rates": 0.5}, "max_rates: expected rates above 1.38.* Hz and below 500 Hz.*got 0.5"),
+        (
+            {"neuron": "Sigmoid", "max_rates": 100},
+            "max_rates: expected rates above 200 Hz and below 400 Hz.*got 100",
+        ),
+        ({"neuron": "Tanh", "max_rates": 400}, "max_rates: this neuron fires at less than 400 Hz"),
         ({"intercepts": 1.0}, "intercepts: expected intercepts below 1, got 1"),
         ({"gain": 1.0}, "bias: gain and bias go together"),
         ({"gain": [1, 2], "bias": 0}, "gain: expected 200 numbers, got an array of shape"),

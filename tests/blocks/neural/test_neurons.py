@@ -6,6 +6,8 @@ import nengo
 import numpy as np
 import pytest
 
+import blocks
+import runtime
 from blocks.core import SettingError, function_kernel
 from blocks.neural import (
     LIF,
@@ -123,3 +125,42 @@ def test_the_kernel_of_a_step_computes_what_the_step_computes(ours: NeuronModel)
         kernel(DT, current.copy(), spikes, *others, ours.constants)
         for found, wanted in zip((spikes, *others), (expected, *states), strict=True):
             np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-12)
+
+
+EXTREME = np.array([0.0, 1e-300, np.nextafter(1.0, 2.0), 30.0, 709.0, 710.0, 1e5, 1e150])
+
+
+@pytest.mark.parametrize("model", [ours for ours, _ in PAIRS], ids=NAMES)
+def test_steps_and_rates_are_finite_at_every_current(model: NeuronModel) -> None:
+    current = np.concatenate([EXTREME, -EXTREME])
+    with np.errstate(all="raise", under="ignore"):
+        if type(model) is not Izhikevich:  # simulated, at other currents
+            assert np.isfinite(model.rates(current)).all()
+        step = type(model).step
+        for function in (step, function_kernel(step) or step):
+            state = [np.zeros(len(current)) for _ in range(4)]
+            for _ in range(20):
+                function(DT, current.copy(), *state, model.constants)
+                assert all(np.isfinite(array).all() for array in state)
+
+
+@pytest.mark.parametrize("engine", ["python", "compiled"])
+def test_an_inhibited_sigmoid_is_silent(engine: str) -> None:
+    graph = runtime.Graph(dt=DT, until=0.02).add("x", blocks.Constant(value=0.3))
+    graph = graph.add("off", blocks.Constant(value=[-1e4] * N))
+    graph = graph.add("a", blocks.Ensemble(neurons=N, neuron="Sigmoid"))
+    graph = graph.connect("x.value", "a.input").connect("off.value", "a.current")
+    result = graph.probe("a.fired").run(engine=engine)
+    assert result.manifest["engine_notes"] == []
+    assert result["a.fired"][1:].max() < 1e-9
+
+
+@pytest.mark.parametrize("model", [Sigmoid(), Tanh(), Sigmoid(tau_ref=0.003)])
+def test_gains_are_positive_up_to_the_largest_rate(model: NeuronModel) -> None:
+    low, high = model.slowest, model.fastest
+    rates = np.array([low + 1e-6, 0.5 * (low + high), np.nextafter(high, low)])
+    gain, bias = model.gain_and_bias(rates, np.full(3, 0.25))
+    assert np.isfinite(gain).all()
+    assert (gain > 0.0).all()
+    np.testing.assert_allclose(model.rates(gain + bias), rates, rtol=1e-9)
+    np.testing.assert_allclose(model.rates(0.25 * gain + bias), low, rtol=1e-12)

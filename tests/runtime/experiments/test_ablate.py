@@ -14,7 +14,7 @@ from scipy import stats
 
 import runtime
 from runtime.document.node import parse_yaml
-from runtime.experiments.design.variants import grouped, removals, slugs
+from runtime.experiments.design.variants import group_changes, removals, slugs
 from tests.conftest import Run
 from tests.runtime.experiments.graphs import normal
 
@@ -145,7 +145,7 @@ def test_variants_of_a_file_and_of_the_command_line(here: Run, draw: Path, tmp_p
 
 def test_changes_are_grouped_in_the_order_written() -> None:
     plain = [("set", "a=1"), ("without", "x"), ("set", "b=2"), ("bypass", "y"), ("replace", "z=T")]
-    assert grouped(plain) == (
+    assert group_changes(plain) == (
         [("set", "a=1")],
         [
             ("without x", [("without", "x"), ("set", "b=2")]),
@@ -160,7 +160,7 @@ def test_changes_are_grouped_in_the_order_written() -> None:
         ("set", "b=2"),
         ("variant", "n"),
     ]
-    assert grouped(named) == (
+    assert group_changes(named) == (
         [("set", "a=1")],
         [("soft", [("without", "x"), ("set", "b=2")]), ("n", [])],
     )

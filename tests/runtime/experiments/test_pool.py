@@ -354,13 +354,13 @@ def test_a_port_takes_only_the_worker_that_was_started(monkeypatch: pytest.Monke
         with socket.create_connection(address) as other, socket.create_connection(address) as own:
             other.sendall(bytes(32))
             own.sendall(secret)
-            with spawner._connected(listening, secret, process) as link:  # type: ignore[arg-type]
+            with spawner._accept(listening, secret, process) as link:  # type: ignore[arg-type]
                 own.sendall(b"!")
                 assert link.recv(1) == b"!"
                 assert other.recv(1) == b""
         monkeypatch.setattr(process, "poll", lambda: 1)
         with pytest.raises(OSError, match="a worker process does not answer"):
-            spawner._connected(listening, secret, process)  # type: ignore[arg-type]
+            spawner._accept(listening, secret, process)  # type: ignore[arg-type]
 
 
 def test_a_pool_that_is_killed_ends_what_runs(meeting: Meeting) -> None:

@@ -17,12 +17,12 @@ from runtime.experiments.analysis.comparison import (
     legend,
 )
 from runtime.experiments.analysis.statistics import (
-    adjusted,
+    benjamini_hochberg,
     difference,
     estimate,
     fewest,
     is_same_run,
-    presence,
+    mcnemar_test,
 )
 from runtime.experiments.analysis.words import half_width
 
@@ -79,9 +79,9 @@ def test_too_few_and_too_equal() -> None:
 def test_the_fewest_pairs_that_an_exact_test_needs(level: float) -> None:
     needed = fewest(level)
     enough, less = ([1.0] * n for n in (needed, needed - 1))
-    for test in (presence, lambda a, b: difference(a, b, "bootstrap").p):
-        assert test(enough, [None if test is presence else 0.0] * needed) < level
-        assert test(less, [None if test is presence else 0.0] * (needed - 1)) >= level
+    for test in (mcnemar_test, lambda a, b: difference(a, b, "bootstrap").p):
+        assert test(enough, [None if test is mcnemar_test else 0.0] * needed) < level
+        assert test(less, [None if test is mcnemar_test else 0.0] * (needed - 1)) >= level
     assert fewest() == 6
 
 
@@ -162,10 +162,10 @@ def test_benjamini_and_hochbergs_own_example() -> None:
         *(0.0001, 0.0004, 0.0019, 0.0095, 0.0201, 0.0278, 0.0298, 0.0344, 0.0459),
         *(0.3240, 0.4262, 0.5719, 0.6528, 0.7590, 1.0000),
     ]
-    corrected = adjusted(p)
+    corrected = benjamini_hochberg(p)
     assert sum(value < 0.05 for value in corrected) == 4
     assert corrected[3] == pytest.approx(0.0095 * 15 / 4)
-    with_hole = adjusted([p[0], math.nan, *p[1:]])
+    with_hole = benjamini_hochberg([p[0], math.nan, *p[1:]])
     assert math.isnan(with_hole[1])
     assert with_hole[:1] + with_hole[2:] == corrected
 
@@ -174,8 +174,8 @@ def test_mcnemars_exact_test() -> None:
     # Six seeds have lost their value, none has gained one: 2 / 2^6.
     baseline = [1.0] * 10
     values = [None] * 6 + [1.0] * 4
-    assert presence(values, baseline) == pytest.approx(2 / 2**6)
-    assert presence(baseline, baseline) == 1.0
+    assert mcnemar_test(values, baseline) == pytest.approx(2 / 2**6)
+    assert mcnemar_test(baseline, baseline) == 1.0
 
 
 def test_false_alarms_are_as_rare_as_promised() -> None:

@@ -81,8 +81,8 @@ def tasks(folder: Path, engine: str) -> list[Task]:
 
 def forget() -> None:
     """Have graphs and modules read again, by all threads at once."""
-    worker._loaded.cache_clear()
-    worker._built.cache_clear()
+    worker._load.cache_clear()
+    worker._build.cache_clear()
     for name in [name for name in sys.modules if name.startswith("_blocks_of_")]:
         del sys.modules[name]
 
@@ -94,7 +94,7 @@ def bits(done: TrialResult) -> object:
     return done.metrics, probes
 
 
-@pytest.mark.parametrize("engine", ["python", "compiled"])
+@pytest.mark.parametrize("engine", [pytest.param("python", marks=pytest.mark.slow), "compiled"])
 def test_trials_on_many_threads_equal_trials_one_by_one_bit_for_bit(
     restless: None, tmp_path: Path, engine: str
 ) -> None:

@@ -10,11 +10,11 @@ from runtime.experiments.analysis.statistics import (
     Difference,
     Estimate,
     Test,
-    adjusted,
+    benjamini_hochberg,
     difference,
     estimate,
     is_significant,
-    presence,
+    mcnemar_test,
 )
 from runtime.experiments.design.variants import BASELINE
 from tests.studies.ablation.runs import CONFIGURATIONS, PRINTED, RULES, Configuration, Measured
@@ -153,7 +153,7 @@ class Judged:
     def __init__(self, results: Results, test: Test = "t") -> None:
         self.results = results
         effects = [self._effect(asked, test) for asked in self._asked()]
-        p = adjusted([*(e.p for e in effects), *(e.p_presence for e in effects)])
+        p = benjamini_hochberg([*(e.p for e in effects), *(e.p_presence for e in effects)])
         found = zip(effects, p[: len(effects)], p[len(effects) :], strict=True)
         self.effects = {e.asked: replace(e, p=a, p_presence=b) for e, a, b in found}
 
@@ -206,5 +206,5 @@ class Judged:
             estimate([v for v in base if v is not None], test),
             apart,
             apart.p,
-            presence(own, base) if differs else math.nan,
+            mcnemar_test(own, base) if differs else math.nan,
         )

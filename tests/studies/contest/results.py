@@ -13,7 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from runtime.experiments.analysis import Estimate, PairedDifference, adjusted, difference, estimate
+from runtime.experiments.analysis import (
+    Estimate,
+    PairedDifference,
+    benjamini_hochberg,
+    difference,
+    estimate,
+)
 from tests.studies.contest.contestants import FRONT, FRONTS, LIMITS, TASKS, name_of
 
 ERROR, CHANGE, UNLEARNT, SATURATION = "error", "effort_change", "unlearnt", "saturation"
@@ -202,8 +208,8 @@ def verdicts(found: Sequence[Contestant], rival: Contestant, counts: float) -> d
     """Every contestant but the tuned LQR, p values corrected over all of them."""
     others = [one for one in found if one.name != RIVAL]
     apart = [_apart(one, rival) for one in others]
-    p = adjusted([each.p for each in apart])
-    same = adjusted([_equivalence(one, rival, counts) for one in others])
+    p = benjamini_hochberg([each.p for each in apart])
+    same = benjamini_hochberg([_equivalence(one, rival, counts) for one in others])
     return {
         one.name: Verdict(counts, *each) for one, *each in zip(others, apart, p, same, strict=True)
     }

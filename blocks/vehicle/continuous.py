@@ -1,4 +1,11 @@
-"""Vehicles on a plane, without slip."""
+"""Vehicles on a plane as differential equations, without slip and without a body.
+
+Speeds and steering go in, the pose comes out; the run's solver integrates between ticks. For a body
+that walls stop, see DifferentialDrive: a contact acts on positions, which only a step of its own
+can correct::
+
+    car: {type: Bicycle, wheel_base: 2.7, x0: [0, 0, 0]}
+"""
 
 from __future__ import annotations
 
@@ -23,7 +30,7 @@ from blocks.core import (
 )
 
 
-class _Vehicle(Block, ABC):
+class _ContinuousVehicle(Block, ABC):
     pose = Output(Pose, doc="position and heading; the heading is not wrapped")
 
     x0: FloatArray = param([0.0, 0.0, 0.0], unit="m, m, rad", shape=(3,), doc="pose at the start")
@@ -34,7 +41,7 @@ class _Vehicle(Block, ABC):
     def output(self, state: BlockState, t: float) -> PoseValue:
         return float(state.x[0]), float(state.x[1]), float(state.x[2])
 
-    def moved(self, state: BlockState, v: float, omega: float) -> FloatArray:
+    def pose_rates(self, state: BlockState, v: float, omega: float) -> FloatArray:
         """The rate of change of the pose at a speed and a turn rate."""
         rates = np.empty(3)
         rates[0] = v * math.cos(state.x[2])
@@ -43,7 +50,7 @@ class _Vehicle(Block, ABC):
         return rates
 
 
-class Unicycle(_Vehicle):
+class Unicycle(_ContinuousVehicle):
     """A vehicle that turns on the spot, such as one with two driven wheels.
 
         command ─▶ [ Unicycle ] ─▶ pose
@@ -57,10 +64,10 @@ class Unicycle(_Vehicle):
     x = State(3, name="x", continuous=True, signal=Pose, doc="the pose")
 
     def derivative(self, state: BlockState, t: float, command: TwistValue) -> FloatArray:
-        return self.moved(state, command[0], command[1])
+        return self.pose_rates(state, command[0], command[1])
 
 
-class Bicycle(_Vehicle):
+class Bicycle(_ContinuousVehicle):
     """A vehicle with a steered front wheel, such as a car.
 
         v, steering ─▶ [ Bicycle ] ─▶ pose
@@ -86,4 +93,4 @@ class Bicycle(_Vehicle):
     def derivative(self, state: BlockState, t: float, v: float, steering: float) -> FloatArray:
         speed = max(-self.v_max, min(self.v_max, v))
         delta = max(-self.steering_max, min(self.steering_max, steering))
-        return self.moved(state, speed, speed * math.tan(delta) / self.wheel_base)
+        return self.pose_rates(state, speed, speed * math.tan(delta) / self.wheel_base)

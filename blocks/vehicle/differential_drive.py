@@ -1,4 +1,10 @@
-"""Robots: what turns commands into motion."""
+"""A robot with two driven wheels that moves by ticks, and stops at the walls of the world.
+
+A command (v, omega) goes in; pose, wheel speeds, clearance and contact come out, all from the state
+of the tick before::
+
+    plant: {type: DifferentialDrive, body_radius: 0.18}
+"""
 
 from __future__ import annotations
 
