@@ -19,11 +19,12 @@ def __getattr__(name: str) -> Any:
     # Python asks for names of its own, such as __path__, of a package that is being imported.
     if name != "__all__" and name.startswith("__"):
         raise AttributeError(f"module 'blocks' has no attribute '{name}'")
-    names = vars(importlib.import_module("blocks.library"))
-    # With the library its rooms were imported, too, as blocks.core.
-    for found in (names, globals()):
-        if name in found:
-            return found[name]
+    library = importlib.import_module("blocks.library")
+    exported = [each for each in getattr(library, "__all__", ()) if hasattr(library, each)]
+    globals().update((each, getattr(library, each)) for each in exported)
+    globals()["__all__"] = exported
+    if name in globals():  # rooms as well, which the library has imported, as blocks.core
+        return globals()[name]
     raise AttributeError(f"module 'blocks' has no attribute '{name}'")
 
 
