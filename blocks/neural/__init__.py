@@ -8,17 +8,17 @@ one block; RateEnsemble, AdaptiveBias and MRAC have its ports and can replace it
 
 from blocks.neural.adaptive import AdaptiveEnsemble, RateEnsemble
 from blocks.neural.decoder import Decoder
+from blocks.neural.decoder_solvers import DecoderSolver
 from blocks.neural.ensemble import Ensemble
 from blocks.neural.learner import AdaptiveBias
 from blocks.neural.lif import LIF, AdaptiveLIF, LIFRate
 from blocks.neural.models import Izhikevich, ReLU, Sigmoid, SpikingReLU, Tanh
 from blocks.neural.mrac import MRAC
 from blocks.neural.neurons import NeuronModel
-from blocks.neural.solvers import Solver
+from blocks.neural.published_tuning import PLACES, Tuning, table_shape
 from blocks.neural.synapses import Synapse
-from blocks.neural.tuning import PLACES, Tuning, table_shape
 from blocks.neural.weights import Weights
 
 __all__ = ["LIF", "MRAC", "PLACES", "AdaptiveBias", "AdaptiveEnsemble", "AdaptiveLIF", "Decoder"]
 __all__ += ["Ensemble", "Izhikevich", "LIFRate", "NeuronModel", "RateEnsemble", "ReLU", "Sigmoid"]
-__all__ += ["Solver", "SpikingReLU", "Synapse", "Tanh", "Tuning", "Weights", "table_shape"]
+__all__ += ["DecoderSolver", "SpikingReLU", "Synapse", "Tanh", "Tuning", "Weights", "table_shape"]

@@ -21,7 +21,7 @@ PUBLIC: dict[str, tuple[str, ...]] = {
         *("Block", "BlockContext", "BlockState", "Input", "Output", "State", "param", "kernel_of"),
         *("DeclarationError", "ParameterError", "FloatArray", "SignalType", "Same", "Scalar"),
         *("Vector", "Pose", "Twist", "WheelSpeeds", "TrackingState", "Scan", "PointCloud", "Path"),
-        *("Spikes", "NeuronModel", "Solver"),
+        *("Spikes", "NeuronModel", "DecoderSolver"),
     ),
     "runtime.observation": (
         *("MetricKind", "MetricOptions", "NumberOptions", "PlotKind", "Recording", "RunData"),

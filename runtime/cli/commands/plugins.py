@@ -17,7 +17,7 @@ HELP = "list what installed packages offer: blocks, metrics, plots, verbs, ..."
 REGISTRIES = {
     "blocks": ("types of blocks", "blocks.registry:BLOCKS"),
     "neurons": ("neuron models of an Ensemble", "blocks.neural:NeuronModel.members"),
-    "solvers": ("solvers of decoders", "blocks.neural:Solver.members"),
+    "solvers": ("solvers of decoders", "blocks.neural:DecoderSolver.members"),
     "metrics": ("kinds of metrics", "runtime.observation:METRIC_KINDS"),
     "plots": ("kinds of plots", "runtime.observation:PLOT_KINDS"),
     "diagrams": ("formats of diagrams", "runtime.diagrams:FORMATS"),

@@ -45,10 +45,10 @@ def write(graph, folder, **options):
 NAMES = ExportTarget("names only", write)
 """
 SOLVER = """import numpy as np
-from blocks import Solver
+from blocks import DecoderSolver
 
 
-class Pseudo(Solver):
+class Pseudo(DecoderSolver):
     "The pseudo-inverse."
 
     def solve(self, a, y, rng):
