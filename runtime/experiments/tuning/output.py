@@ -1,4 +1,7 @@
-"""What a tuning prints and stores: its front, and training beside held-out."""
+"""What a tuning prints and stores: its front, and training beside held-out.
+
+In: a :class:`TuningResult`. Out: the text of the command, and the content of ``tuning.json``.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""Run a tuning: batches of configurations on the training runs, then winners on the held-out."""
+"""Run a tuning: batches of configurations on the training runs, then winners on the held-out.
+
+In: a plan, and where it is run. Out: :class:`TuningResult`. A batch runs stage by stage, a stage
+being one seed under all conditions; after each, hopeless configurations are stopped::
+
+    batch 5, 6, 7, 8   seed 0: all four   seed 1: 5 and 8   seed 2: 8, which is complete
+"""
 
 from __future__ import annotations
 
@@ -181,6 +187,7 @@ class _Training:
     def run(self) -> None:
         """Try the baseline, then as many configurations as planned."""
         tuning, factors = self.plan.tuning, self.plan.design.factors
+        # The graph's own values first: a winner must beat them, not only the other candidates.
         own = Candidate(BASELINE, None)
         self._run_batch([own])
         optimizer = Optimizer(factors, tuning)
