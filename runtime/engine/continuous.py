@@ -132,7 +132,7 @@ def slots(network: Network) -> tuple[Slot, ...]:
         spec = entry.cls.spec
         for state in spec.continuous:
             context = network.context(name)
-            shape = state_shape(entry.made, spec.states[state], context, spec)
+            shape = state_shape(entry.block, spec.states[state], context, spec)
             found.append(Slot(name, state, found[-1].stop if found else 0, shape))
     return tuple(found)
 

@@ -264,7 +264,7 @@ class Engine:
             self.namespace |= {"stop": self.state.stop, "narrowed": narrowed}
         for name, entry in self.network.entries.items():
             identifier = self.plan.names[name]
-            self.namespace[identifier] = entry.made
+            self.namespace[identifier] = entry.block
             self.namespace[self.plan.variables[name, ""]] = self.state.blocks[name]
         for name in self._starting_order():
             self._start_block(name)
@@ -277,7 +277,7 @@ class Engine:
             self.namespace[self.plan.variables[name, "0"]] = SimpleNamespace(**copies)
         for step in self.plan.steps:
             if step.constant:
-                method = getattr(self.network.entries[step.block].made, step.evaluation.method)
+                method = getattr(self.network.entries[step.block].block, step.evaluation.method)
                 value = self._guard(step.block, partial(method, self.state.blocks[step.block], 0.0))
                 values = (value,) if len(step.evaluation.outputs) == 1 else value
                 for port, item in zip(step.evaluation.outputs, values, strict=True):
@@ -296,13 +296,13 @@ class Engine:
         """Initialise one block's state, with what the outputs wired to it publish."""
         published = {}
         for port, source in self.network.publications(name):
-            made = self.network.entries[source.block].made
+            made = self.network.entries[source.block].block
             describe = getattr(made, type(made).spec.outputs[source.port].publishes)
             call = partial(describe, self.state.blocks[source.block])
             published[port] = self._guard(source.block, call)
         state = self.state.blocks[name]
         state.published = published
-        block = self.network.entries[name].made
+        block = self.network.entries[name].block
         self._guard(name, partial(block.start, state))
         if name in self.network.initial:
             for key, array in self.network.initial[name].items():
@@ -401,7 +401,7 @@ class Engine:
     def _record_tuning(self, recording: RecordSlot) -> None:
         """Record what a block publishes about the neurons behind a signal."""
         name = recording.end.block
-        describe = getattr(self.network.entries[name].made, recording.publisher)
+        describe = getattr(self.network.entries[name].block, recording.publisher)
         self.namespace[recording.array][0] = describe(self.state.blocks[name]).table()
 
     def _record_constant(self, block: str, port: str, value: Any) -> None:

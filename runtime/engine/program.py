@@ -72,7 +72,7 @@ class Program:
         for name, entry in self.network.entries.items():
             context, spec = self.contexts[name], entry.cls.spec
             found[name] = {
-                key: state_shape(entry.made, declared, context, spec)
+                key: state_shape(entry.block, declared, context, spec)
                 for key, declared in spec.states.items()
             }
         return found
@@ -116,7 +116,7 @@ def recordings(observation: Observation, gathered: Mapping[str, int]) -> list[Re
                 RecordSlot(
                     array=f"probe_{i}",
                     end=signal.end,
-                    every=probe.sampled,
+                    every=probe.input_every,
                     columns=columns,
                     is_state=signal.is_state,
                     is_event=signal.is_event,

@@ -12,7 +12,7 @@ from runtime.engine.compiled.plan_text import count, literal, sizes
 from runtime.engine.schedule import Emitter, Plan, RecordSlot
 from runtime.network import Endpoint, first_column, state_shape
 from runtime.observation import StopTest
-from runtime.toolchain import Unit
+from runtime.toolchain import TranslationUnit
 
 Call = tuple[str, Evaluation]
 
@@ -38,7 +38,7 @@ class PlanText:
     signals: dict[tuple[str, str], str] = field(default_factory=dict)
     fills: dict[str, float] = field(default_factory=dict)
     calls: list[Call] = field(default_factory=list)
-    solver: Unit | None = None
+    solver: TranslationUnit | None = None
     driver: str = ""
     parts: int = 1
     lines: dict[int, str] = field(default_factory=dict)
@@ -127,7 +127,7 @@ class StructEmitter(Emitter):
         """How many numbers a state has."""
         entry, spec = self.network.entries[block], self.network.entries[block].cls.spec
         context = self.network.context(block)
-        return math.prod(state_shape(entry.made, spec.states[state], context, spec))
+        return math.prod(state_shape(entry.block, spec.states[state], context, spec))
 
     def absent(self, block: str, port: str, kind: SignalType, default: float | None) -> list[str]:
         """The arguments of an open input."""
