@@ -122,6 +122,11 @@ def other(file: Path, content: bytes) -> None:
     file.write_bytes(content)
 
 
+def entries(cache: Path) -> dict[Path, bytes]:
+    """The files of the cache with their content, without the time of the last walk."""
+    return {path: path.read_bytes() for path in cache.iterdir() if path.name != store.WALKED}
+
+
 DAMAGES: dict[str, Callable[[Path, bytes], object]] = {
     "truncated": lambda file, old: other(file, old[: len(old) // 2]),
     "garbled": lambda file, old: other(file, bytes(255 - byte for byte in old)),
@@ -136,8 +141,7 @@ DAMAGES: dict[str, Callable[[Path, bytes], object]] = {
 @pytest.mark.parametrize("kind", DAMAGES)
 def test_damaged_files_are_made_again(kind: str, cache: Path) -> None:
     build(UNITS)
-    entries = [path for path in cache.iterdir() if path.name != store.WALKED]
-    whole = {path: path.read_bytes() for path in entries}
+    whole = entries(cache)
     assert {path.suffix for path in whole} == {".o", library.LIBRARY, ".json", ".sha256"}
     for suffix in ("", ".sha256"):
         # All at once: the library is linked from the objects, which are compiled again.
@@ -146,7 +150,7 @@ def test_damaged_files_are_made_again(kind: str, cache: Path) -> None:
                 DAMAGES[kind](path, path.read_bytes())
         toolchain.compilers._found.cache_clear()
         assert value(build(UNITS), "plan", 3.0) == math.sqrt(10.0)
-        assert {path: path.read_bytes() for path in cache.iterdir()}.keys() == whole.keys()
+        assert entries(cache).keys() == whole.keys()
 
 
 @pytest.mark.usefixtures("compiler")
