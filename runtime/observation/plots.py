@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from blocks.core import Options, plain
+from blocks.extensions import Registry
 from runtime.network import Network
-from runtime.observation.kinds import Kinds
 from runtime.observation.plot_options import (
     Averaged,
     Checks,
@@ -116,7 +116,7 @@ def plot_kind_names(kind: str, has_world: bool) -> tuple[str, ...]:
     """The kinds that a message should name: those in a world only if there is one."""
     everywhere = tuple(name for name, entry in PLOT_KINDS.items() if not entry.in_world)
     named = tuple(PLOT_KINDS) if has_world or kind in PLOT_KINDS.keys() - everywhere else everywhere
-    return PLOT_KINDS.known(named)
+    return PLOT_KINDS.names(named)
 
 
 def check_options(declared: PlotKind, options: Mapping[str, Any], has_world: bool) -> Checks:
@@ -360,4 +360,4 @@ _OWN: dict[str, PlotKind] = {
 }
 
 # Those of the library, and by their names those of packages.
-PLOT_KINDS = Kinds(_OWN, "spikeblocks.plots", PlotKind)
+PLOT_KINDS: Registry[PlotKind] = Registry("plots", PlotKind, "a PlotKind", own=_OWN)

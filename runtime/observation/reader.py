@@ -380,7 +380,7 @@ class _Reader:
                 self.problems.add(where, f"{address}.{key}", text)
 
     def metric(self, name: str, node: Node, address: str) -> None:
-        known = METRIC_KINDS.known
+        known = METRIC_KINDS.names
         chosen = choose(METRIC_KINDS, node, address, lambda _: known(), self.problems, self.modules)
         if chosen is None or chosen.declared is None:
             return
