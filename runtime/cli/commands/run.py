@@ -301,7 +301,7 @@ def _print_result(
         rows = [
             (
                 name,
-                *(each.measured(name) for each in (result, *others.values())),
+                *(each.metric_text(name) for each in (result, *others.values())),
                 result.units.get(name, ""),
             )
             for name in result.metrics
@@ -312,6 +312,6 @@ def _print_result(
             name: result.units.get(name, "") if v is not None else ""
             for name, v in result.metrics.items()
         }
-        rows = [(k, f"{result.measured(k)} {units[k]}".rstrip()) for k in result.metrics]
+        rows = [(k, f"{result.metric_text(k)} {units[k]}".rstrip()) for k in result.metrics]
         show(table(rows))
     sys.stdout.flush()  # a pipe or a file shows them before the pictures, too
