@@ -100,5 +100,7 @@ def _columns(recordings: Sequence[Recording]) -> Iterator[tuple[str, str, FloatA
     """Every column of some recordings: label, unit, times, values."""
     for recording in recordings:
         values = recording.columns
-        for i, (label, unit) in enumerate(zip(recording.shown, recording.units, strict=False)):
+        for i, (label, unit) in enumerate(
+            zip(recording.display_names, recording.units, strict=False)
+        ):
             yield label, unit, recording.t, values[:, i]

@@ -115,7 +115,8 @@ def _trains(recordings: Sequence[Recording], tuning: Mapping[str, Tuning]) -> It
     for recording in recordings:
         whole = {recording.name: (0, len(recording.labels))}
         for address, (start, stop) in (recording.addresses or whole).items():
-            spikes, name = recording.columns[:, start:stop], style.signal_of(recording.shown[start])
+            spikes = recording.columns[:, start:stop]
+            name = style.signal_of(recording.display_names[start])
             yield _Train(name, recording.t, spikes, tuning.get(address), recording.time_unit)
 
 

@@ -54,7 +54,7 @@ def draw_timeseries(figure: Figure, recordings: Sequence[Recording], end: float)
     every: dict[str, str] = {}
     for recording in recordings:
         values, labels, units = _flat(recording)
-        display = recording.shown if len(recording.labels) == len(labels) else labels
+        display = recording.display_names if len(recording.labels) == len(labels) else labels
         every |= zip(labels, display, strict=True)
         held = recording.held if len(recording.held) == len(labels) else recording.held[:1]
         for i, (label, unit) in enumerate(zip(labels, units, strict=True)):

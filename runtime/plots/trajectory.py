@@ -130,7 +130,7 @@ def _tracks(recording: Recording) -> list[_Track]:
         else:
             continue
         finite = points[np.isfinite(points).all(axis=1)]
-        tracks.append(_Track(style.signal_of(recording.shown[start]), kind, finite))
+        tracks.append(_Track(style.signal_of(recording.display_names[start]), kind, finite))
     return tracks
 
 
