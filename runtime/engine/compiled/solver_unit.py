@@ -20,14 +20,14 @@ from runtime.engine.solvers import (
     narrowed,
     substep,
 )
-from runtime.toolchain import Unit, digest, read_record, write_record
+from runtime.toolchain import TranslationUnit, digest, read_record, write_record
 
 ROWS = ("states", "start")
 IMPLICIT: list[Any] = [factor_loops, solve_loops, implicit_loops]
 TITLE = "The solver of the continuous states."
 
 
-def solver_unit(size: int, method: Method, searched: bool) -> tuple[Unit, list[str]]:
+def solver_unit(size: int, method: Method, searched: bool) -> tuple[TranslationUnit, list[str]]:
     """The functions that a solver calls, as a C unit with their declarations.
 
     Parameters
@@ -73,4 +73,4 @@ def solver_unit(size: int, method: Method, searched: bool) -> tuple[Unit, list[s
         made = Writer(translate_functions(functions)).unit(entries, TITLE)
         record = {"text": made.text, "prototypes": made.prototypes}
         write_record(key, record)
-    return Unit("the solver", record["text"]), record["prototypes"]
+    return TranslationUnit("the solver", record["text"]), record["prototypes"]
