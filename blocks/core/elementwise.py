@@ -74,3 +74,20 @@ def check_sized(kind: SignalType, name: str, value: FloatArray | None) -> None:
 def spread_to(value: FloatArray | float | None, size: int, absent: float = 0.0) -> FloatArray:
     """A parameter as ``size`` numbers: one for all components, or one for each."""
     return np.broadcast_to(np.asarray(absent if value is None else value, float), (size,)).copy()
+
+
+def check_ascending(points: FloatArray, name: str, what: str = "numbers", unit: str = "") -> None:
+    """Check that there are two or more points, in ascending order.
+
+    Raises
+    ------
+    ParameterError : there are not; ``what`` and ``unit`` are those of the message.
+    """
+    if len(points) < 2:
+        some = "points" if what == "numbers" else what
+        raise ParameterError([(name, f"expected at least two {some}, got {len(points)}")])
+    wrong = np.flatnonzero(np.diff(points) <= 0.0)
+    if wrong.size:
+        i, unit = int(wrong[0]), f" {unit}" if unit else ""
+        pair = f"got {points[i]:g}{unit} before {points[i + 1]:g}{unit}"
+        raise ParameterError([(name, f"expected {what} in ascending order, {pair}")])

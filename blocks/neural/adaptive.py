@@ -26,10 +26,10 @@ from blocks.core import (
     kernel_of,
     param,
 )
-from blocks.core.portable import flush, flush_due
+from blocks.core.portable import flush, flush_due, share_of
 from blocks.neural.learner import Learner, decode_activity, gain_and_bias
 from blocks.neural.lif import lif_rate_step, lif_step
-from blocks.neural.rules import follow, pes_step, share_of
+from blocks.neural.rules import follow, pes_step
 
 SILENT = 10.0  # Hz; activity below it hardly counts in a normalised step
 

@@ -20,9 +20,9 @@ from blocks.core import (
     kernel_of,
     param,
 )
-from blocks.core.portable import flush, flush_due
+from blocks.core.portable import flush, flush_due, share_of
 from blocks.neural.published_tuning import Tuning
-from blocks.neural.rules import DecoderRule, follow, pes_step, rls_step, share_of
+from blocks.neural.rules import DecoderRule, follow, pes_step, rls_step
 from blocks.neural.solving import Solved, decode
 from blocks.neural.synapses import Synapse, passed, remember
 

@@ -22,11 +22,11 @@ from blocks.core import (
     kernel_of,
     param,
 )
-from blocks.core.portable import flush, flush_due
+from blocks.core.portable import flush, flush_due, share_of
 from blocks.neural.distributions import Distribution
 from blocks.neural.neurons import NeuronModel
 from blocks.neural.published_tuning import Tuning
-from blocks.neural.rules import EncoderRule, Voja, follow, share_of, voja_step
+from blocks.neural.rules import EncoderRule, Voja, follow, voja_step
 
 # From this many dimensions, one product is faster than a loop over them.
 MANY_DIMENSIONS = 4
@@ -260,13 +260,7 @@ class Ensemble(Block):
             drive += np.einsum("dgn,gd->gn", state.row_groups, point)
         for straight in current:
             total += state.gain * straight
-        state.step(
-            *(state.dt, total, state.fired, state.voltage, state.refractory),
-            *(state.recovery, state.constants),
-        )
-        self._learn(state, learn)
-        if flush_due(t, state.dt):
-            self._flush(state)
+        self._step(state, t, learn)
 
     @kernel_of(update)
     def _update_kernel(
@@ -296,6 +290,10 @@ class Ensemble(Block):
             for straight in current:
                 for i in range(len(drive)):
                     drive[i] += state.gain[i] * straight[i]
+        self._step(state, t, learn)
+
+    def _step(self, state: BlockState, t: float, learn: float) -> None:
+        """Advance the neurons by the currents of this step, and the encoders by their spikes."""
         state.step(
             state.dt,
             state.drive,
@@ -305,23 +303,16 @@ class Ensemble(Block):
             state.recovery,
             state.constants,
         )
-        self._learn(state, learn)
-        if flush_due(t, state.dt):
-            self._flush(state)
-
-    def _learn(self, state: BlockState, learn: float) -> None:
-        """Change the encoders by the spikes of this step."""
         if state.learns:
             follow(state.activity, state.fired, state.share)
             rate = state.rate * learn
             voja_step(state.scaled_encoders, state.activity, state.scale, state.point, rate)
-
-    def _flush(self, state: BlockState) -> None:
-        flush(state.voltage)
-        flush(state.recovery)
-        if state.learns:
-            flush(state.activity)
-            flush(state.scaled_encoders)
+        if flush_due(t, state.dt):
+            flush(state.voltage)
+            flush(state.recovery)
+            if state.learns:
+                flush(state.activity)
+                flush(state.scaled_encoders)
 
 
 def _number(text: str) -> str | float:

@@ -7,9 +7,9 @@ from typing import final
 import numpy as np
 
 from blocks.core import BlockState, FloatArray, State, param
-from blocks.core.portable import flush, flush_due
+from blocks.core.portable import flush, flush_due, share_of
 from blocks.neural.learner import IntegratingLearner
-from blocks.neural.rules import follow, pes_step, share_of
+from blocks.neural.rules import follow, pes_step
 
 
 @final

@@ -75,11 +75,6 @@ class Oja(WeightRule, label="oja"):
     beta: float = param(1.0, at_least=0.0, doc="weight of forgetting")
 
 
-def share_of(tau: float, dt: float) -> float:
-    """1 - exp(-dt / tau): what a lowpass takes over from its input in a step."""
-    return -math.expm1(-dt / tau)
-
-
 def follow(activity: FloatArray, spikes: FloatArray, share: float) -> None:
     """activity += share (spikes - activity)."""
     activity += share * (spikes - activity)

@@ -23,7 +23,7 @@ from blocks.core import (
     product,
     show,
 )
-from blocks.core.portable import SELDOM, flush
+from blocks.core.portable import SELDOM, flush, share_of
 
 
 class Synapse(Variant, root=True):
@@ -87,7 +87,7 @@ class LowpassSynapse(Synapse, label="lowpass"):
     tau: float = param(unit="s", above=0.0, doc="time constant")
 
     def matrices(self, dt: float) -> tuple[FloatArray, FloatArray]:
-        share = -math.expm1(-dt / self.tau)
+        share = share_of(self.tau, dt)
         return np.array([[1.0 - share]]), np.array([share])
 
 

@@ -21,9 +21,9 @@ from blocks.core import (
     Vector,
     param,
 )
-from blocks.core.portable import flush, flush_due
+from blocks.core.portable import flush, flush_due, share_of
 from blocks.neural.distributions import Distribution
-from blocks.neural.rules import BCM, Oja, WeightRule, bcm_step, follow, oja_step, share_of
+from blocks.neural.rules import BCM, Oja, WeightRule, bcm_step, follow, oja_step
 from blocks.neural.solving import decode
 from blocks.neural.synapses import Synapse, passed, remember
 

@@ -19,10 +19,11 @@ from blocks.core import (
     FloatArray,
     ParameterError,
     SignalType,
+    check_ascending,
     hint,
     param,
 )
-from blocks.sources.time_tables import METHODS, Table, check_times
+from blocks.sources.time_tables import METHODS, Table
 
 MAX_BYTES = 64 * 2**20
 TIMES = ("time", "t")
@@ -60,7 +61,7 @@ class FromFile(Table):
     )
 
     def validate(self) -> None:
-        check_times(self.rows[0], "file")
+        check_ascending(self.rows[0], "file", "times", "s")
         self.check_type()
 
     def validate_in(self, context: BlockContext) -> None:
