@@ -1,4 +1,11 @@
-"""The base of blocks that treat each component of a signal alike."""
+"""The base of blocks that treat each component of a signal alike, and checks of their parameters.
+
+A number, a record or a vector goes in, the same form comes out; a block says what it is of one::
+
+    class Doubled(Elementwise):
+        def of(self, state, x, i):
+            return 2.0 * x
+"""
 
 from __future__ import annotations
 
@@ -31,6 +38,8 @@ class Elementwise(Block, ABC):
         state.size = kind.shape[0] if kind.shape else 1
 
     def output(self, state: BlockState, t: float, input: Any) -> Any:
+        # Not one array for all forms: a float that stays a float costs Python far less than an
+        # array of one number.
         if state.form == "scalar":
             return self.of(state, input, 0)
         out = np.empty(state.size)

@@ -82,6 +82,8 @@ class Integrator(Block):
         return state.pack(state.integral)
 
     def update(self, state: BlockState, t: float, reset: float) -> None:
+        # Held until the next tick: the solver goes on between ticks and would integrate away from
+        # the value that was set.
         state.held[0] = 1.0 if reset > 0.5 else 0.0
         if reset > 0.5:
             for i in range(len(state.cells)):
@@ -94,6 +96,8 @@ class Integrator(Block):
             return np.zeros(state.integral.shape)
         if not state.limited:
             return input
+        # The sign of the input decides and not the limit alone: held at a limit for good, the state
+        # would not leave it when the input turns.
         x, rates = state.integral, np.array(input)
         rates[((x >= state.high) & (rates > 0.0)) | ((x <= state.low) & (rates < 0.0))] = 0.0
         return rates
@@ -117,6 +121,7 @@ class Integrator(Block):
         return 0.0 if outwards or state.held[0] != 0.0 else rate
 
     def project(self, state: BlockState) -> None:
+        # A step of the solver may end beyond a limit that it met within the step.
         if state.limited:
             for i in range(len(state.cells)):
                 state.cells[i] = min(max(state.cells[i], state.low), state.high)

@@ -189,7 +189,7 @@ def _csv(content: bytes) -> RecordedColumns:
     except csv.Error as error:
         raise ValueError(f"not a csv file: {error}") from None
     if len(cells) != len(content_lines):
-        raise ValueError("a text in quotes goes over several lines; expected numbers")
+        raise ValueError("a string in quotes goes over several lines; expected numbers")
     named = any(_number(cell) is None for cell in cells[0])
     names = [cell.strip() for cell in cells[0]] if named else list(map(str, range(len(cells[0]))))
     repeated = [name for i, name in enumerate(names) if name in names[:i]]
