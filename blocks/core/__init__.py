@@ -28,7 +28,6 @@ from blocks.core.expressions import (
     read_expression,
 )
 from blocks.core.extras import MissingPackageError, pip_line, require
-from blocks.core.installed import BrokenPackageError, Installed
 from blocks.core.kernels import function_kernel, has_kernels, kernel_for, kernel_of
 from blocks.core.matrices import (
     covariance_fault,
@@ -93,7 +92,6 @@ __all__ = [
     "BlockSpec",
     "BlockState",
     "BoolArray",
-    "BrokenPackageError",
     "DeclarationError",
     "Elementwise",
     "Evaluation",
@@ -101,7 +99,6 @@ __all__ = [
     "ExpressionError",
     "FloatArray",
     "Input",
-    "Installed",
     "IntArray",
     "MissingPackageError",
     "Options",

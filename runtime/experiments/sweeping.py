@@ -1,4 +1,11 @@
-"""Run a sweep: from its plan to its summary."""
+"""Run a sweep: from its plan to its summary.
+
+In: a plan with a design, and where it is run. Out: :class:`SweepResult`, ``index.csv`` with a row
+for each trial, and ``summary.json`` with the best configurations. An interrupted sweep runs only
+the trials that have no row::
+
+    12 trials planned, rows 0..6 and 9 in the index  ->  7, 8, 10 and 11 run
+"""
 
 from __future__ import annotations
 

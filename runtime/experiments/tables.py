@@ -1,4 +1,12 @@
-"""What a sweep, an ablation or a tuning gives in Python: typed tables that show themselves."""
+"""What a sweep, an ablation or a tuning gives in Python: typed tables that show themselves.
+
+In: the result of an experiment, and its index. Out: a table for a terminal, a notebook or pandas::
+
+    print(runtime.sweep(graph, {"params.v_r": [0.5, 1.0]}, seeds=range(2)))
+    sweep tracking: 2 configurations x 2 seeds: 4 ok
+      params.v_r  mean_error
+             0.5  0.21 ± 0.03
+"""
 
 from __future__ import annotations
 

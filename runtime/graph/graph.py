@@ -394,11 +394,11 @@ class Graph:
         """
         own: dict[str, bytes] = {}
         for entry in (*self.network.entries.values(), *self.network.removed_entries.values()):
-            own |= block_texts(entry.cls, entry.block)
+            own |= block_texts(entry.cls, entry.block_or_none)
         return {**self._content.files, **self.observation.files, **own}
 
     def to_yaml(self) -> str:
-        """The graph as a text from which :func:`runtime.load` reads an equal graph."""
+        """The graph as YAML from which :func:`runtime.load` reads an equal graph."""
         plain: dict[str, Any] = self.to_dict()
         for entry in plain.get("blocks", {}).values():
             cls = self._content.classes.get(entry.get("type", ""))

@@ -1,4 +1,9 @@
-"""The figure of an ablation: metrics by variant with intervals, and trajectories."""
+"""The figure of an ablation: metrics by variant with intervals, and trajectories.
+
+In: the folder of an ablation that is complete. Out: one figure. A mark is filled where the variant
+differs significantly from the baseline, hollow where it does not; what was never reached is a word
+at the large end of the axis.
+"""
 
 from __future__ import annotations
 

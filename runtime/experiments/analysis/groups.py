@@ -1,4 +1,10 @@
-"""Rows grouped by configuration, in any order of arrival; complete groups are not kept."""
+"""Rows grouped by configuration, in any order of arrival; complete groups are not kept.
+
+In: the rows of an index, as trials end. Out: the groups of each configuration, and a tally with the
+best ones. A sweep of millions of trials holds only the groups whose trials are still running::
+
+    rows 0, 3, 1 of two seeds  ->  group 0 (rows 0 and 1); row 3 waits for row 2
+"""
 
 from __future__ import annotations
 

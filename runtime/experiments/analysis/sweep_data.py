@@ -1,4 +1,10 @@
-"""A sweep read for drawing, with at most as many configurations as a page can show."""
+"""A sweep read for drawing, with at most as many configurations as a page can show.
+
+In: the folder of a sweep, complete or not. Out: :class:`SweepData`, with an array per factor and a
+list of estimates per metric, one entry per configuration::
+
+    a = 1, 2 with seeds 0, 1  ->  axes[0].positions [1, 2], metrics["error"] of length 2
+"""
 
 from __future__ import annotations
 
@@ -92,7 +98,7 @@ def read_sweep(folder: Path) -> SweepData:
     vary = from_python(plan.get("vary", {}))
     factors = [parse_factor(path, node, path, problems) for path, node in vary.items()]
     seeds = parse_seeds(from_python(plan.get("seeds")), "seeds", problems)
-    if plan.get("kind") != "sweep" or problems.found or seeds is None:
+    if plan.get("kind") != "sweep" or problems.items or seeds is None:
         raise UsageError(f"cannot read the sweep in '{folder}'")
     known = [factor for factor in factors if factor is not None]
     metrics = tuple(map(str, plan.get("metrics", ())))

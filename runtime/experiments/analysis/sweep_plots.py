@@ -1,4 +1,11 @@
-"""Figures of a sweep: curves for one factor, heat maps for two, parallel coordinates for more."""
+"""Figures of a sweep: curves for one factor, heat maps for two, parallel coordinates for more.
+
+In: the folder of a sweep. Out: figures by name::
+
+    vary {a: 0..1:5}               ->  "curves", a panel per metric
+    vary {a: 0..1:5, b: [1, 2]}    ->  "maps"
+    vary {a: .., b: .., c: ..}     ->  "parallel_error", a figure per metric
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""Checks of an experiment before anything runs."""
+"""Checks of an experiment on its graph, before anything runs.
+
+In: a factor, a design or the name of a metric, and a graph. Out: problems with their positions::
+
+    vary: {draw.levl: [1]}
+    ->  e.yaml:4:3: blocks.draw.levl: unknown parameter, did you mean 'level'?
+"""
 
 from __future__ import annotations
 
@@ -25,8 +31,8 @@ def check_factor(graph: Graph, factor: Factor, where: Where, problems: Problems)
         try:
             graph.set(factor.path, value, origin=str(where)).check()
         except GraphError as error:
-            # A location that is only a text would not sort among the file's other locations.
-            problems.found += [
+            # a location that is only a string would not sort among the file's other locations.
+            problems.items += [
                 replace(problem, where=where) if problem.where.file == str(where) else problem
                 for problem in error.problems
             ]
@@ -50,7 +56,7 @@ def own_value(graph: Graph, path: str) -> object:
     entry = network.entries.get(names[1]) if len(names) in (3, 4) else None
     if entry is None or names[0] != "blocks" or names[2] not in entry.cls.spec.params:
         return None
-    value = np.asarray(entry.made.value(names[2]), dtype=object)
+    value = np.asarray(entry.block.value(names[2]), dtype=object)
     if len(names) == 3:
         return value.tolist()
     index = int(names[3]) if names[3].isdecimal() else -1

@@ -1,4 +1,11 @@
-"""``experiment.yaml``: a graph, what to change in it, and with which seeds."""
+"""``experiment.yaml``: a graph, what to change in it, and with which seeds.
+
+In: the name of a file, or of a graph. Out: :class:`Experiment`, checked; all problems of the file
+are reported together, with line and column::
+
+    {graph: case_a, set: {lqr.q.0: 2}, vary: {params.v_r: [1, 2]}, variants: {none: {without: snn}}}
+    ->  Experiment(graph with q, entries with one factor, one variant)
+"""
 
 from __future__ import annotations
 
@@ -11,11 +18,11 @@ from runtime.document import (
     SHIPPED,
     Node,
     check_keys,
-    decoded,
+    decode,
     find_file,
     parse_yaml,
     read_file,
-    texts,
+    strings,
 )
 from runtime.errors import (
     NOWHERE,
@@ -37,7 +44,7 @@ from runtime.graph import Graph, load
 CHANGES = ("with", "set", "wire", "without", "bypass", "replace")
 # Further keys of plan.yaml, which is an experiment file as well.
 PLAN_KEYS = (
-    *("schema_version", "kind", "metrics", "units", "ends", "never", "total", "digest"),
+    *("schema_version", "kind", "metrics", "units", "ends", "never", "total", "digest", "checks"),
     *("provenance", "optimizer"),
     *("points", "made"),  # total and provenance, in plans of schema 1
 )
@@ -91,7 +98,7 @@ def read_experiment(
     GraphError : with every problem of the file.
     """
     path = find_file(source, (NOWHERE, ""), Path())
-    document = parse_yaml(decoded(read_file(path, (NOWHERE, "")), path), str(path))
+    document = parse_yaml(decode(read_file(path, (NOWHERE, "")), path), str(path))
     if not is_experiment(document):
         graph = change(load(source, modules=modules))
         return Experiment(slug(graph.title), graph, path=path)
@@ -138,7 +145,7 @@ def check_experiment(
 
 
 def _position(where: Where, otherwise: Where) -> Where:
-    """The position of a change, which a graph knows as a text; or that of its variant."""
+    """The position of a change, which a graph knows as a string; or that of its variant."""
     _, _, rest = where.file.partition(f"{Path(otherwise.file).name}:")
     line, _, column = rest.partition(":")
     if where.line or not (line.isdecimal() and column.isdecimal()):
@@ -147,7 +154,7 @@ def _position(where: Where, otherwise: Where) -> Where:
 
 
 def is_experiment(document: Node) -> bool:
-    """Whether a text describes an experiment, not a graph."""
+    """Whether a document describes an experiment, not a graph."""
     return any(document.get(key) for key in ("experiment", "vary", "variants", "training"))
 
 
@@ -178,7 +185,7 @@ class _ExperimentReader:
         try:
             graph = self.change(graph).check()
         except GraphError as error:
-            problems.found += error.problems
+            problems.items += error.problems
             problems.raise_any()
         experiment = Experiment(
             name=str(name.value) if name is not None else slug(otherwise),
@@ -208,7 +215,7 @@ class _ExperimentReader:
             file = find_file(named.value, (named.where, f"{prefix}graph"), self.folder)
             return self.apply_changes(self.load(str(file)), node, prefix)
         except GraphError as error:
-            self.problems.found += error.problems
+            self.problems.items += error.problems
             return None
 
     def apply_changes(self, graph: Graph, node: Node, prefix: str) -> Graph:
@@ -236,7 +243,7 @@ class _ExperimentReader:
                     value = self.world(value, (item.where, f"{address}.world"))
                 graph = getattr(graph, kind)(key, value, origin=origin)
             return graph
-        names = texts(node, address, "a name", self.problems)
+        names = strings(node, address, "a name", self.problems)
         if kind != "with":
             changed: Graph = getattr(graph, kind)(
                 *(n.value for n, _ in names), origin=str(node.where)
@@ -284,7 +291,7 @@ class _ExperimentReader:
                 try:
                     base = self.apply_changes(graph, node, f"{place}.")
                 except GraphError as error:
-                    self.problems.found += error.problems
+                    self.problems.items += error.problems
             variants.append(self.variant(name, node, base, graph))
         return variants
 

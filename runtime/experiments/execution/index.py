@@ -1,4 +1,9 @@
-"""``index.csv``: one line per trial, appended atomically as the trial ends."""
+"""``index.csv``: one line per trial, appended atomically as the trial ends.
+
+In: a :class:`Row`. Out: a line with a checksum, or an error that names file, line and field::
+
+    Row(3, ("1.0",), seed=1, "ok", ...)  ->  3,1.0,1,ok,,0.25,9f3a11c2,62954aa1,0.0132
+"""
 
 from __future__ import annotations
 
@@ -27,7 +32,7 @@ STATUSES = get_args(Status)
 NO_SIGNAL = "-"
 LONGEST_REASON = 2000  # characters that are written
 LONGEST_FIELD = 1 << 27  # characters that are read; the csv module stops at 128 KiB by default
-# A spreadsheet would interpret such a text as a formula, and run it.
+# A spreadsheet would interpret such a string as a formula, and run it.
 _FORMULA = re.compile(r"'*[=+\-@\t\r]")
 
 
@@ -109,7 +114,7 @@ def _shorten(reason: str) -> str:
 
 
 def _escape(text: str) -> str:
-    """A text that no spreadsheet interprets as a formula; numbers stay numbers."""
+    """A string that no spreadsheet interprets as a formula; numbers stay numbers."""
     if not _FORMULA.match(text):
         return text
     try:

@@ -1,4 +1,10 @@
-"""Run a tuning: batches of configurations on the training runs, then winners on the held-out."""
+"""Run a tuning: batches of configurations on the training runs, then winners on the held-out.
+
+In: a plan, and where it is run. Out: :class:`TuningResult`. A batch runs stage by stage, a stage
+being one seed under all conditions; after each, hopeless configurations are stopped::
+
+    batch 5, 6, 7, 8   seed 0: all four   seed 1: 5 and 8   seed 2: 8, which is complete
+"""
 
 from __future__ import annotations
 
@@ -9,7 +15,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from runtime.document import dump_yaml
 from runtime.experiments.design import own_value
 from runtime.experiments.execution import (
     INDEX,
@@ -24,6 +29,7 @@ from runtime.experiments.execution import (
     open_folder,
     read_plan,
     run_trials,
+    write_plan,
 )
 from runtime.experiments.tuning.optimizer import Optimizer, Suggestion
 from runtime.experiments.tuning.plan import BASELINE, HELD_OUT, TUNING, TuningPlan
@@ -126,9 +132,7 @@ def _extend(plan: TuningPlan, folder: Path) -> None:
     with system_errors(f"write '{folder}'"):
         for name in (HELD_OUT, TUNING):
             (folder / name).unlink(missing_ok=True)
-        partial = folder / f".{PLAN}.partial"
-        partial.write_text(dump_yaml(plan.to_dict()), encoding="utf-8")
-        partial.replace(folder / PLAN)
+        write_plan(plan, folder)
 
 
 class _Runner:
@@ -181,6 +185,7 @@ class _Training:
     def run(self) -> None:
         """Try the baseline, then as many configurations as planned."""
         tuning, factors = self.plan.tuning, self.plan.design.factors
+        # The graph's own values first: a winner must beat them, not only the other candidates.
         own = Candidate(BASELINE, None)
         self._run_batch([own])
         optimizer = Optimizer(factors, tuning)

@@ -1,4 +1,8 @@
-"""Figures of a tuning: its history, which factors matter, the front, and slices along factors."""
+"""Figures of a tuning: its history, which factors matter, the front, and slices along factors.
+
+In: the folder of a tuning. Out: figures by name, ``history``, ``importance``, ``slices``, and
+``front`` with two objectives or more.
+"""
 
 from __future__ import annotations
 
