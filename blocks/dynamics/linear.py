@@ -195,9 +195,9 @@ class DiscreteStateSpace(_Matrices):
     x = State("n", name="x", doc="the state")
 
     def update(self, state: BlockState, t: float, input: Any) -> None:
-        following = self.following(state, input)
+        after = self.following(state, input)
         for i in range(len(state.x)):
-            state.x[i] = following[i]
+            state.x[i] = after[i]
 
 
 def _size(matrix: FloatArray) -> str:
