@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import tempfile
 from dataclasses import dataclass
+from functools import cache
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -51,8 +52,9 @@ def browser() -> str:
     return found
 
 
+@cache
 def load(page: Path) -> Loaded:
-    """Load a page and return its document once it stands."""
+    """Load a page, once for all tests, and return its document once it stands."""
     with tempfile.TemporaryDirectory() as profile:
         command = [browser(), *FLAGS, f"--user-data-dir={profile}", "--dump-dom", page.as_uri()]
         done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import pty
 import signal
@@ -13,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import is_hypothesis_test, settings
 
 from runtime.toolchain import VARIABLE, MissingCompilerError
 from tests.compilers import REASON
@@ -25,10 +27,32 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
 
+# A test may take long on a busy machine. The quick tests try a quarter of hypothesis' examples,
+# and the slow ones all of them, with the same tests.
+settings.register_profile("quick", deadline=None, max_examples=25)
+settings.register_profile("slow", deadline=None, max_examples=100)
+
+
 def pytest_configure(config: pytest.Config) -> None:
-    """Keep compiled code in a folder of the tests' own, for the workers of pytest-xdist as well."""
+    """Choose the number of examples, and a folder for compiled code that all workers share."""
+    settings.load_profile("quick" if config.option.markexpr == "not slow" else "slow")
     if config.cache is not None:
         os.environ.setdefault(VARIABLE, str(config.cache.mkdir("compiled")))
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Repeat tests with examples in the slow run; the marker selects them."""
+    if config.option.markexpr == "slow":
+        for item in items:
+            if is_hypothesis_test(getattr(item, "obj", None)):
+                item.add_marker(pytest.mark.slow)
+
+
+def pytest_collection_finish() -> None:
+    """Leave modules and collected tests out of what each garbage collection goes through."""
+    gc.collect()
+    gc.freeze()
 
 
 Run = Callable[..., "subprocess.CompletedProcess[str]"]
@@ -78,16 +102,14 @@ def launcher(script: Path) -> Iterator[Launcher | None]:
         yield started
 
 
-@pytest.fixture
-def cli(launcher: Launcher | None, script: Path, tmp_path: Path) -> Run:
-    """Runs a command in a process of its own, in an empty folder; returns the completed process.
+@pytest.fixture(scope="session")
+def run_in(launcher: Launcher | None, script: Path) -> Run:
+    """Runs a command in a process of its own, in a folder; returns the completed process.
 
     With options of ``subprocess.run``, such as ``env``, it is a new interpreter.
     """
 
-    def run(
-        *arguments: str, cwd: Path = tmp_path, **options: Any
-    ) -> subprocess.CompletedProcess[str]:
+    def run(cwd: Path, *arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
         command = [str(script), *arguments]
         if options or launcher is None:
             settings = {"cwd": cwd, "capture_output": True, "text": True, **options}
@@ -103,6 +125,16 @@ def cli(launcher: Launcher | None, script: Path, tmp_path: Path) -> Run:
                 stream.seek(0)
                 texts.append(stream.read().decode())
         return subprocess.CompletedProcess(command, code, *texts)
+
+    return run
+
+
+@pytest.fixture
+def cli(run_in: Run, tmp_path: Path) -> Run:
+    """Runs a command in an empty folder, as ``run_in`` does."""
+
+    def run(*arguments: str, **options: Any) -> subprocess.CompletedProcess[str]:
+        return run_in(options.pop("cwd", tmp_path), *arguments, **options)
 
     return run
 

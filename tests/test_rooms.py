@@ -42,6 +42,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.experiments.design", "runtime.experiments.processes"),
     ("runtime.experiments.execution",),
     ("runtime.experiments.analysis",),
+    ("runtime.experiments.analysis.figures",),
     ("runtime.experiments.analysis.sweep_plots", "runtime.experiments.analysis.ablation_plots"),
     ("runtime.experiments.tuning",),
     ("runtime.experiments.tuning.tuning_plots",),

@@ -163,9 +163,9 @@ class DisturbanceObserver(Compensator):
     ) -> None:
         turn, before = self._turn(state, error, reference), float(state.heading[0])
         if not math.isnan(before):
-            found = wrap(error[2] - before) / state.dt - float(state.applied[0])
+            disturbance = wrap(error[2] - before) / state.dt - float(state.applied[0])
             d = float(state.estimated[0])
-            d += learn * state.share * (found - d)
+            d += learn * state.share * (disturbance - d)
             state.estimated[0] = max(-self.limit, min(self.limit, d))
         state.applied[0] = turn
         if flush_due(t, state.dt):

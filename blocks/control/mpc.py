@@ -29,7 +29,7 @@ SLACK = 1e-9
 
 
 @dataclass(frozen=True)
-class Program:
+class QuadraticProgram:
     """A condensed quadratic program: minimise u'Hu/2 + (F x)'u subject to G u <= g.
 
     u (2 N,) holds v and omega in turn, for N steps. ``free`` is -H^-1 F (2 N, 3), ``rows`` is G
@@ -41,7 +41,9 @@ class Program:
     root: FloatArray
 
     @classmethod
-    def of(cls, a: FloatArray, b: FloatArray, q: FloatArray, r: FloatArray, steps: int) -> Program:
+    def of(
+        cls, a: FloatArray, b: FloatArray, q: FloatArray, r: FloatArray, steps: int
+    ) -> QuadraticProgram:
         """Eliminate the states of x_k+1 = A x_k + B u_k.
 
         The last state's weight solves the Riccati equation, so that without limits the first
@@ -167,7 +169,7 @@ class MPC(Tracker):
     def start(self, state: BlockState) -> None:
         step = self.horizon / self.steps
         a, b = linearised(self.v_r, 0.0, step, self.model)
-        state.program = Program.of(a, b, np.diag(self.q), np.diag(self.r), self.steps)
+        state.program = QuadraticProgram.of(a, b, np.diag(self.q), np.diag(self.r), self.steps)
         state.rates = np.array([self.v_rate, self.omega_rate])
         state.limits = np.array([self.v_max, self.omega_max])
         state.within = np.tile(state.rates * step, self.steps)

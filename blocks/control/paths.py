@@ -84,8 +84,10 @@ def interpolating_spline(u: FloatArray, points: FloatArray, degree: int, periodi
     n = len(spline.c) - wrap
     design = BSpline.design_matrix(u[:n], spline.t, degree).toarray()
     design[:, :wrap] += design[:, n:]
-    found = solve(design[:, :n], points[:n])
-    return BSpline(spline.t, np.concatenate((found, found[:wrap])), degree, spline.extrapolate)
+    coefficients = solve(design[:, :n], points[:n])
+    return BSpline(
+        spline.t, np.concatenate((coefficients, coefficients[:wrap])), degree, spline.extrapolate
+    )
 
 
 class _PathBlock(Block):

@@ -173,8 +173,8 @@ class MatchingPoint(Block):
             low = max(0, begin - reach)
             window = slice(low, begin + reach + 1)
         near = path[window]
-        found = _nearest(near, pose[0], pose[1])
-        index = low + found if isinstance(window, slice) else int(window[found])
+        nearest = _nearest(near, pose[0], pose[1])
+        index = low + nearest if isinstance(window, slice) else int(window[nearest])
         return self._matched(state, path, begin, index)
 
     def _matched(

@@ -13,7 +13,6 @@ from blocks.core.block import (
 )
 from blocks.core.declarations import BlockSpec
 from blocks.core.elementwise import Elementwise, check_flat, check_sized, spread_to
-from blocks.core.enabling import PartEnable
 from blocks.core.expression_reader import ExpressionError, parsed
 from blocks.core.expressions import (
     Expression,
@@ -50,6 +49,7 @@ from blocks.core.params import (
     show,
     size_of,
 )
+from blocks.core.part_enable import PartEnable
 from blocks.core.portable import arctan2, cos, directions, sin
 from blocks.core.scalar_functions import RESERVED, modulo, nearest
 from blocks.core.settings import Setting, SettingError

@@ -271,10 +271,10 @@ class Reader:
             bounds = [self.index(p) for p in (node.slice.lower, node.slice.upper)]
             if node.slice.step is not None:
                 self.fail(node, f"a range has no step, as in '{name}[0:2]'")
-            found = whole[bounds[0] : bounds[1]]
-            if not found:
+            components = whole[bounds[0] : bounds[1]]
+            if not components:
                 self.fail(node, f"the range is empty; '{name}' has {_counted(whole)}")
-            return found
+            return components
         index = self.index(node.slice)
         if not whole:
             self.fail(node, f"'{name}' has no components, since nothing is wired to it")
@@ -296,11 +296,11 @@ class Reader:
             self.fail(node, "an index is an integer, as in 'u[0]'")
         return value
 
-    def single(self, node: ast.expr, found: list[str], name: str) -> ast.expr:
-        if len(found) != 1:
-            message = f"'{name}' has {_counted(found)}; write one of them, as in '{name}[0]'"
+    def single(self, node: ast.expr, components: list[str], name: str) -> ast.expr:
+        if len(components) != 1:
+            message = f"'{name}' has {_counted(components)}; write one of them, as in '{name}[0]'"
             self.fail(node, message)
-        return _text(found[0])
+        return _text(components[0])
 
     def binary(self, node: ast.BinOp, depth: int) -> ast.expr:
         kind = type(node.op)
@@ -345,8 +345,8 @@ class Reader:
         if node.keywords or any(isinstance(part, ast.Starred) for part in node.args):
             self.fail(node, f"'{name}' takes plain arguments, as in '{name}(x)'")
         if name in VECTORS and len(node.args) == 1:
-            found = self.components(node.args[0])
-            parts = [_text(part) for part in found]
+            components = self.components(node.args[0])
+            parts = [_text(part) for part in components]
             return _over(name, parts)
         if name not in FUNCTIONS:
             self.unknown_function(function, name)

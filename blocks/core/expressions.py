@@ -22,7 +22,7 @@ from typing import Any
 
 from blocks.core.expression_reader import PARSING, Names, Reader, tree_of
 from blocks.core.scalar_functions import SCOPE
-from blocks.core.signals import Form
+from blocks.core.signals import SignalForm
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def read_expression(text: str, names: Names) -> Expression:
 
 
 def function_text(
-    expressions: Sequence[Expression], parameters: Sequence[str], form: Form | None = None
+    expressions: Sequence[Expression], parameters: Sequence[str], form: SignalForm | None = None
 ) -> str:
     """The source of a function of ``parameters`` that returns the values of expressions.
 
@@ -90,8 +90,8 @@ def function_from(source: str) -> Callable[..., Any]:
     with PARSING:
         code = compile(source, file, "exec", dont_inherit=True)
     exec(code, scope)
-    made: Callable[..., Any] = scope["expression"]
-    return made
+    function: Callable[..., Any] = scope["expression"]
+    return function
 
 
 def expression_function(

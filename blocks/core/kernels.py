@@ -27,11 +27,11 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from functools import cached_property
 from typing import Any, TypeVar
 
-Function = TypeVar("Function", bound=Callable[..., object])
+Kernel = TypeVar("Kernel", bound=Callable[..., object])
 MARK = "__kernel_of__"
 
 
-def kernel_of(method: Callable[..., object]) -> Callable[[Function], Function]:
+def kernel_of(method: Callable[..., object]) -> Callable[[Kernel], Kernel]:
     """Declare a function as the kernel of ``method``, the function object itself.
 
     Raises
@@ -39,7 +39,7 @@ def kernel_of(method: Callable[..., object]) -> Callable[[Function], Function]:
     TypeError : the parameters of the two differ.
     """
 
-    def bound(kernel: Function) -> Function:
+    def bound(kernel: Kernel) -> Kernel:
         wanted, got = (list(inspect.signature(f).parameters) for f in (method, kernel))
         if wanted != got:
             raise TypeError(
@@ -63,7 +63,7 @@ def has_kernels(cls: type) -> bool:
 
 
 def kernel_for(
-    cls: type, method: types.FunctionType, kept: Collection[str] = ()
+    cls: type, method: types.FunctionType, attributes: Collection[str] = ()
 ) -> types.FunctionType | None:
     """The kernel that replaces a method in a class; None if none is valid there.
 
@@ -79,7 +79,7 @@ def kernel_for(
     for owner in cls.__mro__:
         kernel = _declared(vars(owner), method)
         if kernel is not None:
-            return kernel if not _differences(cls, owner, method, kernel, kept) else None
+            return kernel if not _differences(cls, owner, method, kernel, attributes) else None
     return None
 
 
@@ -97,11 +97,11 @@ def _differences(
     owner: type,
     method: types.FunctionType,
     kernel: types.FunctionType,
-    kept: Collection[str],
+    attributes: Collection[str],
 ) -> set[str]:
     """Names that only one of the two depends on and that ``cls`` redefines."""
     alone = _relied_on(owner, method) ^ _relied_on(owner, kernel)
-    if not alone.isdisjoint(kept):
+    if not alone.isdisjoint(attributes):
         alone |= {"start"} | _relied_on(owner, *_defined(owner, "start"))
     return {
         name
@@ -112,13 +112,13 @@ def _differences(
 
 def _relied_on(owner: type, *functions: Any) -> set[str]:
     """All attributes that functions and, recursively, the methods among them name."""
-    found: set[str] = set()
+    names: set[str] = set()
     waiting = list(functions)
     while waiting:
-        for name in _names(waiting.pop()) - found:
-            found.add(name)
+        for name in _names(waiting.pop()) - names:
+            names.add(name)
             waiting += _defined(owner, name)
-    return found
+    return names
 
 
 def _defined(owner: type, name: str) -> list[Any]:

@@ -23,8 +23,8 @@ from blocks.core.signals import TYPES, FloatArray, SignalType, signal_type
 
 REQUIRED: Any = object()
 USUAL_ANGLES = {"rad": math.tau, "rad/s": 3.0 * math.tau}  # larger ones may be degrees
-Kind = Literal["float", "int", "bool", "str", "array", "signal", "texts", "numbers", "setting"]
-KINDS: dict[object, Kind] = {
+ParamKind = Literal["float", "int", "bool", "str", "array", "signal", "texts", "numbers", "setting"]
+KINDS: dict[object, ParamKind] = {
     float: "float",
     int: "int",
     bool: "bool",
@@ -40,7 +40,7 @@ _COMMA = re.compile(r"([-+]?\d+),(\d+)", re.ASCII)
 # Suggestions: the least similarity (0 to 1), the number of names that are compared in full, the
 # length that is compared, and the number of classes in which letters are counted.
 ALIKE, CANDIDATES, LONGEST, LETTERS = 0.6, 32, 100, 64
-Shape = tuple[int | str | None, ...]
+ArrayShape = tuple[int | str | None, ...]
 
 
 class ParameterError(ValueError):
@@ -67,10 +67,10 @@ class Param:
     below: float | None
     at_most: float | None
     choices: tuple[str, ...]
-    shapes: tuple[Shape, ...]
+    shapes: tuple[ArrayShape, ...]
     finite: bool
     name: str
-    kind: Kind = "float"
+    kind: ParamKind = "float"
     setting: type[Setting] | None = None
 
     @property
@@ -125,7 +125,7 @@ class Param:
         ]
         return " ".join([noun, " and ".join(bounds), self.unit]).replace("  ", " ").strip()
 
-    def bound(self, name: str, kind: Kind | type[Setting]) -> Param:
+    def bound(self, name: str, kind: ParamKind | type[Setting]) -> Param:
         """The declaration, completed by its name and annotation in the class body."""
         named = replace(self, name=self.name or name)
         if isinstance(kind, str):
@@ -170,13 +170,13 @@ class Param:
         """How to write the number that a text seems to mean."""
         if not isinstance(value, str):
             return ""
-        if found := _COMMA.fullmatch(value):
-            return f"; a decimal point is a dot: {found[1]}.{found[2]}"
-        found = _WITH_UNIT.fullmatch(value.strip())
-        if not found or self.kind not in ("float", "int", "array") or not self.unit:
+        if match := _COMMA.fullmatch(value):
+            return f"; a decimal point is a dot: {match[1]}.{match[2]}"
+        match = _WITH_UNIT.fullmatch(value.strip())
+        if not match or self.kind not in ("float", "int", "array") or not self.unit:
             return ""
-        if len(self.units) == 1 and self.unit.startswith("rad") and found[2].startswith("deg"):
-            return f"; in degrees, it is {found[1]}deg{self.unit.removeprefix('rad')}"
+        if len(self.units) == 1 and self.unit.startswith("rad") and match[2].startswith("deg"):
+            return f"; in degrees, it is {match[1]}deg{self.unit.removeprefix('rad')}"
         return f"; write the number alone, in {self.unit}"
 
     def _within(self, numbers: FloatArray) -> bool:
@@ -213,7 +213,7 @@ def param(
     below: float | None = None,
     at_most: float | None = None,
     choices: Iterable[str] = (),
-    shape: Shape | Sequence[Shape] = (),
+    shape: ArrayShape | Sequence[ArrayShape] = (),
     finite: bool = True,
     name: str = "",
 ) -> Any:
@@ -232,10 +232,10 @@ def param(
     finite : False accepts ``inf``.
     name : the name in graphs, if it differs from the attribute's.
     """
-    shapes: tuple[Shape, ...] = ()
+    shapes: tuple[ArrayShape, ...] = ()
     if shape:
         nested = isinstance(shape, list) or isinstance(shape[0], tuple)
-        shapes = cast("tuple[Shape, ...]", tuple(shape) if nested else (tuple(shape),))
+        shapes = cast("tuple[ArrayShape, ...]", tuple(shape) if nested else (tuple(shape),))
     return Param(
         default=default,
         doc=doc,
@@ -274,7 +274,7 @@ def maybe_degrees(value: Any, units: Sequence[str]) -> list[tuple[float, str]]:
     if isinstance(value, (list, tuple)):
         each = [units] * len(value) if len(units) != len(value) else [(unit,) for unit in units]
         pairs = zip(value, each, strict=True)
-        return [found for item, own in pairs for found in maybe_degrees(item, own)]
+        return [part for item, own in pairs for part in maybe_degrees(item, own)]
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
     limit = USUAL_ANGLES.get(units[0], math.inf) if len(units) == 1 else math.inf
     return [(float(value), units[0])] if is_number and limit < abs(value) < math.inf else []
@@ -416,10 +416,10 @@ def _texts(value: Any) -> tuple[str, ...]:
 def _numbers(value: Any) -> dict[str, float]:
     if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
         raise TypeError
-    found = {key: _float(item) for key, item in value.items()}
-    if not all(map(math.isfinite, found.values())):
+    numbers = {key: _float(item) for key, item in value.items()}
+    if not all(map(math.isfinite, numbers.values())):
         raise ValueError
-    return found
+    return numbers
 
 
 def _array(value: Any) -> FloatArray:

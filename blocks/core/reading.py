@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 from blocks.core.declarations import BlockSpec, DeclarationError, Evaluation, Input, Output, State
-from blocks.core.params import KINDS, Kind, Param, hint, param
+from blocks.core.params import KINDS, Param, ParamKind, hint, param
 from blocks.core.settings import Setting
 from blocks.core.signals import Same, Scalar, SignalType
 
@@ -30,24 +30,24 @@ def read_declarations(cls: type, own_sizes: bool = False, own_variables: bool = 
     ------
     DeclarationError : at the first inconsistency.
     """
-    found: dict[type, dict[str, Any]] = {Input: {}, Output: {}, State: {}, Param: {}}
+    declarations: dict[type, dict[str, Any]] = {Input: {}, Output: {}, State: {}, Param: {}}
     attributes: dict[str, str] = {}
     origins: dict[str, str] = {}
     hints = _annotations(cls)
-    for attribute, declared in _declared(cls, found):
+    for attribute, declared in _declared(cls, declarations):
         kind = type(declared)
         name = declared.name or attribute
         _check_name(cls, attribute, name, kind, origins)
         if kind is Param:
             declared = declared.bound(attribute, _kind(cls, attribute, hints.get(attribute)))
             attributes[name] = attribute
-        found[kind][name] = declared
-    inputs, outputs = found[Input], found[Output]
+        declarations[kind][name] = declared
+    inputs, outputs = declarations[Input], declarations[Output]
     spec = BlockSpec(
         inputs=inputs,
         outputs=outputs,
-        states=found[State],
-        params=found[Param],
+        states=declarations[State],
+        params=declarations[Param],
         attributes=attributes,
         evaluations=_output_methods(cls, inputs, outputs),
         update=_optional(cls, "update", {**inputs, **outputs}),
@@ -75,14 +75,14 @@ def read_params(cls: type) -> dict[str, Param]:
     DeclarationError : at the first inconsistency.
     """
     hints = _annotations(cls)
-    found = {
+    params = {
         declared.name or attribute: declared.bound(
             attribute, _kind(cls, attribute, hints.get(attribute))
         )
         for attribute, declared in _declared(cls, (Param,))
     }
-    _check_defaults(cls, found)
-    return found
+    _check_defaults(cls, params)
+    return params
 
 
 def _signal_param() -> Param:
@@ -137,7 +137,7 @@ def _check_name(cls: type, attribute: str, name: str, kind: type, origins: dict[
         )
 
 
-def _kind(cls: type, attribute: str, annotation: Any) -> Kind | type[Setting]:
+def _kind(cls: type, attribute: str, annotation: Any) -> ParamKind | type[Setting]:
     options: list[Any] = [annotation]
     if typing.get_origin(annotation) in (typing.Union, types.UnionType):
         options = [option for option in typing.get_args(annotation) if option is not type(None)]
@@ -290,14 +290,14 @@ def _evaluation(
 
 
 def _needs(cls: type, method: str, ports: Mapping[str, Any]) -> tuple[str, ...]:
-    found = inspect.signature(getattr(cls, method)).parameters
-    names = list(found)
+    parameters = inspect.signature(getattr(cls, method)).parameters
+    names = list(parameters)
     if len(names) < 3 or names[1:3] != ["state", "t"]:
         raise DeclarationError(f"{cls.__name__}.{method} must start with (self, state, t, ...)")
     for name in names[3:]:
-        if found[name].kind is not inspect.Parameter.POSITIONAL_OR_KEYWORD:
+        if parameters[name].kind is not inspect.Parameter.POSITIONAL_OR_KEYWORD:
             raise DeclarationError(
-                f"{cls.__name__}.{method}: name each port, in place of {found[name]}; "
+                f"{cls.__name__}.{method}: name each port, in place of {parameters[name]}; "
                 "an input that takes many wires comes as one tuple"
             )
         if name not in ports:

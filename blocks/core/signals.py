@@ -32,9 +32,9 @@ IntArray = npt.NDArray[np.intp]
 BoolArray = npt.NDArray[np.bool_]
 TwistValue = tuple[float, float]
 PoseValue = tuple[float, float, float]
-Value = float | tuple[float, ...] | FloatArray
+SignalValue = float | tuple[float, ...] | FloatArray
 Length = int | str | None
-Form = Literal["scalar", "record", "array"]
+SignalForm = Literal["scalar", "record", "array"]
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class SignalType:
     """
 
     name: str
-    form: Form
+    form: SignalForm
     components: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
     length: Length = None
@@ -79,7 +79,7 @@ class SignalType:
         """The same type with another length."""
         return replace(self, length=length)
 
-    def pack(self, array: FloatArray) -> Value:
+    def pack(self, array: FloatArray) -> SignalValue:
         """Turn an array of this type's shape into a signal value (arrays are copied)."""
         if self.form == "scalar":
             return float(array)
@@ -87,11 +87,11 @@ class SignalType:
             return tuple(array.tolist())
         return array.copy()
 
-    def filled(self, number: float) -> Value:
+    def filled(self, number: float) -> SignalValue:
         """The value whose components are all one number."""
         return self.pack(np.full(self.shape, number))
 
-    def zero(self) -> Value:
+    def zero(self) -> SignalValue:
         """The value whose components are all zero."""
         return self.filled(0.0)
 

@@ -79,8 +79,8 @@ class Variant(Setting):
         if isinstance(name, type) and issubclass(name, cls):
             return name(**values)
         if isinstance(name, str) and name in cls.members:
-            made: Any = cls.members[name](**values)
-            return made  # type: ignore[no-any-return]
+            instance: Any = cls.members[name](**values)
+            return instance  # type: ignore[no-any-return]
         where = cls.key if isinstance(written, dict) else ""
         try:
             offered = cls._offered(name)
@@ -99,8 +99,8 @@ class Variant(Setting):
         """The class that a package offers under a name."""
         if cls.installed is None or not isinstance(name, str):
             return None
-        found: Any = cls.installed.find(name)
-        return found  # type: ignore[no-any-return]
+        offered: Any = cls.installed.find(name)
+        return offered  # type: ignore[no-any-return]
 
     @classmethod
     def forms(cls) -> Mapping[str, str]:

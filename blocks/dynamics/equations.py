@@ -36,17 +36,17 @@ class Equations:
 
     def problems(self) -> list[tuple[str, str]]:
         """What is wrong with the names, by parameter."""
-        found = []
+        problems = []
         if self.states and len(self.states) != self.count:
             message = f"expected {self.count} name(s), one per state, got {len(self.states)}"
-            found.append(("states", message))
+            problems.append(("states", message))
         names = [*self.states, *self.constants]
         for name in names:
             bad = not (name.isidentifier() and name.isascii()) or name in RESERVED | {"t", "u"}
             if bad or names.count(name) > 1:
                 place = "states" if name in self.states else "constants"
-                found.append((place, f"the name '{name}' is not valid, taken, or given twice"))
-        return found
+                problems.append((place, f"the name '{name}' is not valid, taken, or given twice"))
+        return problems
 
     def read(self, parameter: str, text: str, inputs: int) -> Expression:
         """One expression of a parameter, with so many components in u.

@@ -67,17 +67,17 @@ class _System(Block, ABC):
 
     def problems(self) -> list[tuple[str, str]]:
         """What is wrong, apart from the expressions."""
-        found = []
+        problems = []
         count = len(self.changes)
         if self.initial.size != count:
             message = f"expected {count} number(s), one per state, got {self.initial.size}"
-            found.append(("initial", message))
-        found += self.equations.problems()
+            problems.append(("initial", message))
+        problems += self.equations.problems()
         if self.resolved.symbol or self.resolved.shape != (
             () if self.width == 1 else (self.width,)
         ):
-            found.append(("signal", f"expected a type of {self.width} components"))
-        return found
+            problems.append(("signal", f"expected a type of {self.width} components"))
+        return problems
 
     def validate(self) -> None:
         problems = self.problems()
@@ -163,22 +163,22 @@ class DynamicSystem(_System):
         return self.rates
 
     def problems(self) -> list[tuple[str, str]]:
-        found = super().problems()
+        problems = super().problems()
         if (self.when is None) != (self.then is None):
             missing = "then" if self.then is None else "when"
-            found.append((missing, "missing; an event has 'when' and 'then'"))
+            problems.append((missing, "missing; an event has 'when' and 'then'"))
         elif self.then is not None and len(self.then) != len(self.rates):
             count = len(self.rates)
             message = f"expected {count} expression(s), one per state, got {len(self.then)}"
-            found.append(("then", message))
-        return found
+            problems.append(("then", message))
+        return problems
 
     @property
     def written(self) -> list[tuple[str, str]]:
-        found = [("derivative", text) for text in self.rates]
-        found += [("output", text) for text in self.results or ()]
-        found += [("when", self.when)] if self.when is not None else []
-        return found + [("then", text) for text in self.then or ()]
+        expressions = [("derivative", text) for text in self.rates]
+        expressions += [("output", text) for text in self.results or ()]
+        expressions += [("when", self.when)] if self.when is not None else []
+        return expressions + [("then", text) for text in self.then or ()]
 
     def start(self, state: BlockState) -> None:
         super().start(state)
@@ -233,8 +233,8 @@ class DiscreteSystem(_System):
 
     @property
     def written(self) -> list[tuple[str, str]]:
-        found = [("next", text) for text in self.following]
-        return found + [("output", text) for text in self.results or ()]
+        expressions = [("next", text) for text in self.following]
+        return expressions + [("output", text) for text in self.results or ()]
 
     def start(self, state: BlockState) -> None:
         super().start(state)

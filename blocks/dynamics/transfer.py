@@ -43,8 +43,8 @@ class _Rational(ContinuousSystem, ABC):
         numerator, denominator = self.rational
         a = denominator / denominator[0]
         b = np.zeros(len(a))
-        kept = np.trim_zeros(numerator, "f")
-        b[len(a) - len(kept) :] = kept / denominator[0]
+        significant = np.trim_zeros(numerator, "f")
+        b[len(a) - len(significant) :] = significant / denominator[0]
         # A system without states, a gain, has one that stays zero.
         n = max(1, len(a) - 1)
         transition, inputs = np.eye(n, k=-1), np.zeros((n, 1))
@@ -162,8 +162,8 @@ class Butterworth(_Rational):
         from scipy.signal import butter
 
         edges = 2.0 * np.pi * self.cutoff.reshape(-1)
-        given = edges if len(edges) == 2 else edges[0]
-        numerator, denominator = butter(self.order, given, self.band, analog=True)
+        band = edges if len(edges) == 2 else edges[0]
+        numerator, denominator = butter(self.order, band, self.band, analog=True)
         return np.asarray(numerator), np.asarray(denominator)
 
 
@@ -208,10 +208,10 @@ class Derivative(Block):
     def output(self, state: BlockState, t: float, input: Any) -> Any:
         if state.form == "scalar":
             return float((input - state.cells[0]) / self.tau)
-        found = self.slopes(state, input)
+        rates = self.slopes(state, input)
         if state.form == "array":
-            return found
-        return state.pack(found)
+            return rates
+        return state.pack(rates)
 
     def derivative(self, state: BlockState, t: float, input: Any) -> Any:
         if state.form == "scalar":
@@ -221,9 +221,9 @@ class Derivative(Block):
 
 def _polynomial(real: FloatArray | None, pairs: FloatArray | None) -> FloatArray:
     """The polynomial with these roots, the highest power first."""
-    found = np.ones(1)
+    polynomial = np.ones(1)
     for root in () if real is None else real:
-        found = np.convolve(found, [1.0, -root])
+        polynomial = np.convolve(polynomial, [1.0, -root])
     for re, im in () if pairs is None else pairs:
-        found = np.convolve(found, [1.0, -2.0 * re, re * re + im * im])
-    return found
+        polynomial = np.convolve(polynomial, [1.0, -2.0 * re, re * re + im * im])
+    return polynomial

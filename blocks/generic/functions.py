@@ -118,16 +118,16 @@ class Function(Block):
         parts = [f"u[{places.index(i)}]" if i in places else "0.0" for i in range(count)]
         own = dict(zip(self.names or (), parts, strict=False))
         own |= {name: f"c[{i}]" for i, name in enumerate(self.constants or ())}
-        found = []
+        expressions = []
         for number, text in enumerate(self.expression):
             try:
-                found.append(read_expression(text, {"u": parts, "t": "t", **own}))
+                expressions.append(read_expression(text, {"u": parts, "t": "t", **own}))
             except ExpressionError as error:
                 which = f"number {number}, " if len(self.expression) > 1 else ""
                 short = text if len(text) <= 60 else text[:57] + "..."
                 message = f"{which}column {error.column} of '{short}': {error.message}"
                 raise ParameterError([("expression", message)]) from None
-        return found
+        return expressions
 
     def start(self, state: BlockState) -> None:
         flags = state.context.terms["u"]

@@ -24,7 +24,7 @@ from blocks.core import (
     WheelSpeeds,
     param,
 )
-from blocks.mujoco.model import SEEN_GROUP, BeamCaster, VacuumBody, engine, model_of
+from blocks.mujoco.robot_model import SEEN_GROUP, BeamCaster, VacuumBody, engine, model_of
 from blocks.mujoco.solid_walls import wall_pieces
 from blocks.vehicle import INTEGRATORS
 from blocks.world import bearings, misplaced, required_world

@@ -14,8 +14,8 @@ from blocks.neural.lif import LIF, AdaptiveLIF, LIFRate
 from blocks.neural.models import Izhikevich, ReLU, Sigmoid, SpikingReLU, Tanh
 from blocks.neural.mrac import MRAC
 from blocks.neural.neurons import NeuronModel
+from blocks.neural.published_tuning import PLACES, Tuning, table_shape
 from blocks.neural.synapses import Synapse
-from blocks.neural.tuning import PLACES, Tuning, table_shape
 from blocks.neural.weights import Weights
 
 __all__ = ["LIF", "MRAC", "PLACES", "AdaptiveBias", "AdaptiveEnsemble", "AdaptiveLIF", "Decoder"]

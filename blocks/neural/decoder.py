@@ -21,10 +21,10 @@ from blocks.core import (
     param,
 )
 from blocks.core.portable import flush, flush_due
+from blocks.neural.published_tuning import Tuning
 from blocks.neural.rules import DecoderRule, follow, pes_step, rls_step, share_of
 from blocks.neural.solving import Solved, decode
 from blocks.neural.synapses import Synapse, passed, remember
-from blocks.neural.tuning import Tuning
 
 
 @final
@@ -63,15 +63,15 @@ class Decoder(Solved):
         return {**super().sizes(), "order": order}
 
     def infer(self, lengths: Mapping[str, int]) -> Mapping[str, int]:
-        found = dict(super().infer(lengths))
-        known = {**lengths, **found}
+        inferred = dict(super().infer(lengths))
+        known = {**lengths, **inferred}
         learns = self.learning is not None
         if "n" in known:
-            found["active"] = known["n"] if learns or self.filter == "spikes" else 0
-            found["squared"] = known["n"] if learns and self._rule == "rls" else 0
+            inferred["active"] = known["n"] if learns or self.filter == "spikes" else 0
+            inferred["squared"] = known["n"] if learns and self._rule == "rls" else 0
         if "k" in known:
-            found["errors"] = known["k"] if learns else 0
-        return found
+            inferred["errors"] = known["k"] if learns else 0
+        return inferred
 
     @property
     def _rule(self) -> str:
@@ -117,8 +117,8 @@ class Decoder(Solved):
             state.quick = float(b[0])
 
     def facts(self, state: BlockState) -> Mapping[str, float]:
-        found = {"synapses": float(state.weights.size)}
-        return found if math.isnan(state.error) else {**found, "rmse": state.error}
+        facts = {"synapses": float(state.weights.size)}
+        return facts if math.isnan(state.error) else {**facts, "rmse": state.error}
 
     def output(self, state: BlockState, t: float, spikes: FloatArray) -> FloatArray:
         if state.by_spikes:

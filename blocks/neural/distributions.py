@@ -33,41 +33,43 @@ class _Kind:
     most: int
 
 
-def _uniform(rng: np.random.Generator, n: int, d: int, given: tuple[Any, ...]) -> FloatArray:
-    return np.asarray(rng.uniform(given[0], given[1], (n, d)))
+def _uniform(rng: np.random.Generator, n: int, d: int, arguments: tuple[Any, ...]) -> FloatArray:
+    return np.asarray(rng.uniform(arguments[0], arguments[1], (n, d)))
 
 
-def _normal(rng: np.random.Generator, n: int, d: int, given: tuple[Any, ...]) -> FloatArray:
-    return np.asarray(rng.normal(given[0], given[1], (n, d)))
+def _normal(rng: np.random.Generator, n: int, d: int, arguments: tuple[Any, ...]) -> FloatArray:
+    return np.asarray(rng.normal(arguments[0], arguments[1], (n, d)))
 
 
-def _exponential(rng: np.random.Generator, n: int, d: int, given: tuple[Any, ...]) -> FloatArray:
-    shift = given[1] if len(given) > 1 else 0.0
-    high = given[2] if len(given) > 2 else math.inf
-    drawn: FloatArray = shift + rng.exponential(given[0], (n, d))
+def _exponential(
+    rng: np.random.Generator, n: int, d: int, arguments: tuple[Any, ...]
+) -> FloatArray:
+    shift = arguments[1] if len(arguments) > 1 else 0.0
+    high = arguments[2] if len(arguments) > 2 else math.inf
+    drawn: FloatArray = shift + rng.exponential(arguments[0], (n, d))
     return np.asarray(np.minimum(drawn, np.nextafter(high, -math.inf)))
 
 
-def _choice(rng: np.random.Generator, n: int, d: int, given: tuple[Any, ...]) -> FloatArray:
-    options = np.array(given[0], dtype=float)
+def _choice(rng: np.random.Generator, n: int, d: int, arguments: tuple[Any, ...]) -> FloatArray:
+    options = np.array(arguments[0], dtype=float)
     options = options.reshape(len(options), -1)
     chosen: FloatArray = options[rng.integers(0, len(options), n)]
     return chosen
 
 
-def _sphere(rng: np.random.Generator, n: int, d: int, given: tuple[Any, ...]) -> FloatArray:
+def _sphere(rng: np.random.Generator, n: int, d: int, arguments: tuple[Any, ...]) -> FloatArray:
     points = rng.standard_normal((n, d))
     return np.asarray(points / np.linalg.norm(points, axis=1, keepdims=True))
 
 
-def _ball(rng: np.random.Generator, n: int, d: int, given: tuple[Any, ...]) -> FloatArray:
+def _ball(rng: np.random.Generator, n: int, d: int, arguments: tuple[Any, ...]) -> FloatArray:
     points = _sphere(rng, n, d, ())
     return np.asarray(points * rng.uniform(0.0, 1.0, (n, 1)) ** (1.0 / d))
 
 
-def _cosine(rng: np.random.Generator, n: int, d: int, given: tuple[Any, ...]) -> FloatArray:
+def _cosine(rng: np.random.Generator, n: int, d: int, arguments: tuple[Any, ...]) -> FloatArray:
     """The cosine of the angle between two random directions in so many dimensions."""
-    of = given[0]
+    of = arguments[0]
     square = rng.beta(0.5, 0.5 * (of - 1.0), (n, d))
     return np.asarray(np.sqrt(square) * rng.choice((-1.0, 1.0), (n, d)))
 
@@ -94,8 +96,8 @@ class Distribution(Setting):
 
     expected: ClassVar[str] = "a number, an array, or a distribution such as uniform(-1, 1)"
 
-    def __init__(self, kind: str = "", given: tuple[Any, ...] = (), fixed: Any = None) -> None:
-        self.kind, self.given = kind, given
+    def __init__(self, kind: str = "", arguments: tuple[Any, ...] = (), fixed: Any = None) -> None:
+        self.kind, self.arguments = kind, arguments
         self.fixed: FloatArray | None = None if fixed is None else np.array(fixed, dtype=float)
         if self.fixed is not None:
             self.fixed.setflags(write=False)
@@ -131,36 +133,36 @@ class Distribution(Setting):
             message = f"expected a number, an array or one of {known}, got {show(text)}{near}"
             raise SettingError([("", message)])
         kind = KINDS[match[1]]
-        given = _arguments(match[2] or "", text)
+        arguments = _arguments(match[2] or "", text)
         least, most = kind.least, kind.most
-        if match[1] == "cosine" and not given:
+        if match[1] == "cosine" and not arguments:
             least = 0  # an ensemble then takes its own number of dimensions plus two
-        if not least <= len(given) <= most:
+        if not least <= len(arguments) <= most:
             raise SettingError([("", f"expected {kind.form}, got {show(text)}")])
-        made = cls(match[1], given)
-        problem = made._wrong()
+        distribution = cls(match[1], arguments)
+        problem = distribution._wrong()
         if problem:
             raise SettingError([("", f"{problem}, got {show(text)}")])
-        return made
+        return distribution
 
     def _wrong(self) -> str:
-        given, kind = self.given, self.kind
+        arguments, kind = self.arguments, self.kind
         if kind == "choice":
-            options = given[0]
+            options = arguments[0]
             if not isinstance(options, list) or not options:
                 return "expected choice([a, b, ...]) with one entry or more"
             if len({len(o) if isinstance(o, list) else 0 for o in options}) > 1:
                 return "expected entries of one length"
             return ""
-        if any(isinstance(number, list) for number in given):
+        if any(isinstance(number, list) for number in arguments):
             return f"expected {KINDS[kind].form} with numbers"
-        if kind == "uniform" and given[0] > given[1]:
+        if kind == "uniform" and arguments[0] > arguments[1]:
             return "expected uniform(low, high) with low at most high"
-        if kind == "normal" and given[1] < 0.0:
+        if kind == "normal" and arguments[1] < 0.0:
             return "expected a deviation of 0 or more"
-        if kind == "exponential" and given[0] <= 0.0:
+        if kind == "exponential" and arguments[0] <= 0.0:
             return "expected a scale above 0"
-        if kind == "cosine" and given and given[0] < 2.0:
+        if kind == "cosine" and arguments and arguments[0] < 2.0:
             return "expected cosine(dimensions) with 2 dimensions or more"
         return ""
 
@@ -172,8 +174,12 @@ class Distribution(Setting):
         ValueError : given numbers do not have this shape.
         """
         if self.fixed is None:
-            given = (dimensions + 2.0,) if self.kind == "cosine" and not self.given else self.given
-            drawn = KINDS[self.kind].draw(rng, n, d, given)
+            arguments = (
+                (dimensions + 2.0,)
+                if self.kind == "cosine" and not self.arguments
+                else self.arguments
+            )
+            drawn = KINDS[self.kind].draw(rng, n, d, arguments)
             if drawn.shape != (n, d):
                 raise ValueError(f"expected entries of {d} numbers, got {drawn.shape[1]}")
             return drawn
@@ -188,8 +194,8 @@ class Distribution(Setting):
     def written(self) -> Any:
         if self.fixed is not None:
             return plain(self.fixed)
-        inside = ", ".join(_shown(value) for value in self.given)
-        return f"{self.kind}({inside})" if self.given else self.kind
+        inside = ", ".join(_shown(value) for value in self.arguments)
+        return f"{self.kind}({inside})" if self.arguments else self.kind
 
 
 def _shown(value: Any) -> str:
@@ -200,8 +206,8 @@ def _shown(value: Any) -> str:
 
 def _arguments(text: str, whole: str) -> tuple[Any, ...]:
     """Numbers and lists of numbers, separated by commas."""
-    found: list[Any] = []
-    stack = [found]
+    arguments: list[Any] = []
+    stack = [arguments]
     at, wants_value = 0, True
     text = text.strip()
     while at < len(text):
@@ -223,6 +229,6 @@ def _arguments(text: str, whole: str) -> tuple[Any, ...]:
         else:
             break
     else:
-        if len(stack) == 1 and not (wants_value and found):
-            return tuple(found)
+        if len(stack) == 1 and not (wants_value and arguments):
+            return tuple(arguments)
     raise SettingError([("", f"expected numbers separated by commas, got {show(whole)}")])

@@ -25,8 +25,8 @@ from blocks.core import (
 from blocks.core.portable import flush, flush_due
 from blocks.neural.distributions import Distribution
 from blocks.neural.neurons import NeuronModel
+from blocks.neural.published_tuning import Tuning
 from blocks.neural.rules import EncoderRule, Voja, follow, share_of, voja_step
-from blocks.neural.tuning import Tuning
 
 # From this many dimensions, one product is faster than a loop over them.
 MANY_DIMENSIONS = 4
@@ -109,22 +109,22 @@ class Ensemble(Block):
     activity = State("learners", unit="1/s", doc="filtered spikes s, of a learning rule")
 
     def sizes(self) -> dict[str, int]:
-        found = {"neurons": self.neurons}
+        sizes = {"neurons": self.neurons}
         if self.groups:
-            found |= {"groups": self.groups, "total": self.neurons * self.groups}
+            sizes |= {"groups": self.groups, "total": self.neurons * self.groups}
         if self.dimensions is not None:
-            found["d"] = self.dimensions
-        return found
+            sizes["d"] = self.dimensions
+        return sizes
 
     def infer(self, lengths: Mapping[str, int]) -> Mapping[str, int]:
         groups = self.groups or lengths.get("d", 0)
         total = groups * self.neurons
-        found = {"groups": groups, "total": total} if groups else {}
+        inferred = {"groups": groups, "total": total} if groups else {}
         if groups:
-            found["learners"] = 0 if self.learning is None else total
+            inferred["learners"] = 0 if self.learning is None else total
         if "d" in lengths:
-            found["per_group"] = max(1, lengths["d"] // groups)
-        return found
+            inferred["per_group"] = max(1, lengths["d"] // groups)
+        return inferred
 
     def validate(self) -> None:
         if (self.gain is None) != (self.bias is None):
@@ -188,9 +188,9 @@ class Ensemble(Block):
         n = self.neurons * groups
         problems: list[tuple[str, str]] = []
 
-        def draw(name: str, given: Distribution, columns: int = 1) -> FloatArray:
+        def draw(name: str, distribution: Distribution, columns: int = 1) -> FloatArray:
             try:
-                drawn = given.draw(rng, n, columns, dimensions=d)
+                drawn = distribution.draw(rng, n, columns, dimensions=d)
             except ValueError as error:
                 problems.append((name, str(error)))
                 return np.full((n, columns), 0.5)

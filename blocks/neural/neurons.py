@@ -24,7 +24,7 @@ import numpy as np
 
 from blocks.core import FloatArray, Variant
 
-Step = Callable[..., None]
+NeuronStep = Callable[..., None]
 SETTLING, COUNTING, TABLE = 0.1, 1.0, 800
 STEP = ["dt", "current", "spikes", "voltage", "refractory", "recovery", "constants"]
 
@@ -40,7 +40,7 @@ class NeuronModel(Variant, root=True, group="spikeblocks.neurons"):
     spiking: ClassVar[bool] = True
     initial_voltage: ClassVar[str] = "uniform(0, 1)"
     initial_recovery: ClassVar[float] = 0.0
-    step: ClassVar[Step]
+    step: ClassVar[NeuronStep]
 
     def wrong(self) -> list[tuple[str, str]]:
         """Why the class itself is no neuron model."""
@@ -106,8 +106,8 @@ class NeuronModel(Variant, root=True, group="spikeblocks.neurons"):
             high[short] *= 2.0
         for _ in range(60):
             middle = 0.5 * (low + high)
-            found = self.rates(middle)
-            reached = found > rates if above else found >= rates
+            middle_rates = self.rates(middle)
+            reached = middle_rates > rates if above else middle_rates >= rates
             low, high = np.where(reached, low, middle), np.where(reached, middle, high)
         return high
 

@@ -23,11 +23,11 @@ from blocks.core import (
     kernel_of,
     param,
 )
+from blocks.neural.decoded_function import DecodedFunction, PointError
+from blocks.neural.decoder_solvers import DecoderSolver, SingularError, rmse
 from blocks.neural.distributions import Distribution
 from blocks.neural.ensemble import Ensemble
-from blocks.neural.functions import DecodedFunction, PointError
-from blocks.neural.solvers import SingularError, Solver, rmse
-from blocks.neural.tuning import Tuning
+from blocks.neural.published_tuning import Tuning
 
 LEAST_POINTS, MOST_POINTS, POINTS_PER_DIMENSION, MANY_POINTS = 750, 2500, 500, 4000
 
@@ -51,7 +51,7 @@ class Solved(Block, ABC):
         None, doc="points to solve on, per radius, a row each; default drawn within the radius"
     )
     points: int | None = param(None, at_least=1, doc="number of points; default by size")
-    solver: Solver = param("l2", doc="solver of the weights")
+    solver: DecoderSolver = param("l2", doc="solver of the weights")
 
     weights = State("rows", "n", doc="decoding weights W, per group")
 
@@ -145,17 +145,19 @@ class Solved(Block, ABC):
 
     def _points(self, rng: np.random.Generator, n: int, d: int, radius: float) -> FloatArray:
         """Evaluation points (m, d)."""
-        given = self.eval_points
-        if given is None:
-            given = Distribution("ball")
-        elif given.fixed is not None and given.fixed.size > 1:
-            rows = given.fixed if given.fixed.ndim == 2 else given.fixed[:, None]
+        distribution = self.eval_points
+        if distribution is None:
+            distribution = Distribution("ball")
+        elif distribution.fixed is not None and distribution.fixed.size > 1:
+            rows = (
+                distribution.fixed if distribution.fixed.ndim == 2 else distribution.fixed[:, None]
+            )
             if rows.shape[1] != d:
                 raise ValueError(f"expected rows of {d} numbers, got {rows.shape[1]}")
             return rows * radius
         count = min(max(POINTS_PER_DIMENSION * d, LEAST_POINTS), MOST_POINTS)
         count = max(count, min(2 * n, MANY_POINTS)) if self.points is None else self.points
-        return given.draw(rng, count, d) * radius
+        return distribution.draw(rng, count, d) * radius
 
     def _solve(self, state: BlockState, tuning: Tuning) -> None:
         """Solve the weights of each group, and note the error on the points."""

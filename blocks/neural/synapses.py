@@ -37,7 +37,7 @@ class Synapse(Variant, root=True):
         if written is None:
             written = "none"
         if isinstance(written, (int, float)) and not isinstance(written, bool):
-            return Lowpass(tau=written)
+            return LowpassSynapse(tau=written)
         if isinstance(written, str) and written.endswith(")"):
             name, _, inside = written[:-1].partition("(")
             kind = cls.members.get(name.strip())
@@ -56,7 +56,7 @@ class Synapse(Variant, root=True):
 
     def written(self) -> Any:
         values = [self.__dict__[name] for name in self.declared]
-        if isinstance(self, Lowpass):
+        if isinstance(self, LowpassSynapse):
             return self.tau
         return f"{self.label}({', '.join(f'{v:g}' for v in values)})" if values else self.label
 
@@ -72,16 +72,16 @@ class Synapse(Variant, root=True):
 
         def run(rows: FloatArray) -> None:
             for row in rows:
-                found = passed(memory, a, b, row)
-                remember(memory, a, b, row, found)
-                row[:] = found
+                output = passed(memory, a, b, row)
+                remember(memory, a, b, row, output)
+                row[:] = output
                 if next(taken) % SELDOM == 0:
                     flush(memory)
 
         return run
 
 
-class Lowpass(Synapse, label="lowpass"):
+class LowpassSynapse(Synapse, label="lowpass"):
     """1 / (tau s + 1)."""
 
     tau: float = param(unit="s", above=0.0, doc="time constant")
@@ -114,7 +114,7 @@ class _TwoPoles(Synapse, abstract=True):
         return stepped[:2, :2].copy(), stepped[:2, 2].copy()
 
 
-class Alpha(_TwoPoles, label="alpha"):
+class AlphaSynapse(_TwoPoles, label="alpha"):
     """1 / (tau s + 1)^2."""
 
     tau: float = param(unit="s", above=0.0, doc="time constant of both poles")
@@ -123,7 +123,7 @@ class Alpha(_TwoPoles, label="alpha"):
         return 2.0 / self.tau, 1.0 / self.tau**2
 
 
-class SecondOrder(_TwoPoles, label="second_order"):
+class SecondOrderSynapse(_TwoPoles, label="second_order"):
     """omega^2 / (s^2 + 2 damping omega s + omega^2)."""
 
     omega: float = param(unit="rad/s", above=0.0, doc="natural frequency")
@@ -167,11 +167,11 @@ def passed(memory: FloatArray, a: FloatArray, b: FloatArray, value: FloatArray) 
 
 
 def remember(
-    memory: FloatArray, a: FloatArray, b: FloatArray, value: FloatArray, found: FloatArray
+    memory: FloatArray, a: FloatArray, b: FloatArray, value: FloatArray, output: FloatArray
 ) -> None:
     """Advance a synapse's state, given its input and what :func:`passed` made of it."""
     if len(b) == 1:
-        memory[0] = found
+        memory[0] = output
     elif len(b) == 2:
         memory[0] = a[0, 0] * memory[0] + a[0, 1] * memory[1] + b[0] * value
-        memory[1] = found
+        memory[1] = output

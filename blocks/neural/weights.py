@@ -58,10 +58,10 @@ class Weights(Block):
     theta = State("m", unit="1/s", doc="threshold of bcm")
 
     def sizes(self) -> dict[str, int]:
-        found = {"order": self.synapse.order}
+        sizes = {"order": self.synapse.order}
         if self.initial.fixed is not None and self.initial.fixed.ndim == 2:
-            found["m"], found["n"] = self.initial.fixed.shape
-        return found
+            sizes["m"], sizes["n"] = self.initial.fixed.shape
+        return sizes
 
     def validate_in(self, context: BlockContext) -> None:
         wires = len(context.terms["post"])

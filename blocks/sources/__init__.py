@@ -2,7 +2,7 @@
 
 from blocks.sources.noise import PinkNoise, RandomWalk, WhiteNoise, WhiteSignal
 from blocks.sources.recorded import FromFile
-from blocks.sources.tables import Piecewise
+from blocks.sources.time_tables import Piecewise
 from blocks.sources.waveforms import Chirp, Clock, Pulse, Ramp, Sine, Step
 
 __all__ = ["Chirp", "Clock", "FromFile", "Piecewise", "Pulse", "Ramp", "RandomWalk", "Sine"]

@@ -22,11 +22,11 @@ from blocks.core import (
     hint,
     param,
 )
-from blocks.sources.tables import METHODS, Table, check_times
+from blocks.sources.time_tables import METHODS, Table, check_times
 
 MAX_BYTES = 64 * 2**20
 TIMES = ("time", "t")
-Columns = dict[str, FloatArray]
+RecordedColumns = dict[str, FloatArray]
 
 
 class FromFile(Table):
@@ -102,45 +102,47 @@ class FromFile(Table):
             raise ParameterError([("file", message)])
         content = self.content
         try:
-            found = _csv(content) if suffix == ".csv" else _npz(content)
+            columns = _csv(content) if suffix == ".csv" else _npz(content)
         except ValueError as error:
             raise ParameterError([("file", f"{Path(self.path).name}: {error}")]) from None
-        times = self._times(found)
-        names = self._names(found, times)
-        short = [name for name in names if len(found[name]) != len(found[times])]
+        times = self._times(columns)
+        names = self._names(columns, times)
+        short = [name for name in names if len(columns[name]) != len(columns[times])]
         if short:
-            message = f"expected {len(found[times])} values, one per time, got "
-            raise ParameterError([("columns", f"{message}{len(found[short[0]])} of '{short[0]}'")])
-        table = np.column_stack([found[name] for name in names])
+            message = f"expected {len(columns[times])} values, one per time, got "
+            raise ParameterError(
+                [("columns", f"{message}{len(columns[short[0]])} of '{short[0]}'")]
+            )
+        table = np.column_stack([columns[name] for name in names])
         for name in (times, *names):
-            _check_finite(found[name], name)
-        return found[times], table[:, 0] if table.shape[1] == 1 else table
+            _check_finite(columns[name], name)
+        return columns[times], table[:, 0] if table.shape[1] == 1 else table
 
-    def _times(self, found: Columns) -> str:
+    def _times(self, columns: RecordedColumns) -> str:
         """The name of the column with the times."""
         if self.time is not None:
-            self._check_known("time", self.time, found)
+            self._check_known("time", self.time, columns)
             return self.time
         own = [f"{name}.time" for name in self.columns or ()]
-        return next((name for name in (*own, *TIMES) if name in found), next(iter(found)))
+        return next((name for name in (*own, *TIMES) if name in columns), next(iter(columns)))
 
-    def _names(self, found: Columns, times: str) -> list[str]:
+    def _names(self, columns: RecordedColumns, times: str) -> list[str]:
         if self.columns is None:
-            names = [name for name in found if name != times and not name.endswith(".time")]
+            names = [name for name in columns if name != times and not name.endswith(".time")]
         else:
             names = []
             for name in self.columns:
-                inner = [each for each in found if each.startswith(f"{name}[")]
+                inner = [each for each in columns if each.startswith(f"{name}[")]
                 if not inner:
-                    self._check_known("columns", name, found)
+                    self._check_known("columns", name, columns)
                 names += inner or [name]
         if not names:
             raise ParameterError([("file", "the file has no column beside the times")])
         return names
 
-    def _check_known(self, parameter: str, name: str, found: Columns) -> None:
-        if name not in found:
-            suggestion = hint(name, found) or f"; the file has {', '.join(list(found)[:20])}"
+    def _check_known(self, parameter: str, name: str, columns: RecordedColumns) -> None:
+        if name not in columns:
+            suggestion = hint(name, columns) or f"; the file has {', '.join(list(columns)[:20])}"
             raise ParameterError([(parameter, f"there is no column '{name}'{suggestion}")])
 
     @property
@@ -163,7 +165,7 @@ class FromFile(Table):
         state.zero = self.resolved.zero()
 
 
-def _csv(content: bytes) -> Columns:
+def _csv(content: bytes) -> RecordedColumns:
     """The columns of a csv file by name.
 
     Raises
@@ -175,15 +177,17 @@ def _csv(content: bytes) -> Columns:
     except UnicodeDecodeError:
         raise ValueError("the file is not UTF-8") from None
     lines = text.splitlines()
-    kept = [(i, each) for i, each in enumerate(lines, 1) if each.strip() and each[0] != "#"]
-    if not kept:
+    content_lines = [
+        (i, each) for i, each in enumerate(lines, 1) if each.strip() and each[0] != "#"
+    ]
+    if not content_lines:
         raise ValueError("the file is empty")
-    separator = max(",;\t", key=kept[0][1].count)
+    separator = max(",;\t", key=content_lines[0][1].count)
     try:
-        cells = list(csv.reader((each for _, each in kept), delimiter=separator))
+        cells = list(csv.reader((each for _, each in content_lines), delimiter=separator))
     except csv.Error as error:
         raise ValueError(f"not a csv file: {error}") from None
-    if len(cells) != len(kept):
+    if len(cells) != len(content_lines):
         raise ValueError("a text in quotes goes over several lines; expected numbers")
     named = any(_number(cell) is None for cell in cells[0])
     names = [cell.strip() for cell in cells[0]] if named else list(map(str, range(len(cells[0]))))
@@ -191,7 +195,7 @@ def _csv(content: bytes) -> Columns:
     if repeated:
         raise ValueError(f"two columns are named '{repeated[0]}'")
     rows = []
-    for (line, _), row in list(zip(kept, cells, strict=True))[named:]:
+    for (line, _), row in list(zip(content_lines, cells, strict=True))[named:]:
         if len(row) != len(names):
             raise ValueError(f"line {line}: expected {len(names)} numbers, got {len(row)}")
         rows.append([_parsed(cell, line, name) for cell, name in zip(row, names, strict=True)])
@@ -213,14 +217,14 @@ def _parsed(cell: str, line: int, name: str) -> float:
     return number
 
 
-def _npz(content: bytes) -> Columns:
+def _npz(content: bytes) -> RecordedColumns:
     """The arrays of an npz file by name; those of two dimensions as one entry per column.
 
     Raises
     ------
     ValueError : it cannot be read, or an array is not a column or table of numbers.
     """
-    found: Columns = {}
+    columns: RecordedColumns = {}
     try:
         with np.load(io.BytesIO(content), allow_pickle=False) as arrays:
             loaded = {name: arrays[name] for name in arrays.files}
@@ -232,12 +236,12 @@ def _npz(content: bytes) -> Columns:
             raise ValueError(f"{message} {array.shape}")
         values = array.astype(np.float64)
         if array.ndim == 1:
-            found[name] = values
+            columns[name] = values
         else:
-            found |= {f"{name}[{j}]": values[:, j].copy() for j in range(values.shape[1])}
-    if not found:
+            columns |= {f"{name}[{j}]": values[:, j].copy() for j in range(values.shape[1])}
+    if not columns:
         raise ValueError("the file holds no arrays")
-    return found
+    return columns
 
 
 def _check_finite(values: Sequence[float] | FloatArray, name: str) -> None:

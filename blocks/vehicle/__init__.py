@@ -1,10 +1,9 @@
 """Vehicles and what disturbs them: motion, contact, actuators with limits and faults, noise.
 
 ``differential_drive.py`` moves a robot tick by tick through the world, which can stop it;
-``continuous.py`` has the same kinematics, and a car's, as equations for the run's solver.
+``kinematics.py`` has the same kinematics, and a car's, as equations for the run's solver.
 """
 
-from blocks.vehicle.continuous import Bicycle, Unicycle
 from blocks.vehicle.differential_drive import INTEGRATORS, DifferentialDrive
 from blocks.vehicle.disturbances import (
     ActuatorDelay,
@@ -15,6 +14,7 @@ from blocks.vehicle.disturbances import (
     WheelSlip,
 )
 from blocks.vehicle.explorer import Explorer
+from blocks.vehicle.kinematics import Bicycle, Unicycle
 
 __all__ = [
     "INTEGRATORS",

@@ -240,10 +240,10 @@ def fit(
     if smoothing > 0.0 and points > 2:
         bends = _bends(points) * (smoothing * len(data) / points)
         normal = product(design.T, design) + bends + RIDGE * np.eye(points)
-        found = solve(normal, product(design.T, data))
+        control = solve(normal, product(design.T, data))
     else:
-        found = np.asarray(np.linalg.lstsq(design, data, rcond=None)[0], dtype=np.float64)
-    return BSpline(found, degree)
+        control = np.asarray(np.linalg.lstsq(design, data, rcond=None)[0], dtype=np.float64)
+    return BSpline(control, degree)
 
 
 @lru_cache(maxsize=CACHED)

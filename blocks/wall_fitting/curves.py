@@ -96,12 +96,12 @@ def offset_pieces(
         rows.append(np.concatenate(row))
     points = np.concatenate(rows)
     wall = np.concatenate([curve.position[::2] for curve in curves])
-    kept = nearest(points, wall) >= distance - trim
-    kept &= ~returns.hide(points, incidence)
+    clear = nearest(points, wall) >= distance - trim
+    clear &= ~returns.hide(points, incidence)
     bounds = np.cumsum([0, *map(len, rows)]).tolist()
     return [
         row[a:b]
         for row, low, high in zip(rows, bounds[:-1], bounds[1:], strict=True)
-        for a, b in runs(kept[low:high])
+        for a, b in runs(clear[low:high])
         if b - a > 2
     ]

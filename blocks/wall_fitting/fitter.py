@@ -302,23 +302,23 @@ class WallFitter(Block):
         self, state: BlockState, t: float, scan: FloatArray, pose: PoseValue
     ) -> tuple[FloatArray, FloatArray, float]:
         returns = returned(scan, state.order, state.bearing, state.direction)
-        kept, bounds, edges = chain_kernel(
+        points, bounds, edges = chain_kernel(
             returns, state.bearing, self.reach, self.sigma, state.limit
         )
-        arc = chain_arcs_kernel(kept, bounds)
+        arc = chain_arcs_kernel(points, bounds)
         step = coarseness(arc, bounds)
         shortest = 1.5 * max(self.bin, 2.0 * step)
         if self.form == "least_squares":
             control, first = fitted_points(
-                kept, bounds, arc, self.degree, self.wall_spacing, shortest
+                points, bounds, arc, self.degree, self.wall_spacing, shortest
             )
             each = max(2, round(self.wall_spacing / step))
         else:
             gap = max(self.bin, 2.0 * step) if self.bin > 0.0 else 0.0
-            control, first = averages_kernel(kept, bounds, arc, gap)
+            control, first = averages_kernel(points, bounds, arc, gap)
             each = max(2, round(self.bin / step))
         curves, ends = wall_curves_kernel(
-            control, first, kept, bounds, arc, self.degree, each, shortest
+            control, first, points, bounds, arc, self.degree, each, shortest
         )
         rows, stops = offset_rows(curves, ends, edges, self.distance)
         closest = self.distance - self.trim

@@ -83,9 +83,9 @@ def cap(
     return end + distance * directions(angle)
 
 
-def runs(kept: BoolArray) -> list[tuple[int, int]]:
+def runs(mask: BoolArray) -> list[tuple[int, int]]:
     """First and past-the-last index of each run of True."""
-    change = np.flatnonzero(np.diff(np.concatenate(([False], kept, [False])).astype(np.int8)))
+    change = np.flatnonzero(np.diff(np.concatenate(([False], mask, [False])).astype(np.int8)))
     flat = change.tolist()
     return list(zip(flat[::2], flat[1::2], strict=True))
 
@@ -142,8 +142,8 @@ def onward(line: FloatArray, reach: int = REACH) -> FloatArray:
     step = line[1:] - line[:-1]
     progress = np.cumsum(np.einsum("ij,ij->i", step, direction[1:] + direction[:-1]))
     furthest = np.maximum.accumulate(np.concatenate(([0.0], progress)))
-    kept = np.concatenate(([True], progress > furthest[:-1]))
-    return line[kept]
+    ahead = np.concatenate(([True], progress > furthest[:-1]))
+    return line[ahead]
 
 
 def filleted(line: FloatArray, radius: float, spacing: float, tolerance: float) -> FloatArray:

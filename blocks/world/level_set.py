@@ -17,7 +17,7 @@ import numpy as np
 
 from blocks.core import BoolArray, FloatArray
 from blocks.world.curves import ROUNDING, Arc, ComplexArray, Line, LineOrArc, meetings
-from blocks.world.reader import Shapes
+from blocks.world.reader import WorldShapes
 
 # Of points given by x and y: the distance to the nearest solid, and which are inside of one.
 Gap = Callable[[FloatArray, FloatArray], tuple[FloatArray, BoolArray]]
@@ -32,7 +32,7 @@ JOINED = 1e-5
 SMOOTH = 1e-5
 
 
-def level_set(shapes: Shapes, gap_at: Gap, d: float) -> list[LineOrArc]:
+def level_set(shapes: WorldShapes, gap_at: Gap, d: float) -> list[LineOrArc]:
     """All pieces of the level set of distance ``d`` (m), unordered; the surfaces for d = 0.
 
     Free space beyond is to the left of each piece.
@@ -57,7 +57,7 @@ def _distinct(pieces: list[LineOrArc], middles: ComplexArray) -> list[LineOrArc]
     return [pieces[i] for i in np.flatnonzero(first).tolist()]
 
 
-def _offsets(shapes: Shapes, d: float) -> Iterator[LineOrArc]:
+def _offsets(shapes: WorldShapes, d: float) -> Iterator[LineOrArc]:
     """All curves on which the level set may lie."""
     polygons = (*(() if shapes.room is None else (shapes.room,)), *shapes.obstacles)
     for corners in polygons:
@@ -112,7 +112,7 @@ def _ends(curve: LineOrArc) -> tuple[complex, complex]:
 def loops(pieces: Iterable[LineOrArc]) -> list[list[LineOrArc]]:
     """Join pieces, each to the one that begins where it ends; longest loop first."""
     rest = {i: (piece, *_ends(piece)) for i, piece in enumerate(pieces)}
-    found = []
+    joined = []
     while rest:
         piece, begin, end = rest.pop(next(iter(rest)))
         loop = [piece]
@@ -123,18 +123,18 @@ def loops(pieces: Iterable[LineOrArc]) -> list[list[LineOrArc]]:
                 break
             piece, _, end = rest.pop(nearest)
             loop.append(piece)
-        found.append(loop)
-    return sorted(found, key=lambda loop: -sum(piece.length for piece in loop))
+        joined.append(loop)
+    return sorted(joined, key=lambda loop: -sum(piece.length for piece in loop))
 
 
 def joints(loop: list[LineOrArc]) -> list[tuple[complex, float]]:
     """Where each piece of a loop begins, and the angle (rad) by which the loop turns there."""
-    found = []
+    turns = []
     for before, after in zip([loop[-1], *loop[:-1]], loop, strict=True):
         start = np.array(0.0)
         turn = complex(after.tangent(start)) / complex(before.tangent(np.array(before.length)))
-        found.append((complex(after.at(start)), cmath.phase(turn)))
-    return found
+        turns.append((complex(after.at(start)), cmath.phase(turn)))
+    return turns
 
 
 def kinks(loop: list[LineOrArc]) -> list[complex]:
@@ -154,7 +154,7 @@ def sampled(loop: list[LineOrArc], spacing: float) -> FloatArray:
 
 
 STEP = 1e-3
-Span = tuple[float, float]
+ArcRange = tuple[float, float]
 
 
 def filleted(loop: list[LineOrArc], rho: float) -> list[LineOrArc] | None:
@@ -196,7 +196,7 @@ def _fillet(before: LineOrArc, after: LineOrArc, corner: complex, rho: float) ->
     return min(arcs, key=lambda arc: abs(arc.centre - corner), default=None)
 
 
-def _spans(ring: list[LineOrArc], arcs: list[Arc | None]) -> list[Span]:
+def _spans(ring: list[LineOrArc], arcs: list[Arc | None]) -> list[ArcRange]:
     """The part of each piece that its arcs leave, as arc lengths."""
     return [
         (
@@ -207,7 +207,9 @@ def _spans(ring: list[LineOrArc], arcs: list[Arc | None]) -> list[Span]:
     ]
 
 
-def _assembled(ring: list[LineOrArc], arcs: list[Arc | None], spans: list[Span]) -> list[LineOrArc]:
+def _assembled(
+    ring: list[LineOrArc], arcs: list[Arc | None], spans: list[ArcRange]
+) -> list[LineOrArc]:
     path: list[LineOrArc] = []
     for piece, arc, (begin, end) in zip(ring, arcs, spans, strict=True):
         path += [] if arc is None else [arc]
@@ -216,13 +218,16 @@ def _assembled(ring: list[LineOrArc], arcs: list[Arc | None], spans: list[Span])
 
 
 def deviation(
-    distance: Callable[[FloatArray], FloatArray], found: list[list[LineOrArc]], d: float, rho: float
+    distance: Callable[[FloatArray], FloatArray],
+    contours: list[list[LineOrArc]],
+    d: float,
+    rho: float,
 ) -> float:
     """Mean of ``|distance - d|`` (m) along loops that are rounded with radius ``rho`` (m).
 
     nan where there is no loop, or one cannot be rounded.
     """
-    paths = [filleted(loop, rho) for loop in found]
+    paths = [filleted(loop, rho) for loop in contours]
     points, weights = [], []
     for path in paths:
         if path is None:

@@ -117,9 +117,9 @@ class Lidar(Block):
     def _output_kernel(self, state: BlockState, t: float, pose: PoseValue) -> FloatArray:
         ranges = cast_kernel(state.surfaces, pose[0], pose[1], pose[2], state.bearings)
         for i in range(len(ranges)):
-            found = ranges[i] + state.noise[i]
-            miss = found < self.range_min or found > self.range_max or state.lost[i] > 0.0
-            ranges[i] = math.inf if miss else found
+            distance = ranges[i] + state.noise[i]
+            miss = distance < self.range_min or distance > self.range_max or state.lost[i] > 0.0
+            ranges[i] = math.inf if miss else distance
         return ranges
 
     def update(self, state: BlockState, t: float) -> None:

@@ -14,11 +14,11 @@ from blocks.core import BoolArray, FloatArray, ParameterError, hint, show
 # Distances are exact to about 1e-9 m only while coordinates are no larger than that (m).
 FARTHEST = 1e4
 SECTIONS = ("room", "obstacles", "circles")
-Problems = list[tuple[str, str]]
+WorldProblems = list[tuple[str, str]]
 
 
 @dataclass(frozen=True)
-class Shapes:
+class WorldShapes:
     """The shapes of a world.
 
     room : corners of the outer polygon, (k, 2), counterclockwise; None outdoors.
@@ -33,7 +33,7 @@ class Shapes:
     circles: FloatArray
 
 
-def read_shapes(description: Any) -> Shapes:
+def read_shapes(description: Any) -> WorldShapes:
     """Turn ``{room: [[x, y], ...], obstacles: [[[x, y], ...], ...], circles: [[x, y, r], ...]}``
     into arrays (m).
 
@@ -45,7 +45,7 @@ def read_shapes(description: Any) -> Shapes:
     if not isinstance(description, Mapping):
         message = f"expected a mapping with {_any_of(SECTIONS)}, got {show(description)}"
         raise ParameterError([("", message)])
-    problems: Problems = [
+    problems: WorldProblems = [
         (str(key), f"unknown entry{hint(key, SECTIONS) or '; a world has ' + ', '.join(SECTIONS)}")
         for key in description
         if key not in SECTIONS
@@ -67,7 +67,7 @@ def read_shapes(description: Any) -> Shapes:
         )
     if problems:
         raise ParameterError(problems)
-    return Shapes(
+    return WorldShapes(
         room=_frozen(room) if room is not None else None,
         obstacles=tuple(_frozen(corners[::-1]) for corners in obstacles),
         circles=_frozen(np.array(circles, dtype=float).reshape(-1, 3)),
@@ -84,7 +84,7 @@ def _frozen(array: FloatArray) -> FloatArray:
     return array
 
 
-def _list(description: Mapping[Any, Any], section: str, problems: Problems) -> list[Any]:
+def _list(description: Mapping[Any, Any], section: str, problems: WorldProblems) -> list[Any]:
     value = description.get(section)
     if value is None:
         return []
@@ -94,7 +94,7 @@ def _list(description: Mapping[Any, Any], section: str, problems: Problems) -> l
     return []
 
 
-def _numbers(address: str, value: Any, names: str, problems: Problems) -> list[float] | None:
+def _numbers(address: str, value: Any, names: str, problems: WorldProblems) -> list[float] | None:
     """The numbers of a point or circle; None, and a problem, if they are invalid."""
     count = names.count(",") + 1
     right = isinstance(value, (list, tuple)) and len(value) == count
@@ -112,7 +112,7 @@ def _numbers(address: str, value: Any, names: str, problems: Problems) -> list[f
     return None
 
 
-def _circle(address: str, value: Any, problems: Problems) -> list[float]:
+def _circle(address: str, value: Any, problems: WorldProblems) -> list[float]:
     circle = _numbers(address, value, "x, y, r", problems)
     if circle is None:
         return [0.0, 0.0, 0.0]
@@ -121,7 +121,7 @@ def _circle(address: str, value: Any, problems: Problems) -> list[float]:
     return circle
 
 
-def _polygon(address: str, value: Any, problems: Problems) -> FloatArray:
+def _polygon(address: str, value: Any, problems: WorldProblems) -> FloatArray:
     """A polygon's corners, counterclockwise; errors are added to ``problems``."""
     nothing = np.empty((0, 2))
     if not isinstance(value, (list, tuple)):
@@ -143,7 +143,7 @@ def _polygon(address: str, value: Any, problems: Problems) -> FloatArray:
     return corners if area > 0.0 else corners[::-1]
 
 
-def _misdrawn(address: str, corners: FloatArray) -> Problems:
+def _misdrawn(address: str, corners: FloatArray) -> WorldProblems:
     """Edges without length; if there are none, edges that cross."""
     n = len(corners)
     edges = np.roll(corners, -1, axis=0) - corners

@@ -12,7 +12,7 @@ import numpy as np
 from blocks.core import BlockContext, BoolArray, FloatArray, ParameterError, directions
 from blocks.world.curves import LineOrArc, foot
 from blocks.world.level_set import deviation, kinks, level_set, loops, sampled
-from blocks.world.reader import Shapes, read_shapes
+from blocks.world.reader import WorldShapes, read_shapes
 from blocks.world.surfaces import (
     TOUCH,
     TOUCHING,
@@ -59,7 +59,7 @@ class World:
     circles: FloatArray
     surfaces: tuple[LineOrArc, ...]
 
-    _shapes: Shapes
+    _shapes: WorldShapes
     _corner: FloatArray
     _edge: FloatArray
     _circle: FloatArray
@@ -218,8 +218,8 @@ class World:
 
     def kinks(self, d: float) -> FloatArray:
         """Concave kinks of the contour at distance ``d``, where two surfaces meet: (k, 2) in m."""
-        found = [kink for loop in self._loops(d) for kink in kinks(loop)]
-        return np.array([(z.real, z.imag) for z in found]).reshape(-1, 2)
+        points = [kink for loop in self._loops(d) for kink in kinks(loop)]
+        return np.array([(z.real, z.imag) for z in points]).reshape(-1, 2)
 
     def reachable(self, points: FloatArray, d: float, rho: float) -> BoolArray:
         """Which points, (m, 2), are at least ``rho`` (m) from every kink of the contour at ``d``:
@@ -247,11 +247,11 @@ class World:
         -------
         float : nan if there is no contour, or if the arcs do not fit into it.
         """
-        found = self._loops(d)
-        if near is not None and found:
+        counted = self._loops(d)
+        if near is not None and counted:
             at = complex(*near)
-            found = [min(found, key=lambda loop: _apart(loop, at))]
-        return deviation(self.distance, found, d, rho)
+            counted = [min(counted, key=lambda loop: _apart(loop, at))]
+        return deviation(self.distance, counted, d, rho)
 
     def __setattr__(self, name: str, value: Any) -> None:
         raise AttributeError(f"a World cannot change after construction (attribute '{name}')")

@@ -1,4 +1,7 @@
-"""The comparison of runs as data: graphs, circumstances, metrics, probes."""
+"""The comparison of runs as data: graphs, circumstances, metrics, probes.
+
+In: two or more runs. Out: :class:`Comparison` of each of the others with the first.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Differences of plain documents, by key."""
+"""Differences of plain documents, by key.
+
+In: trees of dicts and lists. Out: the paths at which they differ, with the values of each::
+
+    {a: {b: 1}}, {a: {b: 2, c: 3}}  ->  a.b (1, 2) changed; a.c (absent, 3) added
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The output of a comparison: text with tables, and one JSON object."""
+"""The output of a comparison: text with tables, and one JSON object.
+
+In: a :class:`Comparison`, and tolerances. Out: what ``runtime compare`` prints.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Differences of two recordings of one probe: by column, and the first one."""
+"""Differences of two recordings of one probe: by column, and the first one.
+
+In: a probe of two runs. Out: a :class:`Pair` with the rows that both recorded::
+
+    t 0, 1, 2 and 0, 2  ->  rows 0 and 2; the largest difference, its time, and the first one
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""The runs that are compared, each with a short distinctive label."""
+"""The runs that are compared, each with a short distinctive label.
+
+In: run folders. Out: :class:`Run` each; labels are what sets a run apart from the others::
+
+    two runs of one graph, seeds 1 and 2, one with lqr.q set  ->  "seed 1", "lqr.q=[1, 1], seed 2"
+"""
 
 from __future__ import annotations
 

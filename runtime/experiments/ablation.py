@@ -1,4 +1,11 @@
-"""Run an ablation: from its plan to its table."""
+"""Run an ablation: from its plan to its table.
+
+In: a plan with variants, and where it is run. Out: :class:`AblationResult`, with a line for each
+metric and variant, and ``ablation.json``::
+
+    baseline 2.0, 2.4; without half 1.0, 1.3   (total, seeds 0 and 1)
+    ->  without half  total  mean 1.15  difference -1.05
+"""
 
 from __future__ import annotations
 
@@ -16,14 +23,15 @@ from runtime.experiments.analysis import (
     ComparisonLine,
     Test,
     compare,
+    comparison_table,
     is_same,
+    legend,
 )
 from runtime.experiments.design import BASELINE
 from runtime.experiments.execution import (
     DIAGRAMS,
     INDEX,
     RUNS,
-    SCHEMA_VERSION,
     TABLE,
     ExperimentPlan,
     Index,
@@ -86,15 +94,8 @@ class AblationResult:
         """What ablation.json holds."""
         plan = self.plan
         return {
-            "schema_version": SCHEMA_VERSION,
-            "kind": "ablation",
-            "experiment": plan.name,
-            "graph": plan.graph.title,
-            "folder": str(self.folder),
+            **plan.header(self.folder),
             "seeds": list(plan.seeds),
-            "metrics": list(plan.metrics),
-            "units": plan.units,
-            "never": plan.never,
             "confidence": CONFIDENCE,
             "test": TESTS[self.test],
             "correction": CORRECTION,
@@ -102,6 +103,29 @@ class AblationResult:
             "essential": dict(plan.essential),
             "table": [line.to_dict() for line in self.lines()],
         }
+
+    @property
+    def head(self) -> str:
+        """What was compared, in one line."""
+        plan = self.plan
+        return f"{plan.name}: {len(plan.variants)} variants, seeds {plan.seeds}"
+
+    def notes(self) -> list[str]:
+        """What the table means, which trials failed, and which blocks are essential."""
+        notes = legend(self.lines(), self.test).splitlines()
+        for name, rows in self.rows.items():
+            failed = [row for row in rows if row.status != "ok"]
+            if failed:
+                reason = failed[0].reason
+                notes.append(f"{name}: {len(failed)} of {len(rows)} trials failed, first: {reason}")
+        if self.plan.essential:
+            notes += ["", "essential, cannot be removed alone:"]
+        return notes + [f"  {name}: {reason}" for name, reason in self.plan.essential.items()]
+
+    def text(self) -> str:
+        """The table with its head and notes, as the command prints it."""
+        shown = comparison_table(self.lines(), self.plan.units, self.plan.never)
+        return "\n".join([self.head, shown, "", *self.notes()])
 
     def _variant(self, variant: VariantBundle) -> dict[str, Any]:
         graph = variant.graph

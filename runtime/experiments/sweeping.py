@@ -1,4 +1,11 @@
-"""Run a sweep: from its plan to its summary."""
+"""Run a sweep: from its plan to its summary.
+
+In: a plan with a design, and where it is run. Out: :class:`SweepResult`, ``index.csv`` with a row
+for each trial, and ``summary.json`` with the best configurations. An interrupted sweep runs only
+the trials that have no row::
+
+    12 trials planned, rows 0..6 and 9 in the index  ->  7, 8, 10 and 11 run
+"""
 
 from __future__ import annotations
 
@@ -8,10 +15,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from runtime.experiments.analysis import ANY, NEVER, Tally
+from runtime.experiments.analysis import (
+    SAME,
+    SAME_RUNS,
+    Tally,
+    interval,
+    mean_of,
+)
 from runtime.experiments.execution import (
     INDEX,
-    SCHEMA_VERSION,
     SUMMARY,
     ExperimentPlan,
     Index,
@@ -25,7 +37,9 @@ from runtime.experiments.execution import (
     run_all,
 )
 from runtime.files import write_json
-from runtime.terminal import Progress
+from runtime.terminal import Progress, short, with_unit
+
+SPREAD = ", mean and 95 % interval over seeds"
 
 
 @dataclass
@@ -44,19 +58,12 @@ class SweepResult:
         factors = [factor.path for factor in plan.design.factors]
         goal = plan.objective
         return {
-            "schema_version": SCHEMA_VERSION,
-            "kind": "sweep",
-            "experiment": plan.name,
-            "graph": plan.graph.title,
-            "folder": str(self.folder),
+            **plan.header(self.folder),
             "status": "interrupted" if self.is_interrupted else "complete",
             "trials": plan.total,
             "counts": dict(tally.counts),
             "factors": factors,
             "seeds": str(plan.seeds),
-            "metrics": list(plan.metrics),
-            "units": plan.units,
-            "never": plan.never,
             "objective": None if goal is None else {"metric": goal.metric, "goal": goal.goal},
             "best": [
                 {"values": dict(zip(factors, ranked.cells, strict=True))}
@@ -67,6 +74,33 @@ class SweepResult:
             "wall_s": round(self.wall_s, 3),
         }
 
+    def text(self) -> str:
+        """The best configurations, as the command prints them."""
+        plan, tally = self.plan, self.tally
+        counts = ", ".join(f"{count} {status}" for status, count in sorted(tally.counts.items()))
+        lines = [
+            f"{plan.name}: {tally.done} of {plan.total} trials "
+            f"({plan.total // len(plan.seeds)} configurations, seeds {plan.seeds}): {counts}; "
+            f"{self.wall_s:.1f} s"
+        ]
+        if plan.objective is None:
+            return lines[0]
+        if not tally.best:
+            lines.append(f"no configuration has a value of {plan.objective.metric} for every seed")
+            return "\n".join(lines)
+        goal = "smallest" if plan.objective.goal == "minimize" else "largest"
+        metric = with_unit(plan.objective.metric, plan.units)
+        same = [ranked.objective.is_same for ranked in tally.best]
+        lines.append(f"{goal} {metric}{'' if all(same) else SPREAD}:")
+        for ranked in tally.best:
+            estimate = ranked.objective
+            mean = mean_of(estimate, len(plan.seeds), tally.never)
+            ends = f"  {interval(estimate)}" if estimate.n > 1 else ""
+            values = zip(plan.columns.factors, ranked.cells, strict=True)
+            configuration = ", ".join(f"{factor}={short(value)}" for factor, value in values)
+            lines.append(f"  {mean:<10}{ends}  {configuration}".rstrip())
+        return "\n".join([*lines, *[f"{SAME}: {SAME_RUNS}"] * any(same)])
+
 
 def run_sweep(plan: ExperimentPlan, options: RunOptions, progress: Progress) -> SweepResult:
     """Run the trials of a plan that have no row in the index yet.
@@ -76,12 +110,9 @@ def run_sweep(plan: ExperimentPlan, options: RunOptions, progress: Progress) -> 
     UsageError : as for :func:`open_folder`.
     """
     began = time.perf_counter()
-    column = None if plan.objective is None else plan.metrics.index(plan.objective.metric)
-    metric = "" if plan.objective is None else plan.objective.metric
-    ends, never = plan.ends.get(metric, ANY), plan.never.get(metric, NEVER)
-    tally = Tally(len(plan.seeds), column, plan.objective, ends, never)
+    tally = Tally.of(len(plan.seeds), plan.metrics, plan.objective, plan.ends, plan.never)
     retention = RetentionPolicy(
-        options.folder, options.keep, plan.objective, column, options.timeout
+        options.folder, options.keep, plan.objective, tally.column, options.timeout
     )
     open_folder(plan, options)
 

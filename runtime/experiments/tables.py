@@ -1,4 +1,12 @@
-"""What a sweep, an ablation or a tuning gives in Python: typed tables that show themselves."""
+"""What a sweep, an ablation or a tuning gives in Python: typed tables that show themselves.
+
+In: the result of an experiment, and its index. Out: a table for a terminal, a notebook or pandas::
+
+    print(runtime.sweep(graph, {"params.v_r": [0.5, 1.0]}, seeds=range(2)))
+    sweep tracking: 2 configurations x 2 seeds: 4 ok
+      params.v_r  mean_error
+             0.5  0.21 ± 0.03
+"""
 
 from __future__ import annotations
 
@@ -21,9 +29,7 @@ from runtime.experiments.analysis import (
     ComparisonLine,
     Estimate,
     comparison_rows,
-    comparison_table,
     gather,
-    legend,
     mean_of,
 )
 from runtime.experiments.design import Objective
@@ -231,24 +237,26 @@ class AblationTable(_Table):
     variants: tuple[str, ...]
     lines: tuple[ComparisonLine, ...] = field(repr=False)
     essential: Mapping[str, str] = field(repr=False)
-    legend: str = field(repr=False)
+    text: str = field(repr=False)
+    html: str = field(repr=False)
 
     @classmethod
     def of(cls, result: AblationResult) -> AblationTable:
         """The table of an ablation that has ended."""
-        plan = result.plan
-        lines = tuple(result.lines())
+        plan, lines = result.plan, tuple(result.lines())
         rows = [row for rows in result.rows.values() for row in rows]
         return cls(
-            *(plan.name, tuple(plan.seeds)),
-            tuple(_record(row, plan.columns) for row in sorted(rows, key=lambda row: row.trial)),
-            plan.units,
-            plan.never,
-            result.folder,
-            tuple(variant.name for variant in plan.variants),
-            lines,
-            plan.essential,
-            legend(lines, result.test),
+            name=plan.name,
+            seeds=tuple(plan.seeds),
+            trials=tuple(_record(r, plan.columns) for r in sorted(rows, key=lambda r: r.trial)),
+            units=plan.units,
+            never=plan.never,
+            folder=result.folder,
+            variants=tuple(variant.name for variant in plan.variants),
+            lines=lines,
+            essential=plan.essential,
+            text=result.text(),
+            html=_html(result.head, comparison_rows(lines, plan.units, plan.never), result.notes()),
         )
 
     def line(self, variant: str, metric: str) -> ComparisonLine:
@@ -273,23 +281,11 @@ class AblationTable(_Table):
 
         return Figures({"ablation": ablation_figure(self.folder)})
 
-    def _head(self) -> str:
-        return (
-            f"ablation {self.name}: {len(self.variants)} variants x {len(self.seeds)} seeds: "
-            f"{self._counts()}"
-        )
-
-    def _notes(self) -> list[str]:
-        essential = [f"essential, cannot be removed alone: {', '.join(self.essential)}"]
-        return [*self.legend.splitlines(), *essential * bool(self.essential), *self._failures()]
-
     def __repr__(self) -> str:
-        shown = comparison_table(self.lines, self.units, self.never)
-        return "\n".join([self._head(), shown, *self._notes()])
+        return self.text
 
     def _repr_html_(self) -> str:
-        rows = comparison_rows(self.lines, self.units, self.never)
-        return _html(self._head(), rows, self._notes()) + self.plot()._repr_html_()
+        return self.html + self.plot()._repr_html_()
 
 
 @dataclass(frozen=True)

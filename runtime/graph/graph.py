@@ -398,7 +398,7 @@ class Graph:
         return {**self._content.files, **self.observation.files, **own}
 
     def to_yaml(self) -> str:
-        """The graph as a text from which :func:`runtime.load` reads an equal graph."""
+        """The graph as YAML from which :func:`runtime.load` reads an equal graph."""
         plain: dict[str, Any] = self.to_dict()
         for entry in plain.get("blocks", {}).values():
             cls = self._content.classes.get(entry.get("type", ""))

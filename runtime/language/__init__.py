@@ -7,18 +7,18 @@ an offset. No protocol is known here: ``runtime lsp`` speaks one.
 from runtime.language.actions import Action, actions
 from runtime.language.completion import Completion, complete
 from runtime.language.diagnostics import Diagnostic, Related, diagnose
-from runtime.language.formatting import applied, formatted
+from runtime.language.formatting import apply_edits, format_edits
 from runtime.language.hints import Hint, Lens, hints, lenses
 from runtime.language.hover import Card, hover
 from runtime.language.insertion import Edit
 from runtime.language.isolation import Isolation
 from runtime.language.json_schema import json_schema
 from runtime.language.model import Model, Surroundings
-from runtime.language.names import Place, Project, definition, references, rename, renamed
+from runtime.language.names import Place, Project, definition, references, rename, rename_span
 from runtime.language.offers import Offer
 from runtime.language.outline import OutlineSymbol, folds, outline
 from runtime.language.signature import Signature, signature
-from runtime.language.text import Span, Text
+from runtime.language.text import SourceText, Span
 
 __all__ = [
     "Action",
@@ -36,16 +36,16 @@ __all__ = [
     "Project",
     "Related",
     "Signature",
+    "SourceText",
     "Span",
     "Surroundings",
-    "Text",
     "actions",
-    "applied",
+    "apply_edits",
     "complete",
     "definition",
     "diagnose",
     "folds",
-    "formatted",
+    "format_edits",
     "hints",
     "hover",
     "json_schema",
@@ -53,6 +53,6 @@ __all__ = [
     "outline",
     "references",
     "rename",
-    "renamed",
+    "rename_span",
     "signature",
 ]

@@ -14,7 +14,7 @@ from blocks.registry import BUILTIN
 from runtime.language.cursor import steps
 from runtime.language.diagnostics import Diagnostic, diagnose
 from runtime.language.insertion import Edit, added_entry, added_name, removed_entry
-from runtime.language.items import Item, deepest
+from runtime.language.items import YamlItem, deepest
 from runtime.language.model import Model
 from runtime.language.scopes import class_of, scope_at
 from runtime.language.text import Span
@@ -45,53 +45,53 @@ class Action:
 
 def actions(model: Model, span: Span) -> list[Action]:
     """The actions for a part of the text: fixes first, then changes to the block there."""
-    found: list[Action] = []
+    fixes: list[Action] = []
     for diagnostic in diagnose(model):
         if diagnostic.span.start <= span.end and span.start <= diagnostic.span.end:
             for make in _FIXES:
-                found += make(model, diagnostic)
-    return [*found, *_changes(model, span.start)]
+                fixes += make(model, diagnostic)
+    return [*fixes, *_changes(model, span.start)]
 
 
-def _replacements(model: Model, found: Diagnostic) -> Iterator[Action]:
+def _replacements(model: Model, diagnostic: Diagnostic) -> Iterator[Action]:
     """``did you mean 'q'?``"""
-    match = _DID_YOU_MEAN.search(found.message)
-    if match is None or found.related:
+    match = _DID_YOU_MEAN.search(diagnostic.message)
+    if match is None or diagnostic.related:
         return
-    written = model.text.source[found.span.start : found.span.end]
+    text = model.text.source[diagnostic.span.start : diagnostic.span.end]
     for new in re.findall("'([^']*)'", match[1]):
-        span = _misspelt(written, found, found.message[: match.start()])
-        yield Action(f"Replace by '{new}'", (Edit(span, new),), found, True)
+        span = _wrong_part(text, diagnostic, diagnostic.message[: match.start()])
+        yield Action(f"Replace by '{new}'", (Edit(span, new),), diagnostic, True)
 
 
-def _misspelt(written: str, found: Diagnostic, before: str) -> Span:
+def _wrong_part(text: str, diagnostic: Diagnostic, before: str) -> Span:
     """The part of the underlined text that a message calls wrong."""
     for name in reversed(re.findall("'([^']*)'", before)):
-        place = re.search(rf"(?<![\w]){re.escape(name)}(?!\w)", written) if name else None
+        place = re.search(rf"(?<![\w]){re.escape(name)}(?!\w)", text) if name else None
         if place is not None:
-            return Span(found.span.start + place.start(), found.span.start + place.end())
-    quoted = written[:1] in "\"'" and len(written) > 2
-    return Span(found.span.start + quoted, found.span.end - quoted)
+            return Span(diagnostic.span.start + place.start(), diagnostic.span.start + place.end())
+    has_quotes = text[:1] in "\"'" and len(text) > 2
+    return Span(diagnostic.span.start + has_quotes, diagnostic.span.end - has_quotes)
 
 
-def _wirings(model: Model, found: Diagnostic) -> Iterator[Action]:
+def _wirings(model: Model, diagnostic: Diagnostic) -> Iterator[Action]:
     """``outputs of that type: error.state, ...``"""
-    names, outputs = _OPEN.search(found.message), _FITTING.search(found.message)
+    names, outputs = _OPEN.search(diagnostic.message), _FITTING.search(diagnostic.message)
     if names is None or outputs is None or "." in names[1]:
         return
     for i, output in enumerate(o.strip(" .") for o in outputs[1].split(",")):
         edits = added_entry(model, ("wires", names[1]), names[2], output) if output else None
         if edits is not None:
             title = f"Wire '{names[1]}.{names[2]}' to {output}"
-            yield Action(title, tuple(edits), found, preferred=i == 0)
+            yield Action(title, tuple(edits), diagnostic, preferred=i == 0)
 
 
-def _loops(model: Model, found: Diagnostic) -> Iterator[Action]:
+def _loops(model: Model, diagnostic: Diagnostic) -> Iterator[Action]:
     """``a UnitDelay on one of these wires breaks it``"""
-    if not found.message.startswith("algebraic loop: ") or model.network is None:
+    if not diagnostic.message.startswith("algebraic loop: ") or model.network is None:
         return
     through = BUILTIN[DELAY].spec.through
-    names = found.message.split(";")[0].removeprefix("algebraic loop: ").split(" ▸ ")
+    names = diagnostic.message.split(";")[0].removeprefix("algebraic loop: ").split(" ▸ ")
     wires = {wire.target: wire for wire in model.network.wires}
     for name in names[1::2] if through is not None else ():
         wire = wires.get(name)
@@ -100,53 +100,53 @@ def _loops(model: Model, found: Diagnostic) -> Iterator[Action]:
         item = deepest(model.root, model.text.at(wire.where))
         if item.kind != "scalar" or steps(item)[:1] != ("wires",) or through is None:
             continue
-        block = _free(model, f"{name.split('.')[0]}_delay")
+        block = _unused_name(model, f"{name.split('.')[0]}_delay")
         edits = [Edit(item.span, f"{block}.{through[1]}")]
-        added = added_entry(model, ("blocks",), block, f"{{type: {DELAY}}}")
-        wired = added_entry(model, ("wires",), block, f"{{{through[0]}: {item.value}}}")
-        if added is not None and wired is not None:
+        block_edits = added_entry(model, ("blocks",), block, f"{{type: {DELAY}}}")
+        wire_edits = added_entry(model, ("wires",), block, f"{{{through[0]}: {item.value}}}")
+        if block_edits is not None and wire_edits is not None:
             title = f"Put a {DELAY} between {item.value} and {name}"
-            yield Action(title, (*edits, *added, *wired), found)
+            yield Action(title, (*edits, *block_edits, *wire_edits), diagnostic)
 
 
-def _free(model: Model, name: str) -> str:
-    blocks, number, free = model.root.get("blocks") or Item(), 2, name
+def _unused_name(model: Model, name: str) -> str:
+    blocks, number, free = model.root.get("blocks") or YamlItem(), 2, name
     while blocks.get(free) is not None:
         free, number = f"{name}_{number}", number + 1
     return free
 
 
-def _quotes(model: Model, found: Diagnostic) -> Iterator[Action]:
+def _quotes(model: Model, diagnostic: Diagnostic) -> Iterator[Action]:
     """``a text that contains ': ' needs quotes``"""
-    match, source = _QUOTES.search(found.message), model.text.source
+    match, source = _QUOTES.search(diagnostic.message), model.text.source
     if match is not None:
-        written = f"{match[1]}: {match[2][1:-1]}"
-        start, end = model.text.line_span(model.text.line_of(found.span.start))
-        place = source.find(written, start, end)
+        entry = f"{match[1]}: {match[2][1:-1]}"
+        start, end = model.text.line_span(model.text.line_of(diagnostic.span.start))
+        place = source.find(entry, start, end)
         if place >= 0:
-            span = Span(place, place + len(written))
-            yield Action("Put quotes around it", (Edit(span, match[0][14:]),), found, True)
-    match = _SPACE.search(found.message)
+            span = Span(place, place + len(entry))
+            yield Action("Put quotes around it", (Edit(span, match[0][14:]),), diagnostic, True)
+    match = _SPACE.search(diagnostic.message)
     if match is not None:
-        span = Span(found.span.start, found.span.start + len(match[1]) + 1)
+        span = Span(diagnostic.span.start, diagnostic.span.start + len(match[1]) + 1)
         if source[span.start : span.end] == f"{match[1]}:":
-            yield Action("Insert the space", (Edit(span, f"{match[1]}: "),), found, True)
+            yield Action("Insert the space", (Edit(span, f"{match[1]}: "),), diagnostic, True)
 
 
-def _values(model: Model, found: Diagnostic) -> Iterator[Action]:
+def _values(model: Model, diagnostic: Diagnostic) -> Iterator[Action]:
     """``the nearest is 0.05``, ``a decimal point is a dot: 1.5``, ``write 90deg``."""
     for pattern in _INSTEAD:
-        match = pattern.search(found.message)
+        match = pattern.search(diagnostic.message)
         if match is not None:
             new = match[1].rstrip(".")
-            yield Action(f"Replace by {new}", (Edit(found.span, new),), found, True)
-    match = _DEGREES.search(found.message)
+            yield Action(f"Replace by {new}", (Edit(diagnostic.span, new),), diagnostic, True)
+    match = _DEGREES.search(diagnostic.message)
     if match is not None:
-        item = deepest(model.root, found.span.start)
+        item = deepest(model.root, diagnostic.span.start)
         for scalar in [item, *item.walk()]:
             if scalar.kind == "scalar" and _is_number(scalar.value, float(match[1])):
                 edit = Edit(scalar.span, f"{scalar.value}deg")
-                yield Action(f"Write {scalar.value}deg", (edit,), found)
+                yield Action(f"Write {scalar.value}deg", (edit,), diagnostic)
                 return
 
 
@@ -157,20 +157,20 @@ def _is_number(text: str, value: float) -> bool:
         return False
 
 
-def _removals(model: Model, found: Diagnostic) -> Iterator[Action]:
+def _removals(model: Model, diagnostic: Diagnostic) -> Iterator[Action]:
     """``delete these wires``, ``is not used; remove it``, ``would connect through it``."""
-    item = deepest(model.root, found.span.start)
-    if "; delete these wires" in found.message and item.key:
-        yield Action(f"Delete the wires of '{item.key}'", (removed_entry(model, item),), found)
-    if " is not used" in found.message and item.key:
-        yield Action(f"Remove '{item.key}'", (removed_entry(model, item),), found)
-    match = _BYPASS.search(found.message)
+    item = deepest(model.root, diagnostic.span.start)
+    if "; delete these wires" in diagnostic.message and item.key:
+        yield Action(f"Delete the wires of '{item.key}'", (removed_entry(model, item),), diagnostic)
+    if " is not used" in diagnostic.message and item.key:
+        yield Action(f"Remove '{item.key}'", (removed_entry(model, item),), diagnostic)
+    match = _BYPASS.search(diagnostic.message)
     if match is not None:
         edits = [*added_name(model, "bypass", match[1])]
         without = model.root.get("without")
-        named = without.scalars() if without is not None else []
-        edits += [removed_entry(model, each) for each in named if each.value == match[1]]
-        yield Action(f"Bypass '{match[1]}' instead", tuple(edits), found, True)
+        names = without.scalars() if without is not None else []
+        edits += [removed_entry(model, each) for each in names if each.value == match[1]]
+        yield Action(f"Bypass '{match[1]}' instead", tuple(edits), diagnostic, True)
 
 
 _FIXES: tuple[Callable[[Model, Diagnostic], Iterator[Action]], ...] = (

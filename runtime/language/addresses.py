@@ -13,7 +13,7 @@ from runtime.network import AddressError, Endpoint, Entry, Scope, component_type
 
 
 @dataclass(frozen=True)
-class Target:
+class AddressTarget:
     """What an address refers to.
 
     end : the block and port in the whole graph. entry : the block. type : of the signal, if known.
@@ -33,7 +33,7 @@ class Target:
         return written_rate(self.dt, self.time_unit) if self.dt else ""
 
 
-def target_of(model: Model, scope: Scope | None, text: str) -> Target | None:
+def target_of(model: Model, scope: Scope | None, text: str) -> AddressTarget | None:
     """What an address written in a scope refers to; None if that does not exist."""
     network = model.network
     if network is None or scope is None or not text:
@@ -47,11 +47,15 @@ def target_of(model: Model, scope: Scope | None, text: str) -> Target | None:
         return None
     kind = network.types.get((end.block, end.port))
     if kind is None:
-        declared = entry.cls.spec.outputs.get(end.port)
-        kind = declared.type if declared and isinstance(declared.type, SignalType) else None
+        declaration = entry.cls.spec.outputs.get(end.port)
+        kind = (
+            declaration.type if declaration and isinstance(declaration.type, SignalType) else None
+        )
     if kind is not None and end.component:
         kind = component_type(kind, end)
-    return Target(end, entry, kind, network.dt * entry.every, entry.node.key, network.time_unit)
+    return AddressTarget(
+        end, entry, kind, network.dt * entry.every, entry.node.key, network.time_unit
+    )
 
 
 def line_at(model: Model, where: Where) -> str:

@@ -29,16 +29,16 @@ def complete(model: Model, offset: int) -> Completion:
     cursor = cursor_at(model.text, model.root, offset)
     if cursor is None:
         return Completion((), Span(offset, offset))
-    written = {item.key for item in cursor.holder.items if item is not cursor.item}
+    other_keys = {item.key for item in cursor.holder.items if item is not cursor.item}
     if cursor.role == "key":
-        found = (offer for offer in keys_at(model, cursor) if offer.label not in written)
-        offers = [_as_key(offer, cursor) for offer in found]
+        candidates = (offer for offer in keys_at(model, cursor) if offer.label not in other_keys)
+        offers = [_as_key(offer, cursor) for offer in candidates]
     else:
         offers = [_as_value(offer, cursor) for offer in values_at(model, cursor)]
     matching = [o for o in offers if o.label and matches(cursor.prefix, o.label)]
     matching.sort(key=lambda offer: (offer.rank, not offer.label.startswith(cursor.prefix)))
-    kept = tuple(matching[:MAX_OFFERED])
-    return Completion(kept, cursor.span, len(kept) == len(matching))
+    best = tuple(matching[:MAX_OFFERED])
+    return Completion(best, cursor.span, len(best) == len(matching))
 
 
 def matches(prefix: str, label: str) -> bool:

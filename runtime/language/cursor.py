@@ -6,8 +6,8 @@ from bisect import bisect_left, bisect_right
 from dataclasses import dataclass
 from typing import Literal
 
-from runtime.language.items import Item, deepest
-from runtime.language.text import Span, Text
+from runtime.language.items import YamlItem, deepest
+from runtime.language.text import SourceText, Span
 
 ITEM = "[]"  # stands in a path for any item of a list
 
@@ -25,14 +25,14 @@ class Cursor:
 
     role: Literal["key", "value"]
     path: tuple[str, ...]
-    holder: Item
-    item: Item | None
+    holder: YamlItem
+    item: YamlItem | None
     prefix: str
     span: Span
     lead: str = ""
 
 
-def steps(item: Item) -> tuple[str, ...]:
+def steps(item: YamlItem) -> tuple[str, ...]:
     """The keys from the root to an item, with :data:`ITEM` for those in lists."""
     names: list[str] = []
     while item.parent is not None:
@@ -41,7 +41,7 @@ def steps(item: Item) -> tuple[str, ...]:
     return tuple(reversed(names))
 
 
-def cursor_at(text: Text, root: Item, offset: int) -> Cursor | None:
+def cursor_at(text: SourceText, root: YamlItem, offset: int) -> Cursor | None:
     """What is being written at an offset; None in a comment, and where nothing can be written."""
     if _in_comment(text, root, offset):
         return None
@@ -49,45 +49,45 @@ def cursor_at(text: Text, root: Item, offset: int) -> Cursor | None:
     return _in_flow(text.source, holder, offset) if holder else _in_block(text, root, offset)
 
 
-def _in_comment(text: Text, root: Item, offset: int) -> bool:
+def _in_comment(text: SourceText, root: YamlItem, offset: int) -> bool:
     start = text.starts[text.line_of(offset)]
     position = text.source.find("#", start, offset)
     while position >= 0:
-        found = deepest(root, position)
-        inside = found.kind == "scalar" and found.start < position < found.end
+        item = deepest(root, position)
+        inside = item.kind == "scalar" and item.start < position < item.end
         if not inside and (position == start or text.source[position - 1] in " \t"):
             return True
         position = text.source.find("#", position + 1, offset)
     return False
 
 
-def _last(items: list[Item], offset: int, *, included: bool) -> Item | None:
+def _last(items: list[YamlItem], offset: int, *, inclusive: bool) -> YamlItem | None:
     """The last of the items that begins before an offset, or at it where ``included``."""
     begins = [item.begin for item in items]
-    i = bisect_right(begins, offset) if included else bisect_left(begins, offset)
+    i = bisect_right(begins, offset) if inclusive else bisect_left(begins, offset)
     return items[i - 1] if i else None
 
 
-def _flow_at(source: str, root: Item, offset: int) -> Item | None:
+def _flow_at(source: str, root: YamlItem, offset: int) -> YamlItem | None:
     """The innermost braces or brackets around an offset."""
-    found, item = None, root
+    flow, item = None, root
     if root.flow and root.start < offset and (not root.closed or offset < root.end):
-        found = root
-    while (child := _last(item.items, offset, included=False)) is not None:
+        flow = root
+    while (child := _last(item.items, offset, inclusive=False)) is not None:
         if child.flow and child.start < offset:
             rest = source[child.end : offset]
             is_open = not child.closed and not rest.strip() and "\n" not in rest
             if not (is_open or offset < child.end):
                 break
-            found = child
+            flow = child
         elif not child.items:
             break
         item = child
-    return found
+    return flow
 
 
-def _in_flow(source: str, holder: Item, offset: int) -> Cursor:
-    child = _last(holder.items, offset, included=True)
+def _in_flow(source: str, holder: YamlItem, offset: int) -> Cursor:
+    child = _last(holder.items, offset, inclusive=True)
     if child is None or "," in source[max(child.end, child.key_end, child.colon) : offset]:
         role: Literal["key", "value"] = "key" if holder.kind == "map" else "value"
         path = steps(holder) if role == "key" else (*steps(holder), ITEM)
@@ -97,13 +97,13 @@ def _in_flow(source: str, holder: Item, offset: int) -> Cursor:
     return _value(source, holder, child, offset)
 
 
-def _key(source: str, holder: Item, child: Item, offset: int) -> Cursor:
+def _key(source: str, holder: YamlItem, child: YamlItem, offset: int) -> Cursor:
     span = child.key_span if child.key_start >= 0 else Span(offset, offset)
     prefix = source[span.start : max(offset, span.start)]
     return Cursor("key", steps(holder), holder, child, prefix, span)
 
 
-def _value(source: str, holder: Item, child: Item, offset: int) -> Cursor:
+def _value(source: str, holder: YamlItem, child: YamlItem, offset: int) -> Cursor:
     lead = " " if child.colon >= 0 and source[offset - 1 : offset] == ":" else ""
     span = Span(offset, offset)
     if child.kind == "scalar" and child.start <= offset <= child.end:
@@ -114,12 +114,12 @@ def _value(source: str, holder: Item, child: Item, offset: int) -> Cursor:
     return Cursor("value", steps(child), holder, child, prefix, span, lead)
 
 
-def _in_block(text: Text, root: Item, offset: int) -> Cursor | None:
+def _in_block(text: SourceText, root: YamlItem, offset: int) -> Cursor | None:
     line = text.line_of(offset)
     start, end = text.line_span(line)
     chain = _chain(root, end)
     here = [item for item in chain if start <= item.begin and item.parent is not None]
-    entry = _last(here, offset, included=True) if here else None
+    entry = _last(here, offset, inclusive=True) if here else None
     if entry is not None and entry.parent is not None:
         if entry.parent.kind == "map" and (entry.colon < 0 or offset < entry.colon):
             return _key(text.source, entry.parent, entry, offset)
@@ -132,16 +132,16 @@ def _in_block(text: Text, root: Item, offset: int) -> Cursor | None:
     return Cursor("key", steps(holder), holder, None, "", Span(offset, offset))
 
 
-def _chain(root: Item, offset: int) -> list[Item]:
+def _chain(root: YamlItem, offset: int) -> list[YamlItem]:
     """The last item that begins by an offset, with all that contain it, outermost first."""
     chain, item = [root], root
-    while (child := _last(item.items, offset, included=True)) is not None:
+    while (child := _last(item.items, offset, inclusive=True)) is not None:
         chain.append(child)
         item = child
     return chain
 
 
-def _holder(text: Text, root: Item, chain: list[Item], column: int) -> Item:
+def _holder(text: SourceText, root: YamlItem, chain: list[YamlItem], column: int) -> YamlItem:
     """The mapping that a new key in a column of an empty line belongs to."""
     for item in reversed(chain):
         if item.flow or item.parent is None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from runtime.errors import Problem, Where
-from runtime.language.items import Item, deepest
+from runtime.language.items import YamlItem, deepest
 from runtime.language.model import Model
 from runtime.language.text import Span
 
@@ -42,15 +42,15 @@ class Diagnostic:
 
 def diagnose(model: Model) -> list[Diagnostic]:
     """Everything to report about a text, problems first."""
-    found = [_of_problem(model, problem) for problem in model.problems]
-    return found if found else _notes(model)
+    diagnostics = [_of_problem(model, problem) for problem in model.problems]
+    return diagnostics if diagnostics else _notes(model)
 
 
 def _of_problem(model: Model, problem: Problem) -> Diagnostic:
     where, text = problem.where, problem.text
     related: tuple[Related, ...] = ()
     if where.file and Path(where.file) != model.path:
-        span = _brought_by(model, problem)
+        span = _span_of_file_name(model, problem)
         related = (Related(where, text),)
         text = f"{Where(Path(where.file).name, where.line, where.column)}: {text}"
     elif text.startswith("algebraic loop: "):
@@ -73,9 +73,9 @@ def span_at(model: Model, offset: int) -> Span:
         return _one_line(model, item.span)
     if item.kind == "empty" and item.colon >= 0 and offset >= item.colon:
         return item.key_span
-    found = _WORD.match(source, offset)
-    if found is not None:
-        return Span(found.start(), found.end())
+    word = _WORD.match(source, offset)
+    if word is not None:
+        return Span(word.start(), word.end())
     return Span(max(0, offset - 1), offset) if offset >= len(source) else Span(offset, offset + 1)
 
 
@@ -93,24 +93,24 @@ def _first_line(model: Model) -> Span:
     return first.key_span if first is not None and first.key_start >= 0 else Span(0, 0)
 
 
-def item_at_address(model: Model, address: str) -> Item | None:
+def item_at_address(model: Model, address: str) -> YamlItem | None:
     """The innermost entry of the text on the way to an address, if there is one."""
-    item, found = model.root, None
+    item, innermost = model.root, None
     for name in re.findall(r"[^.\[\]]+", address):
         inner = item.get(name)
         if inner is None and item.kind == "list" and name.isdigit() and int(name) < len(item.items):
             inner = item.items[int(name)]
         if inner is None:
             break
-        item = found = inner
-    return found
+        item = innermost = inner
+    return innermost
 
 
-def _brought_by(model: Model, problem: Problem) -> Span:
+def _span_of_file_name(model: Model, problem: Problem) -> Span:
     """What makes another file part of this graph: a part's or a world's name, or ``extends``."""
-    found = item_at_address(model, problem.address)
-    part = found.get("graph") if found is not None and found.kind == "map" else None
-    for item in (part, found):
+    entry = item_at_address(model, problem.address)
+    part = entry.get("graph") if entry is not None and entry.kind == "map" else None
+    for item in (part, entry):
         if item is not None and item.kind == "scalar":
             return item.span
     for name in ("extends", "graph"):
@@ -133,28 +133,28 @@ def _loop(model: Model, text: str) -> tuple[Span, tuple[Related, ...]]:
 
 def _notes(model: Model) -> list[Diagnostic]:
     """Notes of a graph without problems, and a package that it needs."""
-    found = []
-    missing = model.examined.missing
+    diagnostics = []
+    missing = model.checked_graph.missing
     if missing is not None:
-        found.append(Diagnostic(_first_line(model), "information", str(missing)))
+        diagnostics.append(Diagnostic(_first_line(model), "information", str(missing)))
     notes = model.observation.notes if model.observation is not None else []
     for note in dict.fromkeys(notes):
         match = _ADDRESSED.fullmatch(note)
         item = item_at_address(model, match[1]) if match else None
         if match is None or item is None:
-            named = re.search(r"'([\w.]+)'", note)
-            span = _mention(model, named[1]) if named else _first_line(model)
-            found.append(Diagnostic(span, "information", note))
+            name_match = re.search(r"'([\w.]+)'", note)
+            span = _mention(model, name_match[1]) if name_match else _first_line(model)
+            diagnostics.append(Diagnostic(span, "information", note))
         else:
             span = item.span if item.kind == "scalar" or item.flow else item.key_span
-            found.append(Diagnostic(span, "warning", match[2], match[1]))
-    return found
+            diagnostics.append(Diagnostic(span, "warning", match[2], match[1]))
+    return diagnostics
 
 
 def _mention(model: Model, name: str) -> Span:
     """Where the text names an address among what is recorded, drawn and measured."""
     for section in ("probes", "plots", "metrics"):
-        for item in (model.root.get(section) or Item()).walk():
+        for item in (model.root.get(section) or YamlItem()).walk():
             if item.kind == "scalar" and item.value == name:
                 return item.span
     return _first_line(model)

@@ -10,14 +10,14 @@ import re
 
 from runtime.document import parse_yaml
 from runtime.errors import GraphError
-from runtime.language.items import Item
+from runtime.language.items import YamlItem
 from runtime.language.model import Model
 from runtime.language.text import Span
 
 _SPECIAL = re.compile(r"(?:^|[\s\[{,:])[&*!]")
 
 
-def formatted(model: Model) -> list[tuple[Span, str]]:
+def format_edits(model: Model) -> list[tuple[Span, str]]:
     """The edits that format a text, line by line."""
     if model.syntax:
         return []
@@ -33,7 +33,7 @@ def formatted(model: Model) -> list[tuple[Span, str]]:
     return edits if _is_same(model, edits) else []
 
 
-def applied(source: str, edits: list[tuple[Span, str]]) -> str:
+def apply_edits(source: str, edits: list[tuple[Span, str]]) -> str:
     """A text with edits made; they do not overlap."""
     for span, new in sorted(edits, reverse=True):
         source = source[: span.start] + new + source[span.end :]
@@ -42,7 +42,7 @@ def applied(source: str, edits: list[tuple[Span, str]]) -> str:
 
 def _is_same(model: Model, edits: list[tuple[Span, str]]) -> bool:
     try:
-        after = parse_yaml(applied(model.text.source, edits), model.file)
+        after = parse_yaml(apply_edits(model.text.source, edits), model.file)
     except GraphError:
         return False
     return bool(after.plain() == model.tree.plain())
@@ -55,47 +55,47 @@ class _Formatter:
 
     def lines(self) -> dict[int, str]:
         """The new form of each line, by number; those of a text over several lines are missing."""
-        kept = set()
+        multi_line = set()
         for item in self.model.root.walk():
             first, last = self.text.line_of(item.start), self.text.line_of(max(0, item.end - 1))
             if item.kind == "scalar" and last > first:
-                kept |= set(range(first, last + 1))
+                multi_line |= set(range(first, last + 1))
         for number in range(len(self.text.starts)):
-            if number not in kept:
+            if number not in multi_line:
                 self.new[number] = self.text.line(number).rstrip()
         for item in self.model.root.walk():
             if item.kind == "map" and not item.flow:
                 self.mapping(item)
-        return {number: line for number, line in self.new.items() if number not in kept}
+        return {number: line for number, line in self.new.items() if number not in multi_line}
 
-    def mapping(self, holder: Item) -> None:
+    def mapping(self, holder: YamlItem) -> None:
         """Space the entries of a mapping over several lines; those in braces may be aligned."""
         short = [item for item in holder.items if self.is_short(item)]
         for is_flow in (True, False):
             self.entries([item for item in short if item.flow == is_flow])
 
-    def is_short(self, item: Item) -> bool:
+    def is_short(self, item: YamlItem) -> bool:
         """Whether an entry stands on one line, with its value."""
         first = self.text.line_of(item.begin)
         has_value = item.kind == "scalar" or item.flow
-        written = self.source[item.colon : item.start]
-        is_plain = not written.strip() and item.colon >= 0
+        between = self.source[item.colon : item.start]
+        is_plain = not between.strip() and item.colon >= 0
         return has_value and is_plain and first == self.text.line_of(max(item.begin, item.end - 1))
 
-    def entries(self, run: list[Item]) -> None:
+    def entries(self, run: list[YamlItem]) -> None:
         is_aligned = any(item.start - item.colon > 1 for item in run) and self.is_mostly(run)
         width = max((item.colon - item.key_start for item in run), default=0)
         for item in run:
             gap = width - (item.colon - item.key_start) + 1 if is_aligned else 1
             self.entry(item, gap)
 
-    def is_mostly(self, run: list[Item]) -> bool:
+    def is_mostly(self, run: list[YamlItem]) -> bool:
         """Whether most of some entries have their values in one column."""
         columns = [item.start - self.text.starts[self.text.line_of(item.start)] for item in run]
         most = max(columns.count(column) for column in columns)
         return most > 1 and 2 * most > len(columns)
 
-    def entry(self, item: Item, gap: int) -> None:
+    def entry(self, item: YamlItem, gap: int) -> None:
         number = self.text.line_of(item.key_start)
         if number not in self.new or self.text.line_of(item.end) != number:
             return
@@ -111,7 +111,7 @@ class _Formatter:
             return
         self.new[number] = code.rstrip()
 
-    def value(self, item: Item) -> str:
+    def value(self, item: YamlItem) -> str:
         """A value with one way of spacing; as it is where it has anchors, holes or comments."""
         raw = self.source[item.start : item.end]
         if not item.flow or not item.closed or _SPECIAL.search(raw):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from runtime.document import flow_yaml
 from runtime.language.addresses import target_of
 from runtime.language.cursor import steps
-from runtime.language.items import Item
+from runtime.language.items import YamlItem
 from runtime.language.model import Model
 from runtime.language.scopes import params_in, scope_at
 from runtime.language.text import Span
@@ -42,7 +42,7 @@ def hints(model: Model, span: Span) -> list[Hint]:
     return [*_hints(model, model.root, span)]
 
 
-def _hints(model: Model, item: Item, span: Span) -> Iterator[Hint]:
+def _hints(model: Model, item: YamlItem, span: Span) -> Iterator[Hint]:
     for inner in item.items:
         if inner.begin > span.end:
             return
@@ -56,7 +56,7 @@ def _hints(model: Model, item: Item, span: Span) -> Iterator[Hint]:
             yield from _hints(model, inner, span)
 
 
-def _label(model: Model, item: Item) -> tuple[str, bool]:
+def _label(model: Model, item: YamlItem) -> tuple[str, bool]:
     """What to show after a scalar: a param's value, or the type and rate of a wire."""
     path = steps(item)
     scope, rest = scope_at(model, path)
@@ -64,18 +64,18 @@ def _label(model: Model, item: Item) -> tuple[str, bool]:
         node = params_in(model, scope).get(item.value[1:])
         if node is None:
             return "", False
-        shown = flow_yaml(node.plain())
-        return f" = {shown if len(shown) <= MAX_SHOWN else shown[: MAX_SHOWN - 3] + '...'}", False
+        value = flow_yaml(node.plain())
+        return f" = {value if len(value) <= MAX_SHOWN else value[: MAX_SHOWN - 3] + '...'}", False
     if rest[0] != "wires" or len(rest) < 3:
         return "", False
-    found = target_of(model, scope, item.value)
-    if found is None or found.type is None:
+    target = target_of(model, scope, item.value)
+    if target is None or target.type is None:
         return "", False
-    constant = found.entry is not None and found.end.port in found.entry.cls.spec.outputs
-    if constant and found.entry is not None:
-        constant = found.entry.cls.spec.outputs[found.end.port].constant
-    rate = "constant" if constant else found.rate
-    return f": {found.type}, {rate}", True
+    constant = target.entry is not None and target.end.port in target.entry.cls.spec.outputs
+    if constant and target.entry is not None:
+        constant = target.entry.cls.spec.outputs[target.end.port].constant
+    rate = "constant" if constant else target.rate
+    return f": {target.type}, {rate}", True
 
 
 def lenses(model: Model) -> list[Lens]:
@@ -86,10 +86,10 @@ def lenses(model: Model) -> list[Lens]:
     if first is None:
         return []
     span = first.key_span
-    found = [Lens(span, "Run", "run"), Lens(span, "Show diagram", "diagram")]
+    commands = [Lens(span, "Run", "run"), Lens(span, "Show diagram", "diagram")]
     blocks = model.root.get("blocks")
     for item in blocks.items if blocks is not None else ():
         if item.key:
             title = f"Compare with and without '{item.key}'"
-            found.append(Lens(item.key_span, title, "compare", item.key))
-    return found
+            commands.append(Lens(item.key_span, title, "compare", item.key))
+    return commands

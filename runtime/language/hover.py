@@ -8,13 +8,13 @@ from pathlib import Path
 from blocks.core import Param
 from runtime.descriptions import describe_markdown
 from runtime.document import RUN_DOCS, SECTIONS, flow_yaml
-from runtime.language.addresses import Target, line_at, target_of
+from runtime.language.addresses import AddressTarget, line_at, target_of
 from runtime.language.cursor import ITEM, steps
-from runtime.language.items import Item, deepest
+from runtime.language.items import YamlItem, deepest
 from runtime.language.keys import BLOCK_DOCS, COMMON_DOCS, PORT_KEYS, param_doc
 from runtime.language.model import Model
 from runtime.language.scopes import class_of, inputs_of, known_types, params_in, scope_at
-from runtime.language.settings import declared_at
+from runtime.language.settings import param_at
 from runtime.language.text import Span
 from runtime.network import Scope
 from runtime.observation import METRIC_KINDS, PLOT_KINDS, PROBE_KEYS
@@ -45,7 +45,7 @@ def hover(model: Model, offset: int) -> Card | None:
     return Card(item.span, text) if text else None
 
 
-def _of_key(model: Model, scope: Scope | None, path: tuple[str, ...], item: Item) -> str:
+def _of_key(model: Model, scope: Scope | None, path: tuple[str, ...], item: YamlItem) -> str:
     if model.kind in ("experiment", "world"):
         return ""
     section, *names = path
@@ -97,25 +97,25 @@ def _doc_of(part: Scope, port: str) -> str:
 
 
 def _output_type(model: Model, part: Scope, port: str) -> str:
-    found = target_of(model, part.parent, f"{part.name}.{port}")
-    return str(found.type or "") if found is not None else ""
+    target = target_of(model, part.parent, f"{part.name}.{port}")
+    return str(target.type or "") if target is not None else ""
 
 
-def _parameter(model: Model, scope: Scope | None, names: list[str], item: Item) -> str:
+def _parameter(model: Model, scope: Scope | None, names: list[str], item: YamlItem) -> str:
     name, key = names[0], names[1]
     cls = class_of(model, scope, name)
-    declared = declared_at(cls, names[1:], item.parent)
-    if declared is not None:
-        return _declared(names[-1], declared)
+    param = param_at(cls, names[1:], item.parent)
+    if param is not None:
+        return _param_markdown(names[-1], param)
     if names[1:2] == ["params"] and len(names) == 3 and scope is not None:
         part = scope.parts.get(name)
         return _param(model, part, names[2]) if part is not None else ""
     return f"**{key}**: {BLOCK_DOCS[key]}" if key in BLOCK_DOCS and len(names) == 2 else ""
 
 
-def _declared(name: str, declared: Param) -> str:
-    detail, _ = param_doc(name, declared)
-    return f"**{name}**: {declared.doc}\n\n{detail}"
+def _param_markdown(name: str, param: Param) -> str:
+    detail, _ = param_doc(name, param)
+    return f"**{name}**: {param.doc}\n\n{detail}"
 
 
 def _param(model: Model, scope: Scope | None, name: str) -> str:
@@ -128,28 +128,28 @@ def _input(model: Model, scope: Scope | None, consumer: str, port: str) -> str:
     if port not in kinds:
         return ""
     cls = class_of(model, scope, consumer)
-    declared = cls.spec.inputs.get(port) if cls is not None else None
+    declaration = cls.spec.inputs.get(port) if cls is not None else None
     lines = [f"**{consumer}.{port}**: {kinds[port] or 'any type'}"]
-    if declared is not None:
-        lines.append("; ".join(filter(None, (declared.doc, declared.unit))))
-        if declared.variadic:
+    if declaration is not None:
+        lines.append("; ".join(filter(None, (declaration.doc, declaration.unit))))
+        if declaration.variadic:
             lines.append("takes any number of wires")
-        elif declared.default is not None:
-            lines.append(f"optional; {declared.default:g} where nothing is wired")
+        elif declaration.default is not None:
+            lines.append(f"optional; {declaration.default:g} where nothing is wired")
     return "\n\n".join(filter(None, lines))
 
 
-def _option(section: str, key: str, item: Item) -> str:
-    written = item.parent.get("kind") if item.parent is not None else None
+def _option(section: str, key: str, item: YamlItem) -> str:
+    kind_item = item.parent.get("kind") if item.parent is not None else None
     kinds = PLOT_KINDS if section == "plots" else METRIC_KINDS
-    kind = kinds.get(written.value) if written is not None else None
-    declared = kind.options.declared.get(key) if kind is not None else None
-    if declared is not None:
-        return _declared(key, declared)
+    kind = kinds.get(kind_item.value) if kind_item is not None else None
+    param = kind.options.declared.get(key) if kind is not None else None
+    if param is not None:
+        return _param_markdown(key, param)
     return f"**{key}**: {COMMON_DOCS.get(key, 'a probe or an address')}"
 
 
-def _of_value(model: Model, scope: Scope | None, path: tuple[str, ...], item: Item) -> str:
+def _of_value(model: Model, scope: Scope | None, path: tuple[str, ...], item: YamlItem) -> str:
     value = item.value
     if value.startswith("$"):
         return _param(model, scope, value[1:])
@@ -171,26 +171,26 @@ def _of_value(model: Model, scope: Scope | None, path: tuple[str, ...], item: It
     if section in ("plots", "metrics") and probe is not None and probe.get(value) is not None:
         return f"**{value}**: a probe of {flow_yaml((probe.get(value) or probe).plain())}"
     if section in ("wires", "probes", "plots", "metrics", "outputs"):
-        found = target_of(model, scope, value)
-        return address_card(model, found, value) if found is not None else ""
+        target = target_of(model, scope, value)
+        return address_card(model, target, value) if target is not None else ""
     return ""
 
 
-def address_card(model: Model, target: Target, written: str) -> str:
+def address_card(model: Model, target: AddressTarget, address: str) -> str:
     """A signal: its type, rate, documentation, and the line of its block."""
     entry, end = target.entry, target.end
     if entry is None:
         return ""
     port = entry.cls.spec.outputs.get(end.port)
     state = entry.cls.spec.states.get(end.port)
-    declared = port or state
+    declaration = port or state
     facts = [str(target.type) if target.type is not None else "", target.rate]
     if port is not None and port.constant:
         facts[1] = "constant"
-    unit = _unit(target, declared.unit if declared is not None else "")
-    lines = [f"**{written}**: {', '.join(filter(None, [*facts, unit]))}"]
-    if declared is not None and declared.doc:
-        lines.append(declared.doc)
+    unit = _unit(target, declaration.unit if declaration is not None else "")
+    lines = [f"**{address}**: {', '.join(filter(None, [*facts, unit]))}"]
+    if declaration is not None and declaration.doc:
+        lines.append(declaration.doc)
     if state is not None:
         lines.append("an event of the tick" if state.event else "a state, for probes")
     line = line_at(model, target.where)
@@ -200,13 +200,13 @@ def address_card(model: Model, target: Target, written: str) -> str:
     return "\n\n".join(lines)
 
 
-def _unit(target: Target, declared: str) -> str:
+def _unit(target: AddressTarget, unit: str) -> str:
     kind = target.type
-    if declared or kind is None:
-        return declared
+    if unit or kind is None:
+        return unit
     return ", ".join(f"{c} {u}" for c, u in zip(kind.components, kind.units, strict=False))
 
 
 def _file(model: Model, name: str) -> str:
-    path = model.found(name)
+    path = model.file_of(name)
     return f"`{path}`" if path is not None else ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from runtime.language.items import Item
+from runtime.language.items import YamlItem
 from runtime.language.model import Model
 from runtime.language.text import Span
 
@@ -25,14 +25,14 @@ def added_entry(model: Model, path: tuple[str, ...], key: str, value: str) -> li
     for i, name in enumerate(path):
         inner = holder.get(name)
         if inner is None or (inner.kind == "empty" and not inner.flow):
-            return _opened(model, holder, inner, path[i:], f"{key}: {value}")
+            return _new_mappings(model, holder, inner, path[i:], f"{key}: {value}")
         holder = inner
     if holder.kind != "map" or holder.get(key) is not None:
         return None
     return [_into(model, holder, f"{key}: {value}")]
 
 
-def _into(model: Model, holder: Item, text: str) -> Edit:
+def _into(model: Model, holder: YamlItem, text: str) -> Edit:
     """A new last entry of a mapping that has a place for it."""
     if holder.flow:
         end = holder.end - 1 if holder.closed else holder.end
@@ -43,15 +43,15 @@ def _into(model: Model, holder: Item, text: str) -> Edit:
     return _below(model, holder, " " * holder.column + text)
 
 
-def _below(model: Model, item: Item, line: str) -> Edit:
+def _below(model: Model, item: YamlItem, line: str) -> Edit:
     """A new line after the last one of an item."""
     last = max((max(i.end, i.key_end, i.colon) for i in item.walk()), default=0)
     end = model.text.line_span(model.text.line_of(last)).end
     return Edit(Span(end, end), f"\n{line}")
 
 
-def _opened(
-    model: Model, holder: Item, empty: Item | None, path: tuple[str, ...], text: str
+def _new_mappings(
+    model: Model, holder: YamlItem, empty: YamlItem | None, path: tuple[str, ...], text: str
 ) -> list[Edit] | None:
     """An entry in mappings of which the outermost is not there yet, or is empty."""
     is_section = holder is model.root
@@ -92,7 +92,7 @@ def added_name(model: Model, section: str, name: str) -> list[Edit]:
     return [Edit(Span(item.start, item.end), f" [{name}]")]
 
 
-def removed_entry(model: Model, item: Item) -> Edit:
+def removed_entry(model: Model, item: YamlItem) -> Edit:
     """The edit that removes an entry: with its lines, or with its comma."""
     source, text = model.text.source, model.text
     begin, end = item.begin, max(item.end, item.key_end, item.colon)

@@ -32,11 +32,11 @@ class SlowModuleError(Exception):
     """A file that is still being imported, or took too long."""
 
 
-class Worker:
+class ModuleWorker:
     """The process that runs one content of one file, started when it is first asked."""
 
-    def __init__(self, file: Path, digest: str, changed: Callable[[], None]) -> None:
-        self.file, self.digest, self.changed = file, digest, changed
+    def __init__(self, file: Path, digest: str, on_change: Callable[[], None]) -> None:
+        self.file, self.digest, self.on_change = file, digest, on_change
         self.process: subprocess.Popen[bytes] | None = None
         self.lock = threading.Lock()
         self.answers: dict[bytes, tuple[str, Any]] = {}
@@ -44,17 +44,17 @@ class Worker:
         self.description: tuple[str, Any] = ("slow", "")
         self.classes: dict[str, type[Block]] = {}
         self.signal_types: list[SignalType] = []
-        self.waited = False
+        self.has_waited = False
         threading.Thread(target=self._load, daemon=True).start()
 
     def _load(self) -> None:
         self.description = self.ask(("describe",), IMPORT_SECONDS)
         if self.description[0] == "done":
-            found, self.signal_types = self.description[1]
-            self.classes = {each["key"]: stand_in(each, self) for each in found}
+            classes, self.signal_types = self.description[1]
+            self.classes = {each["key"]: stand_in(each, self) for each in classes}
         self.ready.set()
-        if self.waited:
-            self.changed()
+        if self.has_waited:
+            self.on_change()
 
     def ask(self, question: tuple[Any, ...], seconds: float) -> tuple[str, Any]:
         """An answer, asked for once; a process that does not answer in time is ended."""
@@ -66,14 +66,14 @@ class Worker:
             if key not in self.answers:
                 if len(self.answers) >= MAX_ANSWERS:
                     self.answers.clear()
-                self.answers[key] = self._asked(question, seconds)
+                self.answers[key] = self._ask_process(question, seconds)
             return self.answers[key]
 
-    def _asked(self, question: tuple[Any, ...], seconds: float) -> tuple[str, Any]:
+    def _ask_process(self, question: tuple[Any, ...], seconds: float) -> tuple[str, Any]:
         if self.process is None:
             if question != ("describe",):
                 return "slow", f"its process ended; it took longer than {seconds:g} s"
-            self.process = self._started()
+            self.process = self._start_process()
             self._exchange(self.process, ("hello",), START_SECONDS)
         return self._exchange(self.process, question, seconds)
 
@@ -82,14 +82,14 @@ class Worker:
     ) -> tuple[str, Any]:
         if process.stdin is None or process.stdout is None:
             return "failed", ("OSError", "no pipe")
-        ended = threading.Timer(seconds, process.kill)
-        ended.daemon = True
-        ended.start()
+        timeout = threading.Timer(seconds, process.kill)
+        timeout.daemon = True
+        timeout.start()
         try:
             send(process.stdin, question)
-            found: tuple[str, Any] = receive(process.stdout)
+            answer: tuple[str, Any] = receive(process.stdout)
         except (EOFError, OSError, ValueError):
-            was_slow = not ended.is_alive()
+            was_slow = not timeout.is_alive()
             self.stop()
             if was_slow:
                 return "slow", f"took longer than {seconds:g} s"
@@ -98,10 +98,10 @@ class Worker:
             self.stop()
             return "failed", (type(error).__name__, str(error))
         finally:
-            ended.cancel()
-        return found
+            timeout.cancel()
+        return answer
 
-    def _started(self) -> subprocess.Popen[bytes]:
+    def _start_process(self) -> subprocess.Popen[bytes]:
         return subprocess.Popen(
             [sys.executable, "-m", "runtime.language.module_worker", str(self.file)],
             stdin=subprocess.PIPE,
@@ -124,15 +124,15 @@ class Worker:
                         continue  # it had ended before all of the question was written
             process.wait()
 
-    def loaded(self, patience: float) -> None:
+    def wait_until_loaded(self, patience: float) -> None:
         """Wait until the file was imported.
 
         Raises
         ------
         SlowModuleError, SyntaxError and others : it could not be, as an import would say.
         """
-        patience = 0.0 if self.waited else patience
-        self.waited = True  # before waiting: the import then either is ready or tells
+        patience = 0.0 if self.has_waited else patience
+        self.has_waited = True  # before waiting: the import then either is ready or tells
         if not self.ready.wait(patience):
             raise SlowModuleError("it is still being imported")
         kind, value = self.description
@@ -154,21 +154,21 @@ class Worker:
 class StandIn(Block):
     """Stands for a class of a user's file, whose own checks run in the file's process."""
 
-    worker: ClassVar[Worker]
+    worker: ClassVar[ModuleWorker]
     key: ClassVar[str]
     source_file: ClassVar[str]
-    asks: ClassVar[bool]
-    checks: ClassVar[bool]
+    overrides_construction: ClassVar[bool]
+    overrides_check: ClassVar[bool]
 
     def _misshapen(self) -> list[tuple[str, str]]:
-        if not self.asks:
+        if not self.overrides_construction:
             return super()._misshapen()
         kind, value = self.worker.ask(("construct", self.key, self._values()), ANSWER_SECONDS)
         if kind == "problems":
             return list(value)
         if kind != "done":
             raise _failure(kind, value)
-        self.__dict__["_answered"] = value
+        self.__dict__["_answer"] = value
         return []
 
     def _values(self) -> dict[str, Any]:
@@ -176,15 +176,15 @@ class StandIn(Block):
 
     @property
     def variables(self) -> dict[str, SignalType]:
-        answered = self.__dict__.get("_answered")
-        return super().variables if answered is None else dict(answered[1])
+        answer = self.__dict__.get("_answer")
+        return super().variables if answer is None else dict(answer[1])
 
     def sizes(self) -> dict[str, int]:
-        answered = self.__dict__.get("_answered")
-        return super().sizes() if answered is None else dict(answered[0])
+        answer = self.__dict__.get("_answer")
+        return super().sizes() if answer is None else dict(answer[0])
 
     def validate_in(self, context: BlockContext) -> None:
-        if not self.checks:
+        if not self.overrides_check:
             return
         question = ("check", self.key, self._values(), context)
         kind, value = self.worker.ask(question, ANSWER_SECONDS)
@@ -201,19 +201,19 @@ def _failure(kind: str, value: Any) -> Exception:
     return SlowModuleError(str(value))
 
 
-def stand_in(described: Mapping[str, Any], worker: Worker) -> type[Block]:
+def stand_in(description: Mapping[str, Any], worker: ModuleWorker) -> type[Block]:
     """The class that stands for one of a file."""
     inside = {
-        "__doc__": described["doc"],
-        "__module__": described["module"],
+        "__doc__": description["doc"],
+        "__module__": description["module"],
         "worker": worker,
-        "key": described["key"],
+        "key": description["key"],
         "source_file": str(worker.file),
-        "asks": described["asks"],
-        "checks": described["checks"],
+        "overrides_construction": description["overrides_construction"],
+        "overrides_check": description["overrides_check"],
     }
-    cls: type[Block] = type(described["name"], (StandIn,), inside)
-    cls.spec = described["spec"]
+    cls: type[Block] = type(description["name"], (StandIn,), inside)
+    cls.spec = description["spec"]
     return cls
 
 
@@ -223,14 +223,14 @@ class Isolation:
     Parameters
     ----------
     patience : how long the first question about a file waits for its import, s.
-    changed : called when an import ends that something did not wait for.
+    on_change : called when an import ends that something did not wait for.
     """
 
     def __init__(
-        self, patience: float = IMPORT_SECONDS + 1.0, changed: Callable[[], None] = lambda: None
+        self, patience: float = IMPORT_SECONDS + 1.0, on_change: Callable[[], None] = lambda: None
     ) -> None:
-        self.patience, self.changed = patience, changed
-        self.workers: dict[Path, Worker] = {}
+        self.patience, self.on_change = patience, on_change
+        self.workers: dict[Path, ModuleWorker] = {}
         self.lock = threading.Lock()
 
     @property
@@ -241,16 +241,16 @@ class Isolation:
     def blocks(self, file: Path) -> Mapping[str, type[Block]]:
         """The block types of a file, as :func:`blocks.registry.blocks_of_module`."""
         worker = self.worker(file)
-        worker.loaded(self.patience)
+        worker.wait_until_loaded(self.patience)
         return worker.classes
 
     def signal_types(self, file: Path) -> list[SignalType]:
         """The signal types of a file, as :func:`blocks.registry.types_of_module`."""
         worker = self.worker(file)
-        worker.loaded(self.patience)
+        worker.wait_until_loaded(self.patience)
         return worker.signal_types
 
-    def worker(self, file: Path) -> Worker:
+    def worker(self, file: Path) -> ModuleWorker:
         """The worker of a file's present content.
 
         Raises
@@ -265,7 +265,7 @@ class Isolation:
                 worker.stop()
                 worker = None
             if worker is None:
-                worker = Worker(file, digest, self.changed)
+                worker = ModuleWorker(file, digest, self.on_change)
             self.workers[file] = worker
             while len(self.workers) > MAX_KEPT:
                 self.workers.pop(next(iter(self.workers))).stop()

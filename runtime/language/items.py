@@ -16,7 +16,7 @@ Kind = Literal["map", "list", "scalar", "empty"]
 
 
 @dataclass(eq=False, slots=True)
-class Item:
+class YamlItem:
     """A value with its key: what is written, and where.
 
     key : its name in a mapping, '' in a list; written at ``key_start`` to ``key_end``.
@@ -28,7 +28,7 @@ class Item:
     closed : whether braces or brackets are closed.
     """
 
-    parent: Item | None = None
+    parent: YamlItem | None = None
     key: str = ""
     key_start: int = -1
     key_end: int = -1
@@ -41,7 +41,7 @@ class Item:
     quoted: bool = False
     column: int = 0
     closed: bool = True
-    items: list[Item] = field(default_factory=list)
+    items: list[YamlItem] = field(default_factory=list)
 
     @property
     def begin(self) -> int:
@@ -67,18 +67,18 @@ class Item:
             item = item.parent
         return tuple(reversed(names))
 
-    def get(self, key: str) -> Item | None:
+    def get(self, key: str) -> YamlItem | None:
         """The entry of that name."""
         return next((item for item in self.items if item.key == key), None)
 
-    def at(self, *path: str) -> Item | None:
+    def at(self, *path: str) -> YamlItem | None:
         """The entry at a path below this one."""
-        found: Item | None = self
+        entry: YamlItem | None = self
         for key in path:
-            found = found.get(key) if found is not None else None
-        return found
+            entry = entry.get(key) if entry is not None else None
+        return entry
 
-    def walk(self) -> Iterator[Item]:
+    def walk(self) -> Iterator[YamlItem]:
         """This item and all below it, in the order of the text."""
         stack = [self]
         while stack:
@@ -86,13 +86,13 @@ class Item:
             yield item
             stack += reversed(item.items)
 
-    def scalars(self) -> list[Item]:
+    def scalars(self) -> list[YamlItem]:
         """The item itself, or the items of its list, as far as they are scalars."""
         items = self.items if self.kind == "list" else [self]
         return [item for item in items if item.kind == "scalar"]
 
 
-def deepest(root: Item, offset: int) -> Item:
+def deepest(root: YamlItem, offset: int) -> YamlItem:
     """The innermost item whose key or value is at an offset."""
     item = root
     while True:
@@ -123,17 +123,17 @@ def closing_quote(source: str, start: int) -> int:
         return position + 1
 
 
-def unquoted(written: str) -> str:
+def unquote(literal: str) -> str:
     """A quoted text without its quotes and with its escapes replaced."""
-    inner = written[1:-1] if len(written) > 1 and written[-1] == written[0] else written[1:]
-    if written[0] == "'":
+    inner = literal[1:-1] if len(literal) > 1 and literal[-1] == literal[0] else literal[1:]
+    if literal[0] == "'":
         return inner.replace("''", "'")
-    return _ESCAPE.sub(_unescaped, inner) if "\\" in inner else inner
+    return _ESCAPE.sub(_unescape, inner) if "\\" in inner else inner
 
 
-def _unescaped(found: re.Match[str]) -> str:
-    code = found[1] or found[2] or found[3]
+def _unescape(match: re.Match[str]) -> str:
+    code = match[1] or match[2] or match[3]
     if code:
         number = int(code, 16)
         return chr(number) if number < 0x110000 else "?"
-    return _ESCAPES.get(found[4], found[4])
+    return _ESCAPES.get(match[4], match[4])

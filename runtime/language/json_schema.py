@@ -60,7 +60,7 @@ def json_schema() -> Schema:
 
 def _sections() -> dict[str, Schema]:
     """The sections of a graph."""
-    found: dict[str, Schema] = {
+    schemas: dict[str, Schema] = {
         "graph": {"type": ["string", "number"]},
         "run": _run(),
         "params": {"type": "object"},
@@ -74,7 +74,7 @@ def _sections() -> dict[str, Schema]:
         "bypass": SOURCES,
     }
     docs = {key: {"description": text} for key, text in SECTIONS.items()}
-    return {key: found.get(key, ANY) | docs.get(key, {}) for key in {**docs, **found}}
+    return {key: schemas.get(key, ANY) | docs.get(key, {}) for key in {**docs, **schemas}}
 
 
 def _map(value: Schema) -> Schema:
@@ -88,12 +88,12 @@ def _object(properties: Mapping[str, Schema]) -> Schema:
 
 
 def _run() -> Schema:
-    found = {}
+    properties = {}
     for key in RUN_KEYS:
         choices = RUN_CHOICES.get(key)
-        found[key] = {"anyOf": [{"enum": list(choices)}, REFERENCE]} if choices else ANY
-        found[key] = found[key] | {"description": RUN_DOCS.get(key, "")}
-    return _object(found)
+        properties[key] = {"anyOf": [{"enum": list(choices)}, REFERENCE]} if choices else ANY
+        properties[key] = properties[key] | {"description": RUN_DOCS.get(key, "")}
+    return _object(properties)
 
 
 def _probe() -> Schema:
@@ -120,26 +120,26 @@ def _block() -> Schema:
     types: list[Schema] = [
         {"const": name, "description": summary(cls)} for name, cls in BUILTIN.items()
     ]
-    known: dict[str, Schema] = {key: {"description": text} for key, text in BLOCK_DOCS.items()}
+    properties: dict[str, Schema] = {key: {"description": text} for key, text in BLOCK_DOCS.items()}
     own: Schema = {"type": "string", "description": "a type of your own or of a package"}
-    known["type"] = known["type"] | {"anyOf": [*types, own]}
-    known["repeat"] |= {"anyOf": [{"type": "integer", "minimum": 1}, REFERENCE]}
-    known["share"] |= SOURCES
+    properties["type"] = properties["type"] | {"anyOf": [*types, own]}
+    properties["repeat"] |= {"anyOf": [{"type": "integer", "minimum": 1}, REFERENCE]}
+    properties["share"] |= SOURCES
     return {
         "type": "object",
-        "properties": known,
-        "allOf": [_typed(name, cls) for name, cls in BUILTIN.items()],
+        "properties": properties,
+        "allOf": [_type_branch(name, cls) for name, cls in BUILTIN.items()],
     }
 
 
-def _typed(name: str, cls: type[Block]) -> Schema:
+def _type_branch(name: str, cls: type[Block]) -> Schema:
     """The parameters of a block, if it is of a type of the library."""
     condition = {
         "properties": {"type": {"const": name}},
         "required": ["type"],
         "not": {"required": ["module"]},
     }
-    inside = {key: param_schema(key, declared) for key, declared in cls.spec.params.items()}
+    inside = {key: param_schema(key, param) for key, param in cls.spec.params.items()}
     inside |= dict.fromkeys(("type", "dt", "module"), ANY)
     then = _object(inside) | {"description": describe_markdown(cls).split("\n\n")[1]}
     return {"if": condition, "then": then}
@@ -151,9 +151,9 @@ def _kinds(kinds: Mapping[str, Any]) -> Schema:
     names: list[Schema] = [{"const": name, "description": kind.doc} for name, kind in kinds.items()]
     branches = []
     for name, kind in kinds.items():
-        declared = kind.options.declared
+        options = kind.options.declared
         inside = {
-            key: param_schema(key, declared[key]) if key in declared else common.get(key, ANY)
+            key: param_schema(key, options[key]) if key in options else common.get(key, ANY)
             for key in ("kind", *kind.keys, "module")
         }
         condition = {
@@ -172,23 +172,25 @@ def _kinds(kinds: Mapping[str, Any]) -> Schema:
     }
 
 
-def param_schema(name: str, declared: Param) -> Schema:
+def param_schema(name: str, param: Param) -> Schema:
     """The schema of a parameter's value, or of a ``$name`` in its place."""
-    _, expected, default, doc = param_row(name, declared)
-    forms = [*_forms(declared), REFERENCE]
-    if declared.default is None:
+    _, expected, default, doc = param_row(name, param)
+    forms = [*_forms(param), REFERENCE]
+    if param.default is None:
         forms.append({"type": "null"})
-    given = f", default {default}" if default not in ("", "required") else f" {default}".rstrip()
-    return {"description": f"{doc}: {expected}{given}", "anyOf": forms}
+    default_text = (
+        f", default {default}" if default not in ("", "required") else f" {default}".rstrip()
+    )
+    return {"description": f"{doc}: {expected}{default_text}", "anyOf": forms}
 
 
-def _forms(declared: Param) -> Iterable[Schema]:
+def _forms(param: Param) -> Iterable[Schema]:
     """The forms that a value may have, without their units."""
-    if declared.choices:
-        return [{"enum": list(declared.choices)}]
-    number = {"type": "integer" if declared.kind == "int" else "number"} | _bounds(declared)
+    if param.choices:
+        return [{"enum": list(param.choices)}]
+    number = {"type": "integer" if param.kind == "int" else "number"} | _bounds(param)
     degrees: list[Schema] = []
-    if any(unit.startswith("rad") for unit in declared.units):
+    if any(unit.startswith("rad") for unit in param.units):
         degrees = [{"type": "string", "pattern": "deg"}]
     simple: dict[str, list[Schema]] = {
         "bool": [{"type": "boolean"}],
@@ -197,18 +199,18 @@ def _forms(declared: Param) -> Iterable[Schema]:
         "float": [number, *degrees],
         "int": [number],
     }
-    if declared.kind in simple:
-        return simple[declared.kind]
-    if declared.kind != "array":
-        return _setting_forms(declared)
-    alone = [number, *degrees] if not declared.shapes or () in declared.shapes else []
+    if param.kind in simple:
+        return simple[param.kind]
+    if param.kind != "array":
+        return _setting_forms(param)
+    alone = [number, *degrees] if not param.shapes or () in param.shapes else []
     return [*alone, {"type": "array"}]
 
 
-def _setting_forms(declared: Param) -> list[Schema]:
+def _setting_forms(param: Param) -> list[Schema]:
     """A text, a number or a list, and a mapping whose first key names one of several classes."""
-    members = members_of(declared)
-    root = root_of(declared)
+    members = members_of(param)
+    root = root_of(param)
     if root is None:
         return [ANY]
     keys = {name for member in members.values() for name in member.declared}
@@ -222,10 +224,10 @@ def _setting_forms(declared: Param) -> list[Schema]:
     return forms
 
 
-def _bounds(declared: Param) -> Schema:
+def _bounds(param: Param) -> Schema:
     names = {"above": "exclusiveMinimum", "at_least": "minimum"}
     names |= {"below": "exclusiveMaximum", "at_most": "maximum"}
-    found = {names[key]: getattr(declared, key) for key in names}
+    bounds = {names[key]: getattr(param, key) for key in names}
     return {
-        key: value for key, value in found.items() if value is not None and math.isfinite(value)
+        key: value for key, value in bounds.items() if value is not None and math.isfinite(value)
     }

@@ -28,7 +28,7 @@ from runtime.language.scopes import (
     params_in,
     scope_at,
 )
-from runtime.language.settings import declared_at, root_of, variant_at
+from runtime.language.settings import param_at, root_of, variant_at
 from runtime.network import BLOCK_KEYS, Scope
 from runtime.observation import METRIC_KINDS, PLOT_KINDS, PROBE_KEYS, plot_keys
 
@@ -63,7 +63,7 @@ def keys_at(model: Model, cursor: Cursor) -> Iterator[Offer]:
         return
     if model.kind == "world" or cursor.path[:1] == ("world",):
         if len(cursor.path) == (model.kind != "world"):
-            yield from _listed(WORLD_KEYS)
+            yield from _key_offers(WORLD_KEYS)
         return
     scope, path = scope_at(model, cursor.path)
     if not path:
@@ -75,26 +75,26 @@ def keys_at(model: Model, cursor: Cursor) -> Iterator[Offer]:
     elif section == "wires":
         yield from _of_wires(model, scope, names, cursor)
     elif section in ("plots", "metrics") and len(names) == 1:
-        yield from _of_kind(section, _written(cursor, "kind"))
+        yield from _of_kind(section, _scalar_of(cursor, "kind"))
     elif section == "run" and not names:
-        yield from _listed({key: RUN_DOCS.get(key, "") for key in RUN_KEYS})
+        yield from _key_offers({key: RUN_DOCS.get(key, "") for key in RUN_KEYS})
     elif section == "run" and names == ["stop"]:
-        yield from _listed(STOP_DOCS)
+        yield from _key_offers(STOP_DOCS)
     elif section == "probes" and len(names) == 1:
-        yield from _listed(PROBE_KEYS)
+        yield from _key_offers(PROBE_KEYS)
     elif section == "inputs" and len(names) == 1:
-        yield from _listed(PORT_KEYS)
+        yield from _key_offers(PORT_KEYS)
     elif section == "params" and not names:
         yield from offers_of(params_in(model, scope), "param")
 
 
-def _listed(keys: Mapping[str, str], names: Iterable[str] = ()) -> Iterator[Offer]:
+def _key_offers(keys: Mapping[str, str], names: Iterable[str] = ()) -> Iterator[Offer]:
     return (Offer(key, "key", keys.get(key, "")) for key in names or keys)
 
 
-def _written(cursor: Cursor, key: str) -> str:
-    found = cursor.holder.get(key)
-    return found.value if found is not None else ""
+def _scalar_of(cursor: Cursor, key: str) -> str:
+    item = cursor.holder.get(key)
+    return item.value if item is not None else ""
 
 
 def _sections(model: Model, is_inside: bool) -> Iterator[Offer]:
@@ -108,18 +108,18 @@ def _sections(model: Model, is_inside: bool) -> Iterator[Offer]:
         yield Offer(name, "section", docs.get(name, ""), example, rank=rank)
 
 
-def param_doc(name: str, declared: Param) -> tuple[str, str]:
+def param_doc(name: str, param: Param) -> tuple[str, str]:
     """A parameter in one line, and what there is to know about it as Markdown."""
-    _, expected, default, doc = param_row(name, declared)
-    given = default if default in ("", "required") else f"default {default}"
-    return ", ".join(filter(None, (expected, given))), f"{doc}\n\n{expected}; {given}".rstrip(
-        "; \n"
-    )
+    _, expected, default, doc = param_row(name, param)
+    if default not in ("", "required"):
+        default = f"default {default}"
+    doc = f"{doc}\n\n{expected}; {default}".rstrip("; \n")
+    return ", ".join(filter(None, (expected, default))), doc
 
 
-def param_offers(declared: Mapping[str, Param]) -> Iterator[Offer]:
+def param_offers(params: Mapping[str, Param]) -> Iterator[Offer]:
     """Parameters as keys, required ones first."""
-    for name, each in declared.items():
+    for name, each in params.items():
         detail, doc = param_doc(name, each)
         yield Offer(name, "key", detail, doc, rank=0 if each.required else 1)
 
@@ -133,11 +133,11 @@ def _of_blocks(
         cls = class_of(model, scope, names[0])
         if cls is not None:
             yield from param_offers(cls.spec.params)
-        known = [*BLOCK_KEYS, "graph"]
+        keys = [*BLOCK_KEYS, "graph"]
         if scope is not None and names[0] in scope.parts:
-            known = [n for n in PART_SECTIONS if n != "part"]
+            keys = [n for n in PART_SECTIONS if n != "part"]
         docs = {**SECTIONS, **BLOCK_DOCS}
-        yield from (Offer(key, "key", docs.get(key, ""), rank=2) for key in known)
+        yield from (Offer(key, "key", docs.get(key, ""), rank=2) for key in keys)
     elif names[1] == "params" and len(names) == 2 and scope is not None:
         part = scope.parts.get(names[0])
         yield from offers_of(params_in(model, part) if part else (), "param")
@@ -147,12 +147,12 @@ def _of_blocks(
 
 def _of_setting(cls: type[Block] | None, keys: Sequence[str], cursor: Cursor) -> Iterator[Offer]:
     """The keys of a setting: the one that names its class, and the parameters of that."""
-    declared = declared_at(cls, keys, cursor.holder.parent)
-    root = root_of(declared)
+    param = param_at(cls, keys, cursor.holder.parent)
+    root = root_of(param)
     if root is None:
         return
     yield Offer(root.key, "key", root.expected, rank=0)
-    inside = variant_at(declared, cursor.holder)
+    inside = variant_at(param, cursor.holder)
     if inside is not None:
         yield from param_offers(inside.declared)
 
@@ -178,26 +178,26 @@ def _new_blocks(model: Model, scope: Scope | None, cursor: Cursor) -> Iterator[O
 def block_snippet(kind: str, cls: type[Block], first: int) -> str:
     """The inside of a block's entry with its required parameters to be filled in."""
     parts = [f"type: {kind}"]
-    for number, (name, declared) in enumerate(_required(cls), first):
-        hint = choice(number, declared.choices, declared.describe())
+    for number, (name, param) in enumerate(_required_params(cls), first):
+        hint = choice(number, param.choices, param.describe())
         parts.append(f"{name}: {hint}")
     return ", ".join(parts)
 
 
-def _required(cls: type[Block]) -> list[tuple[str, Param]]:
+def _required_params(cls: type[Block]) -> list[tuple[str, Param]]:
     return [(name, each) for name, each in cls.spec.params.items() if each.required]
 
 
-def type_offers(model: Model, written: set[str]) -> Iterator[Offer]:
+def type_offers(model: Model, keys: set[str]) -> Iterator[Offer]:
     """Block types; with their required parameters, where none is ``written`` yet."""
     for kind, cls in known_types(model).items():
         family = cls.__module__.split(".")[1] if cls.__module__.startswith("blocks.") else "own"
-        needed = [name for name, _ in _required(cls)]
+        required = [name for name, _ in _required_params(cls)]
         doc = describe_markdown(cls)
         yield Offer(kind, "type", f"{family}: {summary(cls)}", doc)
-        if needed and not written & {*cls.spec.params}:
+        if required and not keys & {*cls.spec.params}:
             text = block_snippet(kind, cls, 1).removeprefix("type: ")
-            label = f"{kind} with {', '.join(needed)}"
+            label = f"{kind} with {', '.join(required)}"
             yield Offer(label, "snippet", "with its required parameters", doc, text, True, 3)
 
 
@@ -216,19 +216,19 @@ def _of_wires(
         return
     if len(names) != 1:
         return
-    written = {item.key for item in cursor.holder.items if item is not cursor.item}
+    other_keys = {item.key for item in cursor.holder.items if item is not cursor.item}
     ports = inputs_of(model, scope, names[0])
     cls = class_of(model, scope, names[0])
     for port, kind in ports.items():
-        declared = cls.spec.inputs.get(port) if cls is not None else None
+        declaration = cls.spec.inputs.get(port) if cls is not None else None
         optional = is_optional(model, scope, names[0], port)
         detail = f"{kind or 'any type'}{', optional' if optional else ''}"
-        yield Offer(port, "key", detail, declared.doc if declared else "", rank=int(optional))
-    open_ports = [port for port in ports if port not in written]
-    needed = [p for p in open_ports if not is_optional(model, scope, names[0], p)]
-    if len(needed or open_ports) > 1 and cursor.holder.flow:
-        text = wires_snippet(model, scope, names[0], needed or open_ports)
-        label = ", ".join(needed or open_ports)
+        yield Offer(port, "key", detail, declaration.doc if declaration else "", rank=int(optional))
+    open_ports = [port for port in ports if port not in other_keys]
+    required = [p for p in open_ports if not is_optional(model, scope, names[0], p)]
+    if len(required or open_ports) > 1 and cursor.holder.flow:
+        text = wires_snippet(model, scope, names[0], required or open_ports)
+        label = ", ".join(required or open_ports)
         yield Offer(label, "snippet", "all open inputs", "", text, True, 2)
 
 
@@ -248,17 +248,17 @@ def wires_snippet(model: Model, scope: Scope | None, name: str, ports: list[str]
 def _of_kind(section: str, kind: str) -> Iterator[Offer]:
     """The keys of a plot or a metric; those of its kind, if it has one."""
     if section == "plots":
-        known = PLOT_KINDS.get(kind)
-        declared = dict(known.options.declared) if known else {}
-        keys: tuple[str, ...] = known.keys if known else plot_keys(kind)
+        plot = PLOT_KINDS.get(kind)
+        options = dict(plot.options.declared) if plot else {}
+        keys: tuple[str, ...] = plot.keys if plot else plot_keys(kind)
     else:
         metric = METRIC_KINDS.get(kind)
-        declared = dict(metric.options.declared) if metric else {}
+        options = dict(metric.options.declared) if metric else {}
         every = METRIC_KINDS.values() if metric is None else [metric]
         keys = ("kind", *dict.fromkeys(key for each in every for key in each.keys), "module")
     for rank, key in enumerate(keys):
-        if key in declared:
-            detail, doc = param_doc(key, declared[key])
+        if key in options:
+            detail, doc = param_doc(key, options[key])
             yield Offer(key, "key", detail, doc, rank=rank)
         else:
             yield Offer(key, "key", COMMON_DOCS.get(key, "a probe or an address"), rank=rank)
@@ -268,9 +268,9 @@ def _of_experiment(model: Model, path: tuple[str, ...]) -> Iterator[Offer]:
     docs = {"experiment": "its name", "graph": "the baseline", "seeds": "as in 0..19"}
     docs |= {"variants": "name: changes", "vary": "path: values, as in 0..1:5"}
     if not path:
-        yield from _listed(docs, (key for key in KEYS if key not in PLAN_KEYS))
+        yield from _key_offers(docs, (key for key in KEYS if key not in PLAN_KEYS))
     elif path[0] == "variants" and len(path) == 2:
-        yield from _listed(docs, VARIANT_KEYS)
+        yield from _key_offers(docs, VARIANT_KEYS)
     elif path[-1] in CHANGES and ITEM not in path:
         graph = model.baseline
         names = graph.names if graph is not None else []

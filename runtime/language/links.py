@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from runtime.language.items import Item
+from runtime.language.items import YamlItem
 from runtime.language.model import Model
 
-Scope = tuple[str, ...]
+PartPath = tuple[str, ...]
 MAX_LEVELS = 20
 
 
@@ -17,25 +17,25 @@ def is_experiment_text(model: Model) -> bool:
     return any(model.root.get(key) for key in ("experiment", "vary", "variants"))
 
 
-def bases(model: Model) -> list[tuple[Path, Scope]]:
+def bases(model: Model) -> list[tuple[Path, PartPath]]:
     """The files that a text builds on, each with the part that it is used as, or ()."""
     if "bases" not in model.memo:
         model.memo["bases"] = [*_bases(model)]
-    found: list[tuple[Path, Scope]] = model.memo["bases"]
-    return found
+    result: list[tuple[Path, PartPath]] = model.memo["bases"]
+    return result
 
 
-def _bases(model: Model) -> Iterator[tuple[Path, Scope]]:
+def _bases(model: Model) -> Iterator[tuple[Path, PartPath]]:
     root = model.root
     if is_experiment_text(model):
-        named = [root, *(root.get("variants") or Item()).items]
-        files = [item.get("graph") for item in named]
-        yield from _resolved(model, [item for item in files if item is not None], ())
+        mappings = [root, *(root.get("variants") or YamlItem()).items]
+        files = [item.get("graph") for item in mappings]
+        yield from _paths_of(model, [item for item in files if item is not None], ())
         return
     extends = root.get("extends")
     if extends is not None:
-        yield from _resolved(model, extends.scalars(), ())
-    for item in (root.get("blocks") or Item()).items:
+        yield from _paths_of(model, extends.scalars(), ())
+    for item in (root.get("blocks") or YamlItem()).items:
         yield from _parts_of(model, item, ())
 
 
@@ -43,31 +43,33 @@ def overlays(model: Model) -> list[tuple[Path, Path]]:
     """The files that an experiment lays over a graph, each with that graph."""
     if not is_experiment_text(model):
         return []
-    found = []
+    pairs = []
     root = model.root
-    for item in (root, *(root.get("variants") or Item()).items):
+    for item in (root, *(root.get("variants") or YamlItem()).items):
         graph = item.get("graph") or root.get("graph")
-        laid = item.get("with")
-        if graph is None or laid is None:
+        overlay = item.get("with")
+        if graph is None or overlay is None:
             continue
-        below = [path for path, _ in _resolved(model, graph.scalars(), ())]
-        found += [
-            (path, base) for path, _ in _resolved(model, laid.scalars(), ()) for base in below
+        below = [path for path, _ in _paths_of(model, graph.scalars(), ())]
+        pairs += [
+            (path, base) for path, _ in _paths_of(model, overlay.scalars(), ()) for base in below
         ]
-    return found
+    return pairs
 
 
-def _parts_of(model: Model, item: Item, scope: Scope) -> Iterator[tuple[Path, Scope]]:
+def _parts_of(model: Model, item: YamlItem, scope: PartPath) -> Iterator[tuple[Path, PartPath]]:
     graph, blocks = item.get("graph"), item.get("blocks")
     if graph is not None:
-        yield from _resolved(model, graph.scalars(), (*scope, item.key))
+        yield from _paths_of(model, graph.scalars(), (*scope, item.key))
     for inner in blocks.items if blocks is not None else ():
         yield from _parts_of(model, inner, (*scope, item.key))
 
 
-def _resolved(model: Model, items: list[Item], scope: Scope) -> Iterator[tuple[Path, Scope]]:
+def _paths_of(
+    model: Model, items: list[YamlItem], scope: PartPath
+) -> Iterator[tuple[Path, PartPath]]:
     for item in items:
-        path = model.found(item.value)
+        path = model.file_of(item.value)
         if path is not None and path != model.path.resolve():
             yield path, scope
 
@@ -78,17 +80,17 @@ def other(model: Model, path: Path) -> Model | None:
     return None if text is None else Model(text, path, model.surroundings)
 
 
-def parts(model: Model, level: int = 0) -> frozenset[Scope]:
+def parts(model: Model, level: int = 0) -> frozenset[PartPath]:
     """The scopes that blocks of a text open, those of the files that it builds on included."""
     if "parts" not in model.memo:
-        model.memo["parts"] = frozenset(_opened(model, level))
-    found: frozenset[Scope] = model.memo["parts"]
-    return found
+        model.memo["parts"] = frozenset(_part_scopes(model, level))
+    result: frozenset[PartPath] = model.memo["parts"]
+    return result
 
 
-def _opened(model: Model, level: int) -> Iterator[Scope]:
-    for item in (model.root.get("blocks") or Item()).items:
-        yield from _written(item, ())
+def _part_scopes(model: Model, level: int) -> Iterator[PartPath]:
+    for item in (model.root.get("blocks") or YamlItem()).items:
+        yield from _inline_parts(item, ())
     if level < MAX_LEVELS:
         for path, scope in bases(model):
             base = other(model, path)
@@ -96,18 +98,18 @@ def _opened(model: Model, level: int) -> Iterator[Scope]:
                 yield from ((*scope, *inner) for inner in parts(base, level + 1))
 
 
-def _written(item: Item, scope: Scope) -> Iterator[Scope]:
+def _inline_parts(item: YamlItem, scope: PartPath) -> Iterator[PartPath]:
     if item.get("graph") is not None or item.get("blocks") is not None:
         yield (*scope, item.key)
-        for inner in (item.get("blocks") or Item()).items:
-            yield from _written(inner, (*scope, item.key))
+        for inner in (item.get("blocks") or YamlItem()).items:
+            yield from _inline_parts(inner, (*scope, item.key))
 
 
 def modules(model: Model) -> list[Path]:
     """The Python files that the blocks of a text name."""
-    found = []
-    for item in (model.root.get("blocks") or Item()).items:
-        named = item.get("module")
-        if named is not None and named.kind == "scalar":
-            found.append((model.path.parent / named.value).resolve())
-    return found
+    paths = []
+    for item in (model.root.get("blocks") or YamlItem()).items:
+        module = item.get("module")
+        if module is not None and module.kind == "scalar":
+            paths.append((model.path.parent / module.value).resolve())
+    return paths

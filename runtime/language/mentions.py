@@ -9,14 +9,14 @@ from typing import Literal
 
 from runtime.document import PART_SECTIONS
 from runtime.experiments.design import CHANGES
-from runtime.language.items import Item
+from runtime.language.items import YamlItem
 from runtime.language.links import is_experiment_text, parts
 from runtime.language.model import Model
 from runtime.language.text import Span
 from runtime.observation import METRIC_KINDS, PLOT_KINDS
 
 Noun = Literal["block", "param", "probe", "input", "output", "plot", "metric", "type", "file"]
-Path = tuple[str, ...]
+PartPath = tuple[str, ...]
 
 # The keys of plots and metrics whose values name probes or addresses.
 SIGNAL_KEYS = {"of"}.union(
@@ -31,7 +31,7 @@ class Symbol:
     """A name with what it names; ``scope`` lists the parts that it is inside of."""
 
     noun: Noun
-    scope: Path
+    scope: PartPath
     name: str
 
 
@@ -47,12 +47,12 @@ class Mention:
 def mentions(model: Model) -> list[Mention]:
     """All that a text mentions, in no particular order."""
     if "mentions" not in model.memo:
-        model.memo["mentions"] = [*_Reader(model).read()]
-    found: list[Mention] = model.memo["mentions"]
-    return found
+        model.memo["mentions"] = [*_MentionReader(model).read()]
+    cached: list[Mention] = model.memo["mentions"]
+    return cached
 
 
-class _Reader:
+class _MentionReader:
     """Walks the tree of a text; ``parts`` are the scopes that blocks are known to open."""
 
     def __init__(self, model: Model) -> None:
@@ -66,7 +66,7 @@ class _Reader:
         else:
             yield from self.graph(self.root, ())
 
-    def graph(self, root: Item, scope: Path) -> Iterator[Mention]:
+    def graph(self, root: YamlItem, scope: PartPath) -> Iterator[Mention]:
         """The sections of a graph or part."""
         for section in root.items:
             name = section.key
@@ -80,7 +80,7 @@ class _Reader:
                 noun: Noun = "param" if name == "params" else "input"
                 yield from (self.key(item, noun, scope, True) for item in section.items)
             elif name in ("probes", "plots", "metrics", "outputs"):
-                yield from self.observed(section, scope)
+                yield from self.recorded_signals(section, scope)
             elif name in ("without", "bypass"):
                 for item in section.scalars():
                     yield from self.address(item, scope)
@@ -92,22 +92,22 @@ class _Reader:
             if name not in ("blocks", "params"):
                 yield from self.params(section, scope)
 
-    def key(self, item: Item, noun: Noun, scope: Path, defines: bool = False) -> Mention:
+    def key(self, item: YamlItem, noun: Noun, scope: PartPath, defines: bool = False) -> Mention:
         return Mention(Symbol(noun, scope, item.key), item.key_span, defines)
 
-    def file(self, item: Item) -> Iterator[Mention]:
+    def file(self, item: YamlItem) -> Iterator[Mention]:
         if item.kind == "scalar":
             yield Mention(Symbol("file", (), item.value), item.span)
 
-    def params(self, item: Item, scope: Path) -> Iterator[Mention]:
+    def params(self, item: YamlItem, scope: PartPath) -> Iterator[Mention]:
         """The ``$names`` in a value."""
         for inner in item.walk():
-            found = _PARAM.fullmatch(inner.value) if inner.kind == "scalar" else None
-            if found is not None:
+            match = _PARAM.fullmatch(inner.value) if inner.kind == "scalar" else None
+            if match is not None:
                 start = inner.start + inner.quoted + 1
-                yield Mention(Symbol("param", scope, found[1]), Span(start, start + len(found[1])))
+                yield Mention(Symbol("param", scope, match[1]), Span(start, start + len(match[1])))
 
-    def block(self, item: Item, scope: Path) -> Iterator[Mention]:
+    def block(self, item: YamlItem, scope: PartPath) -> Iterator[Mention]:
         yield self.key(item, "block", scope, True)
         inside = (*scope, item.key)
         is_part = inside in self.parts
@@ -122,10 +122,10 @@ class _Reader:
             elif not (is_part and entry.key in PART_SECTIONS):
                 yield from self.params(entry, scope)
         if is_part:
-            kept = [e for e in item.items if e.key in PART_SECTIONS and e.key != "params"]
-            yield from self.graph(Item(kind="map", items=kept), inside)
+            sections = [e for e in item.items if e.key in PART_SECTIONS and e.key != "params"]
+            yield from self.graph(YamlItem(kind="map", items=sections), inside)
 
-    def wires(self, item: Item, scope: Path) -> Iterator[Mention]:
+    def wires(self, item: YamlItem, scope: PartPath) -> Iterator[Mention]:
         yield self.key(item, "block", scope)
         inside = (*scope, item.key)
         for port in item.items:
@@ -134,7 +134,7 @@ class _Reader:
             for source in port.scalars():
                 yield from self.address(source, scope)
 
-    def observed(self, section: Item, scope: Path) -> Iterator[Mention]:
+    def recorded_signals(self, section: YamlItem, scope: PartPath) -> Iterator[Mention]:
         nouns: dict[str, Noun] = {"probes": "probe", "plots": "plot", "metrics": "metric"}
         for item in section.items:
             yield self.key(item, nouns.get(section.key, "output"), scope, True)
@@ -147,20 +147,20 @@ class _Reader:
                     for source in entry.scalars():
                         yield from self.signal(source, scope)
 
-    def signal(self, item: Item, scope: Path) -> Iterator[Mention]:
+    def signal(self, item: YamlItem, scope: PartPath) -> Iterator[Mention]:
         """A probe's name or an address."""
         if "." in item.value:
             yield from self.address(item, scope)
         else:
             yield Mention(Symbol("probe", scope, item.value), item.span)
 
-    def address(self, item: Item, scope: Path) -> Iterator[Mention]:
+    def address(self, item: YamlItem, scope: PartPath) -> Iterator[Mention]:
         """The names in ``part.block.output``."""
         start = item.start + item.quoted
         if item.kind == "scalar" and not item.value.startswith("$"):
             yield from self.names(item.value, start, scope)
 
-    def names(self, text: str, start: int, scope: Path) -> Iterator[Mention]:
+    def names(self, text: str, start: int, scope: PartPath) -> Iterator[Mention]:
         """The blocks, ports and params in a path that is written at an offset."""
         is_first = True
         while text:
@@ -184,7 +184,7 @@ class _Reader:
             scope = (*scope, name)
 
     def inside(
-        self, name: str, span: Span, text: str, start: int, scope: Path
+        self, name: str, span: Span, text: str, start: int, scope: PartPath
     ) -> Iterator[Mention]:
         """A name after that of a part: an output, a block, or ``params.name``."""
         if name == "params" and text:
@@ -197,7 +197,7 @@ class _Reader:
             yield Mention(Symbol("block", scope, name), span)
             yield Mention(Symbol("input", scope, name), span)
 
-    def experiment(self, root: Item) -> Iterator[Mention]:
+    def experiment(self, root: YamlItem) -> Iterator[Mention]:
         """The changes that an experiment makes, and what it varies and optimizes."""
         for item in root.items:
             if item.key == "graph":
@@ -213,7 +213,7 @@ class _Reader:
                 for variant in item.items:
                     yield from self.experiment(variant)
 
-    def change(self, item: Item) -> Iterator[Mention]:
+    def change(self, item: YamlItem) -> Iterator[Mention]:
         if item.key == "with":
             for each in item.scalars():
                 yield from self.file(each)

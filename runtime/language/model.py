@@ -32,9 +32,9 @@ from runtime.document import (
 from runtime.errors import NOWHERE, GraphError, Problem, SpikeblocksError, Where
 from runtime.experiments.design import KEYS, check_experiment, is_experiment
 from runtime.graph import Content, Examined, Graph, examined
-from runtime.language.items import Item, deepest
+from runtime.language.items import YamlItem, deepest
 from runtime.language.scan import scan
-from runtime.language.text import Text
+from runtime.language.text import SourceText
 from runtime.network import Network
 from runtime.observation import Observation
 
@@ -44,7 +44,7 @@ PORTS = ("inputs", "outputs")
 # Sections that hardly any other YAML has.
 OWN = {"blocks", "wires", "probes", "bypass", "experiment", "vary", "room", "circles"}
 _TOP = re.compile(r"^[{ ]?([A-Za-z_]\w*)\s*:", re.MULTILINE)
-MAX_MADE = 50_000
+MAX_BLOCKS = 50_000
 _OUTSIDE = "_outside_"
 
 
@@ -77,12 +77,12 @@ def _no_collection() -> Iterator[None]:
 
 
 @lru_cache(maxsize=128)
-def _parsed(text: str, file: str) -> Node:
+def _parse_once(text: str, file: str) -> Node:
     return parse_yaml(text, file)
 
 
 @lru_cache(maxsize=128)
-def _scanned(text: str) -> Item:
+def _scan_once(text: str) -> YamlItem:
     return scan(text)
 
 
@@ -92,13 +92,13 @@ class Surroundings:
 
     unsaved : texts that editors hold, by resolved path; they take the place of the files.
     modules : whether, or how, Python files that graphs name are read.
-    made : blocks of earlier versions, by type and parameters.
+    block_cache : blocks of earlier versions, by type and parameters.
     longest : characters of a text that is read; None for any number.
     """
 
     unsaved: Mapping[Path, str] = field(default_factory=dict)
     modules: Modules = False
-    made: dict[tuple[type[Block], str], Block] = field(default_factory=dict, compare=False)
+    block_cache: dict[tuple[type[Block], str], Block] = field(default_factory=dict, compare=False)
     longest: int | None = None
 
     def refusal(self, source: str) -> str:
@@ -110,26 +110,26 @@ class Surroundings:
             f"characters, more than {self.longest:,}; 'runtime validate' checks it"
         )
 
-    def _parsed(self, text: str, file: str) -> Node:
+    def _parse(self, text: str, file: str) -> Node:
         if reason := self.refusal(text):
             raise GraphError([Problem(Where(file), "", reason)])
-        return _parsed(text, file)
+        return _parse_once(text, file)
 
-    def constructed(self) -> dict[tuple[type[Block], str], Block]:
+    def reusable_blocks(self) -> dict[tuple[type[Block], str], Block]:
         """The blocks that were constructed for earlier versions of texts; blocks never change."""
-        if len(self.made) > MAX_MADE:
-            self.made.clear()
-        return self.made
+        if len(self.block_cache) > MAX_BLOCKS:
+            self.block_cache.clear()
+        return self.block_cache
 
-    def completed(self, document: Node, path: Path) -> tuple[Node, list[Problem]]:
+    def complete(self, document: Node, path: Path) -> tuple[Node, list[Problem]]:
         """A document with all that it extends and its parts, and what is wrong with those."""
-        return complete_document(document, path, self.unsaved, self._parsed)
+        return complete_document(document, path, self.unsaved, self._parse)
 
     def text(self, path: Path) -> str | None:
         """The text of another file; None if it cannot be read."""
-        known = self.unsaved.get(path.resolve())
-        if known is not None:
-            return known
+        unsaved = self.unsaved.get(path.resolve())
+        if unsaved is not None:
+            return unsaved
         try:
             return path.read_text(encoding="utf-8-sig", errors="replace")
         except (OSError, ValueError):
@@ -143,7 +143,7 @@ class Surroundings:
         GraphError : it cannot be read.
         """
         path = find_file(name, (NOWHERE, ""), Path())
-        document, problems = self.completed(self._parsed(self.text(path) or "", str(path)), path)
+        document, problems = self.complete(self._parse(self.text(path) or "", str(path)), path)
         if problems:
             raise GraphError(problems)
         return Graph.of_document(document, path, self.modules)
@@ -165,7 +165,7 @@ class Model:
         surroundings: Surroundings = Surroundings(),
         change: Change | None = None,
     ) -> None:
-        self.text = Text(source)
+        self.text = SourceText(source)
         self.path, self.file = path, str(path)
         self.surroundings, self.change = surroundings, change
         self.memo: dict[str, Any] = {}  # what other modules derive from the text, by their keys
@@ -184,9 +184,9 @@ class Model:
         return cls(decoded(read_file(path, (NOWHERE, "")), path), path, surroundings, change)
 
     @cached_property
-    def root(self) -> Item:
+    def root(self) -> YamlItem:
         """The tree of what is written; empty if the text is too large to be read."""
-        return Item() if self.refusal else _scanned(self.text.source)
+        return YamlItem() if self.refusal else _scan_once(self.text.source)
 
     @property
     def refusal(self) -> str:
@@ -211,19 +211,19 @@ class Model:
     @cached_property
     def tree(self) -> Node:
         """The text as the loader sees it; where it cannot be read, what was scanned of it."""
-        return self._strict if isinstance(self._strict, Node) else self._repaired(self.root, 0)
+        return self._strict if isinstance(self._strict, Node) else self._repair(self.root, 0)
 
-    def _repaired(self, item: Item, depth: int) -> Node:
+    def _repair(self, item: YamlItem, depth: int) -> Node:
         where = self.text.where(item.start, self.file)
         key = where if item.key_start < 0 else self.text.where(item.key_start, self.file)
         if item.kind == "map":
             entries: dict[str, Node] = {}
             for inner in item.items:
                 if inner.colon >= 0 or inner.kind != "empty":
-                    entries.setdefault(inner.key, self._repaired(inner, depth + 1))
+                    entries.setdefault(inner.key, self._repair(inner, depth + 1))
             return Node(entries, where, key)
         if item.kind == "list":
-            return Node([self._repaired(inner, depth + 1) for inner in item.items], where, key)
+            return Node([self._repair(inner, depth + 1) for inner in item.items], where, key)
         if item.kind == "empty" or item.quoted:
             return Node(item.value if item.quoted else None, where, key)
         try:
@@ -235,8 +235,8 @@ class Model:
     def is_ours(self) -> bool:
         """Whether the text is one of a graph, or may become one, and not some other YAML."""
         names = set(_TOP.findall(self.text.source))
-        known = {*SECTIONS, *PORTS, *KEYS, "extends", "room", "obstacles", "circles"}
-        return bool(names & OWN) or names <= known
+        names_of_ours = {*SECTIONS, *PORTS, *KEYS, "extends", "room", "obstacles", "circles"}
+        return bool(names & OWN) or names <= names_of_ours
 
     @cached_property
     def kind(self) -> Kind:
@@ -256,7 +256,7 @@ class Model:
     @property
     def _is_open(self) -> bool:
         """Whether entries need a graph below: blocks without a type, wires to unknown blocks."""
-        document, _ = self._loaded
+        document, _ = self._loading
         blocks = dict((document.get("blocks") or Node({})).items())
         if any(b.is_map and not (b.get("type") or is_part(b)) for b in blocks.values()):
             return True
@@ -272,8 +272,8 @@ class Model:
         return False
 
     @cached_property
-    def _loaded(self) -> tuple[Node, list[Problem]]:
-        document, problems = self.surroundings.completed(self.tree, self.path)
+    def _loading(self) -> tuple[Node, list[Problem]]:
+        document, problems = self.surroundings.complete(self.tree, self.path)
         if self.change is None or problems or self.syntax:
             return document, problems
         try:
@@ -285,8 +285,8 @@ class Model:
     @cached_property
     def document(self) -> Node:
         """The graph with all that it extends; a part stands in a graph of its own."""
-        document = self._loaded[0]
-        return self._wrapped(document) if self.kind == "part" else document
+        document = self._loading[0]
+        return self._wrap_part(document) if self.kind == "part" else document
 
     @property
     def prefix(self) -> str:
@@ -298,7 +298,7 @@ class Model:
         name = "".join(c if c.isascii() and c.isalnum() else "_" for c in self.path.stem)
         return name if name[:1].isalpha() else f"part_{name}"
 
-    def _wrapped(self, part: Node) -> Node:
+    def _wrap_part(self, part: Node) -> Node:
         """A graph with the part as its only block, and a source at each of its inputs."""
         inner = {name: node for name, node in part.items() if name in PART_SECTIONS}
         inner |= {"part": Node(self.file)}
@@ -306,36 +306,36 @@ class Model:
         blocks = {self._part: Node(inner, part.where, part.where)}
         wires: dict[str, Node] = {}
         for name, node in (part.get("inputs") or Node({})).items():
-            declared = node.get("type") if node.is_map else node
-            if declared is not None and isinstance(declared.value, str):
-                source = {"type": Node("_Outside"), "signal": Node(declared.value)}
+            type_node = node.get("type") if node.is_map else node
+            if type_node is not None and isinstance(type_node.value, str):
+                source = {"type": Node("_Outside"), "signal": Node(type_node.value)}
                 blocks[f"{_OUTSIDE}{name}"] = Node(source)
                 wires[name] = Node(f"{_OUTSIDE}{name}.out")
         return Node({"blocks": Node(blocks), "wires": Node({self._part: Node(wires)})})
 
     @cached_property
-    def examined(self) -> Examined:
+    def checked_graph(self) -> Examined:
         """The checked graph, as far as that goes."""
         if self.kind in ("experiment", "world"):
-            return Examined(self._examined_other())
+            return Examined(self._check_other())
         classes: dict[str, type[Block]] = {"_Outside": _Outside} if self.kind == "part" else {}
         content = Content(
             self.document,
             source=self.path,
             modules=self.surroundings.modules,
             classes=classes,
-            made=self.surroundings.constructed(),
+            made=self.surroundings.reusable_blocks(),
         )
         with _no_collection():
             return examined(content, loops=True)
 
-    def _examined_other(self) -> list[Problem]:
+    def _check_other(self) -> list[Problem]:
         if self.kind == "world":
             if self.change is not None:
                 message = "a world has no blocks; options that change a graph do not apply to it"
                 return [Problem(Where(self.file), "", message)]
-            found = examined(Content(Node({"world": self.tree, "blocks": Node({})})))
-            return [problem for problem in found.problems if problem.address.startswith("world")]
+            result = examined(Content(Node({"world": self.tree, "blocks": Node({})})))
+            return [problem for problem in result.problems if problem.address.startswith("world")]
         try:
             change = self.change or (lambda graph: graph)
             near = self.surroundings
@@ -346,7 +346,7 @@ class Model:
             return [Problem(Where(self.file), "", str(error))]
         return []
 
-    def found(self, name: str) -> Path | None:
+    def file_of(self, name: str) -> Path | None:
         """The file that a name in this text stands for: a graph, a world or a Python file."""
         at = (Where(self.file, 1, 1), "")
         for noun in ("graph", "world"):
@@ -359,36 +359,36 @@ class Model:
     @cached_property
     def baseline(self) -> Graph | None:
         """The graph that an experiment names; None if it cannot be read."""
-        named = self.tree.get("graph")
-        if named is None or not isinstance(named.value, str):
+        node = self.tree.get("graph")
+        if node is None or not isinstance(node.value, str):
             return None
         try:
-            path = find_file(named.value, (named.where, ""), self.path.parent)
+            path = find_file(node.value, (node.where, ""), self.path.parent)
             return self.surroundings.load(str(path))
         except GraphError:
             return None
 
     @property
     def network(self) -> Network | None:
-        return self.examined.network
+        return self.checked_graph.network
 
     @property
     def observation(self) -> Observation | None:
-        return self.examined.observation
+        return self.checked_graph.observation
 
     @cached_property
     def problems(self) -> list[Problem]:
         """Everything that is wrong, in the order of the text, as ``runtime validate`` has it."""
         if self.syntax:
             return self.syntax
-        loaded = [] if self.kind in ("experiment", "world") else self._loaded[1]
-        found = loaded or [*map(self._unwrapped, self.examined.problems)]
+        loading = [] if self.kind in ("experiment", "world") else self._loading[1]
+        problems = loading or [*map(self._with_own_names, self.checked_graph.problems)]
         if self.kind == "part":
             # A block may fail for want of what only the graph around a part gives.
-            found = [p for p in found if p.where.line and " failed: " not in p.text]
+            problems = [p for p in problems if p.where.line and " failed: " not in p.text]
         if self.kind == "overlay":
-            found = [p for p in found if not (_needs_base(p) or self._is_deletion(p))]
-        return sorted(set(found))
+            problems = [p for p in problems if not (_needs_base(p) or self._is_deletion(p))]
+        return sorted(set(problems))
 
     def _is_deletion(self, problem: Problem) -> bool:
         """Whether a problem is about a null, which deletes what the graph below may have."""
@@ -397,7 +397,7 @@ class Model:
         item = deepest(self.root, self.text.at(problem.where))
         return item.kind == "empty" or (item.kind == "scalar" and item.value in ("null", "~"))
 
-    def _unwrapped(self, problem: Problem) -> Problem:
+    def _with_own_names(self, problem: Problem) -> Problem:
         """A problem of a part, with the names that its text uses."""
         if self.kind != "part":
             return problem
@@ -409,7 +409,9 @@ class Model:
 
 def _needs_base(problem: Problem) -> bool:
     """Whether a problem of an overlay is only that the graph below it is not there."""
-    texts = ("there is no block", "is not connected", "expected a type", "there are no blocks")
-    needed = ("there is no param", "is not used", "is open;", "nothing (null)", "has no value")
-    absent = ("missing; expected", "needs a world", "null only deletes")
-    return any(text in problem.text for text in (*texts, *needed, *absent))
+    phrases = (
+        *("there is no block", "is not connected", "expected a type", "there are no blocks"),
+        *("there is no param", "is not used", "is open;", "nothing (null)", "has no value"),
+        *("missing; expected", "needs a world", "null only deletes"),
+    )
+    return any(phrase in problem.text for phrase in phrases)

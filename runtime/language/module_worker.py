@@ -75,33 +75,33 @@ def receive(stream: IO[bytes]) -> Any:
     return unpack(data)
 
 
-def described(file: Path) -> tuple[list[dict[str, Any]], list[SignalType]]:
+def describe(file: Path) -> tuple[list[dict[str, Any]], list[SignalType]]:
     """What a file defines, as plain data: its block types and the signal types among its names."""
-    found: list[dict[str, Any]] = []
+    classes: list[dict[str, Any]] = []
     for name, cls in blocks_of_module(file).items():
         spec: BlockSpec = cls.spec
         own = {key for key in OVERRIDES if getattr(cls, key) is not getattr(Block, key)}
-        found.append(
+        classes.append(
             {
                 "key": name,
                 "name": cls.__name__,
                 "module": cls.__module__,
                 "doc": cls.__doc__,
                 "spec": spec,
-                "asks": bool(own),
-                "checks": cls.validate_in is not Block.validate_in,
+                "overrides_construction": bool(own),
+                "overrides_check": cls.validate_in is not Block.validate_in,
             }
         )
-    return found, types_of_module(file)
+    return classes, types_of_module(file)
 
 
-def constructed(file: Path, name: str, values: dict[str, Any]) -> tuple[Any, Any]:
+def construct(file: Path, name: str, values: dict[str, Any]) -> tuple[Any, Any]:
     """Lengths and type variables of a block with these parameters."""
     block = blocks_of_module(file)[name](**values)
     return dict(block.sizes()), dict(block.variables)
 
 
-def checked(file: Path, name: str, values: dict[str, Any], context: Any) -> None:
+def check(file: Path, name: str, values: dict[str, Any], context: Any) -> None:
     """Let a block check its place in a graph."""
     blocks_of_module(file)[name](**values).validate_in(context)
 
@@ -112,9 +112,9 @@ def hello(file: Path) -> None:
 
 QUESTIONS: dict[str, Callable[..., Any]] = {
     "hello": hello,
-    "describe": described,
-    "construct": constructed,
-    "check": checked,
+    "describe": describe,
+    "construct": construct,
+    "check": check,
 }
 
 

@@ -19,12 +19,12 @@ from pathlib import Path
 from blocks.core import Block
 from runtime.document import misnamed
 from runtime.errors import UsageError
-from runtime.language.items import Item, deepest
+from runtime.language.items import YamlItem, deepest
 from runtime.language.links import bases, modules, overlays
 from runtime.language.mentions import Mention, Symbol, mentions
 from runtime.language.model import Model
 from runtime.language.scopes import known_types
-from runtime.language.text import Span, Text
+from runtime.language.text import SourceText, Span
 
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 RESERVED = ("inputs", "outputs")
@@ -47,31 +47,31 @@ class Project:
     @cached_property
     def _links(self) -> list[tuple[Path, Path, tuple[str, ...]]]:
         """(file, the file that it builds on, the part that it uses it as or ())."""
-        found = []
+        links = []
         for path, model in self.models.items():
-            found += [(path, base, scope) for base, scope in self.bases(model)]
-        return found
+            links += [(path, base, scope) for base, scope in self.bases(model)]
+        return links
 
     def bases(self, model: Model) -> list[tuple[Path, tuple[str, ...]]]:
         """The files that a text builds on, each with the part that it is used as, or ()."""
-        below = self._overlaid.get(model.path.resolve(), ())
+        below = self._graphs_below.get(model.path.resolve(), ())
         return [*bases(model), *((path, ()) for path in below)]
 
     @cached_property
-    def _overlaid(self) -> dict[Path, list[Path]]:
+    def _graphs_below(self) -> dict[Path, list[Path]]:
         """The graphs that each overlay is laid over."""
-        found: dict[Path, list[Path]] = {}
+        graphs_of: dict[Path, list[Path]] = {}
         for model in self.models.values():
             for path, base in overlays(model):
-                found.setdefault(path, []).append(base)
+                graphs_of.setdefault(path, []).append(base)
         graphs = [m for m in self.models.values() if is_whole(m)]
         for path, model in self.models.items():
-            needed = needed_by(model) if path not in found else set()
-            if needed:
-                fitting = [m.path.resolve() for m in graphs if needed <= blocks_of(m)]
+            blocks = needed_by(model) if path not in graphs_of else set()
+            if blocks:
+                fitting = [m.path.resolve() for m in graphs if blocks <= blocks_of(m)]
                 if len(fitting) == 1:
-                    found[path] = fitting
-        return found
+                    graphs_of[path] = fitting
+        return graphs_of
 
     def model(self, path: Path, near: Model) -> Model | None:
         """The model of a file, of the project or not."""
@@ -84,14 +84,14 @@ class Project:
 
     def above(self, model: Model, symbol: Symbol) -> list[tuple[Model, Symbol]]:
         """Where the files that a file builds on may define a symbol."""
-        found = []
+        bases = []
         for path, scope in self.bases(model):
             if symbol.scope[: len(scope)] != scope:
                 continue
             base = self.model(path, model)
             if base is not None and base is not model:
-                found.append((base, replace(symbol, scope=symbol.scope[len(scope) :])))
-        return found
+                bases.append((base, replace(symbol, scope=symbol.scope[len(scope) :])))
+        return bases
 
     def below(self, model: Model, symbol: Symbol) -> list[tuple[Model, Symbol]]:
         """What the symbol is called in the files that build on a file."""
@@ -99,44 +99,44 @@ class Project:
         return [
             (self.models[path], replace(symbol, scope=(*scope, *symbol.scope)))
             for path, base, scope in self._links
-            if base == here and path != here and not self._replaced(path, here, scope, symbol)
+            if base == here and path != here and not self._replaces(path, here, scope, symbol)
         ]
 
-    def _replaced(self, path: Path, base: Path, scope: tuple[str, ...], symbol: Symbol) -> bool:
+    def _replaces(self, path: Path, base: Path, scope: tuple[str, ...], symbol: Symbol) -> bool:
         """Whether a file has another part in place of the one that defines a symbol of its base."""
         inner = (*scope, *symbol.scope)
         own = self._parts_over(path, base) - {scope}
-        return any(inner[: len(used)] == used for used in own)
+        return any(inner[: len(part)] == part for part in own)
 
     def _parts_over(self, path: Path, base: Path) -> set[tuple[str, ...]]:
         """The parts that a file has itself, or from what it extends after ``base``."""
-        direct = [below for user, below, used in self._links if user == path and not used]
+        direct = [below for user, below, part in self._links if user == path and not part]
         later = direct[direct.index(base) + 1 :] if base in direct else []
-        files = {path, *self._with_extended(later)}
-        return {used for user, _, used in self._links if user in files and used}
+        files = {path, *self._with_bases(later)}
+        return {part for user, _, part in self._links if user in files and part}
 
-    def _with_extended(self, paths: list[Path]) -> list[Path]:
+    def _with_bases(self, paths: list[Path]) -> list[Path]:
         """Some files and all that they extend."""
-        found = list(paths)
-        for each in found:
+        files = list(paths)
+        for each in files:
             links = (link for link in self._links if link[0] == each)
-            found += [below for _, below, used in links if not used and below not in found]
-        return found
+            files += [below for _, below, part in links if not part and below not in files]
+        return files
 
     def roots(self, model: Model, symbol: Symbol) -> list[tuple[Model, Symbol]]:
         """The files furthest up that define a symbol, with its name there."""
-        found, seen, queue = [], {model.path.resolve()}, [(model, symbol)]
+        roots, visited, queue = [], {model.path.resolve()}, [(model, symbol)]
         while queue:
-            at, known = queue.pop()
+            at, local = queue.pop()
             upper = []
-            for base, inner in self.above(at, known):
-                if base.path.resolve() not in seen and self.defined_by(base, inner):
-                    seen.add(base.path.resolve())
+            for base, inner in self.above(at, local):
+                if base.path.resolve() not in visited and self.defined_by(base, inner):
+                    visited.add(base.path.resolve())
                     upper.append((base, inner))
             queue += upper
             if not upper:
-                found.append((at, known))
-        return found
+                roots.append((at, local))
+        return roots
 
     def defined_by(self, model: Model, symbol: Symbol) -> bool:
         """Whether a file, or one that it builds on, defines a symbol."""
@@ -147,23 +147,23 @@ class Project:
 
     def _mentioned_by(self, model: Model, symbol: Symbol) -> bool:
         """Whether a file, or one that it extends, mentions a symbol."""
-        paths = self._with_extended([model.path.resolve()])
-        found = (self.model(path, model) for path in paths)
-        return any(m.symbol == symbol for each in found if each for m in mentions(each))
+        paths = self._with_bases([model.path.resolve()])
+        models = (self.model(path, model) for path in paths)
+        return any(m.symbol == symbol for each in models if each for m in mentions(each))
 
     def family(self, model: Model, symbol: Symbol) -> list[tuple[Model, Symbol]]:
         """All files that mean the same by a symbol, each with its name there."""
-        queue, found = self.roots(model, symbol), {}
+        queue, members = self.roots(model, symbol), {}
         while queue:
-            at, known = queue.pop()
-            key = (at.path.resolve(), known)
-            if key not in found:
-                found[key] = (at, known)
-                queue += self.below(at, known)
+            at, local = queue.pop()
+            key = (at.path.resolve(), local)
+            if key not in members:
+                members[key] = (at, local)
+                queue += self.below(at, local)
                 # What a file extends besides the one that defines the name means the same by it.
-                upper = self.above(at, known)
+                upper = self.above(at, local)
                 queue += [up for up in upper if self._mentioned_by(*up)]
-        return list(found.values())
+        return list(members.values())
 
 
 def is_whole(model: Model) -> bool:
@@ -181,12 +181,12 @@ def needed_by(model: Model) -> set[str]:
     """The blocks that an overlay names and does not define; none for other texts."""
     if model.root.get("extends") is not None or model.kind != "overlay":
         return set()
-    entries = (model.root.get("blocks") or Item()).items
+    entries = (model.root.get("blocks") or YamlItem()).items
     own = {item.key for item in entries if item.get("type") or item.get("graph")}
-    named = {
+    names = {
         m.symbol.name for m in mentions(model) if m.symbol.noun == "block" and not m.symbol.scope
     }
-    return named - own
+    return names - own
 
 
 def mention_at(model: Model, offset: int) -> Mention | None:
@@ -194,8 +194,8 @@ def mention_at(model: Model, offset: int) -> Mention | None:
     here = [m for m in mentions(model) if m.span.start <= offset <= m.span.end]
     if len(here) < 2:
         return here[0] if here else None
-    defined = {m.symbol for m in mentions(model) if m.defines}
-    return next((m for m in here if m.symbol in defined), here[0])
+    definitions = {m.symbol for m in mentions(model) if m.defines}
+    return next((m for m in here if m.symbol in definitions), here[0])
 
 
 def _owner(model: Model, offset: int) -> Mention | None:
@@ -207,20 +207,20 @@ def _owner(model: Model, offset: int) -> Mention | None:
 
 def definition(model: Model, offset: int, project: Project) -> list[Place]:
     """Where the name at an offset is introduced."""
-    found = mention_at(model, offset) or _owner(model, offset)
-    if found is None:
+    mention = mention_at(model, offset) or _owner(model, offset)
+    if mention is None:
         return []
-    offset = min(offset, found.span.end)
-    if found.symbol.noun == "file":
-        path = model.found(found.symbol.name)
+    offset = min(offset, mention.span.end)
+    if mention.symbol.noun == "file":
+        path = model.file_of(mention.symbol.name)
         return [Place(path, Span(0, 0))] if path is not None else []
-    if found.symbol.noun == "type":
-        return _class_place(known_types(model).get(found.symbol.name))
+    if mention.symbol.noun == "type":
+        return _class_place(known_types(model).get(mention.symbol.name))
     places = []
     for symbol in _meanings(model, offset):
-        for at, known in project.roots(model, symbol):
-            defined = [m.span for m in mentions(at) if m.defines and m.symbol == known]
-            places += [Place(at.path, span) for span in defined]
+        for at, local in project.roots(model, symbol):
+            spans = [m.span for m in mentions(at) if m.defines and m.symbol == local]
+            places += [Place(at.path, span) for span in spans]
         if places:
             break
     return places
@@ -243,18 +243,18 @@ def _class_place(cls: type[Block] | None) -> list[Place]:
         text = path.read_text(encoding="utf-8")
     except (OSError, TypeError, ValueError):
         return []
-    found = re.search(rf"^class\s+({re.escape(name)})\b", text, re.MULTILINE)
-    span = Span(*found.span(1)) if found else Span(0, 0)
+    match = re.search(rf"^class\s+({re.escape(name)})\b", text, re.MULTILINE)
+    span = Span(*match.span(1)) if match else Span(0, 0)
     return [Place(path.resolve(), span)]
 
 
 def references(model: Model, offset: int, project: Project) -> list[Place]:
     """All places that mean the same as the name at an offset, its definition included."""
-    found = mention_at(model, offset)
-    if found is None:
+    mention = mention_at(model, offset)
+    if mention is None:
         return []
-    if found.symbol.noun in ("file", "type"):
-        same = (found.symbol.noun, found.symbol.name)
+    if mention.symbol.noun in ("file", "type"):
+        same = (mention.symbol.noun, mention.symbol.name)
         models = {model.path.resolve(): model, **project.models}
         return [
             Place(other.path, m.span)
@@ -262,26 +262,26 @@ def references(model: Model, offset: int, project: Project) -> list[Place]:
             for m in mentions(other)
             if (m.symbol.noun, m.symbol.name) == same
         ]
-    symbol = _settled(model, offset, project)
+    symbol = _defined_meaning(model, offset, project)
     places = [
         Place(at.path, m.span)
-        for at, known in project.family(model, symbol)
+        for at, local in project.family(model, symbol)
         for m in mentions(at)
-        if m.symbol == known
+        if m.symbol == local
     ]
     return list(dict.fromkeys(places))
 
 
-def _settled(model: Model, offset: int, project: Project) -> Symbol:
+def _defined_meaning(model: Model, offset: int, project: Project) -> Symbol:
     """The one of the meanings that is defined; the likeliest if none is."""
     meanings = _meanings(model, offset)
     return next((symbol for symbol in meanings if project.defined_by(model, symbol)), meanings[0])
 
 
-def renamed(model: Model, offset: int) -> Span | None:
+def rename_span(model: Model, offset: int) -> Span | None:
     """The name at an offset that can be renamed; None if there is none."""
-    found = mention_at(model, offset)
-    return None if found is None or found.symbol.noun == "file" else found.span
+    mention = mention_at(model, offset)
+    return None if mention is None or mention.symbol.noun == "file" else mention.span
 
 
 def rename(
@@ -295,18 +295,18 @@ def rename(
     ------
     UsageError : the name is not valid or taken, or a file that must not change defines it.
     """
-    found = mention_at(model, offset)
-    if found is None or found.symbol.noun == "file":
+    mention = mention_at(model, offset)
+    if mention is None or mention.symbol.noun == "file":
         raise UsageError("there is nothing to rename here")
-    if found.symbol.noun == "type":
-        return _class_renamed(model, found.symbol.name, name, project)
-    symbol = _settled(model, offset, project)
+    if mention.symbol.noun == "type":
+        return _rename_class(model, mention.symbol.name, name, project)
+    symbol = _defined_meaning(model, offset, project)
     _check_name(model, symbol, name)
-    allowed = {path.resolve() for path in within}
+    may_change = {path.resolve() for path in within}
     edits: dict[Path, list[tuple[Span, str]]] = {}
     for place in references(model, offset, project):
         path = place.path.resolve()
-        if allowed and path != model.path.resolve() and path not in allowed:
+        if may_change and path != model.path.resolve() and path not in may_change:
             raise UsageError(f"'{symbol.name}' is also in '{path}', which is not in this folder")
         edits.setdefault(place.path, []).append((place.span, name))
     return edits
@@ -320,14 +320,14 @@ def _check_name(model: Model, symbol: Symbol, name: str) -> None:
         message = f"'{name}' is not a name for a {symbol.noun}; use letters, digits and _"
     elif symbol.noun == "block" and name in RESERVED:
         message = f"'{name}' is reserved for the ports of a part"
-    taken = {m.symbol for m in mentions(model) if m.defines}
-    if not message and replace(symbol, name=name) in taken and name != symbol.name:
+    definitions = {m.symbol for m in mentions(model) if m.defines}
+    if not message and replace(symbol, name=name) in definitions and name != symbol.name:
         message = f"there is a {symbol.noun} '{name}' already"
     if message:
         raise UsageError(message)
 
 
-def _class_renamed(
+def _rename_class(
     model: Model, old: str, name: str, project: Project
 ) -> Mapping[Path, list[tuple[Span, str]]]:
     """Edits of a user's own block type: its class, and every graph that names it."""
@@ -338,7 +338,7 @@ def _class_renamed(
     if not name.isidentifier() or name in known_types(model):
         raise UsageError(f"'{name}' is not a new name for a class")
     path = places[0].path
-    text = Text(path.read_text(encoding="utf-8"))
+    text = SourceText(path.read_text(encoding="utf-8"))
     edits = {path: [(span, name) for span in _python_names(text, old)]}
     for other in {model.path.resolve(): model, **project.models}.values():
         if path in modules(other) or other is model:
@@ -349,7 +349,7 @@ def _class_renamed(
     return edits
 
 
-def _python_names(text: Text, name: str) -> list[Span]:
+def _python_names(text: SourceText, name: str) -> list[Span]:
     """Where Python code uses a name."""
     spans = []
     try:

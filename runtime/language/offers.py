@@ -31,17 +31,17 @@ class Offer:
         return self.insert or self.label
 
 
-def escaped(text: str) -> str:
+def escape_snippet(text: str) -> str:
     """A text inside a snippet."""
     return re.sub(r"([$}\\])", r"\\\1", text)
 
 
 def choice(number: int, values: Iterable[str], otherwise: str) -> str:
     """A place of a snippet where one of some values is chosen."""
-    known = [re.sub(r"([$}\\,|])", r"\\\1", value) for value in values]
-    if len(known) > 1:
-        return f"${{{number}|{','.join(known)}|}}"
-    return f"${{{number}:{escaped(known[0] if known else otherwise)}}}"
+    choices = [re.sub(r"([$}\\,|])", r"\\\1", value) for value in values]
+    if len(choices) > 1:
+        return f"${{{number}|{','.join(choices)}|}}"
+    return f"${{{number}:{escape_snippet(choices[0] if choices else otherwise)}}}"
 
 
 def offers_of(names: Iterable[str], icon: Icon, detail: str = "", rank: int = 1) -> Iterator[Offer]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from runtime.language.items import Item
+from runtime.language.items import YamlItem
 from runtime.language.model import Model
 from runtime.language.text import Span
 
@@ -29,10 +29,10 @@ def outline(model: Model) -> list[OutlineSymbol]:
     return [_symbol(model, item, 0) for item in model.root.items if item.key]
 
 
-def _symbol(model: Model, item: Item, depth: int) -> OutlineSymbol:
+def _symbol(model: Model, item: YamlItem, depth: int) -> OutlineSymbol:
     section = item.parent.key if item.parent is not None and item.parent.parent else ""
-    named, part = item.get("type"), item.get("graph") or item.get("blocks")
-    detail = named.value if named is not None else _short(model, item)
+    type_item, part = item.get("type"), item.get("graph") or item.get("blocks")
+    detail = type_item.value if type_item is not None else _short(model, item)
     kind: SymbolKind = "section" if depth == 0 else "value"
     if section == "blocks":
         kind = "part" if part is not None else "block"
@@ -46,7 +46,7 @@ def _symbol(model: Model, item: Item, depth: int) -> OutlineSymbol:
     return OutlineSymbol(item.key, detail, kind, span, item.key_span, tuple(inner))
 
 
-def _short(model: Model, item: Item) -> str:
+def _short(model: Model, item: YamlItem) -> str:
     if item.kind == "scalar":
         return item.value.split("\n")[0][:60]
     if item.flow:
@@ -56,14 +56,14 @@ def _short(model: Model, item: Item) -> str:
 
 def folds(model: Model) -> list[tuple[int, int, bool]]:
     """(first line, last line, whether it is a comment), from 0."""
-    found = []
+    ranges = []
     text = model.text
     for item in model.root.walk():
         if item.parent is None or item.kind == "empty":
             continue
         first, last = text.line_of(item.begin), text.line_of(max(item.begin, item.end - 1))
         if last > first:
-            found.append((first, last, False))
+            ranges.append((first, last, False))
     begin: int | None = None
     for number in range(len(text.starts) + 1):
         line = text.line(number).lstrip() if number < len(text.starts) else ""
@@ -71,6 +71,6 @@ def folds(model: Model) -> list[tuple[int, int, bool]]:
             begin = number if begin is None else begin
         elif begin is not None:
             if number - begin > 1:
-                found.append((begin, number - 1, True))
+                ranges.append((begin, number - 1, True))
             begin = None
-    return sorted(set(found))
+    return sorted(set(ranges))

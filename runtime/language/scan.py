@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 
-from runtime.language.items import Item, closing_quote, unquoted
+from runtime.language.items import YamlItem, closing_quote, unquote
 from runtime.language.text import Span
 
 MAX_DEPTH = 60
@@ -31,7 +31,7 @@ _FLOW_PLAIN = re.compile(
 _PROPERTY = re.compile(r"[&!]\S*[^\S\r\n]*")
 
 
-def scan(source: str) -> Item:
+def scan(source: str) -> YamlItem:
     """The tree of a text; its root is a mapping."""
     return _Scanner(source).root
 
@@ -42,75 +42,75 @@ class _Scanner:
     def __init__(self, source: str) -> None:
         self.source = source
         self.has_returns = "\r" in source
-        self.root = Item(kind="map", end=len(source), column=0)
-        self.open: list[Item] = [self.root]
-        self.pending: Item | None = None  # a key whose value may be in the lines below
+        self.root = YamlItem(kind="map", end=len(source), column=0)
+        self.open: list[YamlItem] = [self.root]
+        self.pending: YamlItem | None = None  # a key whose value may be in the lines below
         self.pending_column = 0
-        self.last: Item | None = None  # the scalar that a further line may continue
+        self.last: YamlItem | None = None  # the scalar that a further line may continue
         position, first = 0, True
         while position < len(source) or first:
             first = False
-            position = self.line(position)
+            position = self.read_line(position)
 
     def line_end(self, offset: int) -> int:
         """The offset of the break that ends a line."""
         if self.has_returns:
-            found = _LINE.match(self.source, offset)
-            return found.end(1) if found else len(self.source)
+            match = _LINE.match(self.source, offset)
+            return match.end(1) if match else len(self.source)
         end = self.source.find("\n", offset)
         return end if end >= 0 else len(self.source)
 
     def next_line(self, offset: int) -> int:
         """The offset after the break that ends a line."""
         if self.has_returns:
-            found = _LINE.match(self.source, offset)
-            return found.end() if found else len(self.source)
+            match = _LINE.match(self.source, offset)
+            return match.end() if match else len(self.source)
         return min(self.line_end(offset) + 1, len(self.source))
 
-    def line(self, begin: int) -> int:
+    def read_line(self, begin: int) -> int:
         """Read a line that begins at an offset; returns where the next one begins."""
         end = self.line_end(begin)
         start = begin
         while start < end and self.source[start] in " \t\ufeff":
             start += 1
         following = max(self.next_line(begin), begin + 1)
-        if start == end or self.source[start] == "#" or self.marks(start, end):
+        if start == end or self.source[start] == "#" or self.is_marker(start, end):
             return following
-        reached = self.content(start, start - begin, end)
-        return following if reached <= end else max(self.next_line(reached), following)
+        stop = self.read_entry(start, start - begin, end)
+        return following if stop <= end else max(self.next_line(stop), following)
 
-    def marks(self, start: int, end: int) -> bool:
+    def is_marker(self, start: int, end: int) -> bool:
         """Whether a line is a directive or the mark of a document."""
         text = self.source[start:end]
         return text.startswith("%") or text.rstrip() in ("---", "...")
 
-    def content(self, start: int, column: int, end: int) -> int:
+    def read_entry(self, start: int, column: int, end: int) -> int:
         """Read what a line holds from an offset on; returns where reading ended."""
         text = self.source[start:end]
         if text == "-" or text.startswith(("- ", "-\t")):
-            return self.dash(start, column, end)
-        found = _KEY.match(self.source, start, end)
-        if found is None:
-            return self.stray(start, column, end)
-        self.settle(column, is_list=False)
+            return self.read_list_item(start, column, end)
+        match = _KEY.match(self.source, start, end)
+        if match is None:
+            return self.read_without_colon(start, column, end)
+        self.close_deeper(column, is_list=False)
         holder = self.open[-1]
         if holder.kind != "map":
             return end
-        key = Span(found.start(1), found.start(1) + len(found[1].rstrip()))
-        item = self.entry(holder, key, found.end())
-        return self.value(item, column, found.end(), end)
+        key = Span(match.start(1), match.start(1) + len(match[1].rstrip()))
+        item = self.entry(holder, key, match.end())
+        return self.read_value(item, column, match.end(), end)
 
-    def entry(self, holder: Item, key: Span, colon: int) -> Item:
+    def entry(self, holder: YamlItem, key: Span, colon: int) -> YamlItem:
         """A new entry of a mapping, without a value."""
         name = self.source[key.start : key.end]
         if len(name) > 1 and name[0] in "\"'" and name[-1] == name[0]:
-            name = unquoted(name)
+            name = unquote(name)
         after = colon if colon >= 0 else key.end
-        item = Item(holder, name, key.start, key.end, colon, after, after)
+        item = YamlItem(holder, name, key.start, key.end, colon, after, after)
         holder.items.append(item)
         return item
 
-    def settle(self, column: int, is_list: bool) -> None:
+    def close_deeper(self, column: int, is_list: bool) -> None:
         """Find the mapping or list that an entry in a column belongs to."""
         pending, self.pending, self.last = self.pending, None, None
         if pending is not None and pending.kind == "empty":
@@ -125,51 +125,51 @@ class _Scanner:
                 break
             self.open.pop()
 
-    def dash(self, start: int, column: int, end: int) -> int:
+    def read_list_item(self, start: int, column: int, end: int) -> int:
         """An item of a list over several lines."""
-        self.settle(column, is_list=True)
+        self.close_deeper(column, is_list=True)
         holder = self.open[-1]
         if holder.kind != "list":
             return end
         after = start + 1
         while after < end and self.source[after] in " \t":
             after += 1
-        item = Item(holder, start=after, end=after)
+        item = YamlItem(holder, start=after, end=after)
         holder.items.append(item)
         holder.end = after
         inner = column + after - start
         if after < end and _KEY.match(self.source, after, end) and len(self.open) < MAX_DEPTH:
             item.kind, item.column = "map", inner
             self.open.append(item)
-            return self.content(after, inner, end)
-        return self.value(item, column, after, end)
+            return self.read_entry(after, inner, end)
+        return self.read_value(item, column, after, end)
 
-    def stray(self, start: int, column: int, end: int) -> int:
+    def read_without_colon(self, start: int, column: int, end: int) -> int:
         """A line without a colon: a key that is being typed, or more of a text above."""
         if self.last is not None and column > self.pending_column:
-            found = _PLAIN.match(self.source, start, end)
-            self.last.end = found.end() if found else self.last.end
+            match = _PLAIN.match(self.source, start, end)
+            self.last.end = match.end() if match else self.last.end
             self.grow(self.last)
             return end
         if self.source[start] in "{[\"'|>" and self.pending is not None:
             item, self.pending = self.pending, None
-            return self.value(item, self.pending_column, start, end)
+            return self.read_value(item, self.pending_column, start, end)
         if self.source[start] in "{[" and not self.root.items:
             self.root.kind = "empty"
-            return self.flow(self.root, start, -1)
-        found = _PLAIN.match(self.source, start, end)
-        self.settle(column, is_list=False)
+            return self.read_flow(self.root, start, -1)
+        match = _PLAIN.match(self.source, start, end)
+        self.close_deeper(column, is_list=False)
         holder = self.open[-1]
-        if found is not None and holder.kind == "map":
-            self.grow(self.entry(holder, Span(start, found.end()), -1))
+        if match is not None and holder.kind == "map":
+            self.grow(self.entry(holder, Span(start, match.end()), -1))
         return end
 
-    def value(self, item: Item, column: int, start: int, end: int) -> int:
+    def read_value(self, item: YamlItem, column: int, start: int, end: int) -> int:
         """Read an entry's value, as far as it is on its line; returns where reading ended."""
         while start < end and self.source[start] in " \t":
             start += 1
-        while start < end and (found := _PROPERTY.match(self.source, start, end)):
-            start = found.end()
+        while start < end and (match := _PROPERTY.match(self.source, start, end)):
+            start = match.end()
         self.pending_column, self.last = column, None
         if start >= end or self.source[start] == "#":
             self.pending = item
@@ -178,28 +178,28 @@ class _Scanner:
         self.pending = None
         first = self.source[start]
         if first in "{[":
-            reached = self.flow(item, start, column)
+            stop = self.read_flow(item, start, column)
         elif first in "|>":
-            reached = self.block_text(item, start, column)
+            stop = self.read_block_scalar(item, start, column)
         elif first in "\"'":
-            reached = self.quoted(item, start, column)
+            stop = self.read_quoted(item, start, column)
         else:
-            found = _PLAIN.match(self.source, start, end)
-            reached = found.end() if found else end
-            item.kind, item.start, item.end = "scalar", start, reached
-            item.value = self.source[start:reached]
+            match = _PLAIN.match(self.source, start, end)
+            stop = match.end() if match else end
+            item.kind, item.start, item.end = "scalar", start, stop
+            item.value = self.source[start:stop]
             self.last = item
         self.grow(item)
-        return reached
+        return stop
 
-    def grow(self, item: Item) -> None:
+    def grow(self, item: YamlItem) -> None:
         """Make all that contain an item reach to its end."""
         end, holder = max(item.end, item.key_end), item.parent
         while holder is not None and holder is not self.root:
             holder.end = max(holder.end, end)
             holder = holder.parent
 
-    def block_text(self, item: Item, start: int, column: int) -> int:
+    def read_block_scalar(self, item: YamlItem, start: int, column: int) -> int:
         """A literal or folded text: all lines that are further indented."""
         end = self.line_end(start)
         position = self.next_line(start)
@@ -213,18 +213,18 @@ class _Scanner:
         item.value = self.source[self.line_end(start) : end].strip()
         return end
 
-    def quoted(self, item: Item, start: int, column: int) -> int:
+    def read_quoted(self, item: YamlItem, start: int, column: int) -> int:
         """A text in quotes; one that is never closed ends with its line."""
         quote = self.source[start]
         end = closing_quote(self.source, start)
-        if end < 0 or self.leaves(start, end, column):
+        if end < 0 or self.dedents(start, end, column):
             end, item.closed = self.line_end(start), False
         item.kind, item.start, item.end, item.quoted = "scalar", start, end, True
-        written = self.source[start:end]
-        item.value = unquoted(written) if item.closed else written.lstrip(quote)
+        literal = self.source[start:end]
+        item.value = unquote(literal) if item.closed else literal.lstrip(quote)
         return end
 
-    def leaves(self, start: int, end: int, column: int) -> bool:
+    def dedents(self, start: int, end: int, column: int) -> bool:
         """Whether a line between two offsets is no further indented than a column."""
         position = self.next_line(start)
         while position < end:
@@ -234,18 +234,18 @@ class _Scanner:
             position = max(self.next_line(position), position + 1)
         return False
 
-    def flow(self, item: Item, start: int, column: int) -> int:
+    def read_flow(self, item: YamlItem, start: int, column: int) -> int:
         """A value in braces or brackets; returns the offset after it."""
-        return _Flow(self, item, column).read(start)
+        return _FlowScanner(self, item, column).read(start)
 
 
-class _Flow:
+class _FlowScanner:
     """Reads a value in braces or brackets, over several lines if need be."""
 
-    def __init__(self, scanner: _Scanner, item: Item, column: int) -> None:
+    def __init__(self, scanner: _Scanner, item: YamlItem, column: int) -> None:
         self.scanner, self.source, self.column = scanner, scanner.source, column
-        self.open: list[Item] = []
-        self.slot: Item | None = item  # the entry that takes the next value
+        self.open: list[YamlItem] = []
+        self.slot: YamlItem | None = item  # the entry that takes the next value
         self.outer = item
 
     def read(self, start: int) -> int:
@@ -292,40 +292,40 @@ class _Flow:
             if self.slot is not None and self.slot.colon < 0 and holder.kind == "map":
                 self.slot.colon = self.slot.start = self.slot.end = position + 1
             return position + 1
-        quoted = character in "\"'"
-        if quoted:
+        is_quoted = character in "\"'"
+        if is_quoted:
             end = closing_quote(self.source, position)
-            if end < 0 or self.scanner.leaves(position, end, self.column):
+            if end < 0 or self.scanner.dedents(position, end, self.column):
                 end = self.scanner.line_end(position)
         else:
-            found = _FLOW_PLAIN.match(self.source, position)
-            if found is None:
+            match = _FLOW_PLAIN.match(self.source, position)
+            if match is None:
                 return position + 1
-            end = position + len(found[0].rstrip())
-        self.scalar(Span(position, end), quoted)
+            end = position + len(match[0].rstrip())
+        self.scalar(Span(position, end), is_quoted)
         return end
 
-    def scalar(self, span: Span, quoted: bool) -> None:
+    def scalar(self, span: Span, is_quoted: bool) -> None:
         holder, slot = self.open[-1], self.slot
         if holder.kind == "map" and slot is None:
             self.slot = self.scanner.entry(holder, span, -1)
             return
         if slot is None:
-            self.slot = slot = Item(holder)
+            self.slot = slot = YamlItem(holder)
             holder.items.append(slot)
         elif holder.kind == "map" and slot.kind != "empty":
             self.slot = self.scanner.entry(holder, span, -1)  # a comma is missing
             return
         elif slot.kind != "empty" or (holder.kind == "map" and slot.colon < 0):
             return  # two values beside each other
-        written = self.source[span.start : span.end]
-        slot.kind, slot.start, slot.end, slot.quoted = "scalar", *span, quoted
-        slot.value = unquoted(written) if quoted else written
+        literal = self.source[span.start : span.end]
+        slot.kind, slot.start, slot.end, slot.quoted = "scalar", *span, is_quoted
+        slot.value = unquote(literal) if is_quoted else literal
 
     def begin(self, position: int) -> int:
         item = self.slot
         if item is None or item.kind != "empty" or (self.open and self.misses_colon(item)):
-            item = Item(self.open[-1])
+            item = YamlItem(self.open[-1])
             self.open[-1].items.append(item)
         if len(self.open) >= MAX_DEPTH:
             return position + 1
@@ -335,7 +335,7 @@ class _Flow:
         self.slot = None
         return position + 1
 
-    def misses_colon(self, item: Item) -> bool:
+    def misses_colon(self, item: YamlItem) -> bool:
         return self.open[-1].kind == "map" and item.colon < 0
 
     def end(self, character: str, position: int) -> bool:

@@ -15,7 +15,7 @@ Steps = tuple[str, ...]
 
 
 @dataclass(frozen=True)
-class Output:
+class WireSource:
     """An output that a wire may come from: its address, its type, and the block's documentation."""
 
     address: str
@@ -54,8 +54,8 @@ def class_of(model: Model, scope: Scope | None, name: str) -> type[Block] | None
     if entry is not None:
         return entry.cls
     node = scope.blocks.get(name) if scope is not None else None
-    written = None if node is None else node.get("type")
-    return BUILTIN.get(str(written.value)) if written is not None else None
+    type_node = None if node is None else node.get("type")
+    return BUILTIN.get(str(type_node.value)) if type_node is not None else None
 
 
 def known_types(model: Model) -> dict[str, type[Block]]:
@@ -78,15 +78,16 @@ def inputs_of(model: Model, scope: Scope | None, name: str) -> dict[str, PortTyp
     cls = class_of(model, scope, name)
     ports = cls.spec.inputs if cls is not None else {}
     return {
-        port: network.types.get((full, port), declared.type) for port, declared in ports.items()
+        port: network.types.get((full, port), declaration.type)
+        for port, declaration in ports.items()
     }
 
 
 def is_optional(model: Model, scope: Scope | None, name: str, port: str) -> bool:
     """Whether an input may stay open."""
     if scope is not None and name in scope.parts:
-        declared = scope.parts[name].inputs.get(port)
-        optional = declared.get("optional") if declared is not None else None
+        declaration = scope.parts[name].inputs.get(port)
+        optional = declaration.get("optional") if declaration is not None else None
         return optional is not None and optional.value is True
     cls = class_of(model, scope, name)
     return cls is not None and port in cls.spec.inputs and cls.spec.inputs[port].optional
@@ -94,7 +95,7 @@ def is_optional(model: Model, scope: Scope | None, name: str, port: str) -> bool
 
 def outputs_for(
     model: Model, scope: Scope | None, consumer: str = "", components: bool = True
-) -> Iterator[Output]:
+) -> Iterator[WireSource]:
     """All that can be wired to a block of a scope, with the components of records."""
     network = model.network
     if network is None or scope is None:
@@ -102,19 +103,19 @@ def outputs_for(
     for address, kind in outputs_in(network, scope, consumer):
         name, _, port = address.partition(".")
         cls = class_of(model, scope, name)
-        declared = cls.spec.outputs.get(port) if cls is not None else None
-        if kind is None and declared is not None and isinstance(declared.type, SignalType):
-            kind = declared.type
-        yield Output(address, kind, declared.doc if declared is not None else "")
+        declaration = cls.spec.outputs.get(port) if cls is not None else None
+        if kind is None and declaration is not None and isinstance(declaration.type, SignalType):
+            kind = declaration.type
+        yield WireSource(address, kind, declaration.doc if declaration is not None else "")
         if components and kind is not None and kind.form == "record":
             scalar = SignalType("Scalar", "scalar")
             for component, unit in zip(kind.components, kind.units, strict=False):
-                yield Output(f"{address}.{component}", scalar, unit)
+                yield WireSource(f"{address}.{component}", scalar, unit)
 
 
-def is_fitting(output: Output, wanted: PortType | None) -> bool:
+def is_fitting(output: WireSource, input_type: PortType | None) -> bool:
     """Whether an output certainly may be wired to an input of a type."""
-    return isinstance(wanted, SignalType) and fits(output.type, wanted)
+    return isinstance(input_type, SignalType) and fits(output.type, input_type)
 
 
 def params_in(model: Model, scope: Scope | None) -> dict[str, Node]:

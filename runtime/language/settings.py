@@ -6,13 +6,13 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 
 from blocks.core import Block, Param, Variant
-from runtime.language.items import Item
-from runtime.language.offers import Offer, escaped
+from runtime.language.items import YamlItem
+from runtime.language.offers import Offer, escape_snippet
 
 _ARGUMENT = re.compile(r"[A-Za-z_][\w ]*")
 
 
-def declared_at(cls: type[Block] | None, keys: Sequence[str], holder: Item | None) -> Param | None:
+def param_at(cls: type[Block] | None, keys: Sequence[str], holder: YamlItem | None) -> Param | None:
     """The declaration of a parameter, or of one inside a setting.
 
     Parameters
@@ -20,47 +20,47 @@ def declared_at(cls: type[Block] | None, keys: Sequence[str], holder: Item | Non
     keys : of the parameter in the block, and then of each setting around it and its own.
     holder : the mapping that the last key is in.
     """
-    declared = cls.spec.params.get(keys[0]) if cls is not None else None
+    param = cls.spec.params.get(keys[0]) if cls is not None else None
     for depth, key in enumerate(keys[1:], 1):
-        inside = variant_at(declared, _above(holder, len(keys) - 1 - depth))
-        declared = inside.declared.get(key) if inside is not None else None
-    return declared
+        inside = variant_at(param, _above(holder, len(keys) - 1 - depth))
+        param = inside.declared.get(key) if inside is not None else None
+    return param
 
 
-def variant_at(declared: Param | None, written: Item | None) -> type[Variant] | None:
+def variant_at(param: Param | None, mapping: YamlItem | None) -> type[Variant] | None:
     """The class of the setting that is written in a mapping; the default's, if none is named."""
-    root = root_of(declared)
-    if root is None or declared is None:
+    root = root_of(param)
+    if root is None or param is None:
         return None
-    named = written.get(root.key) if written is not None else None
-    if named is not None:
-        return root.members.get(named.value)
-    default = declared.default
+    type_item = mapping.get(root.key) if mapping is not None else None
+    if type_item is not None:
+        return root.members.get(type_item.value)
+    default = param.default
     return root.members.get(default) if isinstance(default, str) else None
 
 
-def root_of(declared: Param | None) -> type[Variant] | None:
+def root_of(param: Param | None) -> type[Variant] | None:
     """The family of settings that a parameter takes one of, if it is such a parameter."""
-    setting = declared.setting if declared is not None else None
+    setting = param.setting if param is not None else None
     return setting if setting is not None and issubclass(setting, Variant) else None
 
 
-def forms_of(declared: Param, in_flow: bool) -> Iterator[Offer]:
+def forms_of(param: Param, in_flow: bool) -> Iterator[Offer]:
     """What may be written for a setting: names, calls with places for their arguments, mappings."""
-    if declared.setting is None:
+    if param.setting is None:
         return
-    for form, doc in declared.setting.forms().items():
+    for form, doc in param.setting.forms().items():
         name, parenthesis, _ = form.partition("(")
         if not parenthesis:
             yield Offer(form, "value", doc, rank=0)
             continue
         quote = "'" if in_flow and "," in form else ""
         yield Offer(form, "snippet", doc, "", f"{quote}{_with_places(form, name)}{quote}", True, 0)
-    root = root_of(declared)
+    root = root_of(param)
     for label, member in root.members.items() if root is not None else ():
         if root is not None and member.declared:
-            needed = [name for name, each in member.declared.items() if each.required]
-            places = [f"{name}: ${{{n}:number}}" for n, name in enumerate(needed, 1)]
+            required = [name for name, each in member.declared.items() if each.required]
+            places = [f"{name}: ${{{n}:number}}" for n, name in enumerate(required, 1)]
             text = f"{{{root.key}: {label}, {', '.join(places) or '$1'}}}"
             label = f"{{{root.key}: {label}, ...}}"
             yield Offer(label, "snippet", ", ".join(member.declared), "", text, True, 1)
@@ -71,16 +71,16 @@ def _with_places(form: str, name: str) -> str:
     numbers = iter(range(1, 20))
     arguments = form.removeprefix(name).replace(", ...", "")
     places = _ARGUMENT.sub(lambda found: f"${{{next(numbers)}:{found[0]}}}", arguments)
-    return escaped(name) + places
+    return escape_snippet(name) + places
 
 
-def members_of(declared: Param | None) -> Mapping[str, type[Variant]]:
+def members_of(param: Param | None) -> Mapping[str, type[Variant]]:
     """The settings of a family by the names that graphs write."""
-    root = root_of(declared)
+    root = root_of(param)
     return root.members if root is not None else {}
 
 
-def _above(item: Item | None, levels: int) -> Item | None:
+def _above(item: YamlItem | None, levels: int) -> YamlItem | None:
     """The mapping so many levels around another."""
     for _ in range(levels):
         item = item.parent if item is not None else None

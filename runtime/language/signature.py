@@ -46,7 +46,7 @@ def _of_wires(model: Model, scope: Scope | None, name: str, key: str) -> Signatu
         (f"{port}: {kind or 'any type'}", docs[port].doc if port in docs else "")
         for port, kind in kinds.items()
     )
-    return _made(name, parameters, list(kinds), key)
+    return _signature_of(name, parameters, list(kinds), key)
 
 
 def _of_block(model: Model, scope: Scope | None, name: str, key: str) -> Signature | None:
@@ -54,13 +54,13 @@ def _of_block(model: Model, scope: Scope | None, name: str, key: str) -> Signatu
     if cls is None or not cls.spec.params:
         return None
     parameters = []
-    for each, declared in cls.spec.params.items():
-        detail, doc = param_doc(each, declared)
+    for each, param in cls.spec.params.items():
+        detail, doc = param_doc(each, param)
         parameters.append((each, f"{detail}\n\n{doc}"))
-    return _made(cls.__name__, tuple(parameters), list(cls.spec.params), key)
+    return _signature_of(cls.__name__, tuple(parameters), list(cls.spec.params), key)
 
 
-def _made(
+def _signature_of(
     name: str, parameters: tuple[tuple[str, str], ...], keys: list[str], key: str
 ) -> Signature:
     label = f"{name}({', '.join(text for text, _ in parameters)})"

@@ -34,7 +34,7 @@ class Span(NamedTuple):
     end: int
 
 
-class Text:
+class SourceText:
     """A text whose places can be converted; immutable."""
 
     def __init__(self, source: str) -> None:
@@ -43,11 +43,11 @@ class Text:
     @cached_property
     def starts(self) -> list[int]:
         """The offset of each line's first character, in an editor's lines."""
-        return [0, *(found.end() for found in _EDITOR_BREAK.finditer(self.source))]
+        return [0, *(line_break.end() for line_break in _EDITOR_BREAK.finditer(self.source))]
 
     @cached_property
     def _yaml_starts(self) -> list[int]:
-        return [0, *(found.end() for found in _YAML_BREAK.finditer(self.source))]
+        return [0, *(line_break.end() for line_break in _YAML_BREAK.finditer(self.source))]
 
     def line(self, number: int) -> str:
         """A line, from 0, without its break."""
@@ -77,14 +77,14 @@ class Text:
         if line >= len(self.starts):
             return len(self.source)
         start, end = self.line_span(line)
-        written = self.source[start:end]
-        if written.isascii():
+        line_text = self.source[start:end]
+        if line_text.isascii():
             return start + min(max(0, units), end - start)
-        seen = 0
-        for i, character in enumerate(written):
-            if seen >= units:
+        count = 0
+        for i, character in enumerate(line_text):
+            if count >= units:
                 return start + i
-            seen += _width(character, encoding)
+            count += _width(character, encoding)
         return end
 
     def position(self, offset: int, encoding: str = "utf-16") -> tuple[int, int]:

@@ -13,7 +13,7 @@ from runtime.language.keys import type_offers
 from runtime.language.model import Model
 from runtime.language.offers import Offer, offers_of
 from runtime.language.scopes import (
-    Output,
+    WireSource,
     class_of,
     inputs_of,
     is_fitting,
@@ -22,7 +22,7 @@ from runtime.language.scopes import (
     params_in,
     scope_at,
 )
-from runtime.language.settings import declared_at, forms_of, root_of
+from runtime.language.settings import forms_of, param_at, root_of
 from runtime.network import Scope
 from runtime.observation import METRIC_KINDS, PLOT_KINDS, MetricKind, PlotKind
 
@@ -56,7 +56,7 @@ def values_at(model: Model, cursor: Cursor) -> Iterator[Offer]:
     elif section == "extends":
         yield from _files(model, SUFFIXES, shipped_graphs())
     elif section == "world" and not names:
-        yield from _files(model, SUFFIXES, _shipped("worlds"), under="worlds")
+        yield from _files(model, SUFFIXES, _package_files("worlds"), under="worlds")
     elif section == "run" and names == ["stop", "when"]:
         yield from _addresses(outputs_for(model, scope), TYPES["Scalar"])
     elif section == "run":
@@ -74,44 +74,44 @@ def _of_block(
 ) -> Iterator[Offer]:
     name, key = names[0], names[1]
     if key == "type":
-        written = {item.key for item in cursor.holder.items}
-        yield from type_offers(model, written)
+        keys = {item.key for item in cursor.holder.items}
+        yield from type_offers(model, keys)
     elif key == "module":
         yield from _files(model, (".py",), ())
     elif key == "graph":
-        yield from _files(model, SUFFIXES, _shipped("parts"), under="parts")
+        yield from _files(model, SUFFIXES, _package_files("parts"), under="parts")
     elif key == "params" or scope is None or name in scope.parts:
         yield from _params(model, scope)
     else:
         cls, inner = class_of(model, scope, name), names[1:]
-        around = declared_at(cls, inner[:-1], cursor.holder.parent) if inner[1:] else None
-        root, declared = root_of(around), declared_at(cls, inner, cursor.holder)
+        around = param_at(cls, inner[:-1], cursor.holder.parent) if inner[1:] else None
+        root, param = root_of(around), param_at(cls, inner, cursor.holder)
         if root is not None and inner[-1] == root.key:
             for label, member in root.members.items():
                 yield Offer(label, "value", member.summary(), rank=0)
-        elif declared is not None and ITEM not in cursor.path:
-            yield from forms_of(declared, cursor.holder.flow)
-            yield from option_values(model, declared)
+        elif param is not None and ITEM not in cursor.path:
+            yield from forms_of(param, cursor.holder.flow)
+            yield from option_values(model, param)
         yield from _params(model, scope)
 
 
-def option_values(model: Model, declared: Param) -> Iterator[Offer]:
+def option_values(model: Model, param: Param) -> Iterator[Offer]:
     """The values of a parameter or option that can be listed."""
-    default = "" if declared.required or declared.default is None else _written(declared)
-    if declared.choices:
-        for value in declared.choices:
+    default = "" if param.required or param.default is None else _default_text(param)
+    if param.choices:
+        for value in param.choices:
             yield Offer(value, "value", "default" if value == default else "", rank=0)
-    elif declared.kind == "bool":
+    elif param.kind == "bool":
         for value in ("true", "false"):
             yield Offer(value, "value", "default" if value == default else "", rank=0)
-    elif declared.kind == "signal":
+    elif param.kind == "signal":
         yield from _signal_types(model)
     elif default:
-        yield Offer(default, "value", f"default; {declared.describe()}", rank=0)
+        yield Offer(default, "value", f"default; {param.describe()}", rank=0)
 
 
-def _written(declared: Param) -> str:
-    value = declared.default
+def _default_text(param: Param) -> str:
+    value = param.default
     if isinstance(value, SignalType):
         return str(value)
     try:
@@ -133,26 +133,26 @@ def _signal_types(model: Model) -> Iterator[Offer]:
 
 def _sources(model: Model, scope: Scope | None, consumer: str, port: str) -> Iterator[Offer]:
     """What can be wired to an input, outputs of a fitting type first."""
-    wanted = inputs_of(model, scope, consumer).get(port)
+    input_type = inputs_of(model, scope, consumer).get(port)
     outputs = [*outputs_for(model, scope, consumer), *_own_outputs(model, scope, consumer)]
-    yield from _addresses(outputs, wanted if isinstance(wanted, SignalType) else None)
+    yield from _addresses(outputs, input_type if isinstance(input_type, SignalType) else None)
 
 
-def _own_outputs(model: Model, scope: Scope | None, consumer: str) -> Iterator[Output]:
+def _own_outputs(model: Model, scope: Scope | None, consumer: str) -> Iterator[WireSource]:
     """A block's own outputs, which an input of it may be wired to as well."""
     cls, network = class_of(model, scope, consumer), model.network
     if cls is not None and scope is not None and network is not None:
         for name in cls.spec.outputs:
             kind = network.types.get((scope.prefix + consumer, name))
-            yield Output(f"{consumer}.{name}", kind)
+            yield WireSource(f"{consumer}.{name}", kind)
 
 
-def _addresses(outputs: Iterable[Output], wanted: SignalType | None) -> Iterator[Offer]:
+def _addresses(outputs: Iterable[WireSource], input_type: SignalType | None) -> Iterator[Offer]:
     for output in outputs:
         is_component = output.address.count(".") > 1
         rank = 1 + is_component
-        if wanted is not None:
-            rank = int(is_component) if is_fitting(output, wanted) else 3 + is_component
+        if input_type is not None:
+            rank = int(is_component) if is_fitting(output, input_type) else 3 + is_component
         yield Offer(output.address, "output", str(output.type or ""), output.doc, rank=rank)
 
 
@@ -161,9 +161,9 @@ def _recordable(model: Model, scope: Scope | None) -> Iterator[Offer]:
     yield from _addresses(outputs_for(model, scope), None)
     network = model.network
     for name, entry in network.entries.items() if network is not None else ():
-        for state, declared in entry.cls.spec.states.items():
-            noun = "event" if declared.event else "state"
-            yield Offer(f"{name}.{state}", "output", noun, declared.doc, rank=3)
+        for state, declaration in entry.cls.spec.states.items():
+            noun = "event" if declaration.event else "state"
+            yield Offer(f"{name}.{state}", "output", noun, declaration.doc, rank=3)
 
 
 def _of_kind(
@@ -173,16 +173,16 @@ def _of_kind(
     kinds: dict[str, PlotKind | MetricKind] = dict(
         PLOT_KINDS if section == "plots" else METRIC_KINDS
     )
-    written = cursor.holder.get("kind") or cursor.holder.parent
-    if written is not None and written.key != "kind" and cursor.holder.parent is not None:
-        written = cursor.holder.parent.get("kind")
-    known = kinds.get(written.value) if written is not None else None
+    kind_item = cursor.holder.get("kind") or cursor.holder.parent
+    if kind_item is not None and kind_item.key != "kind" and cursor.holder.parent is not None:
+        kind_item = cursor.holder.parent.get("kind")
+    kind_spec = kinds.get(kind_item.value) if kind_item is not None else None
     if key == "kind":
         yield from (Offer(name, "value", kind.doc) for name, kind in kinds.items())
         return
-    declared = known.options.declared.get(key) if known is not None else None
-    if declared is not None:
-        yield from option_values(model, declared)
+    param = kind_spec.options.declared.get(key) if kind_spec is not None else None
+    if param is not None:
+        yield from option_values(model, param)
         yield from _params(model, scope)
     elif key not in ("title", "labels"):
         for item in (model.document.get("probes") or model.tree).items():
@@ -203,27 +203,29 @@ def _removable(model: Model, scope: Scope | None, section: str) -> Iterator[Offe
             yield Offer(name, "name", f"{through[0]} goes to {through[1]}")
 
 
-def _shipped(folder: str) -> list[str]:
-    found = (SHIPPED / folder).glob("*.yaml")
-    return sorted(str(path.relative_to(SHIPPED)) for path in found)
+def _package_files(folder: str) -> list[str]:
+    paths = (SHIPPED / folder).glob("*.yaml")
+    return sorted(str(path.relative_to(SHIPPED)) for path in paths)
 
 
 def _files(
-    model: Model, suffixes: tuple[str, ...], shipped: Iterable[str], under: str = ""
+    model: Model, suffixes: tuple[str, ...], package_files: Iterable[str], under: str = ""
 ) -> Iterator[Offer]:
     """Files beside the text and in the folders below, and those that come with the package."""
-    seen: set[str] = set()
+    names: set[str] = set()
     folder = model.path.parent
     try:
         for path in sorted([*folder.glob("*"), *folder.glob("*/*")])[: 10 * MAX_FILES]:
             if path.suffix in suffixes and path != model.path and not path.name.startswith("."):
                 name = path.relative_to(folder).as_posix()
-                seen.add(name)
+                names.add(name)
                 first = not under or Path(name).parts[0] == under
                 yield Offer(name, "file", rank=0 if first else 1)
     except OSError:
         pass
-    yield from (Offer(name, "file", "shipped", rank=2) for name in shipped if name not in seen)
+    yield from (
+        Offer(name, "file", "shipped", rank=2) for name in package_files if name not in names
+    )
 
 
 def _of_experiment(model: Model, path: tuple[str, ...]) -> Iterator[Offer]:
@@ -240,7 +242,7 @@ def _of_experiment(model: Model, path: tuple[str, ...]) -> Iterator[Offer]:
         names = [name for name, _ in metrics.items()] if metrics is not None else []
         yield from offers_of(names, "name", "metric")
     elif keys[-1] == "with":
-        yield from _files(model, SUFFIXES, _shipped("conditions"))
+        yield from _files(model, SUFFIXES, _package_files("conditions"))
     elif keys[-1] in CHANGES and keys[-1] in ("without", "bypass") and document is not None:
         yield from offers_of(names_in(document), "name")
     elif len(keys) > 1 and keys[-2] == "replace":

@@ -15,8 +15,8 @@ from runtime.language import (
     Offer,
     OutlineSymbol,
     Place,
+    SourceText,
     Span,
-    Text,
 )
 from runtime.lsp.session import Session
 
@@ -52,7 +52,7 @@ class Converter:
     def __init__(self, session: Session) -> None:
         self.session = session
 
-    def range(self, text: Text, span: Span) -> types.Range:
+    def range(self, text: SourceText, span: Span) -> types.Range:
         encoding = self.session.encoding
         start, end = (types.Position(*text.position(at, encoding)) for at in span)
         return types.Range(start, end)
@@ -60,7 +60,7 @@ class Converter:
     def location(self, model: Model, place: Place) -> types.Location:
         text = model.text
         if place.path.resolve() != model.path.resolve():
-            text = Text(model.surroundings.text(place.path) or "")
+            text = SourceText(model.surroundings.text(place.path) or "")
         return types.Location(self.session.uri(place.path), self.range(text, place.span))
 
     def diagnostic(self, model: Model, found: Diagnostic) -> types.Diagnostic:
@@ -68,7 +68,7 @@ class Converter:
         for each in found.related:
             path = Path(each.where.file)
             is_own = path == model.path
-            text = model.text if is_own else Text(model.surroundings.text(path) or "")
+            text = model.text if is_own else SourceText(model.surroundings.text(path) or "")
             start = text.at(each.where)
             place = types.Location(self.session.uri(path), self.range(text, Span(start, start)))
             related.append(types.DiagnosticRelatedInformation(place, each.message))
@@ -119,7 +119,7 @@ class Converter:
         changes: dict[str, list[types.TextEdit]] = {}
         for path, each in edits.items():
             is_own = path.resolve() == model.path.resolve()
-            text = model.text if is_own else Text(model.surroundings.text(path) or "")
+            text = model.text if is_own else SourceText(model.surroundings.text(path) or "")
             changes[self.session.uri(path)] = [
                 types.TextEdit(self.range(text, span), new) for span, new in each
             ]

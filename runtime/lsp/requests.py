@@ -16,14 +16,14 @@ from runtime.language import (
     complete,
     definition,
     folds,
-    formatted,
+    format_edits,
     hints,
     hover,
     lenses,
     outline,
     references,
     rename,
-    renamed,
+    rename_span,
     signature,
 )
 from runtime.lsp.commands import COMMANDS
@@ -117,7 +117,7 @@ def _add_edits(server: LanguageServer, session: Session) -> None:
         ls: LanguageServer, params: types.DocumentFormattingParams
     ) -> list[types.TextEdit]:
         model = session.model(params.text_document.uri)
-        return converter.edits(model, formatted(model) if model.is_ours else [])
+        return converter.edits(model, format_edits(model) if model.is_ours else [])
 
 
 def _range(session: Session, uri: str, asked: types.Range) -> tuple[Model, Span]:
@@ -157,7 +157,7 @@ def _add_names(server: LanguageServer, session: Session) -> None:
     @server.feature(types.TEXT_DOCUMENT_PREPARE_RENAME)
     def prepare(ls: LanguageServer, params: types.PrepareRenameParams) -> types.Range | None:
         model, offset = _at(session, params)
-        span = renamed(model, offset) if model.is_ours else None
+        span = rename_span(model, offset) if model.is_ours else None
         return None if span is None else converter.range(model.text, span)
 
     @server.feature(types.TEXT_DOCUMENT_RENAME, types.RenameOptions(prepare_provider=True))

@@ -96,7 +96,7 @@ def _add_texts(
     def initialized(ls: LanguageServer, params: types.InitializedParams) -> None:
         if isolation is not None:
             loop = asyncio.get_running_loop()
-            isolation.changed = lambda: _soon(loop, checks)
+            isolation.on_change = lambda: _soon(loop, checks)
         workspace = ls.client_capabilities.workspace
         watching = workspace.did_change_watched_files if workspace is not None else None
         if watching is not None and watching.dynamic_registration:

@@ -1,4 +1,8 @@
-"""The report of an ablation: the effect of each variant, and its significance."""
+"""The report of an ablation: the effect of each variant, and its significance.
+
+In: the folder of an ablation that is complete. Out: an HTML page. Its table has what
+``ablation.json`` says, after a check of every field that is shown.
+"""
 
 from __future__ import annotations
 

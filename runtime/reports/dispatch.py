@@ -1,4 +1,9 @@
-"""Reports on a folder according to its content: a run, a sweep, an ablation or a tuning."""
+"""Reports on a folder according to its content: a run, a sweep, an ablation or a tuning.
+
+In: a folder. Out: a page; nothing of the folder is imported or run::
+
+    sweeps/x with plan.yaml of kind sweep  ->  Report("sweep", sweeps/x, "<!doctype html>...")
+"""
 
 from __future__ import annotations
 

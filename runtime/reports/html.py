@@ -1,4 +1,9 @@
-"""HTML elements and pages; all text is escaped, and markup has its own type."""
+"""HTML elements and pages; all text is escaped, and markup has its own type.
+
+In: strings, and markup made by this module. Out: markup::
+
+    element("p", "a < b", class_="soft")  ->  <p class="soft">a &lt; b</p>
+"""
 
 from __future__ import annotations
 
@@ -19,7 +24,7 @@ class Html(str):
 
 
 def visible(value: str) -> str:
-    """A text in which characters that are not printable become U+FFFD."""
+    """A string in which characters that are not printable become U+FFFD."""
     return "".join(c if c.isprintable() or c in SPACES else "\ufffd" for c in value)
 
 

@@ -1,4 +1,9 @@
-"""Figures and diagrams as inline SVG, with ids that are unique within a page."""
+"""Figures and diagrams as inline SVG, with ids that are unique within a page.
+
+In: a figure, or a drawing as text. Out: markup whose ids begin with a name::
+
+    <g id="axes_1">, name "figure-2"  ->  <g id="figure-2-axes_1">
+"""
 
 from __future__ import annotations
 

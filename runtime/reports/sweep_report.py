@@ -94,12 +94,7 @@ def sweep_report(folder: Path) -> str:
 def _read(folder: Path) -> _Sweep:
     plan = read_plan(folder)
     data = read_sweep(folder)
-    column = None
-    if data.objective is not None and data.objective.metric in data.metrics:
-        column = list(data.metrics).index(data.objective.metric)
-    metric = "" if data.objective is None else data.objective.metric
-    ends, never = data.ends.get(metric, ANY), data.never.get(metric, NEVER)
-    tally = Tally(data.seeds, column, data.objective, ends, never)
+    tally = Tally.of(data.seeds, list(data.metrics), data.objective, data.ends, data.never)
     swept = _Sweep(folder, plan, data, tally, plan["total"])
     for row in swept.rows():
         swept.tally.add(row)

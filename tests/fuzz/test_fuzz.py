@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 from hypothesis import strategies as st
@@ -23,21 +24,27 @@ from tests.fuzz import (
 from tests.fuzz.campaign import Record, bounded, campaign
 
 Run = Callable[[int, int], Record]
-TRIED: list[tuple[Run, int]] = [
-    (graphs.run, 400),
-    (command_lines.run_quick, 60),
-    (damaged_folders.run_quick, 40),
-    (damaged_indexes.run, 12),
-    (damaged_caches.run, 2),
-    (engines.run, 2),
-    (subclasses.run, 2),
-    (own_blocks.run, 80),
+# A subject, and its numbers of examples in the quick tests and in the slow ones.
+TRIED: list[tuple[Run, int, int]] = [
+    (graphs.run, 60, 400),
+    (command_lines.run_quick, 12, 60),
+    (damaged_folders.run_quick, 8, 40),
+    (damaged_indexes.run, 3, 12),
+    (damaged_caches.run, 1, 2),
+    (engines.run, 1, 2),
+    (subclasses.run, 1, 2),
+    (own_blocks.run, 10, 80),
 ]
 
 
-@pytest.mark.parametrize(
-    ("run", "examples"), TRIED, ids=[run.__module__.rpartition(".")[2] for run, _ in TRIED]
-)
+def tried() -> Iterator[Any]:
+    for run, few, many in TRIED:
+        name = run.__module__.rpartition(".")[2]
+        yield pytest.param(run, few, id=name)
+        yield pytest.param(run, many, id=f"{name}-many", marks=pytest.mark.slow)
+
+
+@pytest.mark.parametrize(("run", "examples"), tried())
 def test_random_examples_hold(run: Run, examples: int) -> None:
     record = run(examples, 2)
     assert record.failures == (), "\n".join(record.failures)

@@ -20,8 +20,13 @@ GRAPHS = sorted(path.stem for path in FOLDER.glob("*.yaml"))
 RADIUS = {"multiplication": 100.0, "lorenz_attractor": 60.0}
 # Chaotic: only what does not depend on the initial state is compared.
 CHAOTIC = ("lorenz_attractor",)
+# One of each kind: a channel, a function, learning, inhibition, rates; the others are slow tests.
+QUICK = (
+    *("communication_channel", "squaring", "force_learning", "inhibitory_gating"),
+    "rates_and_functions",
+)
 # The run takes long, or the seeds scatter so much that many are needed.
-SLOW = (
+SCATTERED = (
     *("lorenz_attractor", "learn_communication_channel", "learn_square", "learn_product"),
     *("controlled_oscillator", "matrix_multiplication", "oscillator", "integrator"),
     *("controlled_integrator", "controlled_integrator2", "multiplication", "combining"),
@@ -96,14 +101,14 @@ def test_every_notebook_has_a_graph_or_a_reason() -> None:
     [
         pytest.param(
             name,
-            marks=[pytest.mark.slow] * (name in SLOW),
+            marks=[pytest.mark.slow] * (name not in QUICK),
         )
         for name in GRAPHS
         if name != STEADY
     ],
 )
 def test_means_over_seeds_are_nengos(name: str) -> None:
-    seeds = MORE_SEEDS if name in SLOW else SEEDS
+    seeds = MORE_SEEDS if name in SCATTERED else SEEDS
     radius = RADIUS.get(name, 1.0)
     mine = np.stack([ours(name, seed) for seed in range(seeds)]) / radius
     seconds = mine.shape[1] * 0.001

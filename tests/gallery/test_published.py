@@ -133,7 +133,14 @@ MODELS = {
 }
 
 
-@pytest.mark.parametrize("name", MODELS)
+# A stiff one, a chaotic one, a robot; the others are slow tests.
+QUICK = ("robertson", "lorenz", "drive_to_pose")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=[] if name in QUICK else [pytest.mark.slow]) for name in MODELS],
+)
 def test_it_agrees_with_scipy(name: str) -> None:
     model = MODELS[name]
     times, out = recorded(name, model.until)

@@ -47,7 +47,10 @@ def test_without_tuning_it_comes_to_the_line_with_half_the_turn_rate(rival: str)
     assert result.metrics["distance"] > 16.0
 
 
-@pytest.mark.parametrize("rival", TRACKERS)
+@pytest.mark.parametrize(
+    "rival",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name != "PathPID")) for name in TRACKERS],
+)
 def test_without_tuning_it_follows_the_walls(rival: str) -> None:
     graph = runtime.load("wall_following").without("adaptive").replace("lqr", rival)
     if rival in INTEGRATING:
@@ -58,7 +61,10 @@ def test_without_tuning_it_follows_the_walls(rival: str) -> None:
     assert result.metrics["loops"] > 0.25
 
 
-@pytest.mark.parametrize("rival", LEARNERS)
+@pytest.mark.parametrize(
+    "rival",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name != "RateEnsemble")) for name in LEARNERS],
+)
 def test_adaptation_without_spikes_finds_the_line_as_well(rival: str) -> None:
     """The robust rule converges, whoever carries it; the soft LQR alone does not within 20 s."""
     graph = runtime.load("line_actuator_failure_robust").set("plots", {})

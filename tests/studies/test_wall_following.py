@@ -13,6 +13,7 @@ CONDITIONS = sorted(path.stem for path in (SHIPPED / "conditions").glob("*.yaml"
 LOSS = "conditions/turn_loss_50.yaml"
 
 
+@pytest.mark.slow
 def test_the_room_is_looped_without_a_touch() -> None:
     metrics = (
         runtime.load("wall_following").without("adaptive").set("plots", {}).run(seed=30).metrics
@@ -22,6 +23,7 @@ def test_the_room_is_looped_without_a_touch() -> None:
     assert metrics["distance_floor"] < metrics["distance_mae"] < 0.025
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 30])
 def test_the_robust_rule_makes_up_for_half_of_the_turn_rate(seed: int) -> None:
     """Without a touch; seed 0 is the run of the README."""
@@ -52,13 +54,21 @@ def test_the_robust_rule_forgets_a_fault_that_has_gone() -> None:
 
 
 @pytest.mark.parametrize("condition", CONDITIONS)
-@pytest.mark.parametrize("name", ["wall_following", "wall_following_robust"])
+@pytest.mark.parametrize(
+    "name", ["wall_following", pytest.param("wall_following_robust", marks=pytest.mark.slow)]
+)
 def test_every_condition_lies_on_either_graph(name: str, condition: str) -> None:
     graph = runtime.load(name).overlay(f"conditions/{condition}.yaml").set("plots", {})
     assert graph.run(until=1.0).status == "complete"
 
 
-@pytest.mark.parametrize("world", WORLDS)
+@pytest.mark.parametrize(
+    "world",
+    [
+        pytest.param(world, marks=[] if world == "paper_room" else pytest.mark.slow)
+        for world in WORLDS
+    ],
+)
 def test_the_robot_reaches_a_wall_in_every_world(world: str) -> None:
     path = str(SHIPPED / "worlds" / f"{world}.yaml")
     graph = runtime.load("wall_following").without("adaptive").set("plots", {})

@@ -86,13 +86,13 @@ def fit_kernel(
     """
     width = values.shape[1]
     normal = np.zeros((points, width))
-    found = np.zeros((points, 2))
+    control = np.zeros((points, 2))
     for i in range(len(data)):
         low = first[i]
         for k in range(width):
             value = values[i, k]
-            found[low + k, 0] += value * data[i, 0]
-            found[low + k, 1] += value * data[i, 1]
+            control[low + k, 0] += value * data[i, 0]
+            control[low + k, 1] += value * data[i, 1]
             for d in range(k + 1):
                 normal[low + k, d] += value * values[i, k - d]
     if bend > 0.0:
@@ -105,8 +105,8 @@ def fit_kernel(
             normal[i + 2, 2] += bend
         for i in range(points):
             normal[i, 0] += RIDGE
-    solve(normal, found)
-    return found
+    solve(normal, control)
+    return control
 
 
 def solve(band: FloatArray, right: FloatArray) -> None:

@@ -69,7 +69,7 @@ def chain_kernel(
     returns = linked(returns, sigma, incidence)
     apart = broken(returns, sigma, incidence)
     m = len(returns)
-    kept = np.empty((m, 4))
+    points = np.empty((m, 4))
     bounds = np.zeros(m + 1, np.int64)
     edges = np.zeros((m, 2), np.bool_)
     chains, n = 0, 0
@@ -77,7 +77,7 @@ def chain_kernel(
         if not returns[i, 0] < reach:
             continue
         for c in range(4):
-            kept[n, c] = returns[i, c]
+            points[n, c] = returns[i, c]
         n += 1
         if apart[i] or not returns[i - 1, 0] < reach:
             edges[chains, 0] = passed(returns, apart, i, i - 1, window[0], incidence)
@@ -85,7 +85,7 @@ def chain_kernel(
             edges[chains, 1] = passed(returns, apart, i, i + 1, window[-1], incidence)
             chains += 1
             bounds[chains] = n
-    return kept[:n], bounds[: chains + 1], edges[:chains]
+    return points[:n], bounds[: chains + 1], edges[:chains]
 
 
 def passed(

@@ -154,9 +154,11 @@ def offset_pieces_kernel(
     for c in range(len(ends) - 1):
         begin = ends[c]
         for i in range(ends[c], ends[c + 1]):
-            kept = away[i] >= closest and not is_hidden(rows[i, 0], rows[i, 1], returns, incidence)
-            stop = i + 1 if kept else i
-            if not kept or stop == ends[c + 1]:
+            visible = away[i] >= closest and not is_hidden(
+                rows[i, 0], rows[i, 1], returns, incidence
+            )
+            stop = i + 1 if visible else i
+            if not visible or stop == ends[c + 1]:
                 if stop - begin > 2:
                     pieces[n, 0], pieces[n, 1] = begin, stop
                     n += 1

@@ -11,12 +11,12 @@ from blocks.core import FloatArray, PoseValue
 
 def nearest_row(line: FloatArray) -> int:
     """The number of the line's point that is nearest to the robot."""
-    found, least = 0, math.inf
+    best, least = 0, math.inf
     for i in range(len(line)):
         square = line[i, 0] * line[i, 0] + line[i, 1] * line[i, 1]
         if square < least:
-            found, least = i, square
-    return found
+            best, least = i, square
+    return best
 
 
 def between(line: FloatArray, arc: FloatArray, low: float, high: float) -> FloatArray:

@@ -92,26 +92,26 @@ def followed_kernel(rows: FloatArray, pieces: IntArray, bridge: float) -> FloatA
 
 def main_piece(rows: FloatArray, pieces: IntArray) -> int:
     """The piece that comes nearest to the robot; one of a few points only if there is no other."""
-    found, least, scrap = 0, math.inf, True
+    best, least, scrap = 0, math.inf, True
     for p in range(len(pieces)):
         near = math.inf
         for i in range(pieces[p, 0], pieces[p, 1]):
             near = min(near, rows[i, 0] * rows[i, 0] + rows[i, 1] * rows[i, 1])
         few = pieces[p, 1] - pieces[p, 0] < 6
         if (scrap and not few) or (scrap == few and near < least):
-            found, least, scrap = p, near, few
-    return found
+            best, least, scrap = p, near, few
+    return best
 
 
 def next_piece(rows: FloatArray, pieces: IntArray, at: int, side: int, bridge: float) -> int:
     """The piece at the smallest gap after (``side`` 1) or before (-1) a piece; -1 for none."""
-    found, least = -1, math.inf
+    best, least = -1, math.inf
     for p in range(at + 1 if side > 0 else 0, len(pieces) if side > 0 else at):
         first, second = (at, p) if side > 0 else (p, at)
         width = gap_kernel(rows, pieces[first], pieces[second], bridge)
         if width < least:
-            found, least = p, width
-    return found
+            best, least = p, width
+    return best
 
 
 def gap_kernel(rows: FloatArray, before: IntArray, after: IntArray, bridge: float) -> float:

@@ -7,7 +7,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runtime.cli.commands import show_folder
 from runtime.cli.commands.changes import with_changes
 from runtime.cli.commands.workers import (
     add_experiment,
@@ -15,9 +14,10 @@ from runtime.cli.commands.workers import (
     note_of,
     progress_of,
     run_options,
+    show_results,
     start_early,
 )
-from runtime.terminal import show, show_json, tell
+from runtime.terminal import tell
 
 if TYPE_CHECKING:
     from runtime.experiments import AblationResult
@@ -64,39 +64,23 @@ def run(options: Namespace) -> int:
     if done.is_interrupted:
         tell(f"interrupted; --resume continues {done.folder}")
         return 130
+    if not (options.quiet or options.json):
+        _tell_notes(done)
     pictures: list[Path] = []
     if not options.no_plots:
-        from runtime.experiments.analysis.ablation_plots import save_ablation_figure
+        from runtime.experiments.analysis.ablation_plots import ablation_figure
+        from runtime.experiments.analysis.figures import save_figures
 
-        pictures = [save_ablation_figure(done.folder)]
-    if options.json:
-        show_json({**done.to_dict(), "plots": [str(path) for path in pictures]})
-    else:
-        _print(done, pictures, options.quiet)
+        pictures = save_figures(done.folder, [("ablation", ablation_figure(done.folder))])
+    show_results(options, done.to_dict(), f"{done.text()}\n", pictures)
     return 3 if all(row.status != "ok" for rows in done.rows.values() for row in rows) else 0
 
 
-def _print(done: AblationResult, pictures: list[Path], quiet: bool) -> None:
-    from runtime.experiments.analysis import comparison_table, legend
-
-    plan = done.plan
-    if not quiet:
-        for variant in plan.variants:
-            for note in variant.graph.notes:
-                tell(f"note: {variant.name}: {note}")
-    show(f"{plan.name}: {len(plan.variants)} variants, seeds {plan.seeds}")
-    lines = done.lines()
-    show(f"{comparison_table(lines, plan.units, plan.never)}\n\n{legend(lines, done.test)}")
+def _tell_notes(done: AblationResult) -> None:
+    for variant in done.plan.variants:
+        for note in variant.graph.notes:
+            tell(f"note: {variant.name}: {note}")
     for name, rows in done.rows.items():
-        bad = [row for row in rows if row.status != "ok"]
-        if bad:
-            show(f"{name}: {len(bad)} of {len(rows)} trials failed, first: {bad[0].reason}")
-        noted = [row for row in rows if row.status == "ok" and row.reason]
-        if noted:
-            tell(f"note: {name}: in {len(noted)} of {len(rows)} trials, as {noted[0].reason}")
-    if plan.essential:
-        show("\nessential, cannot be removed alone:")
-        for name, reason in plan.essential.items():
-            show(f"  {name}: {reason}")
-    show()
-    show_folder("ablation", done.folder, pictures)
+        reasons = [row.reason for row in rows if row.status == "ok" and row.reason]
+        if reasons:
+            tell(f"note: {name}: in {len(reasons)} of {len(rows)} trials, as {reasons[0]}")

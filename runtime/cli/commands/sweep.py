@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from runtime.cli.commands import show_folder
 from runtime.cli.commands.workers import (
     add_experiment,
     add_factors,
@@ -14,12 +12,10 @@ from runtime.cli.commands.workers import (
     note_of,
     progress_of,
     run_options,
+    show_results,
     start_early,
 )
-from runtime.terminal import short, show, show_json, tell, with_unit
-
-if TYPE_CHECKING:
-    from runtime.experiments import SweepResult
+from runtime.terminal import tell
 
 HELP = "vary parameters (grids or samples) and seeds; parallel and resumable"
 
@@ -53,46 +49,15 @@ def run(options: Namespace) -> int:
     result = run_sweep(plan, run_options(options, plan.name), progress_of(options, plan.name))
     pictures: list[Path] = []
     if not (options.no_plots or result.is_interrupted):
-        from runtime.experiments.analysis.sweep_plots import save_sweep_figures
+        from runtime.experiments.analysis.figures import save_figures
+        from runtime.experiments.analysis.sweep_plots import sweep_figures
 
-        pictures = save_sweep_figures(result.folder)
-    if options.json:
-        show_json({**result.summary(), "plots": [str(path) for path in pictures]})
-    else:
-        _print(result, pictures)
+        pictures = save_figures(result.folder, sweep_figures(result.folder))
+    for reason in result.tally.top_reasons() * (not options.json):
+        tell(f"  {reason['count']} x {reason['reason']}")
+    show_results(options, result.summary(), result.text(), pictures)
     if result.is_interrupted:
         message = f"interrupted after {result.tally.done} of {plan.total} trials"
         tell(f"{message}; --resume continues {result.folder}")
         return 130
     return 3 if result.tally.counts["ok"] == 0 else 0
-
-
-def _print(result: SweepResult, pictures: list[Path]) -> None:
-    from runtime.experiments.analysis import SAME, SAME_RUNS, interval, mean_of
-
-    plan, tally = result.plan, result.tally
-    counts = ", ".join(f"{count} {status}" for status, count in sorted(tally.counts.items()))
-    configurations = plan.total // len(plan.seeds)
-    show(
-        f"{plan.name}: {tally.done} of {plan.total} trials ({configurations} configurations, "
-        f"seeds {plan.seeds}): {counts}; {result.wall_s:.1f} s"
-    )
-    if plan.objective is not None and not tally.best:
-        show(f"no configuration has a value of {plan.objective.metric} for every seed")
-    elif plan.objective is not None:
-        goal = "smallest" if plan.objective.goal == "minimize" else "largest"
-        metric = with_unit(plan.objective.metric, plan.units)
-        is_same = all(ranked.objective.is_same for ranked in tally.best)
-        show(f"{goal} {metric}{'' if is_same else ', mean and 95 % interval over seeds'}:")
-        for ranked in tally.best:
-            estimate = ranked.objective
-            mean = mean_of(estimate, len(plan.seeds), tally.never)
-            ends = f"  {interval(estimate)}" if estimate.n > 1 else ""
-            values = zip(plan.columns.factors, ranked.cells, strict=True)
-            configuration = ", ".join(f"{factor}={short(value)}" for factor, value in values)
-            show(f"  {mean:<10}{ends}  {configuration}".rstrip())
-        if any(ranked.objective.is_same for ranked in tally.best):
-            show(f"{SAME}: {SAME_RUNS}")
-    for reason in tally.top_reasons():
-        tell(f"  {reason['count']} x {reason['reason']}")
-    show_folder("sweep", result.folder, pictures)

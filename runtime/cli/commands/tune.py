@@ -6,7 +6,6 @@ from argparse import ArgumentParser, Namespace, RawDescriptionHelpFormatter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runtime.cli.commands import show_folder
 from runtime.cli.commands.workers import (
     add_experiment,
     add_factors,
@@ -14,9 +13,10 @@ from runtime.cli.commands.workers import (
     note_of,
     progress_of,
     run_options,
+    show_results,
     start_early,
 )
-from runtime.terminal import show, show_json, tell
+from runtime.terminal import tell
 
 if TYPE_CHECKING:
     from runtime.experiments import TuningResult
@@ -108,15 +108,11 @@ def run(options: Namespace) -> int:
         return 130
     pictures: list[Path] = []
     if not options.no_plots:
-        from runtime.experiments.tuning.tuning_plots import save_tuning_figures
+        from runtime.experiments.analysis.figures import save_figures
+        from runtime.experiments.tuning.tuning_plots import tuning_figures
 
-        pictures = save_tuning_figures(result.folder)
-    if options.json:
-        show_json({**stored, "plots": [str(path) for path in pictures]})
-    else:
-        show(summary(result))
-        show()
-        show_folder("tuning", result.folder, pictures)
+        pictures = save_figures(result.folder, tuning_figures(result.folder))
+    show_results(options, stored, f"{summary(result)}\n", pictures)
     if not result.has_feasible:
         return 3
     return _write(experiment, result) if options.write else 0

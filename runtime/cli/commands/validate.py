@@ -49,8 +49,8 @@ def run(options: Namespace) -> int:
         if found:
             if not options.json:
                 report(GraphError(found))
-        elif model.examined.missing is not None:
-            missing = model.examined.missing
+        elif model.checked_graph.missing is not None:
+            missing = model.checked_graph.missing
             tell(missing)
         elif not (options.quiet or options.json):
             _show_fine(name, model, diagnose(model))
@@ -64,7 +64,7 @@ def run(options: Namespace) -> int:
 def _unsolvable(model: Model) -> list[Problem]:
     """What is wrong with weights that are solved when a run begins: a system may be singular."""
     network = model.network
-    if model.kind != "graph" or network is None or model.examined.missing is not None:
+    if model.kind != "graph" or network is None or model.checked_graph.missing is not None:
         return []
     if not any(network.publications(name) for name in network.entries):
         return []

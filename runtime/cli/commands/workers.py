@@ -9,13 +9,14 @@ In: options as argparse read them. Out: the experiment that they ask for, and ho
 from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from runtime.cli.commands import add_output, at_least, integer
+from runtime.cli.commands import add_output, at_least, integer, show_folder
 from runtime.cli.commands.changes import add_changes, changed
 from runtime.errors import UsageError
-from runtime.terminal import tell
+from runtime.terminal import show, show_json, tell
 
 if TYPE_CHECKING:
     from runtime.experiments.design import Experiment, Named
@@ -135,3 +136,14 @@ def progress_of(options: Namespace, name: str) -> Progress:
     from runtime.terminal import Progress
 
     return Progress(name, wanted=not (options.quiet or options.json))
+
+
+def show_results(
+    options: Namespace, data: Mapping[str, Any], text: str, pictures: list[Path]
+) -> None:
+    """Print what an experiment has given: one JSON object, or text and what was written."""
+    if options.json:
+        show_json({**data, "plots": [str(path) for path in pictures]})
+        return
+    show(text)
+    show_folder(data["kind"], Path(data["folder"]), pictures)

@@ -1,4 +1,9 @@
-"""The figure of an ablation: metrics by variant with intervals, and trajectories."""
+"""The figure of an ablation: metrics by variant with intervals, and trajectories.
+
+In: the folder of an ablation that is complete. Out: one figure. A mark is filled where the variant
+differs significantly from the baseline, hollow where it does not; what was never reached is a word
+at the large end of the axis.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +21,7 @@ from matplotlib.lines import Line2D
 
 from blocks.core import FloatArray
 from runtime.errors import UsageError
+from runtime.experiments.analysis.figures import MARK, WIDTH
 from runtime.experiments.analysis.statistics import is_significant
 from runtime.experiments.analysis.words import NEVER, SAME, SAME_RUNS, TOO_FEW, too_few
 from runtime.experiments.execution import (
@@ -27,7 +33,6 @@ from runtime.experiments.execution import (
     Row,
     read_rows,
 )
-from runtime.files import own_folder, system_errors
 from runtime.observation import Recording, RunData
 from runtime.plots import (
     COLOURS,
@@ -39,35 +44,17 @@ from runtime.plots import (
     explain_empty,
     headline,
     line_style,
-    save_figure,
     view_limits,
 )
 from runtime.runs import read_run
 from runtime.terminal import with_unit
 
-FILE = "plots/ablation.png"
 COLUMNS = 2
-WIDTH = 9.0  # inches
 SEEDS_BELOW = 0.25  # of the distance between two variants
 MAX_PLANE = 5.5  # inches
 LEGEND_COLUMNS = 4
 SMALL: Any = {"xycoords": ("axes fraction", "data"), "fontsize": 7.0, "va": "center"}
-MARK = "tab:red"
 PATH: dict[str, Any] = {"color": "0.35", "linestyle": (0, (5, 2)), "linewidth": 1.0}
-
-
-def save_ablation_figure(folder: Path) -> Path:
-    """Draw the figure of an ablation into its folder; returns the file.
-
-    Raises
-    ------
-    UsageError : it cannot be written.
-    """
-    path = folder / FILE
-    with system_errors(f"write '{path}'"):
-        own_folder(path.parent)
-        save_figure(ablation_figure(folder), path)
-    return path
 
 
 def ablation_figure(folder: Path) -> Figure:

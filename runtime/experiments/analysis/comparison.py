@@ -1,4 +1,10 @@
-"""The comparison of variants with their baseline: an ablation's table, as data and as text."""
+"""The comparison of variants with their baseline: an ablation's table, as data and as text.
+
+In: for each variant and metric one value per seed. Out: a :class:`ComparisonLine` each::
+
+    {baseline: {error: [2.0, 2.4, 2.2]}, soft: {error: [2.1, 2.7, 2.4]}}
+    ->  soft  error  mean 2.4  difference +0.2, p 0.07, corrected 0.07: no
+"""
 
 from __future__ import annotations
 
@@ -171,7 +177,7 @@ def comparison_rows(
     never: Mapping[str, str] | None = None,
     interval_text: Callable[[Estimate, str], str] = interval,
 ) -> list[tuple[str, ...]]:
-    """The table as texts: its header, and for each metric its name and a row per variant.
+    """The table as strings: its header, and for each metric its name and a row per variant.
 
     Parameters
     ----------

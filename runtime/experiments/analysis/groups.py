@@ -1,4 +1,10 @@
-"""Rows grouped by configuration, in any order of arrival; complete groups are not kept."""
+"""Rows grouped by configuration, in any order of arrival; complete groups are not kept.
+
+In: the rows of an index, as trials end. Out: the groups of each configuration, and a tally with the
+best ones. A sweep of millions of trials holds only the groups whose trials are still running::
+
+    rows 0, 3, 1 of two seeds  ->  group 0 (rows 0 and 1); row 3 waits for row 2
+"""
 
 from __future__ import annotations
 
@@ -6,7 +12,7 @@ import heapq
 import itertools
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -111,6 +117,21 @@ class Tally:
     done: int = 0
     counts: Counter[str] = field(default_factory=Counter)
     reasons: Counter[str] = field(default_factory=Counter)
+
+    @classmethod
+    def of(
+        cls,
+        seeds: int,
+        metrics: Sequence[str],
+        objective: Objective | None,
+        ends: Mapping[str, Ends],
+        never: Mapping[str, str],
+    ) -> Tally:
+        """The tally of a sweep with these metrics; one that lacks its objective ranks nothing."""
+        if objective is None or objective.metric not in metrics:
+            return cls(seeds, None, objective)
+        metric, column = objective.metric, list(metrics).index(objective.metric)
+        return cls(seeds, column, objective, ends.get(metric, ANY), never.get(metric, NEVER))
 
     def __post_init__(self) -> None:
         self._grouping = Grouping(self.seeds)

@@ -1,4 +1,10 @@
-"""A sweep read for drawing, with at most as many configurations as a page can show."""
+"""A sweep read for drawing, with at most as many configurations as a page can show.
+
+In: the folder of a sweep, complete or not. Out: :class:`SweepData`, with an array per factor and a
+list of estimates per metric, one entry per configuration::
+
+    a = 1, 2 with seeds 0, 1  ->  axes[0].positions [1, 2], metrics["error"] of length 2
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,11 @@
-"""Figures of a sweep: curves for one factor, heat maps for two, parallel coordinates for more."""
+"""Figures of a sweep: curves for one factor, heat maps for two, parallel coordinates for more.
+
+In: the folder of a sweep. Out: figures by name::
+
+    vary {a: 0..1:5}               ->  "curves", a panel per metric
+    vary {a: 0..1:5, b: [1, 2]}    ->  "maps"
+    vary {a: .., b: .., c: ..}     ->  "parallel_error", a figure per metric
+"""
 
 from __future__ import annotations
 
@@ -17,39 +24,19 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from blocks.core import FloatArray
+from runtime.experiments.analysis.figures import MARK, WIDTH, beyond, panels
 from runtime.experiments.analysis.sweep_data import Axis, SweepData, read_sweep, spread
 from runtime.experiments.analysis.words import NEVER, SAME, mean_of
 from runtime.experiments.design import Objective
-from runtime.files import own_folder, system_errors
-from runtime.plots import COLOURS, GREY, STYLE, headline, save_figure
+from runtime.plots import COLOURS, GREY, STYLE
 
-WIDTH = 9.0  # inches
 COLUMNS = 2
 MAP = "viridis"
 FEW_CELLS = 60  # up to this many, a heat map shows its numbers
 MANY_TICKS = 12
 CROWD = 25  # up to this many, each point of a curve has a marker
-# The colour of means over fewer seeds than the others, and its explanation in the title.
-MARK = "tab:red"
 BEYOND = 1.05  # where lines end, on an axis from 0 to 1, that have no finite value
 PARTIAL = "n/N or red: only n of the N seeds have a value"
-
-
-def save_sweep_figures(folder: Path) -> list[Path]:
-    """Draw the figures of a sweep into its folder; returns the files.
-
-    Raises
-    ------
-    UsageError : the sweep cannot be read, or the figures cannot be written.
-    """
-    target = folder / "plots"
-    files = []
-    with system_errors(f"write '{target}'"):
-        own_folder(target)
-        for name, figure in sweep_figures(folder):
-            files.append(target / f"{name}.png")
-            save_figure(figure, files[-1])
-    return files
 
 
 def sweep_figures(folder: Path) -> Iterator[tuple[str, Figure]]:
@@ -80,16 +67,11 @@ def sweep_figures(folder: Path) -> Iterator[tuple[str, Figure]]:
 
 def _panels(data: SweepData, metrics: list[str], painter: Any) -> Figure:
     """One axes per metric."""
-    columns = min(COLUMNS, len(metrics))
-    rows = math.ceil(len(metrics) / columns)
-    figure = Figure(figsize=(WIDTH / COLUMNS * columns, 0.5 + 3.0 * rows), layout="constrained")
-    headline(figure, _title(data, metrics))
-    for i, axes in enumerate(figure.subplots(rows, columns, squeeze=False).flat):
-        if i < len(metrics):
-            axes.set_title(data.label(metrics[i]))
-            painter(figure, axes, data, metrics[i])
-        else:
-            axes.set_visible(False)
+    title = _title(data, metrics)
+    figure, grid = panels(len(metrics), title, columns=COLUMNS, height=3.0)
+    for axes, metric in zip(grid, metrics, strict=True):
+        axes.set_title(data.label(metric))
+        painter(figure, axes, data, metric)
     return figure
 
 
@@ -132,10 +114,8 @@ def _curve(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
     axes.autoscale_view()
     where: Any = ("data", "axes fraction")
     lost = data.is_never(metric)[order]
-    # At the upper end, which is the bad one of what may be infinite.
-    cross: Any = {"linestyle": "none", "marker": "x", "color": MARK, "clip_on": False}
     if lost.any():  # without a point, a line that is not clipped has no place in the layout
-        axes.plot(x[lost], np.ones(lost.sum()), transform=axes.get_xaxis_transform(), **cross)
+        axes.plot(x[lost], np.ones(lost.sum()), "x", **beyond(axes))
     if lost.all():
         axes.set_yticks([])
     small: dict[str, Any] = {"fontsize": 7.0, "va": "top", "ha": "center"}

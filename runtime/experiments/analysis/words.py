@@ -1,4 +1,10 @@
-"""Estimates in words, as all tables show them."""
+"""Estimates in words, as all tables show them.
+
+In: an :class:`Estimate`. Out: a string for a cell::
+
+    Estimate(n=3, mean=0.21, low=0.18, high=0.24)     ->  "0.21 ± 0.03"
+    Estimate(n=0, never=3), never="never settled"     ->  "never settled, 0 of 3"
+"""
 
 from __future__ import annotations
 

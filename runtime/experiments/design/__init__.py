@@ -1,7 +1,7 @@
 """What an experiment varies: factors, seeds, variants; experiment files, and requests."""
 
 from runtime.experiments.design.checks import check_design, check_paths, own_value
-from runtime.experiments.design.entries import Entries, Over, Sampler
+from runtime.experiments.design.entries import Over, Sampler
 from runtime.experiments.design.experiment import (
     CHANGES,
     KEYS,
@@ -15,7 +15,7 @@ from runtime.experiments.design.experiment import (
 from runtime.experiments.design.factors import Factor, Range, parse_factor
 from runtime.experiments.design.objective import Constraint, Objective
 from runtime.experiments.design.request import ON_COMMAND_LINE, Named, Request, SeedList
-from runtime.experiments.design.sampling import Design, Method
+from runtime.experiments.design.sampling import Design
 from runtime.experiments.design.search import RunSet, TuningSettings, tuning_of
 from runtime.experiments.design.seeds import Seeds, parse_seeds
 from runtime.experiments.design.variants import (
@@ -36,11 +36,9 @@ __all__ = [
     "VARIANT_KEYS",
     "Constraint",
     "Design",
-    "Entries",
     "Experiment",
     "Factor",
     "GraphVariant",
-    "Method",
     "Named",
     "Objective",
     "Over",

@@ -1,4 +1,10 @@
-"""Checks of an experiment before anything runs."""
+"""Checks of an experiment on its graph, before anything runs.
+
+In: a factor, a design or the name of a metric, and a graph. Out: problems with their positions::
+
+    vary: {draw.levl: [1]}
+    ->  e.yaml:4:3: blocks.draw.levl: unknown parameter, did you mean 'level'?
+"""
 
 from __future__ import annotations
 
@@ -25,7 +31,7 @@ def check_factor(graph: Graph, factor: Factor, where: Where, problems: Problems)
         try:
             graph.set(factor.path, value, origin=str(where)).check()
         except GraphError as error:
-            # A location that is only a text would not sort among the file's other locations.
+            # a location that is only a string would not sort among the file's other locations.
             problems.found += [
                 replace(problem, where=where) if problem.where.file == str(where) else problem
                 for problem in error.problems

@@ -1,4 +1,11 @@
-"""``experiment.yaml``: a graph, what to change in it, and with which seeds."""
+"""``experiment.yaml``: a graph, what to change in it, and with which seeds.
+
+In: the name of a file, or of a graph. Out: :class:`Experiment`, checked; all problems of the file
+are reported together, with line and column::
+
+    {graph: case_a, set: {lqr.q.0: 2}, vary: {params.v_r: [1, 2]}, variants: {none: {without: snn}}}
+    ->  Experiment(graph with q, entries with one factor, one variant)
+"""
 
 from __future__ import annotations
 
@@ -138,7 +145,7 @@ def check_experiment(
 
 
 def _position(where: Where, otherwise: Where) -> Where:
-    """The position of a change, which a graph knows as a text; or that of its variant."""
+    """The position of a change, which a graph knows as a string; or that of its variant."""
     _, _, rest = where.file.partition(f"{Path(otherwise.file).name}:")
     line, _, column = rest.partition(":")
     if where.line or not (line.isdecimal() and column.isdecimal()):
@@ -147,7 +154,7 @@ def _position(where: Where, otherwise: Where) -> Where:
 
 
 def is_experiment(document: Node) -> bool:
-    """Whether a text describes an experiment, not a graph."""
+    """Whether a document describes an experiment, not a graph."""
     return any(document.get(key) for key in ("experiment", "vary", "variants", "training"))
 
 

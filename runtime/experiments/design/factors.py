@@ -1,4 +1,12 @@
-"""Factors: a path into the graph and the values that a sweep gives it."""
+"""Factors: a path into the graph and the values that a sweep gives it.
+
+In: what stands after ``vary: path``. Out: :class:`Factor` or :class:`Range`::
+
+    [1, 2, 3]           ->  three values
+    0.1..0.9:5          ->  0.1, 0.3, 0.5, 0.7, 0.9
+    log(1e-5..1e-2)     ->  any value between, for samples: the logarithm is uniform
+    int(1..9):3         ->  1, 5, 9
+"""
 
 from __future__ import annotations
 
@@ -132,7 +140,7 @@ def _range(path: str, text: str) -> Factor | str:
     low_text, dots, high_text = (inner or "").partition("..")
     if match is None or not dots:
         listed = f"; a list needs brackets: [{text}]" if "," in text and len(text) < 40 else ""
-        return f"{EXPECTED}, got the text '{text[:40]}'{listed}"
+        return f"{EXPECTED}, got the string '{text[:40]}'{listed}"
     scale, steps = match["scale"] or "", int(match["count"] or 0)
     try:
         low, high = (parse_scalar(end.strip()) for end in (low_text, high_text))

@@ -1,4 +1,9 @@
-"""The values of the factors in a sweep, generated one by one, never all in memory."""
+"""The values of the factors in a sweep, generated one by one, never all in memory.
+
+In: factors, and how to choose from them. Out: one tuple of values per configuration::
+
+    Design((a in [1, 2], b in [5, 6]))  ->  (1, 5), (1, 6), (2, 5), (2, 6)
+"""
 
 from __future__ import annotations
 

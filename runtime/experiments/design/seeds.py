@@ -1,4 +1,9 @@
-"""Lists of seeds as users write them: ``0..9``, ``3``, ``0,4,7..9``."""
+"""Lists of seeds as users write them: ``0..9``, ``3``, ``0,4,7..9``.
+
+In: an integer, a string or a list of those. Out: :class:`Seeds`, which holds ranges, not numbers::
+
+    0,4,7..9  ->  ranges (0, 0), (4, 4), (7, 9); five seeds
+"""
 
 from __future__ import annotations
 
@@ -36,7 +41,7 @@ def parse_seeds(node: Node, address: str, problems: Problems) -> Seeds | None:
 
     Parameters
     ----------
-    node : an integer, a text such as ``0..9,12``, or a list of those.
+    node : an integer, a string such as ``0..9,12``, or a list of those.
     """
     ranges: list[tuple[int, int]] = []
     for item in node.value if node.is_list else [node]:

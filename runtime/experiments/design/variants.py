@@ -1,4 +1,10 @@
-"""Variants of a graph: with given changes, or with one block removed."""
+"""Variants of a graph: with given changes, or with one block removed.
+
+In: a graph, and changes as a command line has them. Out: graphs with names::
+
+    --set a=1 --without x --set b=2 --bypass y
+    ->  baseline with a=1; "without x" with b=2; "bypass y"
+"""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from runtime.experiments.execution.folder import (
     open_folder,
     read_plan,
 )
-from runtime.experiments.execution.index import Columns, Index, Row, read_rows, remaining
+from runtime.experiments.execution.index import Columns, Index, Row, check_row, read_rows, remaining
 from runtime.experiments.execution.plan import (
     GRAPH,
     INDEX,
@@ -60,6 +60,7 @@ __all__ = [
     "ablation_plan",
     "bundle_for",
     "bundles_of",
+    "check_row",
     "checked_plan",
     "engine_for",
     "metrics_of",

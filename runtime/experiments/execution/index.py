@@ -1,4 +1,9 @@
-"""``index.csv``: one line per trial, appended atomically as the trial ends."""
+"""``index.csv``: one line per trial, appended atomically as the trial ends.
+
+In: a :class:`Row`. Out: a line with a checksum, or an error that names file, line and field::
+
+    Row(3, ("1.0",), seed=1, "ok", ...)  ->  3,1.0,1,ok,,0.25,9f3a11c2,62954aa1,0.0132
+"""
 
 from __future__ import annotations
 
@@ -27,7 +32,7 @@ STATUSES = get_args(Status)
 NO_SIGNAL = "-"
 LONGEST_REASON = 2000  # characters that are written
 LONGEST_FIELD = 1 << 27  # characters that are read; the csv module stops at 128 KiB by default
-# A spreadsheet would interpret such a text as a formula, and run it.
+# A spreadsheet would interpret such a string as a formula, and run it.
 _FORMULA = re.compile(r"'*[=+\-@\t\r]")
 
 
@@ -109,7 +114,7 @@ def _shorten(reason: str) -> str:
 
 
 def _escape(text: str) -> str:
-    """A text that no spreadsheet interprets as a formula; numbers stay numbers."""
+    """A string that no spreadsheet interprets as a formula; numbers stay numbers."""
     if not _FORMULA.match(text):
         return text
     try:
@@ -326,10 +331,20 @@ def remaining(index: Index, trials: Iterator[Trial]) -> Iterator[Trial]:
             raise UsageError(
                 f"'{index.path}': trial {row.trial} is a duplicate, or is not in the plan"
             )
-        if (trial_of_row.configuration.cells, trial_of_row.seed) != (row.cells, row.seed):
-            raise UsageError(
-                f"'{index.path}' belongs to a different plan: its trial {row.trial} is "
-                f"{', '.join(row.cells)} with seed {row.seed}, "
-                f"ours {', '.join(trial_of_row.configuration.cells)} with seed {trial_of_row.seed}"
-            )
+        check_row(trial_of_row, row, index.path)
     return itertools.chain(ahead.values(), trials)
+
+
+def check_row(trial: Trial, row: Row, path: Path) -> None:
+    """Check that a row of the index at ``path`` is that of a trial.
+
+    Raises
+    ------
+    UsageError : it has other values or another seed.
+    """
+    if (trial.configuration.cells, trial.seed) != (row.cells, row.seed):
+        raise UsageError(
+            f"'{path}' belongs to a different plan: its trial {row.trial} is "
+            f"{', '.join(row.cells)} with seed {row.seed}, ours "
+            f"{', '.join(trial.configuration.cells)} with seed {trial.seed}"
+        )

@@ -14,6 +14,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
+from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 from runtime.engine import silent, take_compiled
@@ -138,6 +139,19 @@ class ExperimentPlan:
         digests = [self.bundle.digest, *(variant.bundle.digest for variant in self.variants)]
         content = json.dumps([self.kind, digests, self.specification, self.metrics])
         return hashlib.sha256(content.encode()).hexdigest()
+
+    def header(self, folder: Path) -> dict[str, Any]:
+        """What the results of every experiment begin with, in JSON."""
+        return {
+            "schema_version": SCHEMA_VERSION,
+            "kind": self.kind,
+            "experiment": self.name,
+            "graph": self.graph.title,
+            "folder": str(folder),
+            "metrics": list(self.metrics),
+            "units": self.units,
+            "never": self.never,
+        }
 
     def to_dict(self) -> dict[str, Any]:
         """The contents of plan.yaml."""

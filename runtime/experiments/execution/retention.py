@@ -1,4 +1,9 @@
-"""Which trials leave a run folder."""
+"""Which trials leave a run folder.
+
+In: ``--keep`` and the rows as they come. Out: what a trial records, and folders under ``trials``::
+
+    best:2, minimize error; errors 3, 1, 2  ->  trials/000001 and trials/000002; 000000 is removed
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Sends trials to workers and yields their results, a bounded number at a time."""
+"""Sends trials to workers and yields their results, a bounded number at a time.
+
+In: an iterator of trials, and a worker pool. Out: (trial, result) in the order in which they end::
+
+    trials 0, 1, 2 on two workers; the worker of 1 dies  ->  0, 2, and 1 from another worker
+"""
 
 from __future__ import annotations
 

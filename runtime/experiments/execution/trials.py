@@ -1,4 +1,10 @@
-"""Trials: each configuration of a graph with every seed, as data that can be sent to workers."""
+"""Trials: each configuration of a graph with every seed, as data that can be sent to workers.
+
+In: a graph and the values of its factors. Out: :class:`Trial`, which any process can run that has
+this package: the resolved text of the graph, the files of its own blocks, what to set, a seed::
+
+    configuration 2 of three seeds  ->  trials 6, 7, 8
+"""
 
 from __future__ import annotations
 
@@ -59,7 +65,7 @@ class Configuration:
     Parameters
     ----------
     number : counted from 0.
-    cells : its texts in the index, one per column.
+    cells : its strings in the index, one per column.
     bundle : the graph.
     edits : (path, value as YAML) to set in it.
     """

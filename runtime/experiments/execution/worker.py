@@ -1,4 +1,10 @@
-"""Runs one trial, in the process that it was sent to: a local worker or one of a cluster."""
+"""Runs one trial, in the process that it was sent to: a local worker or one of a cluster.
+
+In: a :class:`Task`. Out: a :class:`TrialResult`; an exception of a block becomes its reason::
+
+    Task(trial, timeout=5.0)  ->  TrialResult("ok", metrics={"error": 0.2})
+                              ->  TrialResult("timeout", "stopped after 5 s, 812 ticks done")
+"""
 
 from __future__ import annotations
 

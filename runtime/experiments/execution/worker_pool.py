@@ -1,4 +1,11 @@
-"""Worker pools that run trials: processes on this machine, or a Dask cluster."""
+"""Worker pools that run trials: processes on this machine, or a Dask cluster.
+
+In: a number of workers, or the address of a scheduler. Out: :class:`WorkerPool`, which hides which
+of the two it is::
+
+    pool_factory(4, None, 60.0)                ->  four processes, each trial limited to 60 s
+    pool_factory(None, "tcp://host:8786", None)  ->  all workers of that cluster
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""What starts worker processes here: a fork server where the system can fork, else one by one."""
+"""What starts worker processes here: a fork server where the system can fork, else one by one.
+
+In: nothing. Out: a :class:`Starter`, kept for the next executor: on Linux a fork server, which has
+imported all that a trial needs before the first graph is checked; on Windows a spawner.
+"""
 
 from __future__ import annotations
 

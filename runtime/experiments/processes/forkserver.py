@@ -1,5 +1,10 @@
 """The process that workers are forked from: started early, it imports while the graph is checked.
 
+In: requests to fork or kill, over a socket. Out: workers, each with a socket of its own, and a
+report when one ends::
+
+    f + a socket  ->  a worker on it;  k 4711  ->  killed;  (4711, 9)  reported
+
 We do not use the fork server of ``multiprocessing``: that one needs a socket
 in the temporary directory (whose path may be too long), semaphores in shared memory (which may be
 read-only), and does not report how a worker ended if anything goes wrong.

@@ -1,4 +1,10 @@
-"""Messages between an executor and its workers, and the loop in which a worker answers them."""
+"""Messages between an executor and its workers, and the loop in which a worker answers them.
+
+In: bytes. Out: whole messages, each after its length in eight bytes; half a message of a worker
+that was killed is dropped::
+
+    send(b"abc")  ->  03 00 00 00 00 00 00 00 61 62 63
+"""
 
 from __future__ import annotations
 

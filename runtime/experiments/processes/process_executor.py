@@ -1,5 +1,9 @@
 """Supervised worker processes behind the standard ``concurrent.futures.Executor``.
 
+In: calls. Out: a future each, which fails with ``WorkerDied`` if its worker did::
+
+    ProcessExecutor(2).submit(os.getpid).result()  ->  4711
+
 One thread owns the workers. It never waits for a single worker: it waits for the first event of
 any of them, an answer, part of one, or the end of a process. A worker may therefore die at any
 moment, while it starts, idles, computes, or sends its answer, and the fork server may die as

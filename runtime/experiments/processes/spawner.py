@@ -1,6 +1,8 @@
 """Workers on systems that cannot fork, such as Windows: each is a new process that connects back.
 
-It starts in about a second, most of which is importing; a fork server does that once.
+In: a request for a worker. Out: a socket to a process that has shown the secret which only this
+process and its child know. It starts in about a second, most of which is importing; a fork server
+does that once.
 """
 
 from __future__ import annotations

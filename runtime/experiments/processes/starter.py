@@ -1,4 +1,9 @@
-"""What a starter of worker processes does, and what all of them share."""
+"""What a starter of worker processes does, and what all of them share.
+
+In: a request for a worker. Out: a socket to it, and a report when it has ended::
+
+    start()  ->  socket;  worker 4711 killed by SIGKILL  ->  reports() == [(4711, 9)]
+"""
 
 from __future__ import annotations
 

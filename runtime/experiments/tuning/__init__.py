@@ -1,24 +1,19 @@
 """Tuning: values of factors that are found by an optimiser, and judged by held-out runs."""
 
-from runtime.experiments.tuning.judging import Evaluation, Judgement, judge
+from runtime.experiments.tuning.judging import Judgement
 from runtime.experiments.tuning.output import NOTHING, judgements, save_json, summary
-from runtime.experiments.tuning.plan import HELD_OUT, TUNING, TuningPlan, tuning_plan
+from runtime.experiments.tuning.plan import TUNING, tuning_plan
 from runtime.experiments.tuning.running import TuningResult, run_tuning
-from runtime.experiments.tuning.scores import Candidate, Score
+from runtime.experiments.tuning.scores import Candidate
 from runtime.experiments.tuning.writing import check_writable, write_values
 
 __all__ = [
-    "HELD_OUT",
     "NOTHING",
     "TUNING",
     "Candidate",
-    "Evaluation",
     "Judgement",
-    "Score",
-    "TuningPlan",
     "TuningResult",
     "check_writable",
-    "judge",
     "judgements",
     "run_tuning",
     "save_json",

@@ -1,4 +1,11 @@
-"""The winners of a tuning beside its baseline, on the training runs and on the held-out ones."""
+"""The winners of a tuning beside its baseline, on the training runs and on the held-out ones.
+
+In: the runs of the baseline and of the winners. Out: a :class:`Judgement` per metric and
+configuration::
+
+    own 0.5 and 0.5; configuration 7: training 0.2, held out 0.4  ->  optimism -0.2 (of an error,
+                                                                      training promised too much)
+"""
 
 from __future__ import annotations
 

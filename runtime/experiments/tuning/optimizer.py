@@ -1,4 +1,9 @@
-"""The optimiser that asks for configurations: optuna's samplers, by ask and tell."""
+"""The optimiser that asks for configurations: optuna's samplers, by ask and tell.
+
+In: factors and what configurations cost. Out: the configurations to try next::
+
+    ask(2)  ->  (0.31,), (0.77,);  tell(first, costs=[2.0], violations=[-0.1])
+"""
 
 from __future__ import annotations
 
@@ -52,6 +57,9 @@ class Optimizer:
     def _sampler(self, tuning: TuningSettings) -> Any:
         samplers = self._optuna.samplers
         constraints = {"constraints_func": self._violations_of} if tuning.constraints else {}
+        # Without the constant liar, the members of a batch, which are asked for before any of them
+        # is known, would be nearly equal. Multivariate: gains of one controller depend on each
+        # other.
         if tuning.sampler == "tpe":
             return samplers.TPESampler(
                 seed=tuning.seed,
@@ -61,6 +69,8 @@ class Optimizer:
                 **constraints,
             )
         if tuning.sampler == "nsga2":
+            # As many generations as members: optuna's population of 50 would leave two generations
+            # of a hundred trials.
             size = max(4, min(50, round(math.sqrt(2.0 * tuning.trials))))
             return samplers.NSGAIISampler(seed=tuning.seed, population_size=size, **constraints)
         if tuning.sampler == "sobol":

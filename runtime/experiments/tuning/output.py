@@ -1,4 +1,7 @@
-"""What a tuning prints and stores: its front, and training beside held-out."""
+"""What a tuning prints and stores: its front, and training beside held-out.
+
+In: a :class:`TuningResult`. Out: the text of the command, and the content of ``tuning.json``.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,6 @@ from runtime.experiments.analysis import (
     number_or_none,
     too_few,
 )
-from runtime.experiments.execution import SCHEMA_VERSION
 from runtime.experiments.tuning.judging import Evaluation, Judgement, judge
 from runtime.experiments.tuning.plan import BASELINE, TUNING, TuningPlan
 from runtime.experiments.tuning.running import TuningResult
@@ -35,17 +37,11 @@ def to_dict(result: TuningResult) -> dict[str, Any]:
     counts = Counter(one.status for one in result.candidates[1:])
     complete = not result.is_interrupted
     return {
-        "schema_version": SCHEMA_VERSION,
-        "kind": "tuning",
-        "experiment": plan.name,
-        "graph": plan.graph.title,
-        "folder": str(result.folder),
+        **plan.header(result.folder),
         "status": "complete" if complete else "interrupted",
         **{k: v for k, v in plan.specification.items() if k not in ("training", "held_out")},
         "training": _runs(plan, "training"),
         "held_out": _runs(plan, "held_out"),
-        "units": plan.units,
-        "never": plan.never,
         "counts": dict(counts),
         "runs": result.runs,
         "held_out_runs": sum(len(one.rows) for one in result.held_out.values()),

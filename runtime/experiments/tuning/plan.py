@@ -76,7 +76,7 @@ class TuningPlan(ExperimentPlan):
         return (1 + self.tuning.trials) * len(self.tuning.training)
 
     def cells(self, values: Sequence[Any] | None) -> tuple[str, ...]:
-        """The texts of a configuration's values in the index; empty for the graph's own."""
+        """The strings of a configuration's values in the index; empty for the graph's own."""
         return tuple(map(flow_yaml, values)) if values is not None else ("",) * len(self.paths)
 
     def _edits(self, values: Sequence[Any] | None) -> tuple[tuple[str, str], ...]:

@@ -1,4 +1,10 @@
-"""Run a tuning: batches of configurations on the training runs, then winners on the held-out."""
+"""Run a tuning: batches of configurations on the training runs, then winners on the held-out.
+
+In: a plan, and where it is run. Out: :class:`TuningResult`. A batch runs stage by stage, a stage
+being one seed under all conditions; after each, hopeless configurations are stopped::
+
+    batch 5, 6, 7, 8   seed 0: all four   seed 1: 5 and 8   seed 2: 8, which is complete
+"""
 
 from __future__ import annotations
 
@@ -10,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 from runtime.document import dump_yaml
-from runtime.errors import UsageError
 from runtime.experiments.design import own_value
 from runtime.experiments.execution import (
     INDEX,
@@ -21,6 +26,7 @@ from runtime.experiments.execution import (
     Task,
     Trial,
     WorkerPool,
+    check_row,
     open_folder,
     read_plan,
     run_trials,
@@ -146,7 +152,7 @@ class _Runner:
         missing = [trial for trial in trials if trial.number not in known]
         for trial in trials:
             if trial.number in known:
-                _check_row(trial, known[trial.number], index.path)
+                check_row(trial, known[trial.number], index.path)
         if missing:
             if self.pool is None:
                 self.pool = self.options.make_pool()
@@ -181,6 +187,7 @@ class _Training:
     def run(self) -> None:
         """Try the baseline, then as many configurations as planned."""
         tuning, factors = self.plan.tuning, self.plan.design.factors
+        # The graph's own values first: a winner must beat them, not only the other candidates.
         own = Candidate(BASELINE, None)
         self._run_batch([own])
         optimizer = Optimizer(factors, tuning)
@@ -273,15 +280,6 @@ def _judge(plan: TuningPlan, runner: _Runner, index: Index, result: TuningResult
 
 def _rows(index: Index) -> dict[int, Row]:
     return {row.trial: row for row in index.rows()}
-
-
-def _check_row(trial: Trial, row: Row, path: Path) -> None:
-    if (trial.configuration.cells, trial.seed) != (row.cells, row.seed):
-        raise UsageError(
-            f"'{path}' belongs to a different plan: its trial {row.trial} is "
-            f"{', '.join(row.cells)} with seed {row.seed}, ours "
-            f"{', '.join(trial.configuration.cells)} with seed {trial.seed}"
-        )
 
 
 def _spread(candidates: list[Candidate], most: int) -> list[Candidate]:

@@ -1,4 +1,8 @@
-"""Figures of a tuning: its history, which factors matter, the front, and slices along factors."""
+"""Figures of a tuning: its history, which factors matter, the front, and slices along factors.
+
+In: the folder of a tuning. Out: figures by name, ``history``, ``importance``, ``slices``, and
+``front`` with two objectives or more.
+"""
 
 from __future__ import annotations
 
@@ -11,21 +15,21 @@ from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from blocks.core import FloatArray
 from runtime.errors import UsageError
 from runtime.experiments.analysis import NEVER
+from runtime.experiments.analysis.figures import WIDTH, beyond, panels
 from runtime.experiments.tuning.plan import TUNING
-from runtime.files import own_folder, system_errors
-from runtime.plots import COLOURS, GREY, STYLE, headline, save_figure
+from runtime.plots import COLOURS, GREY, STYLE
 from runtime.terminal import with_unit
 
-WIDTH, COLUMNS = 9.0, 3
+COLUMNS = 3
 BINS = 5
 NOTE: Any = {"ha": "center", "va": "center", "color": GREY, "style": "italic"}
-MARK = "tab:red"
 MARKS = {"complete": "o", "stopped": "x", "no value": "1"}
 
 
@@ -77,23 +81,6 @@ def _read(folder: Path) -> _Data:
         raise UsageError(f"cannot read the tuning in '{folder}': {error}") from None
 
 
-def save_tuning_figures(folder: Path) -> list[Path]:
-    """Draw the figures of a tuning into its folder; returns the files.
-
-    Raises
-    ------
-    UsageError : the tuning cannot be read, or the figures cannot be written.
-    """
-    target = folder / "plots"
-    files = []
-    with system_errors(f"write '{target}'"):
-        own_folder(target)
-        for name, figure in tuning_figures(folder):
-            files.append(target / f"{name}.png")
-            save_figure(figure, files[-1])
-    return files
-
-
 def tuning_figures(folder: Path) -> Iterator[tuple[str, Figure]]:
     """The figures of a tuning with their names."""
     data = _read(folder)
@@ -107,16 +94,8 @@ def tuning_figures(folder: Path) -> Iterator[tuple[str, Figure]]:
         yield "slices", _slices(data)
 
 
-def _panels(count: int, title: str) -> tuple[Figure, list[Any]]:
-    columns = min(COLUMNS, count)
-    rows = math.ceil(count / columns)
-    figure = Figure(figsize=(WIDTH / COLUMNS * max(2, columns), 0.5 + 2.6 * rows))
-    figure.set_layout_engine("constrained")
-    headline(figure, title)
-    axes = list(figure.subplots(rows, columns, squeeze=False).flat)
-    for unused in axes[count:]:
-        unused.set_visible(False)
-    return figure, axes[:count]
+def _panels(count: int, title: str) -> tuple[Figure, list[Axes]]:
+    return panels(count, title, columns=COLUMNS, height=2.6, least=2)
 
 
 def _scatter(axes: Any, data: _Data, x: FloatArray, y: FloatArray, metric: str = "") -> None:
@@ -127,9 +106,8 @@ def _scatter(axes: Any, data: _Data, x: FloatArray, y: FloatArray, metric: str =
     """
     lost = np.array([metric in one.get("never", ()) for one in data.tried])
     if lost.any():
-        how: Any = {"transform": axes.get_xaxis_transform(), "clip_on": False}
         words = (data.stored.get("never") or {}).get(metric, NEVER)
-        axes.plot(x[lost], np.ones(lost.sum()), "x", color=MARK, markersize=4, label=words, **how)
+        axes.plot(x[lost], np.ones(lost.sum()), "x", markersize=4, label=words, **beyond(axes))
     feasible = np.array([one["feasible"] for one in data.tried])
     status = np.array([one["status"] for one in data.tried])
     for kind, mark in MARKS.items():
@@ -164,8 +142,8 @@ def _history(data: _Data) -> Figure:
         )
         if metric in own.get("never", ()):
             words = f"own values: {(data.stored.get('never') or {}).get(metric, NEVER)}"
-            how: Any = {"transform": axes.get_xaxis_transform(), "clip_on": False}
-            axes.plot([own["number"]], [1.0], "x", color="black", label=words, **how)
+            own_style = beyond(axes) | {"color": "black"}
+            axes.plot([own["number"]], [1.0], "x", label=words, **own_style)
         if math.isfinite(baseline):
             axes.axhline(baseline, color=GREY, linestyle=":", label="own values")
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))

@@ -1,4 +1,9 @@
-"""Write the values that were found into the file that was tuned, its comments kept."""
+"""Write the values that were found into the file that was tuned, its comments kept.
+
+In: an experiment, and values by path. Out: its file, changed in these places::
+
+    {"lqr.q.1": 3.2}  ->  of a graph: q: [1, 3.2, 1]; of an experiment: set: {lqr.q.1: 3.2}
+"""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 import blocks
-from blocks.core.params import Kind, Param, hint, param, show
+from blocks.core.params import Param, ParamKind, hint, param, show
 from blocks.core.signals import FloatArray
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
@@ -45,7 +45,7 @@ not_numbers = st.one_of(
 )
 
 
-def declared(kind: Kind, **options: Any) -> Param:
+def declared(kind: ParamKind, **options: Any) -> Param:
     made: Param = param(**{"doc": "", **options})
     return made.bound("p", kind)
 

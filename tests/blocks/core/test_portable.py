@@ -78,6 +78,7 @@ def here() -> dict[str, Any]:
     return fingerprints()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("machine", MACHINES)
 def test_bits_do_not_depend_on_the_processor_or_on_threads(
     machine: str, here: dict[str, Any]

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from blocks import ParameterError, World
 from blocks.core.signals import FloatArray
-from blocks.mujoco.model import SEEN_GROUP, WALL_HEIGHT, BeamCaster, model_of, model_text
+from blocks.mujoco.robot_model import SEEN_GROUP, WALL_HEIGHT, BeamCaster, model_of, model_text
 from blocks.mujoco.vacuum import MujocoVacuum
 from blocks.world.lidar import bearings
 from tests.blocks.outputs import outputs

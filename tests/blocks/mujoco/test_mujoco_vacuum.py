@@ -16,7 +16,7 @@ import pytest
 from blocks import ParameterError, World
 from blocks.core.block import BlockState
 from blocks.core.signals import FloatArray
-from blocks.mujoco.model import SKID_CLEARANCE
+from blocks.mujoco.robot_model import SKID_CLEARANCE
 from blocks.mujoco.vacuum import WHEEL_RATES, MujocoVacuum
 from runtime import check_block
 from tests.blocks.outputs import outputs

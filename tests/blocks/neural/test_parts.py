@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from blocks.core import SettingError
+from blocks.neural.decoder_solvers import DecoderSolver, Lasso, SingularError, ridge
 from blocks.neural.distributions import Distribution
-from blocks.neural.solvers import Lasso, SingularError, Solver, ridge
 from blocks.neural.synapses import Synapse
 
 DT = 0.001
@@ -150,7 +150,7 @@ def test_decoders_are_nengos(n: int) -> None:
     pairs = {"l2": nengo.solvers.LstsqL2(reg=0.1), "nnls": nengo.solvers.Nnls()}
     for name, theirs in pairs.items():
         expected, _ = theirs(a, y)
-        found = Solver.read(name).solve(a, y, rng)
+        found = DecoderSolver.read(name).solve(a, y, rng)
         np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-8 * np.abs(expected).max())
 
 
@@ -159,7 +159,7 @@ def test_decoders_with_noise_are_nengos() -> None:
     a, y = activities(50, 400)
     expected, _ = nengo.solvers.LstsqNoise(noise=0.1)(a, y, rng=np.random.RandomState(3))
     same: Any = np.random.RandomState(3)
-    found = Solver.read("l2_noise").solve(a, y, same)
+    found = DecoderSolver.read("l2_noise").solve(a, y, same)
     np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-8 * np.abs(expected).max())
 
 

@@ -84,7 +84,7 @@ def test_the_power_of_noise_does_not_depend_on_the_step(dt: float) -> None:
 
 
 def test_the_density_of_pink_noise_falls_with_the_frequency() -> None:
-    dt, n = 0.01, 100_000
+    dt, n = 0.01, 40_000
     entry = {"type": "PinkNoise", "density": [0.3, 1.2], "lowest": 0.01}
     noise = respond(entry, ticks=n, dt=dt)
     f, density = signal.welch(noise, 1.0 / dt, nperseg=2048, axis=0, return_onesided=False)

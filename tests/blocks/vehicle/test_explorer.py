@@ -58,7 +58,9 @@ def explore(
 
 
 @pytest.mark.parametrize("name", list(SHIPPED))
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2, 3))]
+)
 def test_it_touches_nothing_and_finds_a_wall(name: str, seed: int) -> None:
     run = explore(World(SHIPPED[name]), 60.0, seed)
     assert run.clearance[run.engaged == 0.0].min() > 0.0
@@ -71,7 +73,7 @@ def test_it_touches_nothing_and_finds_a_wall(name: str, seed: int) -> None:
 
 
 @pytest.mark.parametrize("name", list(SHIPPED))
-@pytest.mark.parametrize("turn_gain", [1.0, 0.5])
+@pytest.mark.parametrize("turn_gain", [pytest.param(1.0, marks=pytest.mark.slow), 0.5])
 def test_wandering_for_long_touches_nothing(name: str, turn_gain: float) -> None:
     run = explore(World(SHIPPED[name]), 120.0, 1, turn_gain, explore_time=1e3)
     assert run.clearance.min() > 0.0

@@ -36,12 +36,12 @@ def ahead(path: np.ndarray, pose: Pose, metres: float = 0.5) -> np.ndarray:
 @pytest.mark.parametrize(
     ("form", "sigma", "bound"),
     [
-        ("control_points", 0.0, 5.0),
+        pytest.param("control_points", 0.0, 5.0, marks=pytest.mark.slow),
         ("control_points", 0.01, 7.0),
-        ("control_points", 0.02, 12.0),
-        ("least_squares", 0.0, 5.0),
+        pytest.param("control_points", 0.02, 12.0, marks=pytest.mark.slow),
+        pytest.param("least_squares", 0.0, 5.0, marks=pytest.mark.slow),
         ("least_squares", 0.01, 7.0),
-        ("least_squares", 0.02, 10.0),
+        pytest.param("least_squares", 0.02, 10.0, marks=pytest.mark.slow),
     ],
 )
 def test_the_path_is_at_its_distance(

@@ -176,6 +176,7 @@ def test_any_scan_compiled(
     same_fit(found, expected)
 
 
+@pytest.mark.slow
 def test_rooms_compiled(compiled: Loops) -> None:
     fitter = Fitter(fit="least_squares", side="left")
     for seed in range(10):

@@ -155,12 +155,17 @@ def opened(world: World, d: float, rho: float, near: tuple[float, float]) -> flo
 @pytest.mark.parametrize(
     ("name", "near", "rho"),
     [
-        ("paper_room", (0.0, -2.0), 0.1),
         ("paper_room", (0.0, -2.0), 0.2),
-        ("paper_room", (0.0, -2.0), 0.3),
-        ("cluttered_room", (-3.0, -1.5), 0.2),
-        ("l_room", (-1.5, -1.5), 0.2),
-        ("outdoor", (-3.0, -2.0), 0.3),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in (
+                ("paper_room", (0.0, -2.0), 0.1),
+                ("paper_room", (0.0, -2.0), 0.3),
+                ("cluttered_room", (-3.0, -1.5), 0.2),
+                ("l_room", (-1.5, -1.5), 0.2),
+                ("outdoor", (-3.0, -2.0), 0.3),
+            )
+        ),
     ],
 )
 def test_floor_is_that_of_a_rolling_disc(name: str, near: tuple[float, float], rho: float) -> None:

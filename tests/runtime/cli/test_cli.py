@@ -294,7 +294,13 @@ def test_import_and_help_stay_light() -> None:
         assert done.stdout.strip() == loaded
 
 
-@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+@pytest.mark.parametrize(
+    "closed",
+    [
+        "<&- >&- 2>&-",
+        *(pytest.param(closed, marks=pytest.mark.slow) for closed in ("<&-", ">&-", "2>&-")),
+    ],
+)
 def test_closed_streams_lose_nothing(script: Path, tmp_path: Path, closed: str) -> None:
     for _ in range(2):  # the second names what the first would have left behind
         command = f"'{script}' run line_actuator_failure --until 0.05 --no-plots {closed}"

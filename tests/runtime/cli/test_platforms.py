@@ -87,7 +87,8 @@ print(json.dumps(found))
 
 
 @needs_compiler
-@pytest.mark.parametrize("system", [pytest.param("macos", marks=pytest.mark.slow), "windows"])
+@pytest.mark.slow
+@pytest.mark.parametrize("system", ["macos", "windows"])
 def test_every_verb_runs_or_says_what_is_missing(system: str, tmp_path: Path) -> None:
     assert {line.split()[0] for line in COMMANDS} == set(NAMES)
     (tmp_path / "g.yaml").write_text(GRAPH)

@@ -624,7 +624,7 @@ def test_one_block_alone() -> None:
         assert diagram(net, name)
 
 
-@pytest.mark.parametrize("n", [2, 200, 2000])
+@pytest.mark.parametrize("n", [2, 200, pytest.param(2000, marks=pytest.mark.slow)])
 def test_a_chain_is_one_straight_line(n: int) -> None:
     net = chain(n)
     sheet = lay_out(picture_of(net))
@@ -636,10 +636,12 @@ def test_a_chain_is_one_straight_line(n: int) -> None:
         assert str(diagram(net, name)).count("Gain") >= n - 1
 
 
-def test_a_long_chain_as_png() -> None:
-    assert bytes(diagram(chain(2000), "png")).startswith(b"\x89PNG")  # type: ignore[arg-type]
+@pytest.mark.parametrize("n", [200, pytest.param(2000, marks=pytest.mark.slow)])
+def test_a_long_chain_as_png(n: int) -> None:
+    assert bytes(diagram(chain(n), "png")).startswith(b"\x89PNG")  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_the_same_graph_gives_the_same_bytes_in_every_process() -> None:
     code = (
         "import hashlib, sys, runtime\n"

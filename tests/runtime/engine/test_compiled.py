@@ -97,7 +97,14 @@ def assert_equal(a: runtime.Result, b: runtime.Result) -> None:
             assert b.metrics[name] == pytest.approx(value, rel=1e-9, abs=1e-9), name
 
 
-@pytest.mark.parametrize("name", [name for name in GRAPHS if MUJOCO not in name])
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[] if name.endswith("_robust") else [pytest.mark.slow])
+        for name in GRAPHS
+        if MUJOCO not in name
+    ],
+)
 def test_shipped_graphs_do_the_same_under_both_engines(name: str) -> None:
     # Following a wall by its scan is chaotic: from 7 s on, when it begins, a rounding error grows
     # tenfold every 0.35 s, under one engine as between two.

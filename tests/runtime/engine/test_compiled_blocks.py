@@ -24,12 +24,7 @@ from blocks import (
     SignalType,
     Twist,
     Vector,
-    dynamics,
-    nonlinear,
-    plants,
-    sources,
 )
-from blocks import generic as generic_room
 from blocks.generic.mathematics import COMPARISONS, LOGIC
 from blocks.registry import BUILTIN
 from blocks.vehicle.contact import slide
@@ -639,17 +634,10 @@ def test_the_text_computes_what_the_block_computes(case: Case) -> None:
 
 
 def compiled() -> Iterator[Any]:
-    """All cases; of small blocks, all but the first one take long for what they show."""
-    small = {
-        name
-        for room in (sources, generic_room, nonlinear, plants, dynamics)
-        for name in room.__all__
-    }
-    for name, cases in CASES.items():
+    """All cases; all but the first one of a block take long for what they show."""
+    for cases in CASES.values():
         for i, case in enumerate(cases):
-            yield pytest.param(
-                case, id=str(case), marks=[pytest.mark.slow] if i and name in small else []
-            )
+            yield pytest.param(case, id=str(case), marks=[pytest.mark.slow] if i else [])
 
 
 @needs_compiler

@@ -12,15 +12,19 @@ from tests.compilers import needs_compiler
 
 GALLERY = Path(runtime.__file__).parents[1] / "graphs" / "gallery"
 TICKS = 100
+# One of each kind; the others, and graphs of populations, take long to start, under either engine.
+QUICK = {
+    *("adaptive_arm", "beacons", "bouncing_ball", "cascade", "drive_to_line", "noise_filter"),
+    *("recorded_push", "thermostat", "worn_actuator"),
+}
 
 pytestmark = needs_compiler
 
 
 def graphs() -> list[object]:
-    """Graphs of populations take long to start, under either engine."""
     names = [path.relative_to(GALLERY.parent).with_suffix("") for path in GALLERY.rglob("*.yaml")]
     return [
-        pytest.param(str(name), marks=[pytest.mark.slow] if len(name.parts) > 2 else [])
+        pytest.param(str(name), marks=[] if name.name in QUICK else [pytest.mark.slow])
         for name in sorted(names)
     ]
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +13,11 @@ import pytest
 import runtime
 from runtime.errors import GraphError
 from runtime.graph import Graph
+from tests.conftest import Run
 from tests.runtime.engine.test_continuous import OSCILLATOR, Opaque, graph_of
 
 ENGINES = ("python", "compiled")
 THIRD = math.pi / 3.0
-
-
-def command(*arguments: str) -> subprocess.CompletedProcess[str]:
-    line = [sys.executable, "-c", "from runtime.cli import main; main()", *arguments]
-    return subprocess.run(line, capture_output=True, text=True, check=False)
 
 
 def stopping(stop: dict[str, Any], **run: Any) -> Graph:
@@ -147,11 +141,11 @@ def test_a_removed_block_ends_no_run() -> None:
     )
 
 
-def test_the_metric_and_the_folder_hold_the_time(tmp_path: Path) -> None:
+def test_the_metric_and_the_folder_hold_the_time(cli: Run, tmp_path: Path) -> None:
     graph = stopping({"when": "position.out", "below": 0.5}, engine="python")
     graph = graph.set("metrics.fell", {"kind": "stop_time", "below": 2.0})
     (tmp_path / "g.yaml").write_text(graph.to_yaml(), encoding="utf-8")
-    done = command("run", str(tmp_path / "g.yaml"), "--out", str(tmp_path / "runs"), "--json")
+    done = cli("run", str(tmp_path / "g.yaml"), "--out", str(tmp_path / "runs"), "--json")
     assert done.returncode == 0, done.stderr
     assert "stopped at t = 1.0472 s (run.stop)" in done.stderr
     found = json.loads(done.stdout)
@@ -161,21 +155,21 @@ def test_the_metric_and_the_folder_hold_the_time(tmp_path: Path) -> None:
     assert again.metrics["fell"] == found["metrics"]["fell"]
 
 
-def test_trials_that_stop_are_sound(tmp_path: Path) -> None:
+def test_trials_that_stop_are_sound(cli: Run, tmp_path: Path) -> None:
     """x0 cos(t) reaches 0.5 at arccos(0.5 / x0)."""
     graph = stopping({"when": "position.out", "below": 0.5}, engine="python")
     graph = graph.set("metrics.fell", {"kind": "stop_time"})
     (tmp_path / "g.yaml").write_text(graph.to_yaml(), encoding="utf-8")
     arguments = ["--vary", "position.initial=[1,2]", "--seeds", "1", "--jobs", "1"]
     out = ["--out", str(tmp_path / "s")]
-    done = command("sweep", str(tmp_path / "g.yaml"), *arguments, *out)
+    done = cli("sweep", str(tmp_path / "g.yaml"), *arguments, *out)
     assert done.returncode == 0, done.stderr
     (index,) = (tmp_path / "s").glob("**/index.csv")
     rows = index.read_text(encoding="utf-8").split("\n")
     assert all(",ok," in row for row in rows[1:] if row), rows
 
 
-def test_an_ablation_says_when_each_variant_stopped(tmp_path: Path) -> None:
+def test_an_ablation_says_when_each_variant_stopped(cli: Run, tmp_path: Path) -> None:
     """Without the spring, the position stays where it is, and nothing stops the run."""
     graph = stopping({"when": "position.out", "below": 0.5}, engine="python")
     graph = graph.set("metrics.fell", {"kind": "stop_time"})
@@ -183,7 +177,7 @@ def test_an_ablation_says_when_each_variant_stopped(tmp_path: Path) -> None:
     graph = graph.wire("push.terms", ["spring.out"]).wire("speed.input", "push.out")
     (tmp_path / "g.yaml").write_text(graph.to_yaml(), encoding="utf-8")
     arguments = ["--without", "spring", "--seeds", "0", "--jobs", "1", "--no-plots", "--json"]
-    done = command("ablate", str(tmp_path / "g.yaml"), *arguments, "--out", str(tmp_path / "a"))
+    done = cli("ablate", str(tmp_path / "g.yaml"), *arguments, "--out", str(tmp_path / "a"))
     assert done.returncode == 0, done.stderr
     (index,) = (tmp_path / "a").glob("**/index.csv")
     header, *rows = (line.split(",") for line in index.read_text().splitlines())

@@ -56,6 +56,7 @@ def cluster(start: Start, tmp_path: Path) -> Cluster:
 
 
 @needs_dask
+@pytest.mark.slow
 def test_a_cluster_that_loses_a_worker_gives_the_same_index(
     script: Path, here: Run, cluster: Cluster, draw: Path, tmp_path: Path
 ) -> None:
@@ -128,6 +129,7 @@ def test_a_tuning_on_a_cluster_tries_the_same_configurations(
 
 
 @needs_dask
+@pytest.mark.slow
 def test_a_lost_scheduler_ends_the_sweep_with_its_rows_kept(
     script: Path, here: Run, cluster: Cluster, draw: Path, tmp_path: Path
 ) -> None:

@@ -40,7 +40,7 @@ def kill_after(process: subprocess.Popen[bytes], index: Path, rows: int, jitter:
         return True
 
 
-@pytest.mark.parametrize("keep", ["none", "best:3"])
+@pytest.mark.parametrize("keep", [pytest.param("none", marks=pytest.mark.slow), "best:3"])
 def test_killed_and_resumed_is_never_killed(
     script: Path, here: Run, draw: Path, tmp_path: Path, keep: str
 ) -> None:

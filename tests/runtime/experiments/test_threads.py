@@ -94,7 +94,7 @@ def bits(done: TrialResult) -> object:
     return done.metrics, probes
 
 
-@pytest.mark.parametrize("engine", ["python", "compiled"])
+@pytest.mark.parametrize("engine", [pytest.param("python", marks=pytest.mark.slow), "compiled"])
 def test_trials_on_many_threads_equal_trials_one_by_one_bit_for_bit(
     restless: None, tmp_path: Path, engine: str
 ) -> None:

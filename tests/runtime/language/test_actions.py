@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from runtime.language import Action, Model, Span, actions, applied, diagnose
+from runtime.language import Action, Model, Span, actions, apply_edits, diagnose
 from tests.runtime.language.texts import CASE_C, SURROUNDINGS, edited
 
 SMALL = """graph: small
@@ -21,7 +21,7 @@ wires:
 
 
 def done(model: Model, action: Action) -> Model:
-    text = applied(model.text.source, [(edit.span, edit.new) for edit in action.edits])
+    text = apply_edits(model.text.source, [(edit.span, edit.new) for edit in action.edits])
     return Model(text, model.path, model.surroundings)
 
 

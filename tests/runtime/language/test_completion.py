@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from blocks.neural.decoder_solvers import DecoderSolver
 from blocks.neural.neurons import NeuronModel
-from blocks.neural.solvers import Solver
 from blocks.registry import BUILTIN
 from runtime.document import RUN_KEYS, SECTIONS, parse_yaml
 from runtime.language import complete
@@ -159,7 +159,7 @@ wires:
         ("¦3", "learning: {¦}", ["rule"]),
         ("¦3", "learning: {rule: pes, ¦}", ["learning_rate", "tau"]),
         ("¦3", "synapse: ¦", ["lowpass(tau)", "none", "alpha(tau)"]),
-        ("¦3", "solver: {type: l2, ¦}", [*Solver.members["l2"].declared]),
+        ("¦3", "solver: {type: l2, ¦}", [*DecoderSolver.members["l2"].declared]),
         ("¦1", "¦", ["when", "above", "below", "crosses"]),
         ("¦1", "when: ¦", ["a.value"]),
     ],

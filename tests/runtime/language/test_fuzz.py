@@ -19,13 +19,13 @@ from runtime.language import (
     definition,
     diagnose,
     folds,
-    formatted,
+    format_edits,
     hints,
     hover,
     lenses,
     outline,
     references,
-    renamed,
+    rename_span,
     signature,
 )
 from tests.runtime.language.texts import GRAPHS
@@ -80,7 +80,7 @@ def asked(model: Model, offset: int) -> int:
     for place in (*definition(model, offset, project), *references(model, offset, project)):
         assert 0 <= place.span.start <= place.span.end
         assert place.span.end <= size or place.path != model.path
-    name = renamed(model, offset)
+    name = rename_span(model, offset)
     assert name is None or 0 <= name.start <= offset <= name.end <= size
     for action in actions(model, Span(offset, offset)):
         for edit in action.edits:
@@ -91,7 +91,7 @@ def asked(model: Model, offset: int) -> int:
     for first, last, _ in folds(model):
         assert 0 <= first < last < len(model.text.starts)
     before = -1
-    for span, _ in formatted(model):
+    for span, _ in format_edits(model):
         assert before <= span.start <= span.end <= size  # in order, and none in another
         before = span.end
     assert all(0 <= hint.offset <= size for hint in hints(model, Span(0, size)))

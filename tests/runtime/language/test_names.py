@@ -12,12 +12,12 @@ from runtime.language import (
     Model,
     Place,
     Project,
-    applied,
+    apply_edits,
     definition,
     diagnose,
     references,
     rename,
-    renamed,
+    rename_span,
 )
 from tests.runtime.language.texts import CASE_C, GRAPHS, MARK, SURROUNDINGS
 
@@ -109,7 +109,7 @@ def after(project: Project, marked: str, new: str, path: Path = CASE_C) -> dict[
     model, offset = at(project, path, marked)
     edits = rename(model, offset, new, project)
     return {
-        file: applied(project.models[file.resolve()].text.source, changes)
+        file: apply_edits(project.models[file.resolve()].text.source, changes)
         for file, changes in edits.items()
     }
 
@@ -148,7 +148,7 @@ metrics: {m: {kind: mean_abs, of: b.out}}
     model = Model(text.replace(MARK, ""), tmp_path / "all.yaml", SURROUNDINGS)
     edits = rename(model, offset, "twice", Project([model]))
     [changes] = edits.values()
-    result = applied(model.text.source, changes)
+    result = apply_edits(model.text.source, changes)
     assert result == text.replace(MARK, "").replace("b.out", "twice.out").replace(
         "  b: ", "  twice: "
     ).replace("[b]", "[twice]").replace("bypass: b", "bypass: twice")
@@ -182,7 +182,7 @@ def test_files_outside_the_folder_are_not_renamed(shipped: Project, tmp_path: Pa
     model = Model(text, tmp_path / "mine.yaml", SURROUNDINGS)
     project = Project([model])
     offset = text.index("lqr")
-    assert renamed(model, offset) is not None
+    assert rename_span(model, offset) is not None
     with pytest.raises(UsageError, match="not in this folder"):
         rename(model, offset, "steering", project, [model.path])
 
@@ -220,7 +220,7 @@ def test_an_overlay_is_renamed_with_the_graph_that_it_belongs_to(
         models[name] = Model(text.replace(MARK, ""), path, SURROUNDINGS)
     edits = rename(models["g"], offset, "broken", Project(models.values()))
     changed = {
-        path.stem: applied(models[path.stem].text.source, made) for path, made in edits.items()
+        path.stem: apply_edits(models[path.stem].text.source, made) for path, made in edits.items()
     }
     assert ("lag" in changed) == is_edited
     if is_edited:

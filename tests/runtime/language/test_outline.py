@@ -9,7 +9,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from runtime.document import parse_yaml
-from runtime.language import Model, Span, applied, folds, formatted, hints, lenses, outline
+from runtime.language import Model, Span, apply_edits, folds, format_edits, hints, lenses, outline
 from tests.runtime.language.texts import CASE_C, GRAPHS, SURROUNDINGS
 
 # A busy machine generates slowly.
@@ -52,7 +52,7 @@ def test_sections_parts_and_comments_fold(case_c: Model) -> None:
 
 @pytest.mark.parametrize("path", sorted(GRAPHS.rglob("*.yaml")), ids=lambda p: p.stem)
 def test_shipped_files_are_formatted(path: Path) -> None:
-    assert formatted(model_of(path.read_text(encoding="utf-8"), path)) == []
+    assert format_edits(model_of(path.read_text(encoding="utf-8"), path)) == []
 
 
 @pytest.mark.parametrize(
@@ -72,7 +72,7 @@ def test_shipped_files_are_formatted(path: Path) -> None:
     ],
 )
 def test_formatting(before: str, after: str) -> None:
-    assert applied(before, formatted(model_of(before))) == after
+    assert apply_edits(before, format_edits(model_of(before))) == after
 
 
 @RELAXED
@@ -85,11 +85,11 @@ def test_formatting(before: str, after: str) -> None:
 def test_formatting_keeps_what_a_text_means(pieces: list[str]) -> None:
     text = "x: {k: v}\ny: " + "".join(pieces)
     model = model_of(text)
-    result = applied(text, formatted(model))
+    result = apply_edits(text, format_edits(model))
     if not model.syntax:
         assert parse_yaml(result, "").plain() == parse_yaml(text, "").plain()
         again = model_of(result)
-        assert applied(result, formatted(again)) == result
+        assert apply_edits(result, format_edits(again)) == result
 
 
 def test_hints_at_wires_and_params(case_c: Model) -> None:

@@ -12,16 +12,16 @@ from hypothesis import strategies as st
 from runtime.document import Node, dump_yaml, parse_scalar, parse_yaml
 from runtime.errors import Where
 from runtime.language.cursor import cursor_at
-from runtime.language.items import Item
+from runtime.language.items import YamlItem
 from runtime.language.scan import scan
-from runtime.language.text import Text
+from runtime.language.text import SourceText
 from tests.runtime.language.texts import GRAPHS, MARK
 
 # A busy machine generates slowly.
 RELAXED = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 
-def plain(item: Item) -> Any:
+def plain(item: YamlItem) -> Any:
     if item.kind == "map":
         return {inner.key: plain(inner) for inner in item.items}
     if item.kind == "list":
@@ -31,7 +31,7 @@ def plain(item: Item) -> Any:
     return item.value if item.quoted else parse_scalar(item.value)
 
 
-def places(text: Text, item: Item, node: Node) -> None:
+def places(text: SourceText, item: YamlItem, node: Node) -> None:
     """Keys and scalars stand where the strict reader says."""
     if item.kind == "map":
         for inner in item.items:
@@ -51,7 +51,7 @@ def test_shipped_graphs_scan_as_they_parse(path: Path) -> None:
     source = path.read_text(encoding="utf-8")
     root, node = scan(source), parse_yaml(source, str(path))
     assert plain(root) == node.plain()
-    places(Text(source), root, node)
+    places(SourceText(source), root, node)
 
 
 VALUES = st.sampled_from(
@@ -129,7 +129,7 @@ def test_the_cursor_knows_what_is_written(
     source: str, role: str, path: tuple[str, ...], prefix: str
 ) -> None:
     offset = source.index(MARK)
-    text = Text(source.replace(MARK, ""))
+    text = SourceText(source.replace(MARK, ""))
     cursor = cursor_at(text, scan(text.source), offset)
     assert cursor is not None
     assert (cursor.role, cursor.path, cursor.prefix) == (role, path, prefix)
@@ -137,14 +137,14 @@ def test_the_cursor_knows_what_is_written(
 
 @pytest.mark.parametrize("source", ["# com¦", "a: 1   # no¦te", "a: {b: 1}  # ¦"])
 def test_there_is_nothing_to_write_in_a_comment(source: str) -> None:
-    text = Text(source.replace(MARK, ""))
+    text = SourceText(source.replace(MARK, ""))
     assert cursor_at(text, scan(text.source), source.index(MARK)) is None
 
 
 @RELAXED
 @given(st.text(alphabet="ab\n\r🙂é\x85\u2028", max_size=30), st.integers(0, 30))
 def test_positions_of_editors_round_trip(source: str, offset: int) -> None:
-    text = Text(source)
+    text = SourceText(source)
     offset = min(offset, len(source))
     line, units = text.position(offset)
     before = source[text.starts[line] : offset]
@@ -154,7 +154,7 @@ def test_positions_of_editors_round_trip(source: str, offset: int) -> None:
 
 
 def test_positions_of_messages_count_the_lines_of_yaml() -> None:
-    text = Text("a: 1\u2028b: 2\nc: 3")
+    text = SourceText("a: 1\u2028b: 2\nc: 3")
     assert text.at(Where("", 2, 1)) == 5
     assert text.at(Where("", 3, 1)) == 10
     assert text.where(10, "f") == Where("f", 3, 1)

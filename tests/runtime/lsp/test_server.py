@@ -17,8 +17,8 @@ from pytest_lsp import (
     make_test_lsp_client,
 )
 
-from runtime.language import applied
-from runtime.language.text import Span, Text
+from runtime.language import apply_edits
+from runtime.language.text import SourceText, Span
 from tests.runtime.language.texts import CASE_C, GRAPHS, MARK, chain
 
 SCRIPT = str(Path(sys.executable).parent / "runtime")
@@ -91,7 +91,7 @@ class Editor:
 
     def at(self, marked: str) -> types.Position:
         offset = self.text.index(marked.replace(MARK, "")) + marked.index(MARK)
-        return types.Position(*Text(self.text).position(offset))
+        return types.Position(*SourceText(self.text).position(offset))
 
     def where(self, marked: str) -> dict[str, Any]:
         return {"text_document": self.document, "position": self.at(marked)}
@@ -99,7 +99,7 @@ class Editor:
     async def edit(self, old: str, new: str) -> list[types.Diagnostic]:
         """Change one place, as an editor sends it; the diagnostics that follow."""
         start = self.text.index(old)
-        text = Text(self.text)
+        text = SourceText(self.text)
         place = types.Range(
             types.Position(*text.position(start)), types.Position(*text.position(start + len(old)))
         )
@@ -138,14 +138,14 @@ class Editor:
         return self.text[slice(*self.span(place))]
 
     def span(self, place: types.Range) -> Span:
-        text = Text(self.text)
+        text = SourceText(self.text)
         return Span(
             text.offset(place.start.line, place.start.character),
             text.offset(place.end.line, place.end.character),
         )
 
     def after(self, edits: list[types.TextEdit]) -> str:
-        return applied(self.text, [(self.span(edit.range), edit.new_text) for edit in edits])
+        return apply_edits(self.text, [(self.span(edit.range), edit.new_text) for edit in edits])
 
     async def close(self) -> None:
         self.client.text_document_did_close(types.DidCloseTextDocumentParams(self.document))

@@ -208,6 +208,7 @@ def read_until(process: subprocess.Popen[str], start: str) -> list[str]:
     raise AssertionError("\n".join(lines))
 
 
+@pytest.mark.slow
 def test_watch_runs_again_after_each_save(file: Path, watching: subprocess.Popen[str]) -> None:
     first = read_until(watching, "watching")
     assert not any("before" in line for line in first)

@@ -6,7 +6,6 @@ import csv
 import json
 import re
 import shutil
-import subprocess
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from runtime.errors import UsageError
 from runtime.files import check_form
 from runtime.reports import report
 from tests.browser import elements, find, load, measure, rows
+from tests.conftest import Run
 from tests.runtime.experiments.graphs import MODULE
 
 SEEDS = 4
@@ -41,15 +41,14 @@ metrics:
 
 
 @pytest.fixture(scope="module")
-def folders(script: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def folders(run_in: Run, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """An ablation, and sweeps over one factor and over three, half of whose trials fail."""
     root = tmp_path_factory.mktemp("experiments")
     (root / "own.py").write_text(MODULE)
     (root / "draw.yaml").write_text(GRAPH)
 
     def run(*arguments: str) -> None:
-        command = [str(script), *arguments, "--no-plots", "-q", "-j", "1"]
-        done = subprocess.run(command, cwd=root, capture_output=True, text=True)
+        done = run_in(root, *arguments, "--no-plots", "-q", "-j", "1")
         assert done.returncode == 0, done.stderr
 
     seeds = ("--seeds", f"0..{SEEDS - 1}")

@@ -198,6 +198,7 @@ def test_the_diagram_shows_every_block(page: Path) -> None:
     assert removed.attributes["data-name"] == "limit"
 
 
+@pytest.mark.slow
 def test_the_same_run_gives_the_same_bytes(run: Path) -> None:
     code = "import sys; from runtime.reports import report\n"
     code += "sys.stdout.buffer.write(report(sys.argv[1]).html.encode())"

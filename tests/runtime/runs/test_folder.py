@@ -391,6 +391,7 @@ def peak(script: Path, folder: Path, *arguments: str) -> int:
     return int(done.stdout) * (1024 if sys.platform != "darwin" else 1)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(resource, "RUSAGE_CHILDREN"), reason="needs getrusage")
 def test_a_recording_larger_than_memory_is_never_loaded(script: Path, tmp_path: Path) -> None:
     (tmp_path / "big.yaml").write_text(BIG)

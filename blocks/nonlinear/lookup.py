@@ -54,14 +54,14 @@ class LookupTable(Elementwise):
         """Of each piece (n - 1, 4): polynomial in the distance from its lower end."""
         from scipy.interpolate import CubicSpline, PchipInterpolator
 
-        found = np.zeros((len(self.x) - 1, 4))
-        found[:, 0] = self.y[:-1]
+        coefficients = np.zeros((len(self.x) - 1, 4))
+        coefficients[:, 0] = self.y[:-1]
         if self.method == "linear":
-            found[:, 1] = np.diff(self.y) / np.diff(self.x)
+            coefficients[:, 1] = np.diff(self.y) / np.diff(self.x)
         elif self.method != "hold":
             kind = CubicSpline if self.method == "cubic" else PchipInterpolator
-            found[:] = kind(self.x, self.y).c[::-1].T
-        return found
+            coefficients[:] = kind(self.x, self.y).c[::-1].T
+        return coefficients
 
     def start(self, state: BlockState) -> None:
         super().start(state)

@@ -77,15 +77,15 @@ class Table(Block, ABC):
         """Of each segment (n - 1, 4, k): the value and its derivatives, divided by factorials."""
         times, values = self.rows
         table = values.reshape(len(times), -1)
-        found = np.zeros((len(times) - 1, 4, table.shape[1]))
-        found[:, 0] = table[:-1]
+        coefficients = np.zeros((len(times) - 1, 4, table.shape[1]))
+        coefficients[:, 0] = table[:-1]
         if self.how == "linear":
-            found[:, 1] = np.diff(table, axis=0) / np.diff(times)[:, None]
+            coefficients[:, 1] = np.diff(table, axis=0) / np.diff(times)[:, None]
         elif self.how == "cubic":
             from scipy.interpolate import CubicSpline
 
-            found[:] = CubicSpline(times, table).c[::-1].transpose(1, 0, 2)
-        return found
+            coefficients[:] = CubicSpline(times, table).c[::-1].transpose(1, 0, 2)
+        return coefficients
 
     def start(self, state: BlockState) -> None:
         times, values = self.rows

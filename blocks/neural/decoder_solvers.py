@@ -18,7 +18,7 @@ class SingularError(ArithmeticError):
     """The system has no solution; the message says why, and what to do."""
 
 
-class Solver(Variant, root=True):
+class DecoderSolver(Variant, root=True):
     """How decoders are solved: ``l2``, or ``{type: l2, reg: 0.1}``."""
 
     expected: ClassVar[str] = "a solver"
@@ -34,7 +34,7 @@ class Solver(Variant, root=True):
         raise NotImplementedError
 
 
-class L2(Solver, label="l2"):
+class L2(DecoderSolver, label="l2"):
     """min |A D - Y|^2 + m (reg max A)^2 |D|^2: least squares with L2 regularisation."""
 
     reg: float = param(0.1, at_least=0.0, doc="regularisation, as a share of the largest rate")
@@ -43,7 +43,7 @@ class L2(Solver, label="l2"):
         return ridge(a, y, self.reg * float(a.max(initial=0.0)))
 
 
-class L2Noise(Solver, label="l2_noise"):
+class L2Noise(DecoderSolver, label="l2_noise"):
     """Least squares on activities with normal noise, which regularises as L2 does."""
 
     noise: float = param(0.1, above=0.0, doc="deviation, as a share of the largest rate")
@@ -55,7 +55,7 @@ class L2Noise(Solver, label="l2_noise"):
         return ridge(noisy, y, 0.0)
 
 
-class NNLS(Solver, label="nnls"):
+class NNLS(DecoderSolver, label="nnls"):
     """min |A D - Y|^2 with D >= 0 (Lawson and Hanson)."""
 
     def solve(self, a: FloatArray, y: FloatArray, rng: np.random.Generator) -> FloatArray:
@@ -64,7 +64,7 @@ class NNLS(Solver, label="nnls"):
         return np.stack([nnls(a, target)[0] for target in y.T], axis=1)
 
 
-class Lasso(Solver, label="lasso"):
+class Lasso(DecoderSolver, label="lasso"):
     """min |A D - Y|^2 / (2 m) + l1 s |D|_1 + l2 s^2 |D|^2 / 2 with s = max A: few decoders.
 
     Cyclic coordinate descent (Friedman, Hastie and Tibshirani, 2010).
@@ -79,22 +79,22 @@ class Lasso(Solver, label="lasso"):
         right = products(a.T, y) / m
         threshold, ridge_term = self.l1 * largest, self.l2 * largest**2
         scale = gram.diagonal() + ridge_term
-        found = np.zeros_like(right)
+        decoders = np.zeros_like(right)
         left = right.copy()
         for _ in range(ROUNDS):
             change = 0.0
             for i in scale.nonzero()[0].tolist():
-                old = found[i].copy()
+                old = decoders[i].copy()
                 raw = left[i] + gram[i, i] * old
                 new = np.sign(raw) * np.maximum(np.abs(raw) - threshold, 0.0) / scale[i]
                 step = new - old
                 if step.any():
                     left -= gram[:, i, None] * step
-                    found[i] = new
+                    decoders[i] = new
                     change = max(change, float(np.abs(step).max()))
-            if change * largest <= CLOSE * max(1.0, float(np.abs(found).max()) * largest):
+            if change * largest <= CLOSE * max(1.0, float(np.abs(decoders).max()) * largest):
                 break
-        return found
+        return decoders
 
 
 def products(a: FloatArray, b: FloatArray) -> FloatArray:

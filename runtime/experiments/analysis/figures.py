@@ -1,0 +1,69 @@
+"""What the figures of sweeps, ablations and tunings share: a grid of panels, and their files.
+
+In: figures by name. Out: the files that they were written to::
+
+    save_figures(folder, sweep_figures(folder))  ->  [folder/plots/curves.png]
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from runtime.files import own_folder, system_errors
+from runtime.plots import headline, save_figure
+
+WIDTH = 9.0  # inches
+MARK = "tab:red"  # what has no finite value, or fewer values than its neighbours
+
+
+def panels(
+    count: int, title: str, *, columns: int, height: float, least: int = 1
+) -> tuple[Figure, list[Axes]]:
+    """A figure with a panel for each of ``count`` metrics or factors.
+
+    Parameters
+    ----------
+    columns : the most panels in a row, which have the width of a page together.
+    height : of a row (inches).
+    least : the figure is at least as wide as so many panels.
+    """
+    across = min(columns, count)
+    rows = math.ceil(count / across)
+    width = WIDTH / columns * max(least, across)
+    figure = Figure(figsize=(width, 0.5 + height * rows), layout="constrained")
+    headline(figure, title)
+    axes = list(figure.subplots(rows, across, squeeze=False).flat)
+    for unused in axes[count:]:
+        unused.set_visible(False)
+    return figure, axes[:count]
+
+
+def beyond(axes: Axes) -> dict[str, Any]:
+    """How to draw crosses of what is infinite: at the upper end of the axes, which is the bad one.
+
+    A point outside of the axes would have no place in the layout if it were the only one.
+    """
+    return {"transform": axes.get_xaxis_transform(), "clip_on": False, "color": MARK}
+
+
+def save_figures(folder: Path, figures: Iterable[tuple[str, Figure]]) -> list[Path]:
+    """Write figures as ``plots/<name>.png`` into an experiment's folder; returns the files.
+
+    Raises
+    ------
+    UsageError : they cannot be written.
+    """
+    target = folder / "plots"
+    files = []
+    with system_errors(f"write '{target}'"):
+        own_folder(target)
+        for name, figure in figures:
+            files.append(target / f"{name}.png")
+            save_figure(figure, files[-1])
+    return files
