@@ -31,6 +31,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.network",),
     ("runtime.observation", "runtime.descriptions"),
     ("runtime.compiler",),
+    ("runtime.plan",),
     ("runtime.engine", "runtime.checking"),
     ("runtime.engine.compiled",),
     ("runtime.plots", "runtime.diagrams.layout"),

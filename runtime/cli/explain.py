@@ -6,8 +6,9 @@ from typing import Any
 
 from blocks.core import Block
 from runtime.document import written_rate
-from runtime.engine import Engine, Plan, python_seconds
+from runtime.engine import Engine, python_seconds
 from runtime.graph import Graph
+from runtime.plan import Call, Plan
 from runtime.runs import chosen_runner
 
 
@@ -23,18 +24,16 @@ def explain_json(graph: Graph) -> dict[str, Any]:
         "ticks": network.ticks,
         "order": [
             {
-                "block": step.block,
-                "type": network.entries[step.block].cls.__name__,
-                "every": step.every,
-                "dt": step.every * network.dt,
-                "once": step.constant,
-                "enabled_by": [f"{name}.on" for name in step.enables],
-                "reads": [str(port) for port in step.evaluation.needs],
-                "writes": {
-                    port: str(network.types[step.block, port]) for port in step.evaluation.outputs
-                },
+                "block": call.block,
+                "type": network.entries[call.block].cls.__name__,
+                "every": call.gate.every,
+                "dt": call.gate.every * network.dt,
+                "once": call.gate.once,
+                "enabled_by": list(map(str, call.gate.switches)),
+                "reads": [argument.port for argument in call.arguments],
+                "writes": {signal.port: str(signal.kind) for signal in call.outputs},
             }
-            for step in engine.plan.steps
+            for call in engine.plan.evaluations
         ],
         "wires": [
             {"from": str(w.source), "to": w.target, "type": str(network.types[w.block, w.port])}
@@ -54,14 +53,15 @@ def explain_json(graph: Graph) -> dict[str, Any]:
 
 def _continuous(plan: Plan) -> dict[str, Any] | None:
     """The states that a solver integrates, and the blocks that each of its stages calls again."""
-    part = plan.continuous
+    part = plan.integration
     if part is None:
         return None
+    calls = [each for each in part.stage if isinstance(each, Call)]
     return {
-        "solver": plan.network.solver.name,
-        "states": {f"{slot.block}.{slot.state}": list(slot.shape) for slot in part.slots},
-        "stages": [step.block for step in part.steps],
-        "derivatives": [block for block, _ in part.derivatives],
+        "solver": part.solver,
+        "states": {str(slot): list(slot.shape) for slot in part.row.slots},
+        "stages": [call.block for call in calls if call.outputs],
+        "derivatives": [call.block for call in calls if call.rates],
     }
 
 

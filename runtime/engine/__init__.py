@@ -1,7 +1,7 @@
 """The engine: orders a network's evaluations, runs them tick by tick, and records probes.
 
-``schedule`` makes the plan and its text, ``program`` is all that runs of a graph share, ``engine``
-runs it, ``recorder`` stores rows, and ``compiled`` is the runner that compiles the plan.
+``program`` is all that runs of a graph share: the plan, which ``python_text`` prints as Python.
+``engine`` runs it, ``recorder`` stores rows, and ``compiled`` is the runner that compiles the plan.
 """
 
 from runtime.engine.engine import Engine, Outcome
@@ -11,22 +11,16 @@ from runtime.engine.profile import Profile, profile_text
 from runtime.engine.program import Program
 from runtime.engine.recorder import recording_file
 from runtime.engine.runners import MakeRunner, silent
-from runtime.engine.schedule import Emitter, Plan
 from runtime.engine.selection import python_seconds, take_compiled
-from runtime.engine.steps import Step, drivers
 
 __all__ = [
-    "Emitter",
     "Engine",
     "Interrupts",
     "MakeRunner",
     "Outcome",
-    "Plan",
     "Profile",
     "Program",
-    "Step",
     "Watched",
-    "drivers",
     "flow_at",
     "profile_text",
     "python_seconds",

@@ -10,21 +10,27 @@ from __future__ import annotations
 
 import heapq
 import math
-import re
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Container, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from blocks.core import Evaluation, has_kernels
-from runtime.engine.continuous import Continuous
+from blocks.core import has_kernels
 from runtime.engine.program import Program
-from runtime.engine.schedule import Emitter
 from runtime.engine.state import Array, Checkpoint, RunState, seed_of
-from runtime.engine.steps import Step
 from runtime.engine.values import brief
-from runtime.observation import StopTest
+from runtime.plan import (
+    Call,
+    Integrate,
+    Operation,
+    Plan,
+    Port,
+    Restore,
+    Test,
+    Zero,
+    signals_of,
+)
 
 FILENAME = "<the blocks of your own>"
 # The compared ticks after the first, which is always Python's.
@@ -37,48 +43,25 @@ CALL, NUMBER, COMPARED, BLOCK, SHARE = 1.5e-8, 1e-9, 2e-4, 1e-4, 0.01
 RELATIVE, ABSOLUTE = 1e-9, 1e-13
 
 
-class BesideEmitter(Emitter):
-    """Writes the part of a tick that own blocks take part in.
+def beside(plan: Plan, own: Collection[str], moving: Container[Port]) -> list[Operation]:
+    """The part of a tick that own blocks take part in.
 
-    ``ends`` are the outputs that come in and go out: those that the text names.
+    Nothing is recorded, and a tick at which a run stops is not compared.
+
+    Parameters
+    ----------
+    moving : the outputs that change between ticks, of other blocks as well.
     """
-
-    def __init__(self, program: Program, own: Collection[str]) -> None:
-        super().__init__(program.plan, [], program.observation.stop)
-        self.own = own
-        steps = [step for step in self.plan.steps if not step.constant]
-        self.ends = [(step.block, port) for step in steps for port in step.evaluation.outputs]
-
-    def held(self) -> list[str]:
-        return [self.variable(*end) for end in self.ends]
-
-    def written(self) -> str:
-        """The text."""
-        body = self.emit(held=()).partition("= held\n")[2]
-        named = set(re.findall(r"\w+", body))
-        self.ends = [end for end in self.ends if self.variable(*end) in named]
-        self.text, self.lines, self.rate = [], {}, 0
-        return self.emit()
-
-    def step(self, step: Step, checked: bool = False) -> None:
-        part = self.plan.continuous
-        moving = part.moving if part is not None else frozenset()
-        if step.block in self.own or any(
-            (step.block, p) in moving for p in step.evaluation.outputs
-        ):
-            super().step(step, checked)
-
-    def updates(self) -> list[tuple[str, int, Evaluation]]:
-        return [each for each in super().updates() if each[0] in self.own]
-
-    def stop_at_tick(self, stop: StopTest) -> None:
-        """Nothing: a tick at which a run stops is not compared."""
-
-    def search(self, part: Continuous, integrate: Callable[..., None], *given: Any) -> None:
-        """Integrate if own blocks take part."""
-        called = part.blocks | {step.block for step in self.watched(part)}
-        if not called.isdisjoint(self.own):
-            super().search(part, integrate, *given)
+    found: list[Operation] = []
+    for each in plan.operations:
+        if isinstance(each, Restore):
+            found.append(each)
+        elif isinstance(each, Integrate):
+            found += [] if each.blocks.isdisjoint(own) else [each]
+        elif isinstance(each, (Call, Test, Zero)):
+            is_again = any(signal.key in moving for signal in each.outputs)
+            found += [each] if is_again or each.block in own else []
+    return found
 
 
 @dataclass(frozen=True)
@@ -112,12 +95,19 @@ class Beside:
         namespace: dict[str, Any],
         read: Callable[[str, str], Any],
     ) -> None:
-        emitter = BesideEmitter(state.program, own)
         self.state, self.read = state, read
-        self.network = state.program.network
+        self.network = network = state.program.network
+        plan, printer = state.program.plan, state.program.printer()
+        moving = network.moving if plan.integration is not None else frozenset[Port]()
+        operations = beside(plan, own, moving)
+        calls = [call for call in plan.evaluations if not call.gate.once]
+        named = signals_of(operations)
+        self.ends = [s.key for call in calls for s in call.outputs if s.key in named]
+        variables = [state.program.names.signals[end] for end in self.ends]
         scope = dict(namespace)
-        exec(compile(emitter.written(), FILENAME, "exec"), scope)
-        self.lines, self.ends, self.call = emitter.lines, emitter.ends, scope["run"]
+        text = printer.function(operations, variables, variables)
+        exec(compile(text, FILENAME, "exec"), scope)
+        self.lines, self.call = printer.lines, scope["run"]
         # In the order of a tick, so that the first difference is the cause of the others.
         self.own = [name for name in dict.fromkeys(name for name, _ in self.ends) if name in own]
         self.own += sorted(set(own) - set(self.own))
@@ -171,15 +161,15 @@ class Beside:
 
     def _states(self, block: str, after: Checkpoint) -> dict[str, tuple[Array, Array]]:
         """The states of a block after the compiled tick, and now."""
-        spec, part = self.network.entries[block].cls.spec, self.state.program.plan.continuous
+        spec, slots = self.network.entries[block].cls.spec, self.state.program.plan.row.of(block)
         found = {}
         for key, declared in spec.states.items():
             if not declared.cached and not declared.continuous:
                 name = f"{block}.{key}"
                 found[f"state '{key}'"] = after.arrays[name], self.state.arrays[name]
-        for slot in part.slots_of(block) if part is not None else ():
+        for slot in slots:
             row = after.arrays["run/continuous"][slot.start : slot.stop]
-            found[f"state '{slot.state}'"] = row, self.state.continuous[slot.start : slot.stop]
+            found[f"state '{slot.name}'"] = row, self.state.continuous[slot.start : slot.stop]
         # A kernel leaves other numbers in what its method uses as scratch memory.
         apart = {} if has_kernels(self.network.entries[block].cls) else after.apart
         for name, (array, copy) in apart.items():
@@ -232,7 +222,7 @@ def compared(program: Program, seed: int, own: Collection[str]) -> Iterator[int]
     first = sorted({every * i for every in rates for i in range(1, FIRST + 1)})
     tick, once = 0.0, COMPARED + BLOCK * len(own)
     for name, entry in entries.items():
-        numbers = NUMBER * sum(map(math.prod, program.shapes[name].values()))
+        numbers = NUMBER * sum(state.size for state in program.plan.states[name])
         tick += (CALL * (len(entry.evaluations) + 1) + numbers) / entry.every
         once += 5 * numbers  # copied, compared, and put back
     most = max(FIRST, round(once / tick / SHARE))

@@ -34,7 +34,6 @@ from runtime.engine.runners import (
     located,
     silent,
 )
-from runtime.engine.schedule import Plan, RecordSlot
 from runtime.engine.solvers import (
     FOUND,
     TICK,
@@ -58,7 +57,8 @@ from runtime.engine.values import (
     wrong_initial,
 )
 from runtime.errors import Problem, SimulationError, UsageError, raised_at
-from runtime.network import Network, columns
+from runtime.network import Network
+from runtime.plan import Call, Plan, Record, Signal
 
 # The seconds that ticks run between two looks at signals and progress: more, up to the last number,
 # where the checkpoint before them takes more than a part of this time.
@@ -143,7 +143,7 @@ class Engine:
         self._start()
         self.state.held = self._held()
         if self.make_runner is None:
-            self.runner = PythonRunner(self.program.emitter().held(), self._python())
+            self.runner = PythonRunner(list(self.program.held), self._python())
             return self.runner
         made = self.make_runner(
             RunContext(self.program, self.state.blocks, self.namespace, self.note)
@@ -262,30 +262,35 @@ class Engine:
         self.namespace |= self._continuous_names()
         if self.program.observation.stop is not None:
             self.namespace |= {"stop": self.state.stop, "narrowed": narrowed}
+        names = self.program.names
         for name, entry in self.network.entries.items():
-            identifier = self.plan.names[name]
-            self.namespace[identifier] = entry.made
-            self.namespace[self.plan.variables[name, ""]] = self.state.blocks[name]
+            self.namespace[names.blocks[name]] = entry.made
+            self.namespace[names.states[name]] = self.state.blocks[name]
         for name in self._starting_order():
             self._start_block(name)
-        for recording in self.program.recordings:
-            if recording.publisher:
-                self._record_tuning(recording)
-        for name in self.plan.enables:
-            spec, state = self.network.entries[name].cls.spec, self.state.blocks[name]
-            copies = {key: getattr(state, key).copy() for key in spec.states}
-            self.namespace[self.plan.variables[name, "0"]] = SimpleNamespace(**copies)
-        for step in self.plan.steps:
-            if step.constant:
-                method = getattr(self.network.entries[step.block].made, step.evaluation.method)
-                value = self._guard(step.block, partial(method, self.state.blocks[step.block], 0.0))
-                values = (value,) if len(step.evaluation.outputs) == 1 else value
-                for port, item in zip(step.evaluation.outputs, values, strict=True):
-                    self.checks.form(step.block, port, item)
-                    if isinstance(item, np.ndarray):
-                        item = sealed(item)
-                    self.namespace[self.plan.variables[step.block, port]] = item
-                    self._record_constant(step.block, port, item)
+        for record in self.plan.records:
+            if record.publisher:
+                self._record_tuning(record)
+        for name, initial in names.initial.items():
+            state = self.state.blocks[name]
+            keys = [each.name for each in self.plan.states[name]]
+            copies = {key: getattr(state, key).copy() for key in keys}
+            self.namespace[initial] = SimpleNamespace(**copies)
+        for call in self.plan.evaluations:
+            if call.gate.once:
+                self._compute_constants(call)
+
+    def _compute_constants(self, call: Call) -> None:
+        """Call a method whose outputs never change, and record them."""
+        method = getattr(self.network.entries[call.block].made, call.method)
+        value = self._guard(call.block, partial(method, self.state.blocks[call.block], 0.0))
+        values = (value,) if len(call.outputs) == 1 else value
+        for signal, item in zip(call.outputs, values, strict=True):
+            self.checks.form(signal.block, signal.port, item)
+            if isinstance(item, np.ndarray):
+                item = sealed(item)
+            self.namespace[self.program.names.of(signal)] = item
+            self._record_constant(signal, item)
 
     def _starting_order(self) -> list[str]:
         """Blocks by name; those that publish descriptions before the others."""
@@ -326,11 +331,12 @@ class Engine:
 
     def _continuous_names(self) -> dict[str, Any]:
         """What the text of a graph with continuous states refers to."""
-        part = self.plan.continuous
+        part = self.plan.integration
         if part is None:
             return {}
-        method = method_of(self.network.solver.name, part.size)
-        slopes = np.zeros((method.slope_rows, part.size))
+        size = part.row.size
+        method = method_of(self.network.solver.name, size)
+        slopes = np.zeros((method.slope_rows, size))
         solver, dt = self.network.solver, self.network.dt
         control = controls(
             solver.rtol, solver.atol, min(dt, solver.max_step or dt), self.network.until
@@ -338,8 +344,8 @@ class Engine:
         self.state.arrays["run/control"] = control
         return {
             "states": self.state.continuous,
-            "start": np.zeros(part.size),
-            "origin": np.zeros(part.size),
+            "start": np.zeros(size),
+            "origin": np.zeros(size),
             "slopes": slopes,
             "nodes": method.nodes,
             "weights": method.table if method.is_implicit else method.terms,
@@ -380,13 +386,7 @@ class Engine:
 
     def _held(self) -> Held:
         """The variables before the first tick: zero, as outputs of a part that is off are."""
-        held = set(self.program.emitter().held())
-        return tuple(
-            self.network.types[step.block, port].zero()
-            for step in self.plan.steps
-            for port in step.evaluation.outputs
-            if self.plan.variables[step.block, port] in held
-        )
+        return tuple(signal.kind.zero() for signal in self.plan.held)
 
     def locate(self, error: BaseException) -> str:
         """Set the tick to the one that raised an exception; returns the block."""
@@ -398,22 +398,18 @@ class Engine:
         self.state.tick, block = found
         return block
 
-    def _record_tuning(self, recording: RecordSlot) -> None:
+    def _record_tuning(self, record: Record) -> None:
         """Record what a block publishes about the neurons behind a signal."""
-        name = recording.end.block
-        describe = getattr(self.network.entries[name].made, recording.publisher)
-        self.namespace[recording.array][0] = describe(self.state.blocks[name]).table()
+        block = record.block
+        describe = getattr(self.network.entries[block].made, record.publisher)
+        self.namespace[f"probe_{record.number}"][0] = describe(self.state.blocks[block]).table()
 
-    def _record_constant(self, block: str, port: str, value: Any) -> None:
-        for recording in self.program.recordings:
-            if recording.publisher:
-                continue
-            if recording.constant and (recording.end.block, recording.end.port) == (block, port):
-                kind = self.network.types[block, port]
-                array = self.namespace[recording.array]
-                component = recording.end.component
-                item = value[columns(kind, component)] if component else value
-                array[0 if recording.columns is None else (0, recording.columns)] = item
+    def _record_constant(self, signal: Signal, value: Any) -> None:
+        for record in self.plan.records:
+            if record.gate.once and not record.publisher and record.source.whole == signal:
+                array, source = self.namespace[f"probe_{record.number}"], record.source
+                item = value[source.columns] if source.component else value
+                array[0 if record.columns is None else (0, record.columns)] = item
 
 
 def _described(error: BaseException) -> str:

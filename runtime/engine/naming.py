@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import keyword
-from collections.abc import Iterable
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass
 
-from runtime.network import Network
+from runtime.plan import Plan, Port, Signal
 
 GLOBALS = (
     *("isfinite", "isnan", "vdot", "array", "full"),
@@ -22,13 +24,28 @@ CONTINUOUS_NAMES = (
 )
 
 
-def identifiers(
-    network: Network, reserved: Iterable[str], enables: Iterable[str]
-) -> tuple[dict[str, str], dict[tuple[str, str], str]]:
-    """Python names for blocks, outputs and states: ``plant``, ``plant_pose``, ``plant_s``."""
+@dataclass(frozen=True)
+class Names:
+    """Python names of blocks, outputs and states: ``plant``, ``plant_pose``, ``plant_s``.
+
+    initial : of the copies of the states of blocks that are reset, as they were after ``start``.
+    """
+
+    blocks: Mapping[str, str]
+    signals: Mapping[Port, str]
+    states: Mapping[str, str]
+    initial: Mapping[str, str]
+
+    def of(self, signal: Signal) -> str:
+        return self.signals[signal.key]
+
+
+def names_of(plan: Plan) -> Names:
+    """The names in the text of a plan."""
     taken = {*keyword.kwlist, *GLOBALS, *DRIVER_NAMES, "run", "first", "last", "held", "k", "t"}
     taken |= {"range", "float", "__builtins__", "clock", "spent", "began"}
-    taken |= set(reserved)
+    if plan.integration is not None or plan.can_stop:
+        taken |= set(CONTINUOUS_NAMES)
 
     def fresh(name: str) -> str:
         plain = name.replace(".", "_")
@@ -37,12 +54,14 @@ def identifiers(
         taken.add(plain)
         return plain
 
-    names = {name: fresh(name) for name in sorted(network.entries)}
-    variables = {}
-    for name in names:
-        for port in network.entries[name].cls.spec.outputs:
-            variables[name, port] = fresh(f"{names[name]}_{port}")
-        variables[name, ""] = fresh(f"{names[name]}_s")
-    for name in enables:
-        variables[name, "0"] = fresh(f"{names[name]}_s0")
-    return names, variables
+    ports = defaultdict[str, list[str]](list)
+    for call in plan.evaluations:
+        ports[call.block] += [signal.port for signal in call.outputs]
+    blocks = {name: fresh(name) for name in sorted(plan.states)}
+    signals, states = {}, {}
+    for name, plain in blocks.items():
+        for port in ports[name]:
+            signals[name, port] = fresh(f"{plain}_{port}")
+        states[name] = fresh(f"{plain}_s")
+    initial = {name: fresh(f"{blocks[name]}_s0") for name in blocks if name in plan.restored}
+    return Names(blocks, signals, states, initial)

@@ -6,11 +6,9 @@ import time
 from dataclasses import dataclass, field
 from typing import Any
 
-from blocks.core import Evaluation
-from runtime.engine.schedule import Emitter
 from runtime.terminal import table
 
-# Further names in the plan's function. The cost of the clock itself is included.
+# Further names in the plan's function, see python_text. The cost of the clock itself is included.
 CLOCK, SPENT = "clock", "spent"
 
 
@@ -46,15 +44,6 @@ class Profile:
             }
             for name, seconds in [*spent, ("", rest)]
         ]
-
-
-class ProfilingEmitter(Emitter):
-    """Writes the plan's function with the clock."""
-
-    def call(self, block: str, evaluation: Evaluation, targets: str, around: str = "{}") -> None:
-        self.code(f"began = {CLOCK}()")
-        super().call(block, evaluation, targets, around)
-        self.code(f"{SPENT}({block!r}, began)")
 
 
 def profile_text(rows: list[dict[str, Any]]) -> str:

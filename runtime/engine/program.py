@@ -8,11 +8,12 @@ from functools import cached_property
 from types import CodeType, MappingProxyType
 
 from blocks.core import BlockContext
-from runtime.engine.profile import ProfilingEmitter
+from runtime.engine.naming import Names, names_of
+from runtime.engine.python_text import PythonText
 from runtime.engine.recorder import buffer_rows, buffered
-from runtime.engine.schedule import Emitter, Plan, RecordSlot, make_plan
-from runtime.network import Network, state_shape
+from runtime.network import Network
 from runtime.observation import Observation
+from runtime.plan import Plan, make_plan
 
 FILENAME = "<the plan>"
 
@@ -48,7 +49,7 @@ class Program:
     profiled: bool = False
     plan: Plan = field(init=False)
     gathered: Mapping[str, int] = field(init=False)
-    recordings: tuple[RecordSlot, ...] = field(init=False)
+    names: Names = field(init=False)
     _codes: dict[tuple[bool, tuple[str, ...] | None], Code] = field(
         init=False, default_factory=dict
     )
@@ -56,9 +57,11 @@ class Program:
     def __post_init__(self) -> None:
         network, probes = self.network, self.observation.probes
         gathered = buffer_rows(probes, network.ticks, network.memory)
-        object.__setattr__(self, "plan", make_plan(network))
+        buffers = {name: buffered(probe, gathered) for name, probe in probes.items()}
+        plan = make_plan(network, self.observation, buffers)
         object.__setattr__(self, "gathered", gathered)
-        object.__setattr__(self, "recordings", tuple(recordings(self.observation, gathered)))
+        object.__setattr__(self, "plan", plan)
+        object.__setattr__(self, "names", names_of(plan))
 
     @cached_property
     def contexts(self) -> Mapping[str, BlockContext]:
@@ -66,63 +69,30 @@ class Program:
         return {name: self.network.context(name) for name in self.network.entries}
 
     @cached_property
-    def shapes(self) -> Mapping[str, Mapping[str, tuple[int, ...]]]:
-        """The shapes of each block's states."""
-        found = {}
-        for name, entry in self.network.entries.items():
-            context, spec = self.contexts[name], entry.cls.spec
-            found[name] = {
-                key: state_shape(entry.made, declared, context, spec)
-                for key, declared in spec.states.items()
-            }
-        return found
+    def held(self) -> tuple[str, ...]:
+        """The variables that outlive a tick."""
+        return tuple(map(self.names.of, self.plan.held))
 
-    def emitter(self) -> Emitter:
-        """A writer of the plan's function, for one text."""
-        kind = ProfilingEmitter if self.profiled else Emitter
-        return kind(self.plan, list(self.recordings), self.observation.stop)
+    def printer(self, checked: bool = False) -> PythonText:
+        """A printer of the plan as Python, for one text."""
+        return PythonText(self.plan, self.names, checked, self.profiled)
 
     def source(self) -> str:
         """The text of the plan's function, as it is executed."""
-        return self.emitter().emit()
+        return self.printer().function(self.plan.operations, self.held, self.held)
 
     def code(self, checked: bool, held: Sequence[str] | None = None) -> Code:
         """The function's text, compiled to Python's bytecode.
+
+        ``held`` are the variables that it returns, by default those that it takes.
 
         Two threads may compile the same text; the results are equal.
         """
         key = (checked, None if held is None else tuple(held))
         made = self._codes.get(key)
         if made is None:
-            emitter = self.emitter()
-            code = compile(emitter.emit(checked, held), FILENAME, "exec")
-            made = self._codes[key] = Code(code, MappingProxyType(emitter.lines))
+            printer, outgoing = self.printer(checked), self.held if held is None else held
+            text = printer.function(self.plan.operations, self.held, outgoing)
+            code = compile(text, FILENAME, "exec")
+            made = self._codes[key] = Code(code, MappingProxyType(printer.lines))
         return made
-
-
-def recordings(observation: Observation, gathered: Mapping[str, int]) -> list[RecordSlot]:
-    """The record slots of the probes' arrays ``probe_0``, ``probe_1``, ...
-
-    ``gathered`` has the rows of those that are buffers.
-    """
-    made = []
-    for i, probe in enumerate(observation.probes.values()):
-        start = 0
-        for signal in probe.signals:
-            width = signal.shape[0] if signal.shape else 1
-            columns = slice(start, start + width) if len(probe.signals) > 1 else None
-            start += width
-            made.append(
-                RecordSlot(
-                    array=f"probe_{i}",
-                    end=signal.end,
-                    every=probe.sampled,
-                    columns=columns,
-                    is_state=signal.is_state,
-                    is_event=signal.is_event,
-                    constant=probe.constant,
-                    rows=buffered(probe, gathered),
-                    publisher=signal.publisher,
-                )
-            )
-    return made

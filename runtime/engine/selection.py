@@ -6,9 +6,9 @@ import math
 from collections.abc import Callable
 
 from blocks.core import Same
-from runtime.engine.continuous import slots
 from runtime.engine.solvers import method_of
 from runtime.network import Network, state_shape
+from runtime.plan import continuous_row
 from runtime.toolchain import available, find_compiler, install_command
 
 # Rough costs in Python (s), measured on case A: a call of a block, and each number that an update
@@ -73,7 +73,7 @@ def _stages(network: Network) -> float:
         return 0.0
     again = [entry for entry in entries if entry.is_memoryless or entry.cls.spec.continuous]
     calls = sum(len(entry.evaluations) + len(entry.cls.spec.continuous) for entry in again)
-    size = slots(network)[-1].stop
+    size = continuous_row(network).size
     return method_of(network.solver.name, size).stages * CALL * (STAGE + calls)
 
 

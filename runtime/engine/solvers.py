@@ -155,7 +155,7 @@ def joined(rates: Any) -> FloatArray:
     return np.concatenate([np.ravel(part) for part in parts])
 
 
-# The functions below are part of the compiled plan's text; see compiled/stages.py.
+# The functions below are part of the compiled plan's text; see compiled/solver_unit.py.
 
 
 def keep(start: FloatArray, states: FloatArray) -> None:

@@ -92,8 +92,8 @@ class RunState:
     compiled: set[str] = field(init=False, default_factory=set)
 
     def __post_init__(self) -> None:
-        part, entries = self.program.plan.continuous, self.program.network.entries
-        self.continuous = np.zeros(0 if part is None else part.size)
+        entries = self.program.network.entries
+        self.continuous = np.zeros(self.program.plan.row.size)
         self.stop = np.zeros(6)
         self.stop[BEFORE] = math.nan
         self.arrays = {"run/continuous": self.continuous, "run/stop": self.stop}
@@ -101,13 +101,12 @@ class RunState:
         self.own = {name for name, entry in entries.items() if not is_built_in(entry.cls)}
 
     def _block(self, name: str) -> BlockState:
-        part, shapes = self.program.plan.continuous, self.program.shapes[name]
-        arrays = {key: np.zeros(shape) for key, shape in shapes.items()}
-        moved = [] if part is None else part.slots_of(name)
-        for slot in moved:
-            arrays[slot.state] = self.continuous[slot.start : slot.stop].reshape(slot.shape)
-        apart = arrays.keys() - {slot.state for slot in moved}
-        self.arrays |= {f"{name}.{key}": arrays[key] for key in shapes if key in apart}
+        states, slots = self.program.plan.states[name], self.program.plan.row.of(name)
+        arrays = {state.name: np.zeros(state.shape) for state in states}
+        for slot in slots:
+            arrays[slot.name] = self.continuous[slot.start : slot.stop].reshape(slot.shape)
+        apart = arrays.keys() - {slot.name for slot in slots}
+        self.arrays |= {f"{name}.{key}": arrays[key] for key in arrays if key in apart}
         return BlockState(self.program.contexts[name], seed_of(self.seed, name), arrays)
 
     def checkpoint(self) -> Checkpoint:
@@ -162,7 +161,7 @@ class RunState:
 
     def _undeclared(self, name: str) -> set[str]:
         """The attributes of a block's state that nothing declares."""
-        declared = self.program.shapes[name].keys()
+        declared = {state.name for state in self.program.plan.states[name]}
         return vars(self.blocks[name]).keys() - declared - GIVEN - {"rng"}
 
     def _others(self, name: str) -> Restored:

@@ -9,10 +9,10 @@ from typing import Any, NoReturn
 import numpy as np
 
 from blocks.core import FloatArray, SignalType
-from runtime.engine.continuous import Continuous
 from runtime.engine.solvers import ATOL, COUNT, RTOL, STEP
 from runtime.errors import SimulationError
 from runtime.network import Network, state_shape
+from runtime.plan import Integrate
 
 
 class NotFiniteError(ArithmeticError):
@@ -122,14 +122,14 @@ class OutputChecks:
         return value
 
 
-def bad_slope(part: Continuous, slopes: FloatArray, stage: int, t: float) -> None:
+def bad_slope(part: Integrate, slopes: FloatArray, stage: int, t: float) -> None:
     """Raise the error of a rate of change that is not finite; called by the plan.
 
     Returns if only the square of a large number is infinite.
     """
     for column, value in enumerate(slopes[stage].tolist()):
         if not math.isfinite(value):
-            slot = part.at(column)
+            slot = part.row.at(column)
             message = f"the derivative of state '{slot.component(column)}' is not finite: {value}"
             raise NotFiniteError(
                 f"{message} (stage {stage + 1} of the solver, t = {t:g} {part.time_unit})",
@@ -140,12 +140,10 @@ def bad_slope(part: Continuous, slopes: FloatArray, stage: int, t: float) -> Non
 STIFF = ", or changes much faster than the others (a stiff system, for which there is rodas4)"
 
 
-def unreached(
-    part: Continuous, solver: str, control: FloatArray, done: float, t: float
-) -> NoReturn:
+def unreached(part: Integrate, solver: str, control: FloatArray, done: float, t: float) -> NoReturn:
     """Raise the error of a solver that cannot meet its tolerances; called by the plan."""
     column = round(-1.0 - done)
-    slot = part.at(column)
+    slot = part.row.at(column)
     tolerance = f"rtol = {control[RTOL]:g} and atol = {control[ATOL]:g}"
     raise NotFiniteError(
         f"{solver} cannot integrate state '{slot.component(column)}' with {tolerance}: "

@@ -74,7 +74,7 @@ def export(
     """
     check_name(name)
     network = graph.network
-    selection = select(graph.program().plan, named_blocks(network, blocks, others))
+    selection = select(network, graph.program().plan, named_blocks(network, blocks, others))
     layout = _layout(graph, selection, name, hold)
     length = usual_ticks(selection) if ticks is None else min(ticks, network.ticks)
     replay = record(graph, selection, length)
@@ -103,7 +103,7 @@ def _layout(graph: Graph, selection: Selection, name: str, hold: bool) -> Layout
     engine.prepare()
     units = write_units(selection, engine.state.blocks, name)
     constants = {
-        port: np.asarray(engine.namespace[program.plan.variables[port]])
+        port: np.asarray(engine.namespace[program.names.signals[port]])
         for port in selection.constants
     }
     arena = max(units.reserved, UNMEASURED if units.open else 0)

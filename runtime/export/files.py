@@ -14,9 +14,9 @@ from blocks.core import FloatArray
 from runtime.codegen import support
 from runtime.export.layout import Layout, comment
 from runtime.export.operations import MATH
-from runtime.export.selection import Port
 from runtime.export.step import StepText, literal, table
 from runtime.export.templates import HEADER, SOURCE, TEST
+from runtime.plan import Port
 
 HELPERS = {
     f"{verb}_{kind}": text.format(kind=kind, type=c_type)
@@ -58,8 +58,7 @@ def header(layout: Layout, about: Sequence[str], float32: bool) -> str:
     """The header."""
     name, selection = layout.name, layout.selection
     guard = f"{name.upper()}_H"
-    signals = [(s.block, port) for s in selection.steps for port in s.evaluation.outputs]
-    declared = [layout.declared(port) for port in signals]
+    declared = [layout.declared(port) for port in selection.signals]
     if layout.hold:
         names = {port: layout.names[(*port, "held")] for port in selection.inputs}
         declared += [layout.declared(port, name) for port, name in names.items()]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,8 +11,9 @@ import numpy as np
 
 from blocks.core import SignalType
 from runtime.export.names import member_name, unused
-from runtime.export.selection import Port, Selection
+from runtime.export.selection import Selection
 from runtime.export.units import Units
+from runtime.plan import Port, numbers_in
 
 LEARNT = ("weights",)  # states that a reset keeps
 # Members of the struct beside signals and states.
@@ -49,7 +49,7 @@ class Layout:
         ports = dict.fromkeys(
             [
                 *(*selection.inputs, *selection.constants),
-                *((s.block, port) for s in selection.steps for port in s.evaluation.outputs),
+                *selection.signals,
             ]
         )
         found: dict[Any, str] = {}
@@ -75,8 +75,7 @@ class Layout:
 
     def count(self, port: Port) -> int:
         """How many numbers an output has."""
-        kind = self.kind(port)
-        return math.prod(kind.shape) if kind.form == "array" else len(kind.components) or 1
+        return numbers_in(self.kind(port))
 
     def declared(self, port: Port, name: str = "") -> str:
         """The declaration of a signal's member, with what it is."""
@@ -101,7 +100,7 @@ class Layout:
         for block, port in self.selection.inputs:
             found.append((("input", block, port), f"input {block}.{port} is not finite"))
         states = {member: (block, state) for block, member, state, _ in self.checked_states()}
-        outputs = [(s.block, port) for s in self.selection.steps for port in s.evaluation.outputs]
+        outputs = self.selection.signals
         for name in self.selection.blocks:
             for i, message in enumerate(self.units.blocks[name].failures):
                 found.append((("block", name, *([str(i)] if i else [])), f"{name}: {message}"))

@@ -13,8 +13,9 @@ from runtime.engine import Engine
 from runtime.errors import UsageError
 from runtime.export.files import Replay
 from runtime.export.layout import Layout
-from runtime.export.selection import Port, Selection
+from runtime.export.selection import Selection
 from runtime.graph import Graph
+from runtime.plan import Port, numbers_in
 from runtime.toolchain import Unit, build
 
 AnyArray = np.ndarray[Any, Any]
@@ -28,13 +29,10 @@ def usual_ticks(selection: Selection) -> int:
     ports = (*selection.inputs, *selection.outputs)
     slowest = max(selection.every(port) for port in ports)
     ticks = min(selection.network.ticks, max(USUAL_TICKS, USUAL_ROWS * slowest))
-    layout_free = sum(_numbers(selection, port) / selection.every(port) for port in ports)
+    layout_free = sum(
+        numbers_in(selection.network.types[port]) / selection.every(port) for port in ports
+    )
     return max(1, min(ticks, int(MOST_NUMBERS / max(layout_free, 1e-9))))
-
-
-def _numbers(selection: Selection, port: Port) -> int:
-    kind = selection.network.types[port]
-    return int(np.prod(kind.shape)) if kind.form == "array" else len(kind.components) or 1
 
 
 def record(graph: Graph, selection: Selection, ticks: int) -> Replay:
@@ -56,7 +54,7 @@ def record(graph: Graph, selection: Selection, ticks: int) -> Replay:
         raise outcome.error
     values = {
         port: np.asarray(outcome.arrays[name], dtype=np.float64).reshape(
-            -1, _numbers(selection, port)
+            -1, numbers_in(selection.network.types[port])
         )
         for port, name in names.items()
     }

@@ -22,11 +22,9 @@ def operations(layout: Layout) -> dict[str, Operations]:
     """The operations of a step that computes everything, by block."""
     count = counter(layout.units.text)
     found: dict[str, Operations] = {}
-    calls = [(step.block, step.evaluation) for step in layout.selection.steps]
-    calls += [(block, update) for block, _, update in layout.selection.updates]
-    for block, evaluation in calls:
-        name = f"{layout.units.blocks[block].prefix}__{evaluation.method}"
-        found.setdefault(block, Operations()).add(count.of(name))
+    for call in layout.selection.calls:
+        name = f"{layout.units.blocks[call.block].prefix}__{call.method}"
+        found.setdefault(call.block, Operations()).add(count.of(name))
     return found
 
 
@@ -66,7 +64,7 @@ def report(
 ) -> str:
     """The report as text."""
     selection = layout.selection
-    rates = sorted({step.every for step in selection.steps} | {n for _, n, _ in selection.updates})
+    rates = sorted({call.gate.every for call in selection.calls})
     lines = [*about, ""]
     step = f"{selection.network.dt:g} {selection.network.time_unit}"
     lines.append(f"Steps of {step}; blocks run every {_listed(rates)} steps.")

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Sequence
 from dataclasses import dataclass
 
-from blocks.core import Evaluation, hint
-from runtime.engine import Emitter, Plan, Step, drivers
+from blocks.core import hint
 from runtime.errors import GraphError, Problem, UsageError
-from runtime.network import Network
-
-Port = tuple[str, str]  # a block and one of its outputs
+from runtime.network import Network, enables_of
+from runtime.plan import Call, Operation, Plan, Port, Restore, Test, Zero
 
 
 @dataclass(frozen=True)
@@ -20,26 +18,28 @@ class Selection:
     Parameters
     ----------
     blocks : those that do something in a tick.
-    steps : their evaluations, in the plan's order.
-    updates : block, step in base ticks, and method, in the plan's order.
+    operations : what they do, in the plan's order, and what resets the parts that they are in.
     inputs : outputs of other blocks that they read.
     outputs : their outputs that others read; all that nobody reads, if there are none.
     constants : constant outputs that they read.
-    resetting : blocks that reset the part that they switch, where some of it is exported.
     """
 
+    network: Network
     plan: Plan
     blocks: tuple[str, ...]
-    steps: tuple[Step, ...]
-    updates: tuple[tuple[str, int, Evaluation], ...]
+    operations: tuple[Operation, ...]
     inputs: tuple[Port, ...]
     outputs: tuple[Port, ...]
     constants: tuple[Port, ...]
-    resetting: tuple[str, ...] = ()
 
     @property
-    def network(self) -> Network:
-        return self.plan.network
+    def calls(self) -> list[Call]:
+        return [each for each in self.operations if isinstance(each, Call)]
+
+    @property
+    def signals(self) -> list[Port]:
+        """The outputs that they compute."""
+        return [signal.key for call in self.calls for signal in call.outputs]
 
     def every(self, port: Port) -> int:
         """How many base ticks an output holds."""
@@ -75,7 +75,7 @@ def _meant(network: Network, names: Iterable[str]) -> frozenset[str]:
     return frozenset(found)
 
 
-def select(plan: Plan, chosen: frozenset[str]) -> Selection:
+def select(network: Network, plan: Plan, chosen: frozenset[str]) -> Selection:
     """The selection of these blocks.
 
     Raises
@@ -84,42 +84,24 @@ def select(plan: Plan, chosen: frozenset[str]) -> Selection:
     GraphError : an input of theirs depends on an output of theirs in the same tick, or one of
         them has continuous states.
     """
-    network = plan.network
-    constant = {
-        (step.block, port)
-        for step in plan.steps
-        if step.constant
-        for port in step.evaluation.outputs
-    }
-    sources = {
-        (wire.source.block, wire.source.port): None
-        for wire in network.driving
-        if wire.block in chosen
-    }
-    switches = dict.fromkeys(n for b in sorted(chosen) for n in plan.enables.get(b, ()))
-    sources |= {(name, "on"): None for name in switches}
-    steps = tuple(s for s in plan.steps if s.block in chosen and not s.constant)
-    emitter = Emitter(plan, [])
-    updates = tuple(u for u in emitter.updates() if u[0] in chosen)
-    read = {
-        (wire.source.block, wire.source.port)
-        for wire in network.driving
-        if wire.block not in chosen
-    }
-    read |= {(n, "on") for b, names in plan.enables.items() if b not in chosen for n in names}
-    inside = {(wire.source.block, wire.source.port) for wire in network.driving}
-    made = [(step.block, port) for step in steps for port in step.evaluation.outputs]
+    once = {s.key for call in plan.evaluations if call.gate.once for s in call.outputs}
+    calls = [each for each in plan.operations if isinstance(each, Call) and not each.gate.once]
+    ours = [call for call in calls if call.block in chosen]
+    switches = _switches(network, sorted(chosen))
+    sources = _wired(network, lambda block: block in chosen) | switches
+    others = _switches(network, sorted(network.entries.keys() - chosen))
+    read = _wired(network, lambda block: block not in chosen) | others
+    inside = _wired(network, lambda block: True)
+    made = [signal.key for call in ours for signal in call.outputs]
     outputs = [port for port in made if port in read] or [p for p in made if p not in inside]
-    working = {step.block for step in steps} | {name for name, _, _ in updates}
     selection = Selection(
+        network,
         plan,
-        tuple(sorted(working)),
-        steps,
-        updates,
-        tuple(p for p in sources if p[0] not in chosen and p not in constant),
+        tuple(sorted({call.block for call in ours})),
+        tuple(each for each in plan.operations if _is_ours(each, chosen, switches)),
+        tuple(p for p in sources if p[0] not in chosen and p not in once),
         tuple(outputs or made),
-        tuple(p for p in sources if p in constant),
-        tuple(name for name in emitter.resetting() if name in switches),
+        tuple(p for p in sources if p in once),
     )
     if not selection.outputs:
         names = ", ".join(sorted(chosen))
@@ -127,6 +109,27 @@ def select(plan: Plan, chosen: frozenset[str]) -> Selection:
     _check_evaluation(selection)
     _check_order(selection, chosen)
     return selection
+
+
+def _is_ours(operation: Operation, chosen: frozenset[str], switches: Container[Port]) -> bool:
+    """Whether a controller does an operation in its step."""
+    if operation.gate.once:
+        return False
+    if isinstance(operation, Restore):
+        return (operation.block, "on") in switches
+    return isinstance(operation, (Call, Test, Zero)) and operation.block in chosen
+
+
+def _wired(network: Network, reads: Callable[[str], bool]) -> dict[Port, None]:
+    """The outputs that some blocks read."""
+    ends = (wire.source for wire in network.driving if reads(wire.block))
+    return {(end.block, end.port): None for end in ends}
+
+
+def _switches(network: Network, blocks: Sequence[str]) -> dict[Port, None]:
+    """The outputs that switch the parts that some blocks are in."""
+    enables = enables_of(network)
+    return {(name, "on"): None for block in blocks for name in enables.get(block, ())}
 
 
 def _check_evaluation(selection: Selection) -> None:
@@ -147,21 +150,16 @@ def _check_evaluation(selection: Selection) -> None:
 def _check_order(selection: Selection, chosen: frozenset[str]) -> None:
     """Check that all inputs are known before the outputs are computed."""
     network, plan = selection.network, selection.plan
-    wires = drivers(network)
     behind: dict[Port, Port] = {}  # an output of another block, and the one of ours it depends on
-    for step in plan.steps:
-        if step.block in chosen or step.constant:
+    for call in plan.evaluations:
+        if call.block in chosen or call.gate.once:
             continue
-        sources = [
-            (wire.source.block, wire.source.port)
-            for port in step.evaluation.needs
-            for wire in wires.get((step.block, port), ())
-        ]
-        for source in (*sources, *((name, "on") for name in step.enables)):
+        for signal in (*call.reads, *call.gate.switches):
+            source = signal.key
             if source[0] in chosen and source not in selection.constants:
-                behind |= {(step.block, out): source for out in step.evaluation.outputs}
+                behind |= {output.key: source for output in call.outputs}
             elif source in behind:
-                behind |= {(step.block, out): behind[source] for out in step.evaluation.outputs}
+                behind |= {output.key: behind[source] for output in call.outputs}
     problems = []
     for end in selection.inputs:
         if end in behind:

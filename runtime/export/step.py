@@ -1,21 +1,37 @@
-"""The C text of a controller: its initial values, and the straight-line step."""
+"""The printer of a plan as C for a controller: its initial values, and the straight-line step.
+
+In go the operations of the exported blocks and the layout of the controller's struct, out come the
+statements of ``_reset`` and ``_step``. ``call gain.out: Scalar = gain.output(t, clock.time)`` with
+its test becomes::
+
+    block_gain__output(&ctx, &entries_gain, t, in->clock_time, &c->gain_out);
+    if (!isfinite(c->gain_out)) return c->failure = 2;
+"""
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
-from blocks.core import Evaluation, SignalType
-from runtime.engine import Step, drivers
+from blocks.core import SignalType
 from runtime.export.layout import Layout
-from runtime.export.selection import Port
 from runtime.export.units import BlockText
-from runtime.network import Endpoint, first_column, resets
+from runtime.plan import (
+    Argument,
+    Call,
+    CText,
+    Gate,
+    Port,
+    Restore,
+    Signal,
+    Test,
+    Zero,
+    numbers_in,
+)
 
 C_TYPES = {"f": "double", "i": "int64_t", "b": "bool"}
 WIDTH = 96
@@ -51,18 +67,15 @@ def table(name: str, values: np.ndarray[Any, Any]) -> str:
     return f"static const {kind} {name}[{values.size}] = {{\n{body}\n}};\n"
 
 
-class StepText:
+class StepText(CText):
     """Writes the functions of a controller."""
 
     def __init__(self, layout: Layout) -> None:
+        super().__init__("c->tick", depth=1)
         self.layout = layout
         self.selection = layout.selection
         self.network = layout.selection.network
-        self.wires = drivers(self.network)
         self.tables: dict[str, str] = {}
-        self.lines: list[str] = []
-        self.rate = 1
-        self.depth = 1
 
     # Initial values
 
@@ -79,7 +92,7 @@ class StepText:
             elif learnt and member in tests:  # what is not finite was not learnt
                 yield f"    if (!{tests[member]}(c->{member}, {values.size})) {begun}"
         for port in self.selection.inputs if self.layout.hold and not kept else ():
-            place = self.signal(port)  # nothing is held yet
+            place = self.place(port)  # nothing is held yet
             if self.layout.kind(port).form == "scalar":
                 yield f"    {place} = (double)NAN;"
             else:
@@ -97,53 +110,18 @@ class StepText:
 
     # The step
 
-    def put(self, text: str) -> None:
-        self.lines.append("    " * self.depth + text)
-
-    @contextmanager
-    def block(self, head: str) -> Iterator[None]:
-        """Lines in braces; none without a head."""
-        if head:
-            self.put(f"{head} {{")
-        self.depth += bool(head)
-        yield
-        self.depth -= bool(head)
-        if head:
-            self.put("}")
-
-    def at(self, every: int) -> None:
-        """What follows runs on every ``every``-th tick."""
-        if every == self.rate:
-            return
-        if self.rate > 1:
-            self.depth -= 1
-            self.put("}")
-        if every > 1:
-            self.put(f"if (c->tick % {every} == 0) {{")
-            self.depth += 1
-        self.rate = every
-
     def step(self) -> str:
         """The statements of a step."""
-        self.lines, self.rate, self.depth = [], 1, 1
         for block, text in self.layout.units.blocks.items():
             self.entries(block, text)
         for port in self.selection.inputs:
             self.received(port)
-        for step in self.selection.steps:
-            self.at(step.every)
-            self.evaluated(step)
-        for block, every, update in self.selection.updates:
-            self.at(every)
-            self.updated(block, update)
-        for enable in self.selection.resetting:
-            self.at(self.network.entries[enable].every)
-            self.reset(enable)
+        self.operations(self.selection.operations)
         for block, member, _, test in self.layout.checked_states():
-            self.at(self.network.entries[block].every)
+            self.within(Gate(self.network.entries[block].every))
             size = self.layout.sizes[member]
             self.check(f"!{test}(c->{member}, {size})", "state", member)
-        self.at(1)
+        self.within(Gate())
         return "\n".join(self.lines)
 
     def check(self, wrong: str, *key: str) -> None:
@@ -175,7 +153,7 @@ class StepText:
 
     def received(self, port: Port) -> None:
         """Check an input, or hold the last one that was finite."""
-        given, used = f"in->{self.layout.names[port]}", self.signal(port)
+        given, used = f"in->{self.layout.names[port]}", self.place(port)
         if self.layout.hold:
             count = self.layout.count(port)
             begin = "" if self.layout.kind(port).form != "scalar" else "&"
@@ -191,99 +169,56 @@ class StepText:
         test = "all_finite" if kind.finite else "no_nan"
         return f"{test}({text}, {self.layout.count(port)})"
 
-    def all_on(self, enables: Sequence[str]) -> str:
-        """The condition under which the parts that these blocks switch run."""
-        return " && ".join(f"{self.signal((name, 'on'))} != 0.0" for name in enables)
+    def test(self, test: Test) -> None:
+        for signal in test.outputs:
+            wrong = f"!{self.valid(signal.key, self.signal(signal))}"
+            self.check(wrong, "output", *signal.key)
 
-    def evaluated(self, step: Step) -> None:
-        """Call an evaluation; outputs of a part that is reset while it is off are zero then."""
-        ports = [(step.block, port) for port in step.evaluation.outputs]
-        with self.block(f"if ({self.all_on(step.enables)})" if step.enables else ""):
-            self.call(step.block, step.evaluation)
-            for port in ports:
-                self.check(f"!{self.valid(port, self.signal(port))}", "output", *port)
-        resetting = [name for name in step.enables if resets(self.network, name)]
-        if resetting:
-            with self.block(f"if (!({self.all_on(resetting)}))"):
-                for port in ports:
-                    name, scalar = self.signal(port), self.layout.kind(port).form == "scalar"
-                    zero = f"clear_numbers({name}, {self.layout.count(port)});"
-                    self.put(f"{name} = 0.0;" if scalar else zero)
+    def zero(self, zero: Zero) -> None:
+        for target in zero.targets:
+            if isinstance(target, Signal):
+                place, scalar = self.signal(target), target.kind.form == "scalar"
+                clear = f"clear_numbers({place}, {self.layout.count(target.key)});"
+                self.put(f"{place} = 0.0;" if scalar else clear)
+            elif (state := self.layout.state(target.block, target.name)) is not None:
+                member, start, size = state
+                first = f"c->{member}" + (f" + {start}" if start else "")
+                self.put(f"clear_numbers({first}, {size});")
 
-    def updated(self, block: str, update: Evaluation) -> None:
-        """Call an update; no event happens in a part that is off."""
-        enables = self.selection.plan.enables.get(block, ())
-        with self.block(f"if ({self.all_on(enables)})" if enables else ""):
-            self.call(block, update)
-        spec = self.network.entries[block].cls.spec
-        events = [name for name, declared in spec.states.items() if declared.event]
-        held = [place for name in events if (place := self.layout.state(block, name))]
-        if enables and held:
-            with self.block(f"if (!({self.all_on(enables)}))"):
-                for place in held:
-                    member, start, size = place
-                    first = f"c->{member}" + (f" + {start}" if start else "")
-                    self.put(f"clear_numbers({first}, {size});")
+    def restore(self, restore: Restore) -> None:
+        """Set the states of a part back; of all its arrays, those that nothing declares, too."""
+        switched = {state.block for state in restore.states}
+        for block, member, values in self.layout.states():
+            if block in switched and values.size:
+                self.put(self.initialised(member, values))
 
-    def reset(self, enable: str) -> None:
-        """Bring the states of a part that is off back to what they were in the beginning."""
-        switched = {n for n, above in self.selection.plan.enables.items() if enable in above}
-        states = [s for s in self.layout.states() if s[0] in switched and s[2].size]
-        if states:
-            with self.block(f"if (!({self.all_on([enable])}))"):
-                for _, member, values in states:
-                    self.put(self.initialised(member, values))
-
-    def call(self, block: str, evaluation: Evaluation) -> None:
+    def call(self, call: Call) -> None:
         """The call of a method, and the way out if it fails."""
-        text, place = self.layout.units.blocks[block], self.layout.names[block]
-        arguments = ["&ctx", f"&entries_{place}", "t", *self.arguments(block, evaluation)]
-        for port in evaluation.outputs:
-            scalar = self.layout.kind((block, port)).form == "scalar"
-            arguments.append(f"{'&' if scalar else ''}c->{self.layout.names[block, port]}")
-        self.put(f"{text.prefix}__{evaluation.method}({', '.join(arguments)});")
-        if text.failures:
-            first, _ = self.layout.failures["block", block]
+        super().call(call)
+        if self.layout.units.blocks[call.block].failures:
+            first, _ = self.layout.failures["block", call.block]
             self.put(f"if (ctx.failure >= 0) return c->failure = {first} + (int)ctx.failure;")
 
-    def arguments(self, block: str, evaluation: Evaluation) -> Iterator[str]:
-        """The arguments of a method after t."""
-        inputs = self.network.entries[block].cls.spec.inputs
-        for port in evaluation.needs:
-            kind = self.network.types[block, port]
-            if port not in inputs:
-                yield self.value(Endpoint(block, port), kind)
-                continue
-            wires = self.wires.get((block, port), [])
-            if inputs[port].variadic:
-                yield from (self.value(wire.source, kind) for wire in wires)
-            elif wires:
-                yield self.value(wires[0].source, kind)
-            else:
-                yield self.absent(kind, float(inputs[port].default or 0.0))
+    def function(self, call: Call) -> tuple[str, list[str]]:
+        prefix = self.layout.units.blocks[call.block].prefix
+        entries = f"&entries_{self.layout.names[call.block]}"
+        return f"{prefix}__{call.method}", ["&ctx", entries]
 
-    def absent(self, kind: SignalType, number: float) -> str:
-        """An open input."""
-        if kind.form == "scalar":
-            return literal(number)
-        size = math.prod(kind.shape) if kind.form == "array" else len(kind.components)
-        name = re.sub(r"\W", "_", f"open_{size}_{number}", flags=re.ASCII)
-        self.tables[name] = table(name, np.full(size, number))
-        return name
+    def absent(self, argument: Argument) -> list[str]:
+        number, count = argument.default, numbers_in(argument.kind)
+        if argument.kind.form == "scalar":
+            return [literal(number)]
+        name = re.sub(r"\W", "_", f"open_{count}_{number}", flags=re.ASCII)
+        self.tables[name] = table(name, np.full(count, number))
+        return [name]
 
-    def value(self, end: Endpoint, target: SignalType) -> str:
-        """A signal, or a component of it: a number for a scalar, otherwise a pointer."""
-        port = (end.block, end.port)
-        kind = self.layout.kind(port)
-        text = self.signal(port)
-        if end.component:
-            column = first_column(kind, end.component)
-            return f"{text}[{column}]" if target.form == "scalar" else f"&{text}[{column}]"
-        if kind.form == "scalar":
-            return text if target.form == "scalar" else f"&{text}"
-        return f"{text}[0]" if target.form == "scalar" else text
+    def sizes(self, kind: SignalType) -> list[str]:
+        return []  # the functions are written for them
 
-    def signal(self, port: Port) -> str:
+    def signal(self, signal: Signal) -> str:
+        return self.place(signal.key)
+
+    def place(self, port: Port) -> str:
         """The C name of a signal."""
         name = self.layout.names[port]
         if port in self.layout.constants:

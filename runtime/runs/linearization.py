@@ -90,10 +90,10 @@ def linearize(
     SimulationError : the run up to the operating point failed.
     """
     engine, tick = _operating_point(network, at)
-    part = engine.plan.continuous
-    if part is None:
+    row = engine.plan.row
+    if not row.size:
         raise UsageError("the graph has no continuous states, so there is nothing to linearize")
-    names = [slot.address(i) for slot in part.slots for i in range(slot.start, slot.stop)]
+    names = [slot.address(i) for slot in row.slots for i in range(slot.start, slot.stop)]
     _set_states(engine, states or {})
     offsets, labels = _offsets(network, inputs)
     watched = [_watched(network, text) for text in outputs]
@@ -109,7 +109,7 @@ def linearize(
     by_state = _differences(lambda v: at_point(v, u0), x0)
     by_input = _differences(lambda v: at_point(x0, v), u0)
     x[:] = x0
-    n = part.size
+    n = row.size
     rows = [
         each for text, w in zip(outputs, watched, strict=True) for each in _rows(network, text, w)
     ]
@@ -152,8 +152,7 @@ def _differences(function: Any, point: FloatArray) -> FloatArray:
 
 
 def _set_states(engine: Engine, states: Mapping[str, Any]) -> None:
-    part = engine.plan.continuous
-    known = {} if part is None else {f"{s.block}.{s.state}": s for s in part.slots}
+    known = {str(slot): slot for slot in engine.plan.row.slots}
     for address, value in states.items():
         if address not in known:
             near = hint(address, known) or f"; the states are {', '.join(known)}"

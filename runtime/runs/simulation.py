@@ -265,8 +265,8 @@ def _compiler(engine: str) -> dict[str, str]:
 def _order(program: Program) -> list[str]:
     """The probes in the order in which a tick computes their signals."""
     ranks: dict[str, int] = {}
-    for step in program.plan.steps:
-        ranks.setdefault(step.block, len(ranks))
+    for call in program.plan.evaluations:
+        ranks.setdefault(call.block, len(ranks))
 
     def rank(probe: Probe) -> int:
         return min(ranks.get(signal.end.block, len(ranks)) for signal in probe.signals)

@@ -1,117 +1,76 @@
 """The Python loop around a compiled plan: it calls blocks that are not compiled between the parts.
 
-Values that such a block reads are read from the plan's struct, and its outputs stored there.
+In go the operations that Python does, each with its tests; out comes ``drive(first, last)``. Values
+that such a block reads are read from the plan's struct, and its outputs stored there::
+
+    run(k, k + 1, 0, 1)
+    plant_pose = read('out_plant_pose')
+    own_out = own.output(own_s, t, plant_pose)
+    store('out_own_out', own_out)
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
-from blocks.core import Evaluation
-from runtime.engine.compiled.structs import StructEmitter
-from runtime.engine.continuous import Continuous
-from runtime.engine.schedule import Emitter, RecordSlot
-from runtime.engine.steps import Step
-from runtime.network import Endpoint
-from runtime.observation import StopTest
+from runtime.engine.compiled.struct import Struct
+from runtime.engine.naming import Names
+from runtime.engine.python_text import PythonText
+from runtime.plan import Load, Operation, Plan, Signal, Store, exchanged
 
 
-@dataclass
-class Item:
-    """One item of a tick: an evaluation, a row of a recording, the continuous part, or a reset."""
-
-    every: int
-    block: str = ""
-    step: Step | None = None
-    update: Evaluation | None = None
-    recording: RecordSlot | None = None
-    continuous: Continuous | None = None
-    stop: StopTest | None = None
-    reset: str = ""
-
-
-class Driver(Emitter):
-    """Writes ``drive(first, last)``.
+class DriverText(PythonText):
+    """Writes operations between reading and storing.
 
     Parameters
     ----------
-    plan_text : knows the members of the struct.
-    items : those that call blocks which are not compiled, in order.
+    struct : of the compiled plan.
     """
 
-    def __init__(self, plan_text: StructEmitter, items: Sequence[Item]) -> None:
-        super().__init__(plan_text.plan, [], plan_text.stop)
-        self.members, self.python_items = plan_text, items
+    def __init__(self, plan: Plan, names: Names, struct: Struct) -> None:
+        super().__init__(plan, names)
+        self.struct = struct
+        self.printers |= {Load: self.load, Store: self.store}
 
-    def written(self) -> str:
-        """The text."""
-        items = self.python_items
-        rates = sorted({item.every for item in items})
+    def loop(self, called: Sequence[Sequence[Operation]]) -> str:
+        """The text.
+
+        Parameters
+        ----------
+        called : what is done between each two parts.
+        """
+        rates = sorted({operations[0].gate.every for operations in called})
         self.leave = "return"
-        halted = "" if self.stop is None else " and not stop[2]"
+        halted = " and not stop[2]" if self.plan.can_stop else ""
         self.line(0, "def drive(first, last):")
         self.line(1, "k = first")
         self.line(1, f"while k < last{halted}:")
         following = ", ".join(f"-(-k // {every}) * {every}" for every in rates)
         self.line(2, f"due = min(last, {following})")
         self.line(2, "if k < due:")
-        self.line(3, f"run(k, due, 0, {len(items) + 1})")
+        self.line(3, f"run(k, due, 0, {len(called) + 1})")
         self.line(3, "k = due")
         self.line(3, "continue")
-        self.line(2, f"t = k * {self.network.dt!r}")
-        for number, item in enumerate(items):
+        self.line(2, f"t = k * {self.dt}")
+        for number, operations in enumerate(called):
             self.line(2, f"run(k, k + 1, {number}, {number + 1})")
-            if self.stop is not None:
+            if self.plan.can_stop:
                 self.line(2, "if stop[2]:")
                 self.line(3, self.leave)
             self.rate = 0
-            self.at(item.every)
-            self.item(item)
-        self.line(2, f"run(k, k + 1, {len(items)}, {len(items) + 1})")
+            self.operations(exchanged(operations))
+        self.line(2, f"run(k, k + 1, {len(called)}, {len(called) + 1})")
         self.line(2, "k += 1")
         return "\n".join(self.text) + "\n"
 
-    def item(self, item: Item) -> None:
-        """Read what a block needs, call it, and store its outputs."""
-        if item.continuous is not None:
-            part = item.continuous
-            for step in (*part.steps, *self.watched(part)):
-                self.read_step(step)
-            for block, derivative in part.derivatives:
-                self.read_inputs(block, derivative)
-                self.read_ports((name, "on") for name in self.plan.enables.get(block, ()))
-            self.search(part, self.integrate)
-        elif item.step is not None:
-            self.read_step(item.step)
-            self.again(item.step)
-        elif item.update is not None:
-            self.read_inputs(item.block, item.update)
-            self.read_ports((name, "on") for name in self.plan.enables.get(item.block, ()))
-            self.update(item.block, item.update)
+    def load(self, load: Load) -> None:
+        for signal in load.signals:
+            self.code(f"{self.names.of(signal)} = read({self.member(signal)!r})")
 
-    def read_step(self, step: Step) -> None:
-        """Read what an evaluation needs; its outputs, too, if it may be left out."""
-        self.read_inputs(step.block, step.evaluation)
-        self.read_ports((name, "on") for name in step.enables)
-        if step.enables:
-            self.read_ports((step.block, port) for port in step.evaluation.outputs)
+    def store(self, store: Store) -> None:
+        for signal in store.signals:
+            self.code(f"store({self.member(signal)!r}, {self.names.of(signal)})")
 
-    def read_inputs(self, block: str, evaluation: Evaluation) -> None:
-        declared = self.network.entries[block].cls.spec.inputs
-        for port in evaluation.needs:
-            ends = [wire.source for wire in self.wires.get((block, port), [])]
-            own = [] if port in declared else [Endpoint(block, port)]
-            self.read_ports((end.block, end.port) for end in [*ends, *own])
-
-    def read_ports(self, ports: Iterable[tuple[str, str]]) -> None:
-        for block, port in ports:
-            name, _ = self.members.signal(block, port)
-            self.code(f"{self.variable(block, port)} = read({name!r})")
-
-    def again(self, step: Step) -> None:
-        """Call a block, and store its outputs."""
-        self.step(step)
-        for port in step.evaluation.outputs:
-            name, _ = self.members.signal(step.block, port)
-            self.code(f"store({name!r}, {self.variable(step.block, port)})")
+    def member(self, signal: Signal) -> str:
+        self.struct.signal(signal)
+        return self.struct.signals[signal.key]

@@ -14,8 +14,8 @@ from dataclasses import dataclass, field
 
 from blocks.core import Block, BlockState, SignalType, has_kernels
 from runtime.compiler import Kernel, NotCompilableError, Records, calls_of, make_kernel
-from runtime.engine.continuous import slots
 from runtime.network import Network
+from runtime.plan import continuous_row
 
 
 @dataclass
@@ -54,7 +54,7 @@ def make_kernels(
     kernels, records = Kernels(), Records()
     # Sorted by block once: a search of the whole network per block is quadratic.
     shapes: defaultdict[str, list[tuple[int, ...]]] = defaultdict(list)
-    for slot in slots(network):
+    for slot in continuous_row(network).slots:
         shapes[slot.block].append(slot.shape)
     kinds: defaultdict[str, dict[str, SignalType]] = defaultdict(dict)
     for (block, port), kind in network.types.items():

@@ -1,11 +1,8 @@
-"""What the C text of every plan has in common, and how its signals are passed."""
+"""What the C text of every plan has in common."""
 
 from __future__ import annotations
 
 import math
-
-from blocks.core import SignalType
-from runtime.compiler import written
 
 RUN = """
 /* The plan is compiled with little optimisation; loops over long signals are worth more. */
@@ -67,21 +64,6 @@ int64_t run(struct plan *plan, struct context *ctx, int64_t first, int64_t last,
     return ticks(plan, ctx, first, last, low, high);
 }
 """
-
-
-def count(kind: SignalType) -> int:
-    """How many numbers a signal has."""
-    if kind.form == "array":
-        return math.prod(kind.shape)
-    return 1 if kind.form == "scalar" else len(kind.components)
-
-
-def sizes(kind: SignalType) -> list[str]:
-    """The sizes of a signal that follow its address."""
-    if kind.form != "array":
-        return []
-    found = zip(kind.shape, written(kind.shape), strict=True)
-    return [str(size) for size, known in found if known is None]
 
 
 def literal(value: float) -> str:

@@ -14,16 +14,16 @@ import numpy as np
 from blocks.core import BlockState
 from runtime.codegen import support
 from runtime.compiler import Kernel, plain
-from runtime.engine.compiled.emit import (
+from runtime.engine.compiled.c_plan import (
     FAILED,
     FINISHED,
     NOT_FINITE,
     STOPPED,
-    CompiledEmitter,
+    PlanText,
+    c_plan,
 )
 from runtime.engine.compiled.kernels import Kernels, make_kernels
 from runtime.engine.compiled.memory import Context, Words
-from runtime.engine.compiled.structs import PlanText
 from runtime.engine.program import Program
 from runtime.engine.runners import CompiledError, RunContext
 from runtime.engine.state import Array, Held
@@ -96,7 +96,7 @@ def _built(
     inside = _is_inlined(program)
     while True:
         small, others = _divided(kernels) if inside else ({}, kernels.compiled)
-        text = _plan(program, {**others, **small})
+        text = c_plan(program.plan, program.names, {**others, **small})
         texts = dict.fromkeys(kernel.text for kernel in small.values())
         level = THOROUGH if small else QUICK
         plan = Unit(PLAN, "\n".join([support(), *texts, text.text]), level)
@@ -123,7 +123,7 @@ def _built(
 def _is_inlined(program: Program) -> bool:
     """Whether small blocks are part of the plan's unit."""
     updates = sum(entry.cls.spec.update is not None for entry in program.network.entries.values())
-    return len(program.plan.steps) + updates <= INLINED
+    return len(program.plan.evaluations) + updates <= INLINED
 
 
 def _divided(kernels: Kernels) -> tuple[dict[str, Kernel], dict[str, Kernel]]:
@@ -137,14 +137,6 @@ def _divided(kernels: Kernels) -> tuple[dict[str, Kernel], dict[str, Kernel]]:
         else:
             others[name] = kernel
     return small, others
-
-
-def _plan(program: Program, kernels: dict[str, Kernel]) -> PlanText:
-    """The plan that calls these kernels."""
-    probes = program.observation.probes.values()
-    widths = {f"probe_{i}": int(np.prod(probe.shape)) for i, probe in enumerate(probes)}
-    recordings, stop = list(program.recordings), program.observation.stop
-    return CompiledEmitter(program.plan, recordings, kernels, widths, stop).compiled()
 
 
 class CompiledRunner:
@@ -163,25 +155,24 @@ class CompiledRunner:
         made = template(context.program, context.states, context.note, self.checked)
         self.kernels, self.text = made.kernels, made.text
         self.function = made.function
-        self.held = context.program.emitter().held()
-        self.words = Words(self.text.words)
+        self.held = list(context.program.held)
+        self.struct = self.text.struct
+        self.words = Words(self.struct.words)
         self.numbers: Array = self.words.ints
         self.blocks: Collection[str] = self.kernels.compiled.keys()
         self.memory = Context()
-        self.fields = [self._pointer(name, *to) for name, to in self.text.pointers.items()]
-        for name, value in self.text.fills.items():
-            start, size = self.text.members[name]
+        self.fields = [self._pointer(name, *to) for name, to in self.struct.pointers.items()]
+        for name, value in self.struct.fills.items():
+            start, size = self.struct.members[name]
             self.words.floats[start : start + size] = value
         self._constants()
         self.addresses = (self.words.address, self.memory.address)
-        plan = context.program.plan
-        ends = {variable: end for end, variable in plan.variables.items()}
-        self.slow = [ends[variable] for variable in self.held]
+        self.slow = [signal.key for signal in context.program.plan.held]
         self.drive = self._driver() if self.text.driver else partial(self._part, low=0, high=1)
 
     def _pointer(self, name: str, kind: str, owner: str, state: str) -> Words | None:
         """Fill a member of the plan's struct that is an address."""
-        at, _ = self.text.members[name]
+        at, _ = self.struct.members[name]
         if kind == "fields":
             kernel, made = self.kernels.compiled[owner], self.network.entries[owner].made
             words = Words(kernel.words)
@@ -190,8 +181,8 @@ class CompiledRunner:
             return words
         value = self.context.namespace[owner] if kind == "array" else None
         if kind == "initial":
-            variable = self.context.program.plan.variables[owner, "0"]
-            value = getattr(self.context.namespace[variable], state)
+            copies = self.context.program.names.initial[owner]
+            value = getattr(self.context.namespace[copies], state)
         if kind == "state":
             value = plain(getattr(self.context.states[owner], state), f"state.{state}")
         self.words.point(at, np.asarray(value))
@@ -199,23 +190,24 @@ class CompiledRunner:
 
     def _constants(self) -> None:
         """Fill in outputs that never change."""
-        for step in self.context.program.plan.steps:
-            for port in step.evaluation.outputs if step.constant else ():
-                member = self.text.signals.get((step.block, port))
+        for call in self.context.program.plan.evaluations:
+            for signal in call.outputs if call.gate.once else ():
+                member = self.struct.signals.get(signal.key)
                 if member is not None:
-                    variable = self.context.program.plan.variables[step.block, port]
-                    self.store(member, self.context.namespace[variable])
+                    self.store(
+                        member, self.context.namespace[self.context.program.names.of(signal)]
+                    )
 
     def store(self, member: str, value: Any) -> None:
         """Write an output into the plan's struct."""
-        start, size = self.text.members[member]
+        start, size = self.struct.members[member]
         flat = np.ravel(value)
         self.words.floats[start : start + min(size, flat.size)] = flat
 
     def read(self, block: str, port: str) -> Any:
         """An output in the form that Python blocks take; an array is a read-only copy."""
         kind = self.network.types[block, port]
-        start, size = self.text.members[self.text.signals[block, port]]
+        start, size = self.struct.members[self.struct.signals[block, port]]
         if kind.form == "scalar":
             return self.words.floats.item(start)
         row = self.words.floats[start : start + size]
@@ -227,12 +219,10 @@ class CompiledRunner:
 
     def adopt(self, held: Held) -> Held:
         """Take over the first tick's variables."""
-        plan = self.context.program.plan
-        values = dict(zip(self.held, held, strict=True))
-        for (block, port), member in self.text.signals.items():
-            variable = plan.variables[block, port]
-            if variable in values:
-                self.store(member, values[variable])
+        for end, value in zip(self.slow, held, strict=True):
+            member = self.struct.signals.get(end)
+            if member is not None:
+                self.store(member, value)
         return held
 
     def run(self, first: int, last: int, held: Held) -> Held:
@@ -250,17 +240,17 @@ class CompiledRunner:
         tick = self.memory.tick
         if ended not in (FAILED, NOT_FINITE):
             return CompiledError("", tick, "rates of change that it cannot integrate")
-        block, evaluation = self.text.calls[self.memory.at]
+        call = self.text.calls[self.memory.at]
         if ended == NOT_FINITE:
-            return CompiledError(block, tick, f"an output of {evaluation.method} not finite")
-        name, message, file, line = self.kernels.compiled[block].failures[self.memory.failure]
+            return CompiledError(call.block, tick, f"an output of {call.method} not finite")
+        name, message, file, line = self.kernels.compiled[call.block].failures[self.memory.failure]
         numbers = {"index": self.memory.index, "size": self.memory.size, "axis": self.memory.axis}
         for key, value in numbers.items():
             message = message.replace(f"{{{key}}}", str(value))
-        return CompiledError(block, tick, f"{name}: {message} ({file}:{line})")
+        return CompiledError(call.block, tick, f"{name}: {message} ({file}:{line})")
 
     def _driver(self) -> Callable[[int, int], None]:
-        ends = {member: end for end, member in self.text.signals.items()}
+        ends = {member: end for end, member in self.struct.signals.items()}
         own = {"run": self._part, "store": self.store, "read": lambda name: self.read(*ends[name])}
         scope = {**self.context.namespace, **own}
         exec(compile(self.text.driver, DRIVER, "exec"), scope)
@@ -275,7 +265,7 @@ class CompiledRunner:
                 tick = int(trace.tb_frame.f_locals.get("k", self.memory.tick))
                 return tick, self.text.lines[trace.tb_lineno]
             trace = trace.tb_next
-        return self.memory.tick, self.text.calls[self.memory.at][0] if self.text.calls else ""
+        return self.memory.tick, self.text.calls[self.memory.at].block if self.text.calls else ""
 
 
 class CheckedRunner(CompiledRunner):

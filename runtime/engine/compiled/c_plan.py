@@ -1,0 +1,302 @@
+"""The printer of a plan as C for the engine: one call per block, cut where Python calls blocks.
+
+In go a plan and the blocks that compile, out come the text and the struct of all its values.
+Blocks that do not compile cut a tick into parts: ``run(plan, ctx, first, last, low, high)`` runs
+the parts from ``low`` up to ``high``, and a Python loop (:mod:`.driver`) calls the blocks between
+them. If all blocks compile, or on ticks on which none of the others is called, one call runs
+several ticks.
+``call gain.out: Scalar = gain.output(t, clock.time)`` with its test becomes::
+
+    block_gain_output(ctx, plan->fields_gain, t, plan->out_clock_time, &plan->out_gain_out);
+    if (!(isfinite(plan->out_gain_out))) { ctx->at = 1; return 1; }
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from blocks.core import SignalType
+from runtime.compiler import Kernel, written
+from runtime.engine.compiled.driver import DriverText
+from runtime.engine.compiled.plan_text import RUN, literal
+from runtime.engine.compiled.solver_unit import solver_unit
+from runtime.engine.compiled.struct import Struct
+from runtime.engine.naming import Names
+from runtime.engine.python_text import CONDITIONS, row
+from runtime.engine.solvers import Method, method_of
+from runtime.plan import (
+    Argument,
+    Call,
+    CText,
+    Integrate,
+    Operation,
+    Plan,
+    Record,
+    Restore,
+    Signal,
+    Slot,
+    Source,
+    Stop,
+    Test,
+    Zero,
+    numbers_in,
+)
+from runtime.toolchain import Unit
+
+# What ``run`` returns: an output is not finite, a block failed, the solver cannot integrate (a rate
+# of change is not finite, or its tolerance is not met), or the run's condition to stop holds.
+FINISHED, NOT_FINITE, FAILED, NOT_INTEGRATED, STOPPED = range(5)
+
+
+@dataclass
+class PlanText:
+    """The text of a plan, and how to call it.
+
+    text : in C, without the support that every unit begins with.
+    calls : by their number in ``at``.
+    solver : the solver's own unit, of a graph with continuous states.
+    driver : the Python loop around it, empty if nothing is called between its ``parts``; ``lines``
+        maps its lines to the blocks that they call.
+    """
+
+    text: str
+    struct: Struct
+    calls: list[Call]
+    solver: Unit | None = None
+    driver: str = ""
+    parts: int = 1
+    lines: dict[int, str] = field(default_factory=dict)
+
+
+def c_plan(plan: Plan, names: Names, kernels: Mapping[str, Kernel]) -> PlanText:
+    """The plan in C.
+
+    Parameters
+    ----------
+    kernels : the blocks that are compiled, by name; the others are called from Python.
+    """
+    printer = EngineText(plan, names, kernels)
+    parts, called = divided(plan, kernels)
+    for number, part in enumerate(parts):
+        if len(parts) == 1:
+            printer.operations(part)
+            continue
+        with printer.block(f"if (low <= {number} && {number} < high)"):
+            printer.operations(part)
+    made = PlanText("", printer.struct, printer.calls, printer.solver, parts=len(parts))
+    if called:
+        driver = DriverText(plan, names, printer.struct)
+        made.driver, made.lines = driver.loop(called), driver.lines
+    used = {each for kernel in kernels.values() for each in kernel.prototypes} | printer.own
+    prototypes = "\n".join(sorted(f"{prototype};" for prototype in used))
+    run = RUN.replace("@dt@", repr(plan.dt)).replace("@body@", "\n".join(printer.lines))
+    made.text = "\n".join([printer.struct.text(), prototypes, run])
+    return made
+
+
+def divided(
+    plan: Plan, compiled: Collection[str]
+) -> tuple[list[list[Operation]], list[list[Operation]]]:
+    """The operations in C, cut into parts, and between each two what Python does."""
+    parts: list[list[Operation]] = [[]]
+    called: list[list[Operation]] = []
+    for each in plan.operations:
+        if isinstance(each, Integrate):
+            is_python = not (each.blocks | each.row.by_block.keys()) <= set(compiled)
+        else:
+            is_python = isinstance(each, (Call, Test, Zero)) and each.block not in compiled
+        if not is_python:
+            parts[-1].append(each)
+        elif not each.gate.once:
+            if isinstance(each, (Call, Integrate)):  # its tests follow
+                parts.append([])
+                called.append([])
+            called[-1].append(each)
+    return parts, called
+
+
+class EngineText(CText):
+    """Writes operations for the engine; ``struct`` has the values that they use."""
+
+    def __init__(self, plan: Plan, names: Names, kernels: Mapping[str, Kernel]) -> None:
+        super().__init__("k", depth=2)
+        self.plan, self.kernels = plan, kernels
+        self.struct = Struct(names)
+        self.calls: list[Call] = []
+        self.solver: Unit | None = None
+        self.own: set[str] = set()
+        self.printers |= {
+            Record: self.record,
+            Stop: self.stop_at_tick,
+            Integrate: self.integrate,
+        }
+
+    # Values
+
+    def signal(self, signal: Signal) -> str:
+        return self.struct.signal(signal)
+
+    def place(self, source: Source) -> str:
+        """The address of a signal or a state, or of the first number of a component."""
+        if isinstance(source.whole, Signal):
+            return self.address(source)
+        first = int(source.component.partition(":")[0] or 0)
+        return self.struct.state(source.whole) + (f" + {first}" if first else "")
+
+    def absent(self, argument: Argument) -> list[str]:
+        if argument.kind.form == "scalar":
+            return [literal(argument.default)]
+        return [self.struct.open_input(argument), *self.sizes(argument.kind)]
+
+    def sizes(self, kind: SignalType) -> list[str]:
+        return _unknown(kind.shape) if kind.form == "array" else []
+
+    def rates(self, call: Call) -> list[str]:
+        return [text for s in call.rates for text in (self.slope(s), *_unknown(s.shape))]
+
+    def slope(self, slot: Slot) -> str:
+        return f"{self.solvers('slopes')} + (stage * {self.plan.row.size} + {slot.start})"
+
+    def solvers(self, array: str) -> str:
+        """One of the solver's arrays."""
+        return self.struct.array(array, f"solver_{array}")
+
+    # Calls
+
+    def function(self, call: Call) -> tuple[str, list[str]]:
+        kernel = self.kernels[call.block]
+        if kernel.failures:  # a block that cannot fail leaves no number
+            self.put(f"ctx->at = {len(self.calls)};")
+        self.calls.append(call)
+        return kernel.symbols[call.method], ["ctx", self.struct.fields(call.block)]
+
+    def test(self, test: Test) -> None:
+        numbers: list[str] = []
+        tests: list[str] = []
+        for signal in test.outputs:
+            kind, name = signal.kind, self.signal(signal)
+            if kind.form == "array":
+                function = "all_finite" if kind.finite else "no_nan"
+                tests.append(f"{function}({name}, {numbers_in(kind)})")
+            elif kind.form == "scalar":
+                numbers.append(name)
+            else:
+                numbers += [f"{name}[{i}]" for i in range(len(kind.components))]
+        if numbers:
+            fast = f"isfinite({' + '.join(numbers)})"
+            if len(numbers) > 1:  # the sum of large numbers may be infinite
+                fast = f"({fast} || ({' && '.join(f'isfinite({each})' for each in numbers)}))"
+            tests.insert(0, fast)
+        wrong = f"ctx->at = {len(self.calls) - 1}; return {NOT_FINITE};"
+        self.put(f"if (!({' && '.join(tests)})) {{ {wrong} }}")
+
+    # States and recordings
+
+    def zero(self, zero: Zero) -> None:
+        for target in zero.targets:
+            if isinstance(target, Signal):
+                self.put(f"set_zero({self.place(Source(target))}, {numbers_in(target.kind)});")
+                continue
+            place = self.slope(target) if isinstance(target, Slot) else self.struct.state(target)
+            self.put(f"set_zero({place}, {target.size});")
+
+    def restore(self, restore: Restore) -> None:
+        for state in restore.states:
+            place, initial = self.struct.state(state), self.struct.state(state, "initial")
+            self.put(f"copy_numbers({place}, {initial}, {state.size});")
+
+    def record(self, record: Record) -> None:
+        """Record one row."""
+        array, width = self.struct.array(f"probe_{record.number}"), record.width
+        columns, number = record.columns or slice(0, width), row(record).replace("//", "/")
+        start = f"({number}) * {width}" if width != 1 else number
+        target = f"{array} + {start}" + (f" + {columns.start}" if columns.start else "")
+        source = self.place(record.source)
+        self.put(f"copy_numbers({target}, {source}, {columns.stop - columns.start});")
+
+    def stop_at_tick(self, stop: Stop) -> None:
+        """End the run at a tick at which the condition holds."""
+        with self.block(""):
+            self.put(f"double *const stop = {self.struct.array('stop')};")
+            self.put(f"const double beyond = {self.distance(stop)};")
+            with self.block(f"if ({condition(stop)})"):
+                self.put("stop[2] = 1.0, stop[4] = (double)k, stop[5] = t;")
+                self.put(f"return {STOPPED};")
+            self.put("stop[3] = beyond;")
+
+    def distance(self, stop: Stop) -> str:
+        """The distance of the signal that may end the run from the level."""
+        return f"({self.place(stop.source)})[0] - {literal(stop.level)}"
+
+    # The continuous part
+
+    def integrate(self, part: Integrate) -> None:
+        """Integrate to the next tick, or to the time in between at which the run stops."""
+        size = part.row.size
+        method = method_of(part.solver, size)
+        self.solver, prototypes = solver_unit(size, method, part.stop is not None)
+        self.own |= set(prototypes)
+        if part.stop is None:
+            self.integrated(part, method, "dt")
+            return
+        states, origin = self.solvers("states"), self.solvers("origin")
+        with self.block(""):
+            self.put(f"double *const stop = {self.struct.array('stop')};")
+            self.put("double span = dt, beyond = 0.0;")
+            self.put(f"solver_keep(ctx, NULL, {origin}, {states});")
+            self.put("stop[0] = 0.0, stop[1] = dt;")
+            with self.block("while (span > 0.0)"):
+                self.put(f"solver_keep(ctx, NULL, {states}, {origin});")
+                self.integrated(part, method, "span")
+                self.put("const double t = (double)k * dt + span;", "(void)t;")
+                self.operations(part.watch)
+                met = condition(part.stop)
+                self.put(f"beyond = {self.distance(part.stop)};")
+                self.put(f"solver_narrowed(ctx, NULL, stop, {met}, span, dt, &span);")
+            with self.block("if (stop[2] > 0.0)"):
+                self.put("stop[4] = (double)k, stop[5] = (double)k * dt + stop[1];")
+                self.put(f"return {STOPPED};")
+
+    def integrated(self, part: Integrate, method: Method, span: str) -> None:
+        """Integrate the continuous states over a span from the tick."""
+        if not method.errors:
+            self.stages(part, method, span, span)
+            self.operations(part.projections)
+            return
+        self.put("double done = 0.0, h = 0.0;")
+        control = self.solvers("control")
+        with self.block(f"while (done < {span})"):
+            self.put(f"solver_substep(ctx, NULL, {control}, done, {span}, &h);")
+            self.stages(part, method, "h", span)
+            arrays = [self.solvers(each) for each in ("states", "start", "slopes", "errors")]
+            given = ", ".join([*arrays, control, "done", "h", span, "&done"])
+            self.put(f"solver_judged(ctx, NULL, {given});")
+            self.put(f"if (done < 0.0) return {NOT_INTEGRATED};")
+            self.operations(part.projections)
+
+    def stages(self, part: Integrate, method: Method, h: str, span: str) -> None:
+        """The stages of one step ``h`` of the solver."""
+        states, start, slopes, table = map(self.solvers, ("states", "start", "slopes", "table"))
+        node = f"{table}[stage * {method.table.shape[1]} + {method.stages}]"
+        since = f"(done + {node} * h)" if method.errors else f"{node} * {span}"
+        self.put(f"solver_keep(ctx, NULL, {start}, {states});")
+        with self.block(f"for (int64_t stage = 0; stage < {method.stages}; stage++)"):
+            self.put(f"const double t = (double)k * dt + {since};  /* {part.solver} */", "(void)t;")
+            self.operations(part.stage)
+            self.put("double bad = -1.0;")
+            self.put(f"solver_first_bad(ctx, NULL, {slopes}, stage, &bad);")
+            self.put(f"if (bad >= 0.0) return {NOT_INTEGRATED};")
+            arrays = ", ".join([states, start, slopes, table])
+            self.put(f"solver_moved(ctx, NULL, {arrays}, stage, {h});")
+
+
+def condition(stop: Stop) -> str:
+    """The condition of ``run.stop`` in C."""
+    return CONDITIONS[stop.kind].replace(" and ", " && ").replace(" or ", " || ")
+
+
+def _unknown(shape: Sequence[int]) -> list[str]:
+    """The sizes that no text tells, which follow an address."""
+    known = zip(shape, written(tuple(shape)), strict=True)
+    return [str(size) for size, each in known if each is None]

@@ -1,0 +1,76 @@
+"""The functions that a solver calls in compiled code, written from those of the Python engine.
+
+In go the method and the number of states, out comes a unit of C, once for all graphs alike.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from runtime import engine
+from runtime.codegen import BOOL, FLOAT, INT, Array, Entry, Type
+from runtime.compiler import salt
+from runtime.engine.rosenbrock import factor_loops, implicit_loops, solve_loops
+from runtime.engine.solvers import (
+    Method,
+    first_bad,
+    judged,
+    keep,
+    moved,
+    narrowed,
+    substep,
+)
+from runtime.toolchain import Unit, digest, read_record, write_record
+
+ROWS = ("states", "start")
+IMPLICIT: list[Any] = [factor_loops, solve_loops, implicit_loops]
+TITLE = "The solver of the continuous states."
+
+
+def solver_unit(size: int, method: Method, searched: bool) -> tuple[Unit, list[str]]:
+    """The functions that a solver calls, as a C unit with their declarations.
+
+    Parameters
+    ----------
+    size : the number of states, each component counted.
+    searched : whether the run may stop between two ticks.
+    """
+    row = Array("float", (size,))
+    slopes = Array("float", (method.slope_rows, size))
+    table = Array("float", method.table.shape)
+    rows: list[tuple[str, Type]] = [(name, row) for name in ROWS]
+    errors, control = Array("float", (len(method.errors),)), Array("float", (7,))
+    numbers: list[tuple[str, Type]] = [("done", FLOAT), ("h", FLOAT), ("dt", FLOAT)]
+    entries = [
+        Entry("solver_keep", "keep", [("start", row), ("states", row)]),
+        Entry("solver_first_bad", "first_bad", [("slopes", slopes), ("stage", INT)], [FLOAT]),
+        Entry(
+            "solver_moved",
+            "implicit_loops" if method.is_implicit else "moved",
+            [*rows, ("slopes", slopes), ("table", table), ("stage", INT), ("h", FLOAT)],
+        ),
+    ]
+    functions: list[Any] = [keep, first_bad]
+    functions += IMPLICIT if method.is_implicit else [moved]
+    if method.errors:
+        taken: list[tuple[str, Type]] = [("control", control), ("done", FLOAT), ("dt", FLOAT)]
+        entries.append(Entry("solver_substep", "substep", taken, [FLOAT]))
+        given = [*rows, ("slopes", slopes), ("errors", errors), ("control", control), *numbers]
+        entries.append(Entry("solver_judged", "judged", given, [FLOAT]))
+        functions += [substep, judged]
+    if searched:
+        search: list[tuple[str, Type]] = [("stop", Array("float", (6,))), ("met", BOOL)]
+        search += [("span", FLOAT), ("dt", FLOAT)]
+        entries.append(Entry("solver_narrowed", "narrowed", search, [FLOAT]))
+        functions.append(narrowed)
+    key = f"solver_{digest(salt(engine), repr(entries))}.json"
+    record = read_record(key)
+    if record is None:
+        # Imported where something is written: most starts find everything in the cache.
+        from runtime.codegen import Writer
+        from runtime.compiler import translate_functions
+
+        made = Writer(translate_functions(functions)).unit(entries, TITLE)
+        record = {"text": made.text, "prototypes": made.prototypes}
+        write_record(key, record)
+    return Unit("the solver", record["text"]), record["prototypes"]

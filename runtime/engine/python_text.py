@@ -1,0 +1,346 @@
+"""The printer of a plan as Python: one straight-line function, with a line for each call.
+
+In go operations and the names of their values, out comes text, and which block each line calls.
+``call b.out: Scalar = b.output(t, a.out)  [every 10]``, with its test, becomes::
+
+    if k % 10 == 0:
+        b_out = b.output(b_s, t, a_out)
+        isfinite(b_out) or not_finite('b', 'output', b_out)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from blocks.core import SignalType
+from runtime.engine.naming import Names
+from runtime.engine.solvers import method_of
+from runtime.plan import (
+    Argument,
+    Call,
+    Gate,
+    Integrate,
+    Operation,
+    Plan,
+    Record,
+    Restore,
+    Signal,
+    Slot,
+    Source,
+    Stop,
+    Test,
+    Zero,
+)
+
+INDENT = "    "
+# When a run stops: conditions on the distance ``beyond`` of a signal from the level. The compiled
+# plan has the same, in C.
+CONDITIONS = {
+    "above": "beyond > 0.0",
+    "below": "beyond < 0.0",
+    "crosses": "(stop[3] < 0.0 and beyond >= 0.0) or (stop[3] > 0.0 and beyond <= 0.0)",
+}
+
+
+class PythonText:
+    """Writes operations line by line; ``lines`` maps lines to the blocks they call.
+
+    Parameters
+    ----------
+    checked : with checks of every value's form, as on the first tick.
+    profiled : with a clock around each call.
+    """
+
+    def __init__(
+        self, plan: Plan, names: Names, checked: bool = False, profiled: bool = False
+    ) -> None:
+        self.plan, self.names = plan, names
+        self.checked, self.profiled = checked, profiled
+        self.dt = repr(plan.dt)
+        self.leave = ""
+        self.text: list[str] = []
+        self.lines: dict[int, str] = {}
+        self.rate = 0
+        self.depth = 2
+        self.between_ticks = False
+        self.printers: dict[type[Any], Callable[[Any], None]] = {
+            Call: self.call,
+            Test: self.test,
+            Zero: self.zero,
+            Restore: self.restore,
+            Record: self.record,
+            Stop: self.stop_at_tick,
+            Integrate: self.integrate,
+        }
+
+    def function(
+        self, operations: Sequence[Operation], incoming: Sequence[str], outgoing: Sequence[str]
+    ) -> str:
+        """``run(first, last, held)``, which takes and returns the variables that outlive a tick."""
+        self.leave = f"return ({', '.join(outgoing)},)" if outgoing else "return ()"
+        self.line(0, "def run(first, last, held):")
+        # The title is user text: it must not end the docstring or continue a line.
+        title = "".join(c for c in self.plan.title if c.isprintable() and c not in '"\\')
+        self.line(1, f'"""{title}: base step {self.dt} {self.plan.time_unit}."""')
+        if incoming:
+            self.line(1, f"({', '.join(incoming)},) = held")
+        self.line(1, "for k in range(first, last):")
+        self.line(2, f"t = k * {self.dt}")
+        self.operations(operations)
+        self.line(1, self.leave)
+        return "\n".join(self.text) + "\n"
+
+    def line(self, depth: int, text: str, block: str = "") -> None:
+        self.text.append(INDENT * depth + text)
+        if block:
+            self.lines[len(self.text)] = block
+
+    def code(self, text: str, block: str = "") -> None:
+        self.line(self.depth + (self.rate > 1), text, block)
+
+    # Gates
+
+    def operations(self, operations: Sequence[Operation]) -> None:
+        """Write operations in order, each under its gate; those done once are left out."""
+        before: Operation | None = None
+        for each in operations:
+            if each.gate.once:
+                continue
+            self.at(each.gate.every)
+            # A call with its tests is under one condition, and each call has its own.
+            if not self.continues(before, each) and each.gate.switches:
+                self.code(self.condition(before, each.gate))
+            self.depth += bool(each.gate.switches)
+            self.printers[type(each)](each)
+            self.depth -= bool(each.gate.switches)
+            before = each
+
+    def at(self, every: int) -> None:
+        """Set the rate: the code that follows runs on every ``every``-th tick."""
+        if every != self.rate and every > 1:
+            self.line(self.depth, f"if k % {every} == 0:")
+        self.rate = every
+
+    def continues(self, before: Operation | None, each: Operation) -> bool:
+        """Whether an operation is under the condition of the one before it."""
+        return (
+            before is not None
+            and not isinstance(each, Call)
+            and (before.gate, before.block) == (each.gate, each.block)
+        )
+
+    def condition(self, before: Operation | None, gate: Gate) -> str:
+        """The line that opens what is done while switches are on, or while one is off."""
+        if gate.is_off and before is not None and before.gate == Gate(gate.every, gate.switches):
+            return "else:"
+        on = " and ".join(map(self.names.of, gate.switches))
+        on = f"({on})" if gate.is_off and len(gate.switches) > 1 else on
+        return f"if {'not ' * gate.is_off}{on}:"
+
+    # Calls
+
+    def call(self, call: Call) -> None:
+        """Call a method, and bring what it returns into the form of signals."""
+        targets, around = list(map(self.names.of, call.outputs)), "{}"
+        if call.outputs and self.checked and not self.between_ticks:
+            ports = tuple(signal.port for signal in call.outputs)
+            around = f"checked({call.block!r}, {ports!r}, {{}})"
+        elif call.rates:
+            targets, around = self.slopes(call)
+        given = [self.names.states[call.block], *(["t"] if call.takes_time else [])]
+        given += map(self.argument, call.arguments)
+        text = f"{self.names.blocks[call.block]}.{call.method}({', '.join(given)})"
+        equals = f"{', '.join(targets)} = " if targets else ""
+        profiled = self.profiled and call.takes_time
+        if profiled:
+            self.code("began = clock()")
+        self.code(equals + around.format(text), call.block)
+        if profiled:
+            self.code(f"spent({call.block!r}, began)")
+        for signal in call.outputs:
+            target = self.names.of(signal)
+            if call.is_own:
+                self.code(f"{target} = floats({target})", call.block)
+            if signal.kind.form == "array":
+                self.code(f"{target} = sealed({target})", call.block)
+
+    def slopes(self, call: Call) -> tuple[list[str], str]:
+        """Where rates of change are written in the row of the stage, and what makes them fit."""
+        targets, around = [f"slopes[stage, {_place(slot)}]" for slot in call.rates], "{}"
+        if any(len(slot.shape) > 1 for slot in call.rates):
+            targets, around = [_whole(call.rates)], "joined({})"
+        if self.checked:
+            around = around.format(f"rates({call.block!r}, {{}})")
+        return targets, around
+
+    def argument(self, argument: Argument) -> str:
+        """The expression that a method gets."""
+        values = [self.source(source, argument.kind) for source in argument.sources]
+        if argument.is_variadic:
+            return f"({', '.join(values)},)" if values else "()"
+        return values[0] if values else absent(argument.kind, argument.default)
+
+    def source(self, source: Source, target: SignalType | None = None) -> str:
+        """A signal, or a component of it, in the form of the target; or a state."""
+        whole = source.whole
+        if not isinstance(whole, Signal):
+            item = f"[{source.component}]" if source.component else ""
+            return f"{self.names.states[whole.block]}.{whole.name}{item}"
+        text, kind = self.names.of(whole), whole.kind
+        if source.component:
+            column = source.columns
+            if isinstance(column, slice):
+                text = f"{text}[{column.start}:{column.stop}]"
+                text = f"array({text})" if kind.form == "record" else text
+            else:
+                text = f"{text}.item({column})" if kind.form == "array" else f"{text}[{column}]"
+            kind = source.kind
+        if target is not None and target.form != kind.form:
+            return f"array(({text},))" if target.form == "array" else f"{text}.item(0)"
+        return text
+
+    def test(self, test: Test) -> None:
+        """Test what a call returned; ``not_finite`` looks again, and raises the error."""
+        values = {self.names.of(signal): signal.kind for signal in test.outputs}
+        given = ", ".join([repr(test.block), repr(test.method), *values])
+        self.code(f"{finite_test(values)} or not_finite({given})", test.block)
+
+    # States and recordings
+
+    def zero(self, zero: Zero) -> None:
+        rates = [target for target in zero.targets if isinstance(target, Slot)]
+        if rates:
+            self.code(f"{_whole(rates)} = 0.0")
+            return
+        for target in zero.targets:
+            if isinstance(target, Signal):
+                self.code(f"{self.names.of(target)} = {absent(target.kind, 0.0)}")
+            else:
+                self.code(f"{self.source(Source(target))}[...] = 0.0")
+
+    def restore(self, restore: Restore) -> None:
+        for state in restore.states:
+            initial = f"{self.names.initial[state.block]}.{state.name}"
+            self.code(f"{self.source(Source(state))}[...] = {initial}")
+
+    def record(self, record: Record) -> None:
+        """One row of one recording."""
+        place = row(record)
+        if record.columns is not None:
+            place += f", {record.columns.start}:{record.columns.stop}"
+        self.code(f"probe_{record.number}[{place}] = {self.source(record.source)}")
+
+    def stop_at_tick(self, stop: Stop) -> None:
+        """End the run at a tick at which the condition holds."""
+        self.code(f"beyond = {self.tested(stop)} - {stop.level!r}")
+        self.code(f"if {CONDITIONS[stop.kind]}:")
+        self.code(f"{INDENT}stop[2], stop[4], stop[5] = 1.0, k, t")
+        self.code(INDENT + self.leave)
+        self.code("stop[3] = beyond")
+
+    def tested(self, stop: Stop) -> str:
+        """The signal that may end the run, as an expression."""
+        is_whole_state = not (isinstance(stop.source.whole, Signal) or stop.source.component)
+        return self.source(stop.source) + ("[()]" if is_whole_state else "")
+
+    # The continuous part
+
+    def integrate(self, part: Integrate) -> None:
+        """Integrate to the next tick, or to the time in between at which the run stops."""
+        self.between_ticks = True  # the form of outputs was checked at the tick
+        if part.stop is None:
+            self.integrated(part, self.dt)
+        else:
+            self.searched(part, part.stop)
+        self.between_ticks = False
+
+    def searched(self, part: Integrate, stop: Stop) -> None:
+        """Integrate again and again, to locate the time at which the run stops."""
+        dt = self.dt
+        self.code("origin[:] = states")
+        self.code(f"stop[0], stop[1], span = 0.0, {dt}, {dt}")
+        self.code("while span > 0.0:")
+        self.depth += 1
+        self.code("states[:] = origin")
+        self.integrated(part, "span")
+        self.code(f"t = k * {dt} + span")
+        self.operations(part.watch)
+        self.code(f"beyond = {self.tested(stop)} - {stop.level!r}")
+        self.code(f"span = narrowed(stop, {CONDITIONS[stop.kind]}, span, {dt})")
+        self.depth -= 1
+        self.code("if stop[2] > 0.0:")
+        self.code(f"{INDENT}stop[4], stop[5] = k, k * {dt} + stop[1]")
+        self.code(INDENT + self.leave)
+
+    def integrated(self, part: Integrate, span: str) -> None:
+        """Integrate the continuous states over a span from the tick."""
+        method = method_of(part.solver, part.row.size)
+        h, since = span, f"nodes[stage] * {span}"
+        if method.errors:
+            h, since = "h", "(done + nodes[stage] * h)"
+            self.code("done = 0.0")
+            self.code(f"while done < {span}:")
+            self.depth += 1
+            self.code(f"h = substep(control, done, {span})")
+        self.code("start[:] = states")
+        self.code(f"for stage in range({method.stages}):  # {part.solver}")
+        self.depth += 1
+        self.code(f"t = k * {self.dt} + {since}")
+        self.operations(part.stage)
+        self.code("isfinite(sum(slopes[stage].tolist())) or bad_slope(stage, t)")
+        self.code(f"blend(states, start, slopes, weights, stage, {h})")
+        self.depth -= 1
+        if method.errors:
+            self.code(f"done = judged(states, start, slopes, errors, control, done, h, {span})")
+            self.code("done >= 0.0 or unreached(done, t)")
+        self.operations(part.projections)
+        self.depth -= bool(method.errors)
+
+
+def row(record: Record) -> str:
+    """The row that tick k fills, as an expression."""
+    every = record.gate.every
+    number = "k" if every == 1 else f"k // {every}"
+    return f"{number} % {record.rows}" if record.rows else number
+
+
+def absent(kind: SignalType, number: float) -> str:
+    """The expression of an open input's value; an array is created anew on each tick.
+
+    Otherwise a block that writes into an input would change what it reads on the next tick.
+    """
+    text = repr(number) if math.isfinite(number) else f"float({str(number)!r})"
+    if kind.form == "array":
+        return f"full({kind.shape!r}, {text})"
+    return text if kind.form == "scalar" else f"({f'{text}, ' * len(kind.components)})"
+
+
+def finite_test(signals: dict[str, SignalType]) -> str:
+    """An expression that is true while signals hold only valid numbers.
+
+    It is fast, and false as well where the sum or the square of large numbers is infinite: what it
+    calls wrong is looked at again. ``np.dot`` would warn of these squares.
+    """
+    finite: list[str] = []
+    others: list[str] = []
+    for variable, kind in signals.items():
+        if kind.form == "scalar":
+            finite.append(variable)
+        elif kind.form == "record":
+            finite += [f"{variable}[{i}]" for i in range(len(kind.components))]
+        else:
+            (finite if kind.finite else others).append(f"vdot({variable}, {variable})")
+    tests = [f"isfinite({' + '.join(finite)})"] if finite else []
+    return " and ".join(tests + [f"not isnan({term})" for term in others])
+
+
+def _place(slot: Slot) -> str:
+    """The subscript of a state in a row."""
+    return f"{slot.start}:{slot.stop}" if slot.shape else str(slot.start)
+
+
+def _whole(slots: Sequence[Slot]) -> str:
+    """All numbers of one block in the row of a stage."""
+    return f"slopes[stage, {slots[0].start}:{slots[-1].stop}]"

@@ -1,0 +1,239 @@
+"""A plan made of a network and of what is observed of it.
+
+In goes a checked network, out comes a :class:`.operations.Plan`. A tick is
+
+1. outputs, producers before consumers, each tested for NaN and infinity,
+2. rows of the probes, and the condition that ends the run,
+3. updates of states, from the outputs of this tick,
+4. states of parts that are off and reset, set back,
+5. the continuous states, integrated to the next tick,
+6. rows of events, such as spikes, which the updates have written.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+
+from blocks.core import Evaluation
+from blocks.registry import is_built_in
+from runtime.network import Endpoint, Network, Wire, enables_of, resets
+from runtime.observation import Observation
+from runtime.plan.moving import Evaluated, again, continuous_row, declared_states
+from runtime.plan.operations import (
+    Argument,
+    Call,
+    Gate,
+    Integrate,
+    Operation,
+    Plan,
+    Port,
+    Record,
+    Restore,
+    Signal,
+    Source,
+    StateArray,
+    Stop,
+    Target,
+    Test,
+    Zero,
+)
+from runtime.plan.order import ordered
+
+
+def make_plan(
+    network: Network, observation: Observation, buffers: Mapping[str, int] | None = None
+) -> Plan:
+    """The plan of a network.
+
+    Parameters
+    ----------
+    buffers : by probe, the rows of the buffer that ticks fill again and again; 0 or absent for an
+        array of the whole run.
+
+    Raises
+    ------
+    GraphError : naming every algebraic loop.
+    """
+    return _Builder(network, observation, buffers or {}).plan()
+
+
+class _Builder:
+    """The parts of a plan, in the order of a tick."""
+
+    def __init__(
+        self, network: Network, observation: Observation, buffers: Mapping[str, int]
+    ) -> None:
+        self.network, self.observation, self.buffers = network, observation, buffers
+        self.wires = defaultdict[Port, list[Wire]](list)
+        for wire in network.driving:
+            self.wires[wire.block, wire.port].append(wire)
+        # One object per signal: what is equal is found by its key, and shares memory.
+        self.signals = {key: Signal(*key, kind) for key, kind in network.types.items()}
+        contexts = {name: network.context(name) for name in network.entries}
+        self.states = {name: declared_states(network, name, contexts[name]) for name in contexts}
+        self.switches = {
+            name: tuple(self.signals[switch, "on"] for switch in switches)
+            for name, switches in enables_of(network).items()
+        }
+        self.row = continuous_row(network)
+
+    def plan(self) -> Plan:
+        """All operations, in order."""
+        network = self.network
+        evaluations = [(call, tuple(self.after(call))) for call in self.evaluations()]
+        records = list(self.records())
+        stop = self.stop()
+        operations: list[Operation] = [op for call, rest in evaluations for op in (call, *rest)]
+        operations += [record for record, is_event in records if not is_event]
+        operations += [] if stop is None else [stop]
+        operations += self.updates()
+        operations += self.restores()
+        operations += [self.integration(evaluations, stop)] if self.row.size else []
+        operations += [record for record, is_event in records if is_event]
+        return Plan(
+            network.title,
+            network.dt,
+            network.time_unit,
+            network.solver.name,
+            tuple(operations),
+            self.states,
+        )
+
+    def evaluations(self) -> list[Call]:
+        """The calls that compute outputs, in order."""
+        calls = []
+        for name, entry in self.network.entries.items():
+            for evaluation in entry.evaluations:
+                constant = entry.cls.spec.is_constant(evaluation)
+                # What depends on states alone needs no switch: they hold.
+                varies = bool(evaluation.needs) or evaluation.timed
+                switches = self.switches.get(name, ()) if varies and not constant else ()
+                outputs = tuple(self.signals[name, port] for port in evaluation.outputs)
+                gate = Gate(entry.every, switches, once=constant)
+                calls.append(self.call(name, evaluation, outputs, gate))
+        return ordered(calls, self.wires)
+
+    def call(
+        self, name: str, evaluation: Evaluation, writes: tuple[Target, ...], gate: Gate
+    ) -> Call:
+        arguments = tuple(self.argument(name, port) for port in evaluation.needs)
+        is_own = not is_built_in(self.network.entries[name].cls)
+        return Call(name, evaluation.method, arguments, writes, gate, is_own=is_own)
+
+    def argument(self, name: str, port: str) -> Argument:
+        """What an input, or an output of the block itself, gives to a method."""
+        kind = self.network.types[name, port]
+        declared = self.network.entries[name].cls.spec.inputs.get(port)
+        if declared is None:
+            return Argument(name, port, kind, (Source(self.signals[name, port]),))
+        sources = tuple(self.source(wire.source) for wire in self.wires.get((name, port), ()))
+        default = float(declared.default or 0.0)
+        return Argument(name, port, kind, sources, bool(declared.variadic), default)
+
+    def source(self, end: Endpoint) -> Source:
+        return Source(self.signals[end.block, end.port], end.component)
+
+    def observed(self, end: Endpoint, is_state: bool) -> Source:
+        """An output, or a state, that is recorded or that ends the run."""
+        if not is_state:
+            return self.source(end)
+        states = {state.name: state for state in self.states[end.block]}
+        return Source(states[end.port], end.component)
+
+    def after(self, call: Call) -> Iterator[Operation]:
+        """What follows the call of an evaluation."""
+        gate, outputs = call.gate, call.outputs
+        if gate.once:
+            return
+        yield Test(call.block, call.method, outputs, gate)
+        resetting = tuple(s for s in gate.switches if resets(self.network, s.block))
+        if resetting:
+            yield Zero(call.block, outputs, Gate(gate.every, resetting, is_off=True))
+
+    def updates(self) -> Iterator[Operation]:
+        """The updates of states by rate, then by name; no event happens in a part that is off."""
+        for name, entry in sorted(self.network.entries.items(), key=lambda e: (e[1].every, e[0])):
+            spec = entry.cls.spec
+            if spec.update is None:
+                continue
+            gate = Gate(entry.every, self.switches.get(name, ()))
+            yield self.call(name, spec.update, self.states[name], gate)
+            events = tuple(s for s in self.states[name] if spec.states[s.name].event)
+            if gate.switches and events:
+                yield Zero(name, events, Gate(gate.every, gate.switches, is_off=True))
+
+    def restores(self) -> Iterator[Restore]:
+        """The parts that are reset while they are off."""
+        switches = dict.fromkeys(s for above in self.switches.values() for s in above)
+        for switch in switches:
+            inside = [name for name, above in self.switches.items() if switch in above]
+            states = tuple(state for name in inside for state in self.states[name])
+            if resets(self.network, switch.block) and states:
+                every = self.network.entries[switch.block].every
+                yield Restore(switch.block, states, Gate(every, (switch,), is_off=True))
+
+    def integration(self, evaluations: list[Evaluated], stop: Stop | None) -> Integrate:
+        """The continuous states from this tick to the next one."""
+        network, moving = self.network, self.network.moving
+        specs = {name: network.entries[name].cls.spec for name in self.row.by_block}
+        derivatives = [
+            self.call(name, method, self.row.of(name), Gate(1, self.switches.get(name, ())))
+            for name, spec in specs.items()
+            if (method := spec.derivative)
+        ]
+        wanted = [signal.key for call in derivatives for signal in call.reads]
+        stage = list(again(wanted, evaluations, moving))
+        for call in derivatives:
+            stage.append(call)
+            if call.gate.switches:
+                off = Gate(1, call.gate.switches, is_off=True)
+                stage.append(Zero(call.block, call.writes, off))
+        projections = tuple(
+            Call(name, "project", (), self.states[name], takes_time=False)
+            for name, spec in specs.items()
+            if spec.projects
+        )
+        watch: tuple[Operation, ...] = ()
+        whole = None if stop is None else stop.source.whole
+        if isinstance(whole, Signal) and whole.key in moving:
+            watch = again([whole.key], evaluations, moving)
+        elif not self.is_continuous(whole):
+            stop = None  # it changes on ticks only
+        unit = network.time_unit
+        return Integrate(
+            self.row, network.solver.name, tuple(stage), projections, watch, stop, unit
+        )
+
+    def is_continuous(self, whole: Signal | StateArray | None) -> bool:
+        """Whether it is a state that a solver integrates."""
+        if not isinstance(whole, StateArray):
+            return False
+        return any(slot.name == whole.name for slot in self.row.of(whole.block))
+
+    def stop(self) -> Stop | None:
+        test = self.observation.stop
+        if test is None:
+            return None
+        source = self.observed(test.signal.end, test.signal.is_state)
+        return Stop(test.kind, test.level, source, Gate(test.signal.every))
+
+    def records(self) -> Iterator[tuple[Record, bool]]:
+        """The rows, or columns, that a tick fills, and whether they show events."""
+        for number, probe in enumerate(self.observation.probes.values()):
+            start, width = 0, math.prod(probe.shape)
+            for signal in probe.signals:
+                stop = start + signal.width
+                record = Record(
+                    probe.name,
+                    number,
+                    self.observed(signal.end, signal.is_state),
+                    width,
+                    slice(start, stop) if len(probe.signals) > 1 else None,
+                    self.buffers.get(probe.name, 0),
+                    signal.publisher,
+                    Gate(probe.sampled, once=probe.constant),
+                )
+                start = stop
+                yield record, signal.is_event

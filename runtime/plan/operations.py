@@ -1,0 +1,431 @@
+"""The form of a plan: what a tick does, as ordered operations on values with names and types.
+
+Nothing here knows Python's text or C's: printers write the operations as either, and passes select
+or count them. Each operation prints as one line. Of a Pulse that feeds an Integrator::
+
+    call      wave.out: Scalar = wave.output(t)
+    test      wave.out
+    record    x[k] = integrator.out
+    integrate integrator.integral by rk4
+      call      integrator.integral' = integrator.derivative(t, wave.out)
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from blocks.core import SignalType
+from runtime.document import SECOND
+from runtime.network import Endpoint, columns, component_type
+
+Port = tuple[str, str]  # a block and one of its outputs
+
+
+@dataclass(frozen=True)
+class Signal:
+    """An output of a block, with its type."""
+
+    block: str
+    port: str
+    kind: SignalType
+
+    @property
+    def key(self) -> Port:
+        return self.block, self.port
+
+    def __str__(self) -> str:
+        return f"{self.block}.{self.port}"
+
+
+@dataclass(frozen=True)
+class StateArray:
+    """A declared state of a block, with its shape."""
+
+    block: str
+    name: str
+    shape: tuple[int, ...]
+
+    @property
+    def size(self) -> int:
+        return math.prod(self.shape)
+
+    def __str__(self) -> str:
+        return f"{self.block}.{self.name}"
+
+
+@dataclass(frozen=True)
+class Slot(StateArray):
+    """A continuous state, and where it begins in the row of all continuous states of a graph.
+
+    As what a call writes, it is the state's rate of change.
+    """
+
+    start: int
+
+    @property
+    def stop(self) -> int:
+        return self.start + self.size
+
+    def address(self, column: int) -> str:
+        """The address of one number of the row, as probes write it."""
+        return str(self) + (f".{column - self.start}" if self.shape else "")
+
+    def component(self, column: int) -> str:
+        """The address of one number of the row, for messages."""
+        inside = f"[{column - self.start}]" if self.shape else ""
+        return f"{self.name}{inside}"
+
+
+@dataclass(frozen=True)
+class Source:
+    """What is read: a signal or a state, or a component of it."""
+
+    whole: Signal | StateArray
+    component: str = ""
+
+    @property
+    def kind(self) -> SignalType:
+        """The type of what is read of a signal."""
+        if not isinstance(self.whole, Signal):
+            raise TypeError(f"{self.whole} is a state")
+        end = Endpoint(*self.whole.key, self.component)
+        return component_type(self.whole.kind, end) or self.whole.kind
+
+    @property
+    def columns(self) -> int | slice | None:
+        """The index, or the indices, of the component of a signal."""
+        return columns(self.whole.kind, self.component) if isinstance(self.whole, Signal) else None
+
+    def __str__(self) -> str:
+        inside = f"[{self.component}]" if ":" in self.component else f".{self.component}"
+        return f"{self.whole}{inside}" if self.component else str(self.whole)
+
+
+@dataclass(frozen=True)
+class Argument:
+    """What a method of a block takes for one of its parameters.
+
+    port : an input, or an output of the block itself.
+    kind : the type in which the method takes each source.
+    sources : what is wired to it: one, none if the input is open, any number if it is variadic.
+    default : the value of an open input.
+    """
+
+    block: str
+    port: str
+    kind: SignalType
+    sources: tuple[Source, ...]
+    is_variadic: bool = False
+    default: float = 0.0
+
+    def __str__(self) -> str:
+        texts = ", ".join(map(str, self.sources))
+        if self.is_variadic:
+            return f"({texts})"
+        return texts or f"{self.default:g}"
+
+
+@dataclass(frozen=True)
+class Gate:
+    """When an operation is done.
+
+    every : on each tick that is a multiple of this.
+    switches : outputs that must all be on: those of the parts around a block, the outer ones first.
+    is_off : the other way round: while one of the switches is off.
+    once : before the first tick, and not again.
+    """
+
+    every: int = 1
+    switches: tuple[Signal, ...] = ()
+    is_off: bool = False
+    once: bool = False
+
+    def __str__(self) -> str:
+        names = " and ".join(map(str, self.switches))
+        parts = ["once"] if self.once else [f"every {self.every}"] if self.every > 1 else []
+        parts += [f"{'unless' if self.is_off else 'while'} {names}"] if names else []
+        return f"  [{', '.join(parts)}]" if parts else ""
+
+
+ALWAYS = Gate()
+Target = Signal | StateArray
+
+
+@dataclass(frozen=True)
+class Call:
+    """Call a method of a block; it reads the arguments, the states of its block and the time.
+
+    writes : the outputs that it returns, the rates of change that it returns (slots), or the
+        states that it may change in place.
+    takes_time : whether t is its first argument.
+    is_own : whether the block is the user's: what it returns is brought into a signal's form.
+    """
+
+    block: str
+    method: str
+    arguments: tuple[Argument, ...]
+    writes: tuple[Target, ...]
+    gate: Gate = ALWAYS
+    takes_time: bool = True
+    is_own: bool = False
+
+    @property
+    def outputs(self) -> tuple[Signal, ...]:
+        return tuple(each for each in self.writes if isinstance(each, Signal))
+
+    @property
+    def rates(self) -> tuple[Slot, ...]:
+        """The states whose rates of change it returns."""
+        return tuple(each for each in self.writes if isinstance(each, Slot))
+
+    @property
+    def reads(self) -> list[Signal]:
+        """The signals that its arguments read, in order."""
+        wholes = (source.whole for argument in self.arguments for source in argument.sources)
+        return [each for each in wholes if isinstance(each, Signal)]
+
+    def __str__(self) -> str:
+        given = (["t"] if self.takes_time else []) + list(map(str, self.arguments))
+        outputs = [f"{each}: {each.kind}" for each in self.outputs] + [f"{s}'" for s in self.rates]
+        target = ", ".join(outputs or map(str, self.writes))
+        equals = f"{target} = " if target else ""
+        return f"call      {equals}{self.block}.{self.method}({', '.join(given)}){self.gate}"
+
+
+@dataclass(frozen=True)
+class Test:
+    """Fail if what a method has returned is not finite."""
+
+    block: str
+    method: str
+    outputs: tuple[Signal, ...]
+    gate: Gate = ALWAYS
+
+    def __str__(self) -> str:
+        return f"test      {', '.join(map(str, self.outputs))}{self.gate}"
+
+
+@dataclass(frozen=True)
+class Zero:
+    """Set outputs, states or rates of change of one block to zero: those of a part that is off."""
+
+    block: str
+    targets: tuple[Target, ...]
+    gate: Gate = ALWAYS
+
+    @property
+    def outputs(self) -> tuple[Signal, ...]:
+        return tuple(each for each in self.targets if isinstance(each, Signal))
+
+    def __str__(self) -> str:
+        return f"zero      {', '.join(map(str, self.targets))}{self.gate}"
+
+
+@dataclass(frozen=True)
+class Restore:
+    """Set the states of a part back to what they were after ``start``.
+
+    block : the one that switches the part.
+    """
+
+    block: str
+    states: tuple[StateArray, ...]
+    gate: Gate = ALWAYS
+
+    def __str__(self) -> str:
+        return f"restore   {', '.join(map(str, self.states))}{self.gate}"
+
+
+@dataclass(frozen=True)
+class Record:
+    """Fill a row of a probe, or some of its columns.
+
+    number : the position of the probe among all.
+    width : the numbers in a row. columns : those that are filled; None for all.
+    rows : the length of a buffer that is filled again and again; 0 for one of the whole run.
+    publisher : the method of the block that describes what is recorded, once.
+    """
+
+    probe: str
+    number: int
+    source: Source
+    width: int
+    columns: slice | None = None
+    rows: int = 0
+    publisher: str = ""
+    gate: Gate = ALWAYS
+
+    @property
+    def block(self) -> str:
+        return self.source.whole.block
+
+    def __str__(self) -> str:
+        part = "" if self.columns is None else f", {self.columns.start}:{self.columns.stop}"
+        return f"record    {self.probe}[k{part}] = {self.source}{self.gate}"
+
+
+@dataclass(frozen=True)
+class Stop:
+    """End the run if a signal is ``above`` or ``below`` a level, or ``crosses`` it."""
+
+    kind: str
+    level: float
+    source: Source
+    gate: Gate = ALWAYS
+
+    @property
+    def block(self) -> str:
+        return self.source.whole.block
+
+    def __str__(self) -> str:
+        return f"stop      if {self.source} {self.kind} {self.level:g}{self.gate}"
+
+
+@dataclass(frozen=True)
+class Row:
+    """The row of all continuous states of a graph, which a solver integrates."""
+
+    slots: tuple[Slot, ...] = ()
+
+    @property
+    def size(self) -> int:
+        """The number of continuous states, each component counted."""
+        return self.slots[-1].stop if self.slots else 0
+
+    @cached_property
+    def by_block(self) -> dict[str, tuple[Slot, ...]]:
+        """The slots of each block that has some."""
+        found: dict[str, tuple[Slot, ...]] = {}
+        for slot in self.slots:
+            found[slot.block] = (*found.get(slot.block, ()), slot)
+        return found
+
+    def of(self, block: str) -> tuple[Slot, ...]:
+        return self.by_block.get(block, ())
+
+    def at(self, column: int) -> Slot:
+        """The slot of a number of the row."""
+        return next(slot for slot in self.slots if slot.start <= column < slot.stop)
+
+
+@dataclass(frozen=True)
+class Integrate:
+    """Integrate the continuous states from this tick to the next one.
+
+    stage : what the solver repeats at each stage, at times between the ticks: outputs that may
+        change there, and derivatives.
+    projections : calls after each step that bring states back to where they are valid.
+    stop : ends the run between two ticks; before it is tested, ``watch`` computes its signal.
+    """
+
+    row: Row
+    solver: str
+    stage: tuple[Operation, ...]
+    projections: tuple[Call, ...] = ()
+    watch: tuple[Operation, ...] = ()
+    stop: Stop | None = None
+    time_unit: str = SECOND
+    gate: Gate = ALWAYS
+
+    @property
+    def block(self) -> str:
+        """None: it belongs to all."""
+        return ""
+
+    @property
+    def blocks(self) -> set[str]:
+        """The blocks that are called."""
+        inside = (*self.stage, *self.projections, *self.watch)
+        return {each.block for each in inside if isinstance(each, Call)}
+
+    def __str__(self) -> str:
+        lines = [f"integrate {', '.join(map(str, self.row.slots))} by {self.solver}"]
+        lines += [f"  {each}" for each in (*self.stage, *self.projections)]
+        if self.stop is not None:
+            lines += ["until", *(f"  {each}" for each in (*self.watch, self.stop))]
+        return "\n".join(lines)
+
+
+@dataclass(frozen=True)
+class Load:
+    """Take signals over from the memory of compiled code."""
+
+    block: str
+    signals: tuple[Signal, ...]
+    gate: Gate = ALWAYS
+
+    def __str__(self) -> str:
+        return f"load      {', '.join(map(str, self.signals))}{self.gate}"
+
+
+@dataclass(frozen=True)
+class Store:
+    """Hand signals over to the memory of compiled code."""
+
+    block: str
+    signals: tuple[Signal, ...]
+    gate: Gate = ALWAYS
+
+    def __str__(self) -> str:
+        return f"store     {', '.join(map(str, self.signals))}{self.gate}"
+
+
+Operation = Call | Test | Zero | Restore | Record | Stop | Integrate | Load | Store
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a tick does, in order.
+
+    dt : the base step (s). solver : the name of the method that integrates.
+    states : the declared states of all blocks, by block.
+    """
+
+    title: str
+    dt: float
+    time_unit: str
+    solver: str
+    operations: tuple[Operation, ...]
+    states: dict[str, tuple[StateArray, ...]] = field(default_factory=dict, repr=False)
+
+    @cached_property
+    def evaluations(self) -> tuple[Call, ...]:
+        """The calls that compute outputs in order, those of constants included."""
+        calls = (each for each in self.operations if isinstance(each, Call))
+        return tuple(each for each in calls if each.outputs)
+
+    @cached_property
+    def records(self) -> tuple[Record, ...]:
+        return tuple(each for each in self.operations if isinstance(each, Record))
+
+    @cached_property
+    def integration(self) -> Integrate | None:
+        """The continuous part of the plan; None without continuous states."""
+        return next((each for each in self.operations if isinstance(each, Integrate)), None)
+
+    @property
+    def row(self) -> Row:
+        return Row() if self.integration is None else self.integration.row
+
+    @cached_property
+    def held(self) -> tuple[Signal, ...]:
+        """The signals that outlive a tick: outputs of blocks that are slow, or switched."""
+        calls = [each for each in self.evaluations if not each.gate.once]
+        held = [each for each in calls if each.gate.every > 1 or each.gate.switches]
+        return tuple(signal for each in held for signal in each.outputs)
+
+    @cached_property
+    def restored(self) -> frozenset[str]:
+        """The blocks whose states are set back to what they were after ``start``."""
+        found = (each.states for each in self.operations if isinstance(each, Restore))
+        return frozenset(state.block for states in found for state in states)
+
+    @property
+    def can_stop(self) -> bool:
+        """Whether a condition may end a run early."""
+        return any(isinstance(each, Stop) for each in self.operations)
+
+    def __str__(self) -> str:
+        return "\n".join(map(str, self.operations))

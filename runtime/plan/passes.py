@@ -1,0 +1,84 @@
+"""Passes over operations: what they use, and what two memories exchange around them.
+
+In go operations, out come operations or names; nothing is printed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+from runtime.plan.operations import (
+    Call,
+    Gate,
+    Integrate,
+    Load,
+    Operation,
+    Port,
+    Record,
+    Signal,
+    Stop,
+    Store,
+    Test,
+    Zero,
+)
+
+
+def signals_of(operations: Iterable[Operation]) -> set[Port]:
+    """The signals that operations read or write."""
+    found: set[Port] = set()
+    for each in operations:
+        values: list[object] = list(each.gate.switches)
+        if isinstance(each, Call):
+            values += [*each.reads, *each.outputs]
+        elif isinstance(each, (Test, Zero)):
+            values += each.outputs
+        elif isinstance(each, (Record, Stop)):
+            values.append(each.source.whole)
+        elif isinstance(each, (Load, Store)):
+            values += each.signals
+        elif isinstance(each, Integrate):
+            found |= signals_of((*each.stage, *each.projections, *each.watch))
+            values += [] if each.stop is None else [each.stop.source.whole]
+        found |= {value.key for value in values if isinstance(value, Signal)}
+    return found
+
+
+def exchanged(operations: Sequence[Operation]) -> list[Operation]:
+    """Operations that Python does, with what it takes from compiled code and hands back.
+
+    ``call b.out = b.output(t, a.out)`` becomes::
+
+        load      a.out
+        call      b.out = b.output(t, a.out)
+        store     b.out
+    """
+    loads: list[Signal] = []
+    every = operations[0].gate.every
+    done: list[Operation] = []
+    for each in operations:
+        if isinstance(each, Integrate):
+            calls = [call for call in (*each.stage, *each.watch) if isinstance(call, Call)]
+            done.append(replace(each, stage=_stored(each.stage), watch=_stored(each.watch)))
+        else:
+            calls = [each] if isinstance(each, Call) else []
+            done.append(each)
+        for call in calls:
+            # A call that a switch leaves out stores the outputs as they were.
+            before = call.outputs if call.gate.switches else ()
+            loads += [*call.reads, *call.gate.switches, *before]
+    first = operations[0]
+    taken = Load(first.block, tuple(dict.fromkeys(loads)), Gate(every))
+    return [taken, *(done if isinstance(first, Integrate) else _stored(done))]
+
+
+def _stored(operations: Sequence[Operation]) -> tuple[Operation, ...]:
+    """Operations, with the outputs of each call stored after its tests."""
+    done: list[Operation] = []
+    waiting: list[Store] = []
+    for each in operations:
+        if isinstance(each, Call):
+            done += waiting
+            waiting = [Store(each.block, each.outputs, Gate(each.gate.every))]
+        done.append(each)
+    return (*done, *waiting)
