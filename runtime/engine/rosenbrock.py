@@ -27,8 +27,8 @@ GAMMA = 0.25
 SHIFT = 1e-5
 # The rounding of a float64, of which the root is the best step of a difference.
 DIFFERENCE = 2.220446049250313e-16
-# Increments of a step, each with a stage; and the rows of the slopes after those of the stages and of
-# M's columns: which rows of M were exchanged, and its band.
+# Increments of a step, each with a stage; and the rows of the slopes after those of the stages and
+# of M's columns: which rows of M were exchanged, and its band.
 INCREMENTS, SPARE = 6, 2
 # Loops over so narrow a band are faster in Python than NumPy's calls.
 NARROW = 8
@@ -39,10 +39,10 @@ def implicit(
     start: FloatArray,
     slopes: FloatArray,
     table: FloatArray,
-    colours: FloatArray,
-    pattern: FloatArray,
     stage: int,
     h: float,
+    colours: FloatArray,
+    pattern: FloatArray,
 ) -> None:
     """Move the states to the next stage; the Python engine's form.
 
@@ -138,10 +138,10 @@ def implicit_loops(
     start: FloatArray,
     slopes: FloatArray,
     table: FloatArray,
-    colours: FloatArray,
-    pattern: FloatArray,
     stage: int,
     h: float,
+    colours: FloatArray,
+    pattern: FloatArray,
 ) -> None:
     """What :func:`implicit` does."""
     n = len(states)
