@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import math
 from decimal import Decimal
 from fractions import Fraction
@@ -257,6 +258,12 @@ def test_descriptions(declaration: Param, words: str) -> None:
         (np.ones((2, 3)), "an array of shape (2, 3)"),
         ((1, 2), "[1, 2]"),
         (list(range(100)), "a list of 100 items"),
+        ([1] * 20, str([1] * 20)),  # 60 characters
+        ([1] * 19 + [10], "a list of 20 items"),  # 61
+        ("x" * 40, f"the text '{'x' * 40}'"),
+        ("x" * 41, f"the text '{'x' * 37}...'"),
+        (10**39, "1" + "0" * 39),
+        (10**40, "1" + "0" * 36 + "..."),
         (10**100, "1" + "0" * 36 + "..."),
     ],
 )
@@ -273,6 +280,37 @@ def test_hints() -> None:
     assert hint("neurns", ["neurons", "radius"]) == ", did you mean 'neurons'?"
     assert hint("zzz", ["neurons"]) == ""
     assert hint(3, ["a"]) == ""
+
+
+@given(st.text("abcde", min_size=2, max_size=8), st.integers(0, 2**32 - 1))
+def test_a_hint_among_many_names_is_the_closest_of_all(name: str, seed: int) -> None:
+    """Only some of the names are compared; the closest is among them."""
+    letters = np.random.default_rng(seed).choice(list("abcdefgh"), (300, 6))
+    known = list(dict.fromkeys("".join(row) for row in letters))
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
+    offered = hint(name, known).removeprefix(", did you mean '").removesuffix("'?")
+
+    def alike(other: str) -> float:
+        return difflib.SequenceMatcher(None, other, name).ratio()
+
+    assert bool(offered) == bool(close)
+    assert not close or alike(offered) == alike(close[0])
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "advice"),
+    [
+        ("2,5", "m", "; a decimal point is a dot: 2.5"),
+        ("2.5 m", "m", "; write the number alone, in m"),
+        ("30 degrees", "rad", "; in degrees, it is 30deg"),
+        ("3 deg", "rad/s", "; in degrees, it is 3deg/s"),
+        ("2.5 m", "", ""),
+        ("a lot", "m", ""),
+    ],
+)
+def test_a_number_with_its_unit_is_answered(value: str, unit: str, advice: str) -> None:
+    message = refused(declared("float", unit=unit), value)
+    assert message == f"expected {f'a number {unit}'.strip()}, got the text '{value}'{advice}"
 
 
 def test_an_error_lists_every_problem() -> None:
