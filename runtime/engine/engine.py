@@ -342,10 +342,11 @@ class Engine:
             solver.rtol, solver.atol, min(dt, solver.max_step or dt), self.network.until
         )
         self.state.arrays["run/control"] = control
-        jacobian, move = {}, blend
+        jacobian: dict[str, FloatArray] = {}
+        move: Callable[..., None] = blend
         if part.coupling is not None:
             jacobian = {"colours": part.coupling.colours, "pattern": part.coupling.pattern}
-            move = partial(implicit, **jacobian)
+            move = partial(implicit, colours=part.coupling.colours, pattern=part.coupling.pattern)
         return {
             **jacobian,
             "states": self.state.continuous,

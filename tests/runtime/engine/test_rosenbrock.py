@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import runtime
-from runtime.document.node import parse_yaml
 from runtime.engine.rosenbrock import (
     factor,
     factor_loops,
@@ -111,7 +111,7 @@ blocks:
     states: [a, b, c]
     derivative: [b - a, "-2*b + a*c", "u[0]"]
     initial: [1.0, 0.5, 0.2]
-  sum: {type: Sum, signs: "+-"}
+  sum: {type: Sum, signs: [1, -1]}
   out: {type: Integrator, initial: 0.3}
   alone: {type: TransferFunction, numerator: [1.0], denominator: [1.0, 3.0, 2.0]}
   wave: {type: Sine}
@@ -125,15 +125,16 @@ probes: {chain: chain.out, out: out.out, alone: alone.out}
 
 
 def test_what_depends_on_what_is_read_from_wires_and_blocks() -> None:
-    graph = runtime.load(parse_yaml(GRAPH, "coupled.yaml"))
+    graph = runtime.load(yaml.safe_load(GRAPH))
     part = make_plan(graph.network, graph.observation).integration
     assert part is not None
     states = [f"{slot.block}[{i}]" for slot in part.row.slots for i in range(slot.size)]
     read = {(states[int(r)], states[int(c)]) for r, c in part.coupling.pattern}
     a, b, c, out = "chain[0]", "chain[1]", "chain[2]", "out[0]"
     assert {pair for pair in read if "alone" not in pair[0]} == {
-        *((a, a), (a, b), (b, a), (b, b), (b, c), (c, out)),
-        # An output of several components is one signal: each may depend on all states.
+        *((a, a), (a, b), (b, a), (b, b), (b, c)),
+        # Inputs and outputs are whole signals: each component may depend on all.
+        *((a, out), (b, out), (c, out)),
         *((out, a), (out, b), (out, c), (out, out)),
     }
     assert all("alone" in column for row, column in read if "alone" in row)
@@ -141,7 +142,7 @@ def test_what_depends_on_what_is_read_from_wires_and_blocks() -> None:
 
 @pytest.mark.parametrize("engine", ["python", "compiled"])
 def test_coloured_differences_solve_what_scipy_solves(engine: str) -> None:
-    result = runtime.load(parse_yaml(GRAPH, "coupled.yaml")).run(engine=engine)
+    result = runtime.load(yaml.safe_load(GRAPH)).run(engine=engine)
 
     def rates(t: float, x: np.ndarray) -> list[float]:
         a, b, c, out = x
