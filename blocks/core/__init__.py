@@ -22,7 +22,6 @@ from blocks.core.expressions import (
     read_expression,
 )
 from blocks.core.extras import MissingPackageError, pip_line, require
-from blocks.core.installed import BrokenPackageError, Installed
 from blocks.core.kernels import function_kernel, has_kernels, kernel_for, kernel_of
 from blocks.core.matrices import (
     covariance_fault,
@@ -87,7 +86,6 @@ __all__ = [
     "BlockSpec",
     "BlockState",
     "BoolArray",
-    "BrokenPackageError",
     "DeclarationError",
     "Elementwise",
     "Evaluation",
@@ -95,7 +93,6 @@ __all__ = [
     "ExpressionError",
     "FloatArray",
     "Input",
-    "Installed",
     "IntArray",
     "MissingPackageError",
     "Options",

@@ -18,7 +18,7 @@ class SingularError(ArithmeticError):
     """The system has no solution; the message says why, and what to do."""
 
 
-class DecoderSolver(Variant, root=True):
+class DecoderSolver(Variant, root=True, registry="solvers"):
     """How decoders are solved: ``l2``, or ``{type: l2, reg: 0.1}``."""
 
     expected: ClassVar[str] = "a solver"

@@ -29,7 +29,7 @@ SETTLING, COUNTING, TABLE = 0.1, 1.0, 800
 STEP = ["dt", "current", "spikes", "voltage", "refractory", "recovery", "constants"]
 
 
-class NeuronModel(Variant, root=True, group="spikeblocks.neurons"):
+class NeuronModel(Variant, root=True, registry="neurons"):
     """A neuron model; a subclass declares parameters, ``step`` and, if possible, ``rates``.
 
     spiking : whether ``spikes`` are spikes; their number per step is then limited by dt.

@@ -11,7 +11,7 @@ from blocks.core import Block, SignalType
 from blocks.registry import Modules
 from runtime.document import Node, Override, without_unused
 from runtime.errors import GraphError, MissingExtraError, Problem, Problems
-from runtime.network import Made, Network, build
+from runtime.network import BlockCache, Network, build
 from runtime.observation import Observation, observe
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ class Content:
     notes: tuple[str, ...] = ()
     modules: Modules = True
     files: Mapping[str, bytes] = field(default_factory=dict)
-    made: Made | None = None
+    block_cache: BlockCache | None = None
 
     def changed(
         self,
@@ -64,7 +64,7 @@ class Checked:
 
         key = (None if plots is None else repr(plots), profiled)
         if key not in self.programs:
-            observation = self.observation if plots is None else self.observation.reduced(plots)
+            observation = self.observation if plots is None else self.observation.only_for(plots)
             self.programs[key] = Program(self.network, observation, profiled)
         return self.programs[key]
 
@@ -98,17 +98,17 @@ def examined(content: Content, loops: bool = False) -> Examined:
             content.classes,
             content.signal_types,
             content.modules,
-            content.made,
+            content.block_cache,
         )
         observation = observe(network, problems, content.modules)
     except GraphError as error:
         return Examined(error.problems, network)
-    if loops and not problems.found:
+    if loops and not problems.items:
         try:
             Checked(network, observation).program(None, False)
         except GraphError as error:
-            problems.found += error.problems
-    return Examined(problems.found, network, observation, missing)
+            problems.items += error.problems
+    return Examined(problems.items, network, observation, missing)
 
 
 def _part_instead(document: Node) -> list[Problem]:

@@ -394,7 +394,7 @@ class Graph:
         """
         own: dict[str, bytes] = {}
         for entry in (*self.network.entries.values(), *self.network.removed_entries.values()):
-            own |= block_texts(entry.cls, entry.block)
+            own |= block_texts(entry.cls, entry.block_or_none)
         return {**self._content.files, **self.observation.files, **own}
 
     def to_yaml(self) -> str:

@@ -22,7 +22,7 @@ from runtime.document import (
     SECTIONS,
     Node,
     complete_document,
-    decoded,
+    decode,
     find_file,
     is_part,
     parse_scalar,
@@ -181,7 +181,7 @@ class Model:
         GraphError : there is no such file, or it is not a text.
         """
         path = find_file(name, (NOWHERE, ""), Path())
-        return cls(decoded(read_file(path, (NOWHERE, "")), path), path, surroundings, change)
+        return cls(decode(read_file(path, (NOWHERE, "")), path), path, surroundings, change)
 
     @cached_property
     def root(self) -> YamlItem:
@@ -324,7 +324,7 @@ class Model:
             source=self.path,
             modules=self.surroundings.modules,
             classes=classes,
-            made=self.surroundings.reusable_blocks(),
+            block_cache=self.surroundings.reusable_blocks(),
         )
         with _no_collection():
             return examined(content, loops=True)

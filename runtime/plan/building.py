@@ -239,7 +239,7 @@ class _Builder:
                     slice(start, stop) if len(probe.signals) > 1 else None,
                     self.buffers.get(probe.name, 0),
                     signal.publisher,
-                    Gate(probe.sampled, once=probe.constant),
+                    Gate(probe.input_every, once=probe.constant),
                 )
                 start = stop
                 yield record, signal.is_event

@@ -21,7 +21,7 @@ def declared_states(network: Network, name: str, context: BlockContext) -> tuple
     """The states of a block."""
     entry, spec = network.entries[name], network.entries[name].cls.spec
     return tuple(
-        StateArray(name, state, state_shape(entry.made, declared, context, spec))
+        StateArray(name, state, state_shape(entry.block, declared, context, spec))
         for state, declared in spec.states.items()
     )
 

@@ -42,7 +42,7 @@ from runtime.plan import (
     Zero,
     numbers_in,
 )
-from runtime.toolchain import Unit
+from runtime.toolchain import TranslationUnit
 
 # What ``run`` returns: an output is not finite, a block failed, the solver cannot integrate (a rate
 # of change is not finite, or its tolerance is not met), or the run's condition to stop holds.
@@ -63,7 +63,7 @@ class PlanText:
     text: str
     struct: Struct
     calls: list[Call]
-    solver: Unit | None = None
+    solver: TranslationUnit | None = None
     driver: str = ""
     parts: int = 1
     lines: dict[int, str] = field(default_factory=dict)
@@ -124,7 +124,7 @@ class EngineText(CText):
         self.plan, self.kernels = plan, kernels
         self.struct = Struct(names)
         self.calls: list[Call] = []
-        self.solver: Unit | None = None
+        self.solver: TranslationUnit | None = None
         self.own: set[str] = set()
         self.printers |= {
             Record: self.record,

@@ -27,14 +27,14 @@ from runtime.engine.solvers import (
     substep,
 )
 from runtime.plan import Integrate
-from runtime.toolchain import Unit, digest, read_record, write_record
+from runtime.toolchain import TranslationUnit, digest, read_record, write_record
 
 ROWS = ("states", "start")
 IMPLICIT: list[Any] = [difference, fill, factor_loops, solve_loops, implicit_loops]
 TITLE = "The solver of the continuous states."
 
 
-def solver_unit(part: Integrate, method: Method) -> tuple[Unit, list[str]]:
+def solver_unit(part: Integrate, method: Method) -> tuple[TranslationUnit, list[str]]:
     """The functions that a solver calls, as a C unit with their declarations."""
     size = part.row.size
     row = Array("float", (size,))
@@ -77,4 +77,4 @@ def solver_unit(part: Integrate, method: Method) -> tuple[Unit, list[str]]:
         made = Writer(translate_functions(functions)).unit(entries, TITLE)
         record = {"text": made.text, "prototypes": made.prototypes}
         write_record(key, record)
-    return Unit("the solver", record["text"]), record["prototypes"]
+    return TranslationUnit("the solver", record["text"]), record["prototypes"]

@@ -98,7 +98,7 @@ def read_sweep(folder: Path) -> SweepData:
     vary = from_python(plan.get("vary", {}))
     factors = [parse_factor(path, node, path, problems) for path, node in vary.items()]
     seeds = parse_seeds(from_python(plan.get("seeds")), "seeds", problems)
-    if plan.get("kind") != "sweep" or problems.found or seeds is None:
+    if plan.get("kind") != "sweep" or problems.items or seeds is None:
         raise UsageError(f"cannot read the sweep in '{folder}'")
     known = [factor for factor in factors if factor is not None]
     metrics = tuple(map(str, plan.get("metrics", ())))
