@@ -206,7 +206,7 @@ class _Builder:
         unit, solver, coupling = network.time_unit, network.solver.name, None
         if solver in IMPLICIT:
             contexts = {name: network.context(name) for name in specs}
-            own = {name: network.entries[name].made.couplings(contexts[name]) for name in specs}
+            own = {name: network.entries[name].block.couplings(contexts[name]) for name in specs}
             coupling = Coupling.of(coupled(self.row, stage, own))
         return Integrate(
             *(self.row, solver, tuple(stage), projections, watch, stop, unit), coupling=coupling
