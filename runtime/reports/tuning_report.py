@@ -10,7 +10,7 @@ from typing import Any
 from runtime.compare import text_of
 from runtime.errors import UsageError
 from runtime.experiments.analysis import NEVER, SAME, SAME_RUNS, too_few
-from runtime.experiments.execution import GRAPH, read_plan
+from runtime.experiments.execution import GRAPH, check_entries, read_plan
 from runtime.experiments.tuning import NOTHING, TUNING
 from runtime.experiments.tuning.tuning_plots import tuning_figures
 from runtime.files import MAYBE_NUMBER, check_form, read_text
@@ -76,6 +76,8 @@ def _read(folder: Path) -> dict[str, Any]:
     try:
         stored = json.loads(read_text(folder / TUNING))
         check_form(stored, _STORED)
+        if stored.get("schema_version") != 1:
+            check_entries(stored)
     except FileNotFoundError:
         message = "has no results yet; 'runtime tune' with --resume continues it"
         raise UsageError(f"'{folder}' {message}") from None

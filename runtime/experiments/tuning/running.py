@@ -15,7 +15,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from runtime.document import dump_yaml
 from runtime.experiments.design import own_value
 from runtime.experiments.execution import (
     INDEX,
@@ -30,6 +29,7 @@ from runtime.experiments.execution import (
     open_folder,
     read_plan,
     run_trials,
+    write_plan,
 )
 from runtime.experiments.tuning.optimizer import Optimizer, Suggestion
 from runtime.experiments.tuning.plan import BASELINE, HELD_OUT, TUNING, TuningPlan
@@ -132,9 +132,7 @@ def _extend(plan: TuningPlan, folder: Path) -> None:
     with system_errors(f"write '{folder}'"):
         for name in (HELD_OUT, TUNING):
             (folder / name).unlink(missing_ok=True)
-        partial = folder / f".{PLAN}.partial"
-        partial.write_text(dump_yaml(plan.to_dict()), encoding="utf-8")
-        partial.replace(folder / PLAN)
+        write_plan(plan, folder)
 
 
 class _Runner:
