@@ -51,7 +51,7 @@ changes is in the :class:`BlockState` that the engine owns.
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Mapping
+from collections.abc import Collection, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -302,6 +302,14 @@ class Block:
         that of a linear system with D = 0.
         """
         return ()
+
+    def couplings(self, context: BlockContext) -> Sequence[Collection[int]] | None:
+        """For each of its continuous states, in order and each component counted, of which of them
+        its rate of change is a direct function, not through inputs; None: of all.
+
+        An implicit solver calls a block less often, the fewer they are.
+        """
+        return None
 
     # Any: the type of a parameter is known to its annotation, not to its name.
     def value(self, name: str) -> Any:

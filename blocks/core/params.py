@@ -261,19 +261,21 @@ def in_radians(value: Any, units: Sequence[str]) -> Any:
         if match and match[2] == units[0].removeprefix("rad"):
             return math.radians(float(match[1]))
     if isinstance(value, (list, tuple)):
-        each = [units] * len(value) if len(units) != len(value) else [(unit,) for unit in units]
-        return [in_radians(item, own) for item, own in zip(value, each, strict=True)]
+        pairs = zip(value, _units_of_items(value, units), strict=True)
+        return [in_radians(item, own) for item, own in pairs]
     return value
 
 
-def maybe_degrees(value: Any, units: Sequence[str]) -> list[tuple[float, str]]:
-    """The numbers in rad beyond a full turn, and in rad/s beyond three per second, with the unit.
+def _units_of_items(value: Sequence[Any], units: Sequence[str]) -> list[Sequence[str]]:
+    """A row's items have one unit each; each row of a table, also of a square one, has all."""
+    is_row = len(units) == len(value) and not any(isinstance(x, (list, tuple)) for x in value)
+    return [(unit,) for unit in units] if is_row else [units] * len(value)
 
-    They may be meant as degrees.
-    """
+
+def maybe_degrees(value: Any, units: Sequence[str]) -> list[tuple[float, str]]:
+    """Numbers in rad beyond a turn, or in rad/s beyond three per second, which may be degrees."""
     if isinstance(value, (list, tuple)):
-        each = [units] * len(value) if len(units) != len(value) else [(unit,) for unit in units]
-        pairs = zip(value, each, strict=True)
+        pairs = zip(value, _units_of_items(value, units), strict=True)
         return [part for item, own in pairs for part in maybe_degrees(item, own)]
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
     limit = USUAL_ANGLES.get(units[0], math.inf) if len(units) == 1 else math.inf

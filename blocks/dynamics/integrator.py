@@ -78,6 +78,10 @@ class Integrator(Block):
         state.limited = self.lower is not None or self.upper is not None
         state.cells, state.firsts = state.integral.reshape(-1), state.first.reshape(-1)
 
+    def couplings(self, context: BlockContext) -> list[list[int]]:
+        # Each of its own state, which may be at a limit.
+        return [[i] for i in range(math.prod(context.types["out"].shape))]
+
     def output(self, state: BlockState, t: float) -> Any:
         return state.pack(state.integral)
 

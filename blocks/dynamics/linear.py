@@ -10,6 +10,7 @@ import numpy as np
 
 from blocks.core import (
     Block,
+    BlockContext,
     BlockState,
     FloatArray,
     Input,
@@ -113,6 +114,9 @@ class ContinuousSystem(LinearSystem, ABC):
     """A linear system in continuous time: x' = A x + B u."""
 
     x = State("n", name="x", continuous=True, doc="the state")
+
+    def couplings(self, context: BlockContext) -> list[list[int]]:
+        return [np.flatnonzero(row).tolist() for row in self.transition]
 
     def derivative(self, state: BlockState, t: float, input: Any) -> FloatArray:
         return self.following(state, input)

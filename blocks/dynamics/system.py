@@ -200,6 +200,12 @@ class DynamicSystem(_System):
         """Whether the event's condition holds."""
         return bool(state.condition(t, state.x.tolist(), u, state.constants) != 0.0)
 
+    def couplings(self, context: BlockContext) -> list[set[int]]:
+        count = input_count(context)
+        read = [self.equations.read("derivative", text, count) for text in self.rates]
+        # Names of states and indices are x[0], x[1], ... in the Python text, sums are written out.
+        return [set(map(int, re.findall(r"\bx\[(\d+)\]", each.python))) for each in read]
+
     def derivative(self, state: BlockState, t: float, u: tuple[float, ...]) -> FloatArray:
         rates: FloatArray = state.rates(t, state.x.tolist(), u, state.constants)
         return rates
