@@ -107,9 +107,9 @@ class Param:
                 "float": "a number",
                 "int": "an integer",
                 "bool": "true or false",
-                "str": "a text",
+                "str": "a string",
                 "signal": "a signal type such as Scalar, Pose or Vector(3)",
-                "texts": "a text or a list of texts",
+                "texts": "a string or a list of strings",
                 "numbers": "a mapping of names to numbers, as in {a: 1.5}",
                 "setting": "a setting",
             }[self.kind]
@@ -167,7 +167,7 @@ class Param:
         return converted
 
     def _number_hint(self, value: Any) -> str:
-        """How to write the number that a text seems to mean."""
+        """How to write the number that a string seems to mean."""
         if not isinstance(value, str):
             return ""
         if match := _COMMA.fullmatch(value):

@@ -247,7 +247,7 @@ def test_choices() -> None:
         (declared("int", at_least=1), "an integer at least 1"),
         (declared("float", at_least=0.0, below=1.0), "a number at least 0 and below 1"),
         (declared("bool"), "true or false"),
-        (declared("str"), "a text"),
+        (declared("str"), "a string"),
         (declared("array"), "an array of numbers"),
         (declared("array", shape=[(3,), (None, 2)], unit="m"), "an array of 3 or nx2 numbers m"),
         (declared("str", choices=("a", "b")), "one of a, b"),
