@@ -291,6 +291,10 @@ def test_hints() -> None:
     assert hint("neurns", ["neurons", "radius"]) == ", did you mean 'neurons'?"
     assert hint("zzz", ["neurons"]) == ""
     assert hint(3, ["a"]) == ""
+    # Comparing long names would take long: they are never suggested.
+    for others in ([], [f"other{i}" for i in range(40)]):
+        assert hint("n" * 101, ["n" * 101, *others]) == ""
+        assert hint("n" * 99, ["n" * 100, *others]) == f", did you mean '{'n' * 100}'?"
 
 
 @given(st.text("abcde", min_size=2, max_size=8), st.integers(0, 2**32 - 1))
