@@ -1,70 +1,32 @@
 """Typed blocks: what a block is, and every block of the library.
 
-Each room's blocks are what its ``__all__`` holds; :data:`blocks.registry.BUILTIN` is made of them.
+    from blocks import Block, Gain, Input, Output, Scalar, param
+
+The names are those of :mod:`blocks.library`, which is imported with the first of them, so that
+``runtime --help`` does not wait for NumPy and a hundred blocks.
 """
 
-from blocks import (
-    control,
-    dynamics,
-    generic,
-    mujoco,
-    neural,
-    nonlinear,
-    plants,
-    sources,
-    vehicle,
-    wall_fitting,
-    world,
-)
-from blocks.control import *
-from blocks.core import (
-    Block,
-    BlockContext,
-    BlockState,
-    DeclarationError,
-    FloatArray,
-    Input,
-    Output,
-    ParameterError,
-    Path,
-    PointCloud,
-    Pose,
-    Same,
-    Scalar,
-    Scan,
-    SignalType,
-    Spikes,
-    State,
-    TrackingState,
-    Twist,
-    Vector,
-    WheelSpeeds,
-    kernel_of,
-    param,
-)
-from blocks.dynamics import *
-from blocks.generic import *
-from blocks.mujoco import *
-from blocks.neural import *
-from blocks.nonlinear import *
-from blocks.plants import *
-from blocks.sources import *
-from blocks.vehicle import *
-from blocks.wall_fitting import *
-from blocks.world import *
+from __future__ import annotations
 
-__all__ = ["Block", "BlockContext", "BlockState", "DeclarationError", "FloatArray"]
-__all__ += ["Input", "Output", "ParameterError", "Path", "PointCloud", "Pose", "Same", "Scalar"]
-__all__ += ["Scan", "SignalType", "Spikes", "State", "TrackingState", "Twist", "Vector"]
-__all__ += ["WheelSpeeds", "kernel_of", "param"]
-__all__ += control.__all__
-__all__ += dynamics.__all__
-__all__ += generic.__all__
-__all__ += mujoco.__all__
-__all__ += nonlinear.__all__
-__all__ += plants.__all__
-__all__ += sources.__all__
-__all__ += neural.__all__
-__all__ += vehicle.__all__
-__all__ += wall_fitting.__all__
-__all__ += world.__all__
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from blocks.library import *
+
+
+def __getattr__(name: str) -> Any:
+    # Python asks for names of its own, such as __path__, of a package that is being imported.
+    if name != "__all__" and name.startswith("__"):
+        raise AttributeError(f"module 'blocks' has no attribute '{name}'")
+    library = importlib.import_module("blocks.library")
+    exported = [each for each in getattr(library, "__all__", ()) if hasattr(library, each)]
+    globals().update((each, getattr(library, each)) for each in exported)
+    globals()["__all__"] = exported
+    if name in globals():  # rooms as well, which the library has imported, as blocks.core
+        return globals()[name]
+    raise AttributeError(f"module 'blocks' has no attribute '{name}'")
+
+
+def __dir__() -> list[str]:
+    return sorted(importlib.import_module("blocks.library").__all__)

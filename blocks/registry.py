@@ -26,7 +26,8 @@ from blocks import (
     wall_fitting,
     world,
 )
-from blocks.core import Block, Installed, SignalType, Variant
+from blocks.core import Block, SignalType, Variant
+from blocks.extensions import Registry
 
 _T = TypeVar("_T")
 # A module is registered before its code has run: other threads must not see it until then.
@@ -59,12 +60,9 @@ def is_built_in(cls: type[Block]) -> bool:
     return BUILTIN.get(cls.__name__) is cls
 
 
-def _is_block(value: object) -> bool:
-    return isinstance(value, type) and issubclass(value, Block)
-
-
-INSTALLED: Installed[type[Block]] = Installed(
-    "spikeblocks.blocks", _is_block, "a subclass of Block", taken=BUILTIN
+# Those of installed packages as well.
+BLOCKS: Registry[type[Block]] = Registry(
+    "blocks", Block, "a subclass of Block", own=BUILTIN, classes=True
 )
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from blocks.core import Block, Input, Output, Param
-from blocks.registry import BUILTIN, INSTALLED, blocks_of_module
+from blocks.registry import BLOCKS, blocks_of_module
 from runtime.errors import UsageError
 from runtime.terminal import table
 
@@ -22,7 +22,7 @@ TableRow = tuple[str, str, str, str]
 def library(module: str | None = None) -> dict[str, type[Block]]:
     """All block types: built in, of installed packages that work, and those of a file."""
     own = {} if module is None else own_blocks(module)
-    return {**BUILTIN, **INSTALLED.usable(), **own}
+    return {**BLOCKS.usable(), **own}
 
 
 def own_blocks(file: str) -> dict[str, type[Block]]:

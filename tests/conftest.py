@@ -36,7 +36,8 @@ settings.register_profile("slow", deadline=None, max_examples=100)
 def pytest_configure(config: pytest.Config) -> None:
     """Choose the number of examples, and a folder for compiled code that all workers share."""
     settings.load_profile("quick" if config.option.markexpr == "not slow" else "slow")
-    if config.cache is not None:
+    if config.pluginmanager.hasplugin("cacheprovider"):
+        assert config.cache is not None
         os.environ.setdefault(VARIABLE, str(config.cache.mkdir("compiled")))
 
 

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import ast
+import os
+import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from functools import cache
 from itertools import chain
 from pathlib import Path
 
 import networkx as nx
+import pytest
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("blocks", "runtime", "spikeblocks", "graphs", "benchmarks", "examples")
@@ -16,17 +21,20 @@ PACKAGES = ("blocks", "runtime", "spikeblocks", "graphs", "benchmarks", "example
 # Bottom floor first. A room may import from its own files and from floors below; rooms on one floor
 # do not know each other. What loads matplotlib in a room that works without it is a room by itself.
 FLOORS: tuple[tuple[str, ...], ...] = (
+    ("blocks.extensions",),
     ("blocks.core",),
     ("blocks.dynamics", "blocks.generic", "blocks.neural", "blocks.nonlinear"),
     ("blocks.plants", "blocks.sources", "blocks.world"),
     ("blocks.control", "blocks.vehicle"),
     ("blocks.wall_fitting", "blocks.mujoco"),
     ("blocks.registry",),
+    ("blocks.library",),
     ("blocks",),
     ("runtime.lazy",),
     ("runtime.errors", "runtime.streaming", "runtime.codegen"),
     ("runtime.files",),
     ("runtime.terminal", "runtime.dataframes", "runtime.toolchain"),
+    ("runtime.arguments",),
     ("runtime.document",),
     ("runtime.network",),
     ("runtime.observation", "runtime.descriptions"),
@@ -38,7 +46,7 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.diagrams",),
     ("runtime.runs",),
     ("runtime.graph",),
-    ("runtime.compare", "runtime.rendering", "runtime.export"),
+    ("runtime.compare", "runtime.export"),
     ("runtime.compare.overlay",),
     ("runtime.experiments.design", "runtime.experiments.processes"),
     ("runtime.experiments.execution",),
@@ -49,13 +57,17 @@ FLOORS: tuple[tuple[str, ...], ...] = (
     ("runtime.experiments.tuning.tuning_plots",),
     ("runtime.experiments",),
     ("runtime.reports", "runtime.language"),
-    ("runtime.lsp",),
+    ("runtime.lsp", "runtime.rendering"),
     ("runtime.cli",),
     ("runtime",),
     ("spikeblocks",),
     ("spikeblocks_command", "graphs", "benchmarks", "examples"),
 )
 FLOOR = {room: floor for floor, rooms in enumerate(FLOORS) for room in rooms}
+
+# Rooms that stand on doors and can be deleted: only the table of verbs names them.
+BRIDGES = ("runtime.lsp", "runtime.rendering")
+TABLES = ("runtime.cli.commands",)
 
 # Imports that go up or past a door, each with the reason: (importing module, imported) -> why.
 EXCEPTIONS = {
@@ -69,9 +81,10 @@ BY_NAME = ("import_module", "__import__")
 COMPUTED = {
     "blocks.core.extras": "an optional package of others",
     "runtime.lazy": "names given to `importer`, which are counted as strings",
-    "runtime.cli.commands": "one of its own modules, a verb",
     "runtime.plots.figures": "a painter of another package, or of a graph's own file",
     "runtime.experiments.processes.forkserver": "one of PRELOADED, counted as strings",
+    "runtime.cli.commands.plugins": "one of REGISTRIES, counted as strings",
+    "runtime.cli.public_api": "one of the doors in PUBLIC, counted as strings",
     "benchmarks.peers": "one of its own modules, a peer",
 }
 MAX_FILE, MAX_FUNCTION = 450, 45
@@ -184,6 +197,50 @@ def test_imports_run_downwards_and_through_the_doors() -> None:
     by_name = {m: lines for m in modules() if (lines := computed(m))}
     assert [place(m, n) for m, lines in by_name.items() for n in lines if m not in COMPUTED] == []
     assert [m for m in COMPUTED if m not in by_name] == [], "no longer an exception"
+
+
+def test_a_bridge_is_named_by_the_table_of_verbs_only() -> None:
+    named = {
+        (m, room_of(target))
+        for m in modules()
+        for target, _ in imported(m)
+        if room_of(target) in BRIDGES and room_of(m) != room_of(target)
+    }
+    assert named == {(table, bridge) for table in TABLES for bridge in BRIDGES}
+
+
+DELETED = """import sys
+# An editable installation would find what is deleted here.
+sys.meta_path = [f for f in sys.meta_path if "editable" not in getattr(f, "__module__", "")]
+import runtime, runtime.cli
+codes = []
+for words in (["--help"], ["run", "starters/adaptive", "--until", "0.01", "--no-plots"], ["VERB"]):
+    try:
+        codes.append(runtime.cli.run(words))
+    except SystemExit as ended:
+        codes.append(ended.code)
+print(codes, runtime.PACKAGE)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("bridge", "verb"), [("lsp", "lsp"), ("rendering", "render")])
+def test_a_bridge_can_be_deleted(bridge: str, verb: str, tmp_path: Path) -> None:
+    for package in ("blocks", "runtime", "graphs"):
+        shutil.copytree(ROOT / package, tmp_path / package)
+    shutil.rmtree(tmp_path / "runtime" / bridge)
+    done = subprocess.run(
+        [sys.executable, "-c", DELETED.replace("VERB", verb)],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        capture_output=True,
+        text=True,
+    )
+    assert done.stdout.splitlines()[-1] == f"[0, 0, 2] {tmp_path}", done.stderr
+    missing = f"ModuleNotFoundError: No module named 'runtime.{bridge}'"
+    line = f"'{verb}' of package spikeblocks: runtime.{bridge} cannot be imported: {missing}"
+    assert [f"note: {line}", line] == [n for n in done.stderr.splitlines() if "package" in n]
+    assert f"\n    {verb} " not in done.stdout
 
 
 def test_no_import_circle() -> None:

@@ -12,7 +12,13 @@ from blocks.core.block import (
     State,
 )
 from blocks.core.declarations import BlockSpec
-from blocks.core.elementwise import Elementwise, check_flat, check_sized, spread_to
+from blocks.core.elementwise import (
+    Elementwise,
+    check_ascending,
+    check_flat,
+    check_sized,
+    spread_to,
+)
 from blocks.core.expression_reader import ExpressionError, parsed
 from blocks.core.expressions import (
     Expression,
@@ -22,7 +28,6 @@ from blocks.core.expressions import (
     read_expression,
 )
 from blocks.core.extras import MissingPackageError, pip_line, require
-from blocks.core.installed import BrokenPackageError, Installed
 from blocks.core.kernels import function_kernel, has_kernels, kernel_for, kernel_of
 from blocks.core.matrices import (
     covariance_fault,
@@ -87,7 +92,6 @@ __all__ = [
     "BlockSpec",
     "BlockState",
     "BoolArray",
-    "BrokenPackageError",
     "DeclarationError",
     "Elementwise",
     "Evaluation",
@@ -95,7 +99,6 @@ __all__ = [
     "ExpressionError",
     "FloatArray",
     "Input",
-    "Installed",
     "IntArray",
     "MissingPackageError",
     "Options",
@@ -124,6 +127,7 @@ __all__ = [
     "WheelSpeeds",
     "arctan2",
     "as_matrix",
+    "check_ascending",
     "check_flat",
     "check_sized",
     "cos",

@@ -7,43 +7,37 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
-from blocks.core.installed import BrokenPackageError, Installed
 from blocks.core.params import hint, plain, show
 from blocks.core.reading import read_params
 from blocks.core.settings import Setting, SettingError
+from blocks.extensions import BrokenPackageError, Registry
 
 
 class Variant(Setting):
     """A setting of one of several classes: ``LIF``, or ``{type: LIF, tau_rc: 0.02}``.
 
     A family of such classes has one root, with the ``key`` that names a class. A class declares
-    its own parameters with :func:`blocks.core.param`, as a block does. ``group`` names the entry
-    points under which packages offer classes of the family; without it there are none.
+    its own parameters with :func:`blocks.core.param`, as a block does. ``registry`` is
+    the name of the family's :class:`Registry`, as in "neurons"; without it packages offer none.
     """
 
     key: ClassVar[str] = "type"
     of_ones_own: ClassVar[str] = ""  # how a graph names one that is not the library's
-    members: ClassVar[dict[str, type[Variant]]] = {}
-    installed: ClassVar[Installed[type[Variant]] | None] = None
+    members: ClassVar[Registry[type[Variant]]]
     label: ClassVar[str] = ""
 
     def __init_subclass__(
-        cls, root: bool = False, abstract: bool = False, label: str = "", group: str = ""
+        cls, root: bool = False, abstract: bool = False, label: str = "", registry: str = ""
     ) -> None:
         super().__init_subclass__()
         cls.declared = read_params(cls)
         if root:
-            cls.members = {}
-        if group:
-            cls.installed = Installed(
-                group,
-                lambda value: isinstance(value, type) and issubclass(value, cls),
-                f"a subclass of {cls.__name__}",
-                taken=cls.members,
-            )
-        if root:
+            wanted = f"a subclass of {cls.__name__}"
+            cls.members = Registry(registry, cls, wanted, classes=True)
             return
         cls.label = label or cls.__name__
+        # The library's alone: a class of a graph's own file is looked up in that file, so that two
+        # graphs may use one name for different classes.
         if not abstract and cls.__module__.startswith("blocks."):
             cls.members[cls.label] = cls
 
@@ -78,29 +72,18 @@ class Variant(Setting):
         name = values.pop(cls.key, None)
         if isinstance(name, type) and issubclass(name, cls):
             return name(**values)
-        if isinstance(name, str) and name in cls.members:
-            instance: Any = cls.members[name](**values)
-            return instance  # type: ignore[no-any-return]
         where = cls.key if isinstance(written, dict) else ""
         try:
-            offered = cls._offered(name)
+            found: Any = cls.members.find(name) if isinstance(name, str) else None
         except BrokenPackageError as error:
             raise SettingError([(where, str(error))]) from None
-        if offered is not None:
-            return offered(**values)
-        known = [*cls.members, *(cls.installed.names() if cls.installed else ())]
+        if found is not None:
+            return found(**values)  # type: ignore[no-any-return]
+        known = cls.members.names()
         got = "nothing" if name is None else show(name)
         suggestion = hint(name, known) or cls.of_ones_own
         text = f"expected {cls.expected} ({', '.join(known)}), got {got}{suggestion}"
         raise SettingError([(where, text)])
-
-    @classmethod
-    def _offered(cls, name: Any) -> type[Self] | None:
-        """The class that a package offers under a name."""
-        if cls.installed is None or not isinstance(name, str):
-            return None
-        offered: Any = cls.installed.find(name)
-        return offered  # type: ignore[no-any-return]
 
     @classmethod
     def forms(cls) -> Mapping[str, str]:
@@ -117,7 +100,7 @@ class Variant(Setting):
             value = plain(self.__dict__[name])
             if declared.required or value != plain(declared.convert(declared.default)):
                 values[name] = value
-        offered = self.installed.name_of(type(self)) if self.installed else ""
+        offered = self.members.name_of(type(self))
         own = {} if offered else _own_file(type(self))
         name = offered or self.label
         return {self.key: name, **own, **values} if values or own else name

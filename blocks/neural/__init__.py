@@ -8,6 +8,7 @@ one block; RateEnsemble, AdaptiveBias and MRAC have its ports and can replace it
 
 from blocks.neural.adaptive import AdaptiveEnsemble, RateEnsemble
 from blocks.neural.decoder import Decoder
+from blocks.neural.decoder_solvers import DecoderSolver
 from blocks.neural.ensemble import Ensemble
 from blocks.neural.learner import AdaptiveBias
 from blocks.neural.lif import LIF, AdaptiveLIF, LIFRate
@@ -20,4 +21,4 @@ from blocks.neural.weights import Weights
 
 __all__ = ["LIF", "MRAC", "PLACES", "AdaptiveBias", "AdaptiveEnsemble", "AdaptiveLIF", "Decoder"]
 __all__ += ["Ensemble", "Izhikevich", "LIFRate", "NeuronModel", "RateEnsemble", "ReLU", "Sigmoid"]
-__all__ += ["SpikingReLU", "Synapse", "Tanh", "Tuning", "Weights", "table_shape"]
+__all__ += ["DecoderSolver", "SpikingReLU", "Synapse", "Tanh", "Tuning", "Weights", "table_shape"]

@@ -12,14 +12,15 @@ import os
 import re
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from types import FrameType
 from typing import NoReturn, TextIO
 
-from runtime.cli.commands import NAMES, command
+from blocks.extensions import BrokenPackageError
+from runtime.cli.commands import VERBS, Verb
 from runtime.cli.problems import report
-from runtime.errors import SpikeblocksError, UsageError
+from runtime.errors import SpikeblocksError, UsageError, one_line, raised_at
 from runtime.terminal import printable, show, tell
 
 EPILOG = """examples:
@@ -73,8 +74,8 @@ class _Parser(argparse.ArgumentParser):
         return found, rest
 
 
-def make_parser(names: Sequence[str] = NAMES) -> argparse.ArgumentParser:
-    """The command line with these verbs; all of them by default."""
+def make_parser(verbs: Mapping[str, Verb] | None = None) -> argparse.ArgumentParser:
+    """The command line with these verbs; by default with all, those of packages included."""
     parser = _Parser(
         prog="runtime",
         description="Simulate control diagrams written in YAML.",
@@ -84,10 +85,43 @@ def make_parser(names: Sequence[str] = NAMES) -> argparse.ArgumentParser:
     parser.add_argument("--version", action="store_true", help="print the version and exit")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=_Parser)
 
-    for name in names:
-        module = command(name)
-        module.add(commands.add_parser(name, help=module.HELP))
+    for name, verb in (_usable() if verbs is None else verbs).items():
+        verb.add(commands.add_parser(name, help=str(verb.HELP).replace("%", "%%")))
     return parser
+
+
+def _usable() -> dict[str, Verb]:
+    """All verbs; one that cannot be used is a note, and the others go on."""
+    verbs = {}
+    for name in VERBS.names():
+        try:
+            verbs[name] = _tried(name)
+        except BrokenPackageError as error:
+            tell(f"note: {error}")
+    return verbs
+
+
+def _tried(name: str) -> Verb:
+    """A verb whose options can be declared.
+
+    Raises
+    ------
+    BrokenPackageError : the package that offers it is broken.
+    """
+    verb = VERBS[name]
+    if name not in VERBS.lazy:
+        try:
+            verb.add(argparse.ArgumentParser())
+        except Exception as error:
+            raise BrokenPackageError(_blamed(name, error)) from error
+    return verb
+
+
+def _blamed(verb: str, error: Exception) -> str:
+    """What a package's verb did wrong: the package, the error, and where it was raised."""
+    where = raised_at(error)
+    text = one_line(f"{type(error).__name__}: {error}") + (f" ({where})" if where else "")
+    return f"{VERBS.offers()[verb]}: {text}"
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
@@ -183,7 +217,11 @@ def run(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     words = sys.argv[1:] if arguments is None else arguments
     # The other verbs' options would take longer than many a verb does.
-    parser = make_parser(words[:1] if words and words[0] in NAMES else NAMES)
+    alone = bool(words) and (words[0] in VERBS.lazy or words[0] in VERBS.names())
+    try:
+        parser = make_parser({words[0]: _tried(words[0])} if alone else None)
+    except BrokenPackageError as error:
+        return _report(str(error), UsageError.exit_code)
     options = parser.parse_args(words)
     if options.version:
         from runtime.runs import versions
@@ -194,7 +232,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
         parser.print_help()
         return 2
     try:
-        code = command(options.command).run(options)
+        code = _done(options)
         sys.stdout.flush()
     except SpikeblocksError as error:
         report(error)
@@ -208,6 +246,19 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except (OSError, RecursionError) as error:
         return _report(_reason(error), UsageError.exit_code)
     return code
+
+
+def _done(options: argparse.Namespace) -> int:
+    """Run the chosen verb; what one of a package raises is no traceback, but names the package."""
+    name = str(options.command)
+    try:
+        return VERBS[name].run(options)
+    except (SpikeblocksError, OSError, RecursionError):
+        raise
+    except Exception as error:
+        if name in VERBS.lazy:
+            raise
+        raise UsageError(_blamed(name, error)) from error
 
 
 def _reason(error: OSError | RecursionError) -> str:

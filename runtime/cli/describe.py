@@ -1,4 +1,4 @@
-"""Writes the generated pages and graphs/schema.json: ``python -m runtime.cli.describe``."""
+"""Writes the generated files of docs/ and graphs/: ``python -m runtime.cli.describe``."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Container, Mapping
 from pathlib import Path
 
 from blocks.registry import BUILTIN
+from runtime.cli.public_api import listing
 from runtime.cli.shipped import shipped
 from runtime.descriptions import describe_markdown, option_text
 from runtime.document import SHIPPED
@@ -158,4 +159,5 @@ if __name__ == "__main__":
     (SHIPPED / "schema.json").write_text(schema_file(), encoding="utf-8")
     (docs / "blocks.md").write_text(blocks_page(), encoding="utf-8")
     (docs / "observing.md").write_text(observing_page(), encoding="utf-8")
+    (docs / "api.txt").write_text(listing(), encoding="utf-8")
     (docs / "gallery.md").write_text(gallery_page(), encoding="utf-8")

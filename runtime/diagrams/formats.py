@@ -1,12 +1,91 @@
-"""Draws a network in one of the diagram formats."""
+"""The formats of diagrams, and drawing a network in one of them.
+
+In: a checked network and the name of a format. Out: the text or the bytes of a picture. A package
+offers a :class:`DiagramFormat` under an entry point of the group ``spikeblocks.diagrams``::
+
+    diagram(network, "mermaid")     # flowchart LR ...
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from blocks.extensions import Registry
+from runtime.arguments import chosen
+from runtime.diagrams.paint import draw
 from runtime.diagrams.picture import picture_of
-from runtime.errors import UsageError
+from runtime.diagrams.shapes import Drawing
 from runtime.network import Network
 
-FORMATS = ("svg", "png", "pdf", "dot", "mermaid")
+
+@dataclass(frozen=True)
+class DiagramFormat:
+    """One way to write the block diagram of a network.
+
+    Parameters
+    ----------
+    doc : what it is, in a few words.
+    write : from a checked network to a text or bytes; the same network gives the same bytes.
+    suffixes : of files in this format, beside its name.
+    """
+
+    doc: str
+    write: Callable[[Network], str | bytes]
+    suffixes: tuple[str, ...] = ()
+
+
+def _drawing(network: Network) -> Drawing:
+    return draw(picture_of(network))
+
+
+def _svg(network: Network) -> str:
+    from runtime.diagrams.svg import to_svg
+
+    return to_svg(_drawing(network))
+
+
+def _png(network: Network) -> bytes:
+    from runtime.diagrams.png import to_png
+
+    return to_png(_drawing(network))
+
+
+def _pdf(network: Network) -> bytes:
+    from runtime.diagrams.png import to_pdf
+
+    return to_pdf(_drawing(network))
+
+
+def _dot(network: Network) -> str:
+    from runtime.diagrams.text import to_dot
+
+    return to_dot(picture_of(network))
+
+
+def _mermaid(network: Network) -> str:
+    from runtime.diagrams.text import to_mermaid
+
+    return to_mermaid(picture_of(network))
+
+
+FORMATS: Registry[DiagramFormat] = Registry(
+    "diagrams",
+    DiagramFormat,
+    "a DiagramFormat",
+    own={
+        "svg": DiagramFormat("a picture with hovering texts", _svg),
+        "png": DiagramFormat("a picture of pixels", _png),
+        "pdf": DiagramFormat("a picture on a page", _pdf),
+        "dot": DiagramFormat("a text that Graphviz lays out", _dot, ("gv",)),
+        "mermaid": DiagramFormat("a text that Mermaid lays out", _mermaid, ("mmd", "md")),
+    },
+)
+
+
+def format_of(suffix: str) -> str:
+    """The format that files with a suffix are in, as "dot" for "gv"; else the suffix itself."""
+    return next((name for name, kind in FORMATS.items() if suffix in kind.suffixes), suffix)
 
 
 def diagram(network: Network, format: str) -> str | bytes:
@@ -16,7 +95,7 @@ def diagram(network: Network, format: str) -> str | bytes:
     ----------
     network : a checked network; removed blocks are drawn in grey.
     format : "svg", "png" or "pdf" for a picture that is laid out here, "dot" or "mermaid" for a
-        text that Graphviz or Mermaid lays out.
+        text that Graphviz or Mermaid lays out, or a format of an installed package.
 
     Returns
     -------
@@ -26,24 +105,4 @@ def diagram(network: Network, format: str) -> str | bytes:
     ------
     UsageError : there is no such format.
     """
-    if format not in FORMATS:
-        raise UsageError(f"no diagram format '{format}'; expected {', '.join(FORMATS)}")
-    picture = picture_of(network)
-    if format == "dot":
-        from runtime.diagrams.text import to_dot
-
-        return to_dot(picture)
-    if format == "mermaid":
-        from runtime.diagrams.text import to_mermaid
-
-        return to_mermaid(picture)
-    from runtime.diagrams.paint import draw
-
-    drawing = draw(picture)
-    if format == "svg":
-        from runtime.diagrams.svg import to_svg
-
-        return to_svg(drawing)
-    from runtime.diagrams.png import to_pdf, to_png
-
-    return to_pdf(drawing) if format == "pdf" else to_png(drawing)
+    return chosen(FORMATS, format, "diagram format").write(network)

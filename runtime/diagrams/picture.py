@@ -8,8 +8,8 @@ from functools import cached_property
 
 from blocks.core import SignalType
 from blocks.generic import Sum
-from runtime.document import written_rate
-from runtime.network import Endpoint, Entry, Network, Wire, component_type
+from runtime.document import rate_text
+from runtime.network import Endpoint, Network, NetworkEntry, Wire, component_type
 
 CONSTANT, CONTINUOUS = "constant", "continuous"
 MINUS = "−"
@@ -147,17 +147,17 @@ def picture_of(network: Network) -> Picture:
     return Picture(network.title, boxes, parts, nets)
 
 
-def _box(network: Network, entry: Entry) -> Box:
+def _box(network: Network, entry: NetworkEntry) -> Box:
     spec = entry.cls.spec
     is_constant = bool(spec.outputs) and all(port.constant for port in spec.outputs.values())
     period = 0.0 if is_constant and spec.update is None else entry.every * network.dt
     fate = FATES[network.removed[entry.name]] if entry.name in network.removed else ""
-    values = entry.block.parameters() if entry.block is not None else {}
+    values = entry.block.parameters() if entry.block_or_none is not None else {}
     rate = CONSTANT
     if _is_continuous(network, entry):
         rate = CONTINUOUS
     elif period:
-        rate = written_rate(period, network.time_unit)
+        rate = rate_text(period, network.time_unit)
     solved = f", {network.solver.name}" if spec.continuous else ""
     facts = [f"{entry.name}: {entry.cls.__name__}, {fate or rate + solved}"]
     facts += [f"{name} = {_short(repr(value))}" for name, value in values.items()]
@@ -167,7 +167,7 @@ def _box(network: Network, entry: Entry) -> Box:
     )
 
 
-def _is_continuous(network: Network, entry: Entry) -> bool:
+def _is_continuous(network: Network, entry: NetworkEntry) -> bool:
     """Whether a solver evaluates a block between ticks."""
     if entry.cls.spec.continuous:
         return True
@@ -177,11 +177,11 @@ def _is_continuous(network: Network, entry: Entry) -> bool:
     )
 
 
-def _signs(entry: Entry, box: Box) -> dict[str, str]:
+def _signs(entry: NetworkEntry, box: Box) -> dict[str, str]:
     """The signs of the wired terms of a Sum; {} for any other block."""
-    if entry.cls is not Sum or not isinstance(entry.block, Sum):
+    if entry.cls is not Sum or not isinstance(entry.block_or_none, Sum):
         return {}
-    signs = entry.block.signs
+    signs = entry.block_or_none.signs
     return {
         port: MINUS if signs is not None and signs[_term(port)] < 0.0 else "+"
         for port in box.inputs
@@ -195,7 +195,7 @@ def _term(port: str) -> int:
 
 
 def _nets(
-    network: Network, entries: dict[str, Entry], wires: Iterable[Wire], is_ghost: bool
+    network: Network, entries: dict[str, NetworkEntry], wires: Iterable[Wire], is_ghost: bool
 ) -> list[Net]:
     """The wires, grouped by output, in the order in which they were written."""
     found: dict[Endpoint, list[Wire]] = {}
@@ -214,7 +214,7 @@ def _nets(
 
 
 def _type_text(
-    network: Network, entries: dict[str, Entry], end: Endpoint, wires: list[Wire]
+    network: Network, entries: dict[str, NetworkEntry], end: Endpoint, wires: list[Wire]
 ) -> str:
     """The type of a wire; for a removed block, that of the port that it was wired to."""
     kind = network.types.get((end.block, end.port))

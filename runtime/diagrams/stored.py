@@ -13,7 +13,7 @@ from dataclasses import asdict
 from typing import Any
 
 from runtime.diagrams.picture import CONSTANT, FATES, MINUS, Box, Net, Part, Picture, picture_of
-from runtime.document import SECOND, written_rate
+from runtime.document import SECOND, rate_text
 from runtime.files import NUMBER, check_form
 from runtime.network import Network
 
@@ -112,7 +112,7 @@ def _box(entry: Mapping[str, Any]) -> Box:
 
 def _rate(entry: Mapping[str, Any]) -> str:
     """The rate of a box that was stored before boxes had a text for it."""
-    return written_rate(entry["period"], SECOND) if entry["period"] > 0.0 else CONSTANT
+    return rate_text(entry["period"], SECOND) if entry["period"] > 0.0 else CONSTANT
 
 
 def _net(entry: Mapping[str, Any], boxes: Mapping[str, Box]) -> Net:

@@ -276,7 +276,7 @@ class Engine:
             self.namespace |= {"stop": self.state.stop, "narrowed": narrowed}
         names = self.program.names
         for name, entry in self.network.entries.items():
-            self.namespace[names.blocks[name]] = entry.made
+            self.namespace[names.blocks[name]] = entry.block
             self.namespace[names.states[name]] = self.state.blocks[name]
         for name in self._starting_order():
             self._start_block(name)
@@ -294,7 +294,7 @@ class Engine:
 
     def _compute_constants(self, call: Call) -> None:
         """Call a method whose outputs never change, and record them."""
-        method = getattr(self.network.entries[call.block].made, call.method)
+        method = getattr(self.network.entries[call.block].block, call.method)
         value = self._guard(call.block, partial(method, self.state.blocks[call.block], 0.0))
         values = (value,) if len(call.outputs) == 1 else value
         for signal, item in zip(call.outputs, values, strict=True):
@@ -313,13 +313,13 @@ class Engine:
         """Initialise one block's state, with what the outputs wired to it publish."""
         published = {}
         for port, source in self.network.publications(name):
-            made = self.network.entries[source.block].made
+            made = self.network.entries[source.block].block
             describe = getattr(made, type(made).spec.outputs[source.port].publishes)
             call = partial(describe, self.state.blocks[source.block])
             published[port] = self._guard(source.block, call)
         state = self.state.blocks[name]
         state.published = published
-        block = self.network.entries[name].made
+        block = self.network.entries[name].block
         self._guard(name, partial(block.start, state))
         if name in self.network.initial:
             for key, array in self.network.initial[name].items():
@@ -347,14 +347,20 @@ class Engine:
         if part is None:
             return {}
         size = part.row.size
-        method = method_of(self.network.solver.name, size)
-        slopes = np.zeros((method.slope_rows, size))
+        method = method_of(part.solver, part.colours)
+        slopes = np.zeros((method.slope_rows(size), size))
         solver, dt = self.network.solver, self.network.dt
         control = controls(
             solver.rtol, solver.atol, min(dt, solver.max_step or dt), self.network.until
         )
         self.state.arrays["run/control"] = control
+        jacobian: dict[str, FloatArray] = {}
+        move: Callable[..., None] = blend
+        if part.coupling is not None:
+            jacobian = {"colours": part.coupling.colours, "pattern": part.coupling.pattern}
+            move = partial(implicit, colours=part.coupling.colours, pattern=part.coupling.pattern)
         return {
+            **jacobian,
             "states": self.state.continuous,
             "start": np.zeros(size),
             "origin": np.zeros(size),
@@ -362,7 +368,7 @@ class Engine:
             "nodes": method.nodes,
             "weights": method.table if method.is_implicit else method.terms,
             "table": method.table,
-            "blend": implicit if method.is_implicit else blend,
+            "blend": move,
             "joined": joined,
             "rates": self.checks.rates,
             "bad_slope": partial(bad_slope, part, slopes),
@@ -406,7 +412,7 @@ class Engine:
     def _record_tuning(self, record: Record) -> None:
         """Record what a block publishes about the neurons behind a signal."""
         block = record.block
-        describe = getattr(self.network.entries[block].made, record.publisher)
+        describe = getattr(self.network.entries[block].block, record.publisher)
         self.namespace[f"probe_{record.number}"][0] = describe(self.state.blocks[block]).table()
 
     def _record_constant(self, signal: Signal, value: Any) -> None:

@@ -5,5 +5,6 @@ written around it, ``recording`` the run to compare with, ``report`` what it all
 """
 
 from runtime.export.controller import Exported, export
+from runtime.export.targets import TARGETS, ExportTarget
 
-__all__ = ["Exported", "export"]
+__all__ = ["TARGETS", "ExportTarget", "Exported", "export"]

@@ -217,7 +217,7 @@ def _setting_forms(param: Param) -> list[Schema]:
     ours: Schema = {"enum": list(members)}
     inside = dict.fromkeys(sorted(keys), ANY) | {root.key: ours}
     forms = [{"type": ["string", "number"]}, _object(inside)]
-    if root.installed is not None:  # one of a file, or of a package: its parameters are unknown
+    if root.members.name:  # one of a file, or of a package: its parameters are unknown
         forms.append({"type": "object", "required": ["module"]})
         other = {root.key: {"not": ours}}
         forms.append({"type": "object", "properties": other, "required": [root.key]})

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from blocks.core import Block, PortType, SignalType
-from blocks.registry import BUILTIN, INSTALLED
+from blocks.registry import BLOCKS, BUILTIN
 from runtime.document import PART_SECTIONS, Node
 from runtime.language.model import Model
-from runtime.network import Entry, Scope, copy_name, fits, outputs_in
+from runtime.network import NetworkEntry, Scope, copy_name, fits, outputs_in
 
 Steps = tuple[str, ...]
 
@@ -39,7 +39,7 @@ def scope_at(model: Model, path: Steps) -> tuple[Scope | None, Steps]:
     return scope, path
 
 
-def entry_of(model: Model, scope: Scope | None, name: str) -> Entry | None:
+def entry_of(model: Model, scope: Scope | None, name: str) -> NetworkEntry | None:
     """A block of the network by its name in a scope; removed ones, too."""
     network = model.network
     if network is None or scope is None:
@@ -63,7 +63,7 @@ def known_types(model: Model) -> dict[str, type[Block]]:
     network = model.network
     entries = network.entries.values() if network is not None else ()
     own = {entry.cls.__name__: entry.cls for entry in entries if entry.node.get("module")}
-    return {**BUILTIN, **INSTALLED.usable(), **own}
+    return {**BLOCKS.usable(), **own}
 
 
 def inputs_of(model: Model, scope: Scope | None, name: str) -> dict[str, PortType | None]:

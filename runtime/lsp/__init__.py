@@ -1,5 +1,8 @@
-"""The language server: the Language Server Protocol in front of :mod:`runtime.language` (pygls)."""
+"""The language server: the Language Server Protocol in front of :mod:`runtime.language` (pygls).
 
-from runtime.lsp.server import make_server, serve_stdio, serve_tcp
+A bridge: its door is the verb ``lsp``, and nothing but the table of verbs names it.
+"""
 
-__all__ = ["make_server", "serve_stdio", "serve_tcp"]
+from runtime.lsp.verb import HELP, add, run
+
+__all__ = ["HELP", "add", "run"]

@@ -10,15 +10,15 @@ from typing import TypeVar
 from blocks.core import (
     TYPES,
     Block,
-    BrokenPackageError,
     DeclarationError,
     SignalType,
     Variant,
     hint,
 )
+from blocks.extensions import BrokenPackageError
 from blocks.registry import (
+    BLOCKS,
     BUILTIN,
-    INSTALLED,
     ModuleReader,
     Modules,
     objects_of_module,
@@ -62,18 +62,18 @@ def block_class(
         own = _imported(module, address, problems, _reader(modules).blocks)
     if own is None:
         return None
-    for library in (own, classes, BUILTIN):
+    for library in (own, classes):
         if written.value in library:
             return library[written.value]
     try:
-        offered = INSTALLED.find(written.value)
+        offered = BLOCKS.find(written.value)
     except BrokenPackageError as error:
         problems.add(written.where, f"{address}.type", str(error))
         return None
     if offered is not None:
         return offered
     if module is None:
-        known = [*classes, *BUILTIN, *INSTALLED.names()]
+        known = [*classes, *BLOCKS.names()]
         suggestion = ours_for(written.value) or hint(written.value, known)
     else:
         defined = f"; '{short_path(module)}' defines {', '.join(own) or 'none'}"

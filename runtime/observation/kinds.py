@@ -1,14 +1,15 @@
-"""Kinds of metrics and plots: those of the library, of installed packages, of a graph's file."""
+"""The kind that an entry of ``metrics`` or ``plots`` names, in a registry or in a graph's file."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Generic, Protocol, TypeVar, overload
+from typing import Generic, Protocol, TypeVar
 
-from blocks.core import BrokenPackageError, Installed, hint
+from blocks.core import hint
+from blocks.extensions import Registry
 from blocks.registry import Modules
-from runtime.document import Node, check_keys, misspelt
+from runtime.document import Node, check_keys, misspelt_keys
 from runtime.errors import Problems
 from runtime.network import own_object
 from runtime.observation.other_names import OTHER_NAMES
@@ -22,65 +23,6 @@ class Declared(Protocol):
 
 
 K = TypeVar("K", bound=Declared)
-D = TypeVar("D")
-
-
-class Kinds(dict[str, K]):
-    """Kinds by name: iterated are those of the library, found are those of packages as well.
-
-    A package offers one under an entry point, as blocks are offered; it is imported when a graph
-    names it, and one that is broken is an error at that name only::
-
-        [project.entry-points."spikeblocks.metrics"]
-        percentile = "my_package:PERCENTILE"
-
-    Parameters
-    ----------
-    own : those of the library. group : the entry points. kind : the class of an entry.
-    """
-
-    def __init__(self, own: Mapping[str, K], group: str, kind: type[K]) -> None:
-        super().__init__(own)
-        self.kind = kind
-        wanted = f"a {kind.__name__}"
-        self.installed: Installed[K] = Installed(group, _is_a(kind), wanted, taken=own)
-
-    def __missing__(self, name: str) -> K:
-        found = self.installed.find(name)
-        if found is None:
-            raise KeyError(name)
-        return found
-
-    @overload
-    def get(self, name: str, default: None = None, /) -> K | None: ...
-
-    @overload
-    def get(self, name: str, default: K, /) -> K: ...
-
-    @overload
-    def get(self, name: str, default: D, /) -> K | D: ...
-
-    def get(self, name: str, default: object = None, /) -> object:
-        """The kind of a name; the default if there is none, or if its package is broken."""
-        try:
-            return self[name]
-        except (KeyError, BrokenPackageError):
-            return default
-
-    def __contains__(self, name: object) -> bool:
-        return isinstance(name, str) and self.get(name) is not None
-
-    def broken(self, name: str) -> str:
-        """Why a package's kind cannot be used; '' if it can, or if there is none."""
-        try:
-            self.installed.find(name)
-        except BrokenPackageError as error:
-            return str(error)
-        return ""
-
-    def known(self, own: Iterable[str] | None = None) -> tuple[str, ...]:
-        """Names of the library's kinds, or of some of them, and of those of packages."""
-        return (*(self if own is None else own), *self.installed.names())
 
 
 @dataclass(frozen=True)
@@ -107,7 +49,7 @@ class Chosen(Generic[K]):
 
 
 def choose(
-    kinds: Kinds[K],
+    kinds: Registry[K],
     node: Node,
     address: str,
     known: Callable[[str], tuple[str, ...]],
@@ -121,15 +63,16 @@ def choose(
     written, files = node.get("kind"), dict[str, bytes]()
     asked = "" if written is None else str(written.plain())
     if node.get("module") is not None:
-        wanted = kinds.installed.wanted
-        found = own_object(node, kinds.kind, wanted, address, problems, modules)
+        found: tuple[K, dict[str, bytes]] | None = own_object(
+            node, kinds.kind, kinds.wanted, address, problems, modules
+        )
         if found is None:
             return None
         declared: K | None
         declared, files = found
     else:
         declared = kinds.get(asked)
-        broken = "" if declared is not None else kinds.broken(asked)
+        broken = "" if declared is not None else kinds.why_broken(asked)
         if written is not None and broken:
             problems.add(written.where, f"{address}.kind", broken)
             return None
@@ -147,7 +90,7 @@ def _report_kind(
 ) -> None:
     item = node.get("kind")
     if item is None:
-        if "kind" not in misspelt(node, keys):
+        if "kind" not in misspelt_keys(node, keys):
             message = f"missing; expected one of {', '.join(known)}"
             problems.add(node.key, address, message)
         return
@@ -156,7 +99,3 @@ def _report_kind(
     if near and isinstance(item.value, str):  # a long list would hide it
         message = f"there is no kind '{item.value[:40]}'{near}"
     problems.add(item.where, address, message)
-
-
-def _is_a(kind: type) -> Callable[[object], bool]:
-    return lambda value: isinstance(value, kind)

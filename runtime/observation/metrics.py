@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from blocks.core import FloatArray, param, show
+from blocks.extensions import Registry
 from blocks.world import World
 from runtime.document import in_time
 from runtime.observation import (
@@ -19,7 +20,6 @@ from runtime.observation import (
     response_metrics,
     wall_metrics,
 )
-from runtime.observation.kinds import Kinds
 from runtime.observation.metric_kinds import (
     POSITIVE,
     SHARE,
@@ -310,4 +310,4 @@ _OWN: dict[str, MetricKind] = {
 }
 
 # Those of the library, and by their names those of packages.
-METRIC_KINDS = Kinds(_OWN, "spikeblocks.metrics", MetricKind)
+METRIC_KINDS: Registry[MetricKind] = Registry("metrics", MetricKind, "a MetricKind", own=_OWN)

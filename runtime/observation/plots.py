@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from blocks.core import Options, plain
+from blocks.extensions import Registry
 from runtime.network import Network
-from runtime.observation.kinds import Kinds
 from runtime.observation.plot_options import (
     Averaged,
     Checks,
@@ -56,7 +56,7 @@ class PlotSpec:
         """
         return PLOT_KINDS[self.kind] if self.own is None else self.own
 
-    def described(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, Any]:
         """As plain values; ``own`` only says whether the kind is one of a Python file."""
         values = {"name": self.name, "kind": self.kind, "of": list(self.of), "title": self.title}
         return {**values, "options": dict(self.options), **({"own": True} if self.own else {})}
@@ -112,11 +112,11 @@ def plot_keys(kind: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(key for entry in kinds for key in entry.keys))
 
 
-def offered(kind: str, has_world: bool) -> tuple[str, ...]:
+def plot_kind_names(kind: str, has_world: bool) -> tuple[str, ...]:
     """The kinds that a message should name: those in a world only if there is one."""
     everywhere = tuple(name for name, entry in PLOT_KINDS.items() if not entry.in_world)
     named = tuple(PLOT_KINDS) if has_world or kind in PLOT_KINDS.keys() - everywhere else everywhere
-    return PLOT_KINDS.known(named)
+    return PLOT_KINDS.names(named)
 
 
 def check_options(declared: PlotKind, options: Mapping[str, Any], has_world: bool) -> Checks:
@@ -142,7 +142,7 @@ def source_options(declared: PlotKind, probes: Sequence[Probe], network: Network
     found: dict[str, Any] = {}
     takes = declared.options.declared
     for signal in (signal for probe in probes for signal in probe.signals):
-        block = network.entries[signal.end.block].block
+        block = network.entries[signal.end.block].block_or_none
         if signal.kind == "Scan" and "angles" in takes and hasattr(block, "angle_min"):
             low, high = getattr(block, "angle_min", -math.pi), getattr(block, "angle_max", math.pi)
             found.setdefault("angles", [float(low), float(high)])
@@ -360,4 +360,4 @@ _OWN: dict[str, PlotKind] = {
 }
 
 # Those of the library, and by their names those of packages.
-PLOT_KINDS = Kinds(_OWN, "spikeblocks.plots", PlotKind)
+PLOT_KINDS: Registry[PlotKind] = Registry("plots", PlotKind, "a PlotKind", own=_OWN)

@@ -23,7 +23,7 @@ def declared_states(network: Network, name: str) -> tuple[StateArray, ...]:
         return ()
     context = network.context(name)
     return tuple(
-        StateArray(name, state, state_shape(entry.made, declared, context, spec))
+        StateArray(name, state, state_shape(entry.block, declared, context, spec))
         for state, declared in spec.states.items()
     )
 

@@ -100,5 +100,7 @@ def _columns(recordings: Sequence[Recording]) -> Iterator[tuple[str, str, FloatA
     """Every column of some recordings: label, unit, times, values."""
     for recorded in recordings:
         values = recorded.columns
-        for i, (label, unit) in enumerate(zip(recorded.shown, recorded.units, strict=False)):
+        for i, (label, unit) in enumerate(
+            zip(recorded.display_names, recorded.units, strict=False)
+        ):
             yield label, unit, recorded.t, values[:, i]

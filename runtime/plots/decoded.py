@@ -52,7 +52,7 @@ def draw_decoded(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
     pair = pair.after(float(plot.options.get("after", 0.0)))
     figure.set_size_inches(style.WIDTH, 4.2)
     upper, lower = style.stacked_axes(figure, 2, [2.4, 1.0])
-    names = style.short_labels(first.shown)
+    names = style.short_labels(first.display_names)
     if not len(pair.t):
         style.explain_empty(upper)
         style.explain_empty(lower)
@@ -65,7 +65,7 @@ def draw_decoded(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
         lower.set_xlim(left=pair.t[0])
     else:
         _over_signal(upper, lower, pair, names)
-        lower.set_xlabel(style.axis_label(style.short_labels(over.shown), over.units[0]))
+        lower.set_xlabel(style.axis_label(style.short_labels(over.display_names), over.units[0]))
     unit = first.units[0] if len(set(first.units)) == 1 else ""
     upper.set_ylabel(style.axis_label(names, unit))
     lower.set_ylabel(f"error [{unit}]" if unit else "error")
@@ -156,7 +156,7 @@ def draw_weights(figure: Figure, recordings: Sequence[Recording], end: float) ->
 
 def _weights(upper: Axes, lower: Axes, recorded: Recording, named: bool) -> None:
     values = recorded.columns
-    name = style.short_labels([style.signal_of(recorded.shown[0])])[0]
+    name = style.short_labels([style.signal_of(recorded.display_names[0])])[0]
     upper.set_ylabel(f"{name}\nweights" if named else "weights")
     lower.set_ylabel("rms change")
     if not values.size:

@@ -22,7 +22,7 @@ from matplotlib.figure import Figure
 
 from runtime.errors import UsageError, one_line
 from runtime.files import slug, write_whole
-from runtime.observation import PLOT_KINDS, PlotSpec, RunData, offered
+from runtime.observation import PLOT_KINDS, PlotSpec, RunData, plot_kind_names
 from runtime.plots import formulas, looks, style, titles
 from runtime.plots.map import contacts
 from runtime.plots.painters import PAINTERS
@@ -60,7 +60,7 @@ def draw(plot: PlotSpec, result: RunData, look: str = "screen") -> Figure:
     UsageError : no such kind of plot, a probe was not recorded, or the run has no world to show.
     """
     if plot.own is None and plot.kind not in PLOT_KINDS:
-        known = ", ".join(offered(plot.kind, result.world is not None))
+        known = ", ".join(plot_kind_names(plot.kind, result.world is not None))
         raise UsageError(f"plot '{plot.name}': expected one of {known}, got '{plot.kind}'")
     missing = [name for name in plot.of if name not in result.probes]
     if missing:

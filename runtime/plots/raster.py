@@ -115,7 +115,10 @@ def _trains(recordings: Sequence[Recording], tuning: Mapping[str, Tuned]) -> Ite
     for recorded in recordings:
         whole = {recorded.name: (0, len(recorded.labels))}
         for address, (start, stop) in (recorded.addresses or whole).items():
-            spikes, name = recorded.columns[:, start:stop], style.signal_of(recorded.shown[start])
+            spikes, name = (
+                recorded.columns[:, start:stop],
+                style.signal_of(recorded.display_names[start]),
+            )
             yield _Train(name, recorded.t, spikes, tuning.get(address), recorded.time_unit)
 
 

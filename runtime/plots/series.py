@@ -54,7 +54,7 @@ def draw_timeseries(figure: Figure, recordings: Sequence[Recording], end: float)
     every: dict[str, str] = {}
     for recorded in recordings:
         values, labels, units = _flat(recorded)
-        given = recorded.shown if len(recorded.labels) == len(labels) else labels
+        given = recorded.display_names if len(recorded.labels) == len(labels) else labels
         every |= zip(labels, given, strict=True)
         held = recorded.held if len(recorded.held) == len(labels) else recorded.held[:1]
         for i, (label, unit) in enumerate(zip(labels, units, strict=True)):

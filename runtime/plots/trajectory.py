@@ -130,7 +130,7 @@ def _tracks(recorded: Recording) -> list[_Track]:
         else:
             continue
         finite = points[np.isfinite(points).all(axis=1)]
-        found.append(_Track(style.signal_of(recorded.shown[start]), kind, finite))
+        found.append(_Track(style.signal_of(recorded.display_names[start]), kind, finite))
     return found
 
 

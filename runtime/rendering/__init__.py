@@ -1,6 +1,8 @@
-"""Pictures and films of a robot with physics, from its recorded states, drawn with OpenGL."""
+"""Pictures and films of a robot with physics, from its recorded states, drawn with OpenGL.
 
-from runtime.rendering.process import render
-from runtime.rendering.request import VIEWS, RenderRequest
+A bridge: its door is the verb ``render``, and nothing but the table of verbs names it.
+"""
 
-__all__ = ["VIEWS", "RenderRequest", "render"]
+from runtime.rendering.verb import HELP, add, run
+
+__all__ = ["HELP", "add", "run"]

@@ -143,7 +143,7 @@ def manifest(result: RunData, hashes: Mapping[str, str], commit: str | None) -> 
         "git": commit,
         "hashes": dict(hashes),
         "probes": {name: _described(recorded) for name, recorded in result.probes.items()},
-        "plots": [plot.described() for plot in result.plots],
+        "plots": [plot.as_dict() for plot in result.plots],
         "world": None if result.world is None else result.world.description,
         "failures": result.failures,
         "units": result.units,

@@ -225,5 +225,5 @@ def _rows(network: Network, text: str, watched: Watched) -> list[str]:
         return _labels(text, network.types[end.block, end.port])
     entry = network.entries[end.block]
     spec = entry.cls.spec
-    shape = state_shape(entry.made, spec.states[end.port], network.context(end.block), spec)
+    shape = state_shape(entry.block, spec.states[end.port], network.context(end.block), spec)
     return [f"{text}.{i}" for i in range(math.prod(shape))] if shape else [text]

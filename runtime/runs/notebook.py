@@ -51,7 +51,7 @@ def shown_in_notebook(result: RunData) -> str:
 def _measured(result: RunData, name: str) -> str:
     """A value with its unit; words or a dash alone where there is none."""
     unit = "" if result.metrics[name] is None else result.units.get(name, "")
-    return escape(f"{result.measured(name)} {unit}".strip())
+    return escape(f"{result.metric_text(name)} {unit}".strip())
 
 
 def _picture(name: str, figure: Figure) -> str:

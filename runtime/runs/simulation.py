@@ -179,7 +179,7 @@ def _result(
         title=graph.network.title,
         probes=probes,
         metrics=metrics,
-        plots=graph.program.observation.drawn,
+        plots=graph.program.observation.all_plots,
         manifest=_manifest(graph, outcome, notes, began),
         origin=partial(_origin, graph, outcome.engine),
         notes=notes,
@@ -216,8 +216,8 @@ def _resolved(graph: PreparedRun, engine: str) -> dict[str, Any]:
     if network.states != "small":
         run["states"] = network.states
     if network.stop is not None:
-        run["stop"] = network.stop.written()
-    return {**graph.document(), "run": run | network.solver.written()}
+        run["stop"] = network.stop.entries()
+    return {**graph.document(), "run": run | network.solver.entries()}
 
 
 def _manifest(

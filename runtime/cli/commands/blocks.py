@@ -5,7 +5,7 @@ from __future__ import annotations
 from argparse import ArgumentParser, Namespace
 from typing import TYPE_CHECKING
 
-from runtime.cli.commands import add_json
+from runtime.arguments import add_json
 from runtime.errors import UsageError
 from runtime.terminal import show, show_json, table, tell
 
@@ -27,19 +27,20 @@ def add(parser: ArgumentParser) -> None:
 
 def run(options: Namespace) -> int:
     """Print all block types, or one."""
-    from blocks.registry import INSTALLED
+    from blocks.registry import BLOCKS
     from runtime.descriptions import describe_json, describe_text, library
 
     known = library(options.module)
     if options.type is None:
-        for line in INSTALLED.broken():
+        for line in BLOCKS.broken():
             tell(f"note: {line}")
     if options.type is not None and options.type not in known:
-        from blocks.core import BrokenPackageError, hint
+        from blocks.core import hint
+        from blocks.extensions import BrokenPackageError
         from runtime.network import ours_for
 
         try:
-            INSTALLED.find(options.type)
+            BLOCKS.find(options.type)
         except BrokenPackageError as error:
             raise UsageError(str(error)) from None
         suggestion = (

@@ -6,7 +6,7 @@ import warnings
 from argparse import ArgumentParser, Namespace
 from typing import TYPE_CHECKING, Any
 
-from runtime.cli.commands import add_json
+from runtime.arguments import add_json
 from runtime.errors import UsageError
 from runtime.terminal import show, show_json
 

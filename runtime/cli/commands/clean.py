@@ -6,7 +6,7 @@ from argparse import ArgumentParser, Namespace
 from datetime import datetime
 from pathlib import Path
 
-from runtime.cli.commands import add_json
+from runtime.arguments import add_json
 from runtime.errors import UsageError
 from runtime.terminal import readable_bytes, show, show_json, tell
 

@@ -7,7 +7,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runtime.cli.commands import add_output, at_least
+from runtime.arguments import add_output, at_least
 from runtime.terminal import show, show_json
 
 if TYPE_CHECKING:

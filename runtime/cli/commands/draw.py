@@ -19,24 +19,20 @@ def add(parser: ArgumentParser) -> None:
         "-o", "--out", metavar="FILE", help="file to write (<graph>.svg); - is stdout"
     )
     parser.add_argument(
-        "--format",
-        choices=("svg", "png", "pdf", "dot", "mermaid"),
-        help="default: by the file's suffix",
+        "--format", metavar="F", help="svg, png, pdf, dot or mermaid (by the file's suffix)"
     )
 
 
 def run(options: Namespace) -> int:
     """Write the block diagram."""
-    from runtime.diagrams import diagram
+    from runtime.diagrams import diagram, format_of
     from runtime.files import system_errors
 
     graph = changed_graph(options.graph, options)
     network = graph.network
     written = options.out or f"{Path(options.graph).stem}.{options.format or 'svg'}"
-    suffix = Path(written).suffix.lstrip(".")
-    kind = options.format or {"mmd": "mermaid", "md": "mermaid", "gv": "dot"}.get(suffix, suffix)
-    if written == "-":
-        kind = options.format or "svg"
+    suffix = "svg" if written == "-" else Path(written).suffix.lstrip(".")
+    kind = options.format or format_of(suffix)
     drawn = diagram(network, kind)
     content = drawn.encode() if isinstance(drawn, str) else drawn
     if written == "-":

@@ -6,7 +6,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from runtime.cli.commands import add_json
+from runtime.arguments import add_json
 from runtime.cli.commands.changes import add_graph, changed_graph
 from runtime.errors import UsageError
 from runtime.terminal import show, show_json

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
 
-from runtime.cli.commands import add_json, integer
+from runtime.arguments import add_json, chosen, integer
 from runtime.cli.commands.changes import add_graph, changed_graph
 from runtime.terminal import show, show_json
 
@@ -16,7 +16,7 @@ def add(parser: ArgumentParser) -> None:
     """Declare the options."""
     add_graph(parser)
     parser.add_argument("folder", metavar="DIR", help="folder for the files")
-    parser.add_argument("--to", choices=("c",), default="c", help="language (c: C99)")
+    parser.add_argument("--to", default="c", metavar="TARGET", help="language (c: C99)")
     for flag, place, text in (
         ("--block", "blocks", "a block or part to export"),
         ("--except", "others", "export all blocks but these"),
@@ -35,9 +35,9 @@ def add(parser: ArgumentParser) -> None:
 
 def run(options: Namespace) -> int:
     """Write the files, and print the report."""
-    from runtime.export import export
+    from runtime.export import TARGETS
 
-    made = export(
+    made = chosen(TARGETS, options.to, "export target").write(
         changed_graph(options.graph, options),
         options.folder,
         blocks=_names(options.blocks),

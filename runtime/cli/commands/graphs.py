@@ -7,7 +7,7 @@ import sys
 from argparse import ArgumentParser, Namespace
 from itertools import groupby
 
-from runtime.cli.commands import add_json
+from runtime.arguments import add_json
 from runtime.errors import UsageError
 from runtime.terminal import show, show_json, table
 

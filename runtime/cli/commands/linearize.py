@@ -6,7 +6,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from runtime.cli.commands import add_json, at_least
+from runtime.arguments import add_json, at_least
 from runtime.cli.commands.changes import add_graph, changed_graph
 from runtime.errors import UsageError
 from runtime.terminal import number, show, show_json, table

@@ -1,4 +1,4 @@
-"""``runtime new``: begin a graph with a copy of a commented one."""
+"""``runtime new``: begin a graph with a copy of a commented one, or a package of own blocks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from runtime.terminal import show, table
 if TYPE_CHECKING:
     from runtime.cli.shipped import Shipped
 
-HELP = "begin a graph with a commented starter, or a copy of a shipped one"
+HELP = "begin a graph with a commented starter, or a package of blocks of your own"
 DEFAULT = "adaptive"
 
 
@@ -26,12 +26,19 @@ def add(parser: ArgumentParser) -> None:
         default=DEFAULT,
         help=f"a starter, or a shipped graph ({DEFAULT}); without FILE, 'new' lists the starters",
     )
+    parser.add_argument(
+        "--package",
+        metavar="NAME",
+        help="write a package that can be installed, with a block, a metric and a test",
+    )
 
 
 def run(options: Namespace) -> int:
     """Write the graph, and the Python file of its own blocks; or list the starters."""
     from runtime.cli.shipped import schema_line, shipped
 
+    if options.package is not None:
+        return _package(options.package, options.file)
     starters = shipped("starters")
     if options.file is None:
         show(table([(each.name, each.summary) for each in starters], indent=""))
@@ -58,6 +65,22 @@ def run(options: Namespace) -> int:
     return 0
 
 
+def _package(name: str, file: str | None) -> int:
+    """Write a package into a folder of its name."""
+    from runtime.cli.new_package import texts
+    from runtime.runs import versions
+
+    if file is not None:
+        raise UsageError(f"--package writes a folder '{name}'; leave '{file}' out")
+    version = ".".join(versions()["spikeblocks"].split(".")[:2])
+    folder = Path(name)
+    _write({folder / path: text for path, text in texts(name, version).items()}, folders=True)
+    show(table([(str(folder / path), "") for path in texts(name, version)], indent=""))
+    show(f"next: pip install -e '{name}[test]' && pytest {name} && runtime plugins")
+    show("without a network: pip install --no-build-isolation -e ..., with setuptools 77 or newer")
+    return 0
+
+
 def _chosen(name: str, known: list[Shipped]) -> Shipped:
     from blocks.core import hint
 
@@ -68,8 +91,8 @@ def _chosen(name: str, known: list[Shipped]) -> Shipped:
     return known[names.index(name)]
 
 
-def _write(texts: dict[Path, str]) -> None:
-    """Write files that must not exist yet, all or none.
+def _write(texts: dict[Path, str], folders: bool = False) -> None:
+    """Write files that must not exist yet, all or none, perhaps with their folders.
 
     Raises
     ------
@@ -81,5 +104,8 @@ def _write(texts: dict[Path, str]) -> None:
         if path.exists() or path.is_symlink():
             raise UsageError(f"'{path}' exists already; choose another name, or remove it")
     for path, text in texts.items():
-        with system_errors(f"write '{path}'"), path.open("x", encoding="utf-8") as file:
-            file.write(text)
+        with system_errors(f"write '{path}'"):
+            if folders:
+                path.parent.mkdir(parents=True, exist_ok=True)
+            with path.open("x", encoding="utf-8") as file:
+                file.write(text)

@@ -6,7 +6,7 @@ import sys
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from runtime.cli.commands import add_json
+from runtime.arguments import add_json
 from runtime.terminal import show, show_json
 
 HELP = "write one self-contained HTML file about a run, a sweep, an ablation or a tuning"

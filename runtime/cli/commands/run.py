@@ -7,7 +7,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from runtime.cli.commands import add_output, show_folder
+from runtime.arguments import add_output, show_folder
 from runtime.cli.commands.changes import add_graph, changed_graph
 from runtime.cli.commands.rivals import names, painter, rivals, run_rivals
 from runtime.cli.commands.simulating import saved, simulated
@@ -301,7 +301,7 @@ def _print_result(
         rows = [
             (
                 name,
-                *(each.measured(name) for each in (result, *others.values())),
+                *(each.metric_text(name) for each in (result, *others.values())),
                 result.units.get(name, ""),
             )
             for name in result.metrics
@@ -312,6 +312,6 @@ def _print_result(
             name: result.units.get(name, "") if v is not None else ""
             for name, v in result.metrics.items()
         }
-        rows = [(k, f"{result.measured(k)} {units[k]}".rstrip()) for k in result.metrics]
+        rows = [(k, f"{result.metric_text(k)} {units[k]}".rstrip()) for k in result.metrics]
         show(table(rows))
     sys.stdout.flush()  # a pipe or a file shows them before the pictures, too

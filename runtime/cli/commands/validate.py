@@ -5,7 +5,7 @@ from __future__ import annotations
 from argparse import ArgumentParser, Namespace
 from typing import TYPE_CHECKING, Any
 
-from runtime.cli.commands import add_json
+from runtime.arguments import add_json
 from runtime.cli.commands.changes import add_changes, changed, is_changed
 from runtime.cli.problems import report
 from runtime.errors import GraphError, MissingExtraError, Problem

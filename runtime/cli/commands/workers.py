@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from runtime.cli.commands import add_output, at_least, integer, show_folder
+from runtime.arguments import add_output, at_least, integer, show_folder
 from runtime.cli.commands.changes import add_changes, changed
 from runtime.errors import UsageError
 from runtime.terminal import show, show_json, tell

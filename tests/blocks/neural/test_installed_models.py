@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from runtime.runs import open_run
-from tests.blocks.core.test_installed import package
 from tests.blocks.neural.test_own_models import GRAPH, MINE, MODULE
+from tests.blocks.test_extensions import package
 from tests.conftest import Run
 
 GROUP = "[spikeblocks.neurons]\n"

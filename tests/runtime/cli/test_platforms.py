@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from runtime.cli.commands import NAMES
+from runtime.cli.commands import VERBS
 from tests.compilers import needs_compiler
 
 FOLDER = Path(__file__).parent / "platforms"
@@ -90,7 +90,7 @@ print(json.dumps(found))
 @pytest.mark.slow
 @pytest.mark.parametrize("system", ["macos", "windows"])
 def test_every_verb_runs_or_says_what_is_missing(system: str, tmp_path: Path) -> None:
-    assert {line.split()[0] for line in COMMANDS} == set(NAMES)
+    assert {line.split()[0] for line in COMMANDS} == set(VERBS.lazy)
     (tmp_path / "g.yaml").write_text(GRAPH)
     (tmp_path / "own.py").write_text(OWN)
     done = subprocess.run(

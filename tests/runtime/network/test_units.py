@@ -90,6 +90,18 @@ def test_generic_blocks_hand_a_unit_on_and_a_gain_frees_it() -> None:
     )
 
 
+def test_a_unit_is_handed_on_whatever_the_order_of_the_text() -> None:
+    """From the consumer to the source, so that each block comes before the one that it follows."""
+    made = graph()
+    for i in reversed(range(5)):
+        made = made.add(f"d{i}", blocks.UnitDelay())
+    made = made.connect("d4.out", "sum.terms")
+    for i in reversed(range(1, 5)):
+        made = made.connect(f"d{i - 1}.out", f"d{i}.input")
+    made = made.connect("meter.angle", "d0.input")
+    assert "expected m as 'meter.length' has, got rad from 'd4.out'" in refused(made)
+
+
 def test_a_gain_between_makes_it_meant() -> None:
     made = graph().add("arm", blocks.Gain(gain=0.3)).connect("meter.angle", "arm.input")
     assert made.connect("arm.out", "sum.terms").run(until=0.1)

@@ -11,8 +11,7 @@ import pytest
 
 import runtime
 from runtime.errors import GraphError
-from runtime.observation import METRIC_KINDS, PLOT_KINDS
-from tests.blocks.core.test_installed import package
+from tests.blocks.test_extensions import package
 
 HOW_TO = (Path(__file__).parents[3] / "docs" / "how-to.md").read_text(encoding="utf-8")
 PLOT = """from runtime.observation import PLOT_KINDS, PlotKind
@@ -41,11 +40,6 @@ def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     package(tmp_path, "sb_rms", f"{group}rms = sb_rms:A\n", "raise RuntimeError('imported')")
     package(tmp_path, "sb_plot", "[spikeblocks.plots]\nown = sb_plot:OWN\n", PLOT)
     monkeypatch.syspath_prepend(str(tmp_path))
-    for kinds in (METRIC_KINDS, PLOT_KINDS):
-        fresh = type(kinds.installed)(
-            kinds.installed.group, kinds.installed.accepted, kinds.installed.wanted, dict(kinds)
-        )
-        monkeypatch.setattr(kinds, "installed", fresh)
     yield tmp_path
     for name in set(sys.modules) - before:
         del sys.modules[name]

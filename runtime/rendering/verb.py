@@ -5,8 +5,8 @@ from __future__ import annotations
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
-from runtime.cli.commands import add_json, at_least, integer
-from runtime.rendering import VIEWS, RenderRequest
+from runtime.arguments import add_json, at_least, integer
+from runtime.rendering.request import VIEWS, RenderRequest
 from runtime.terminal import show, show_json
 
 HELP = "render a picture and a film of a run with physics"
@@ -41,7 +41,7 @@ def add(parser: ArgumentParser) -> None:
 def run(options: Namespace) -> int:
     """Render, and print the files."""
     from runtime.files import check_inside, refuse_link
-    from runtime.rendering import render
+    from runtime.rendering.process import render
     from runtime.runs import run_folder
 
     folder = run_folder(options.run)

@@ -9,7 +9,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from blocks.core import Block, BrokenPackageError, Installed
+from blocks.core import Block
+from blocks.extensions import BrokenPackageError, Registry
+from blocks.generic import Sum
 from tests.conftest import Run
 
 GROUP = "spikeblocks.blocks"
@@ -62,13 +64,8 @@ def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
             del sys.modules[name]
 
 
-def offered() -> Installed[type[Block]]:
-    return Installed(
-        GROUP,
-        lambda value: isinstance(value, type) and issubclass(value, Block),
-        "a subclass of Block",
-        taken=["Sum"],
-    )
+def offered() -> Registry[type[Block]]:
+    return Registry("blocks", Block, "a subclass of Block", own={"Sum": Sum}, classes=True)
 
 
 def test_each_package_is_imported_only_when_its_name_is_asked_for(site: Path) -> None:

@@ -1,0 +1,92 @@
+"""What the arguments of several verbs share: options, types of values, names in registries.
+
+parser.add_argument("--fps", type=integer(1, 240))
+add_json(parser)
+chosen(FORMATS, "svgg", "diagram format")       # no diagram format 'svgg', did you mean 'svg'?
+"""
+
+from __future__ import annotations
+
+import math
+from argparse import ArgumentParser, ArgumentTypeError
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+from runtime.errors import UsageError
+from runtime.terminal import show
+
+if TYPE_CHECKING:
+    from blocks.extensions import Registry
+
+T = TypeVar("T")
+
+
+def add_json(parser: ArgumentParser) -> None:
+    """Declare ``--json``."""
+    parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
+
+
+def add_output(parser: ArgumentParser, folder: str, of: str) -> None:
+    """Declare the options of a verb that writes folders: where to, with pictures, and how much."""
+    parser.add_argument("--out", default=folder, metavar="DIR", help=f"folder for {of} ({folder})")
+    parser.add_argument("--no-plots", action="store_true", help="draw nothing")
+    add_json(parser)
+    parser.add_argument("-q", "--quiet", action="store_true", help="no progress, no notes")
+
+
+def show_folder(kind: str, folder: Path, files: Iterable[Path]) -> None:
+    """Print a folder that was written, and the pictures in it."""
+    show(f"{kind} folder: {folder}")
+    for path in files:
+        show(f"  {path.relative_to(folder)}")
+
+
+def at_least(low: float, *, above: bool = False) -> Callable[[str], float]:
+    """The type of an option that is a finite number of at least ``low``, or above it."""
+
+    def read(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not low <= value < math.inf or (above and value == low):
+            bound = f"above {low:g}" if above else f"of at least {low:g}"
+            raise ArgumentTypeError(f"expected a number {bound}, got '{text}'")
+        return value
+
+    return read
+
+
+def integer(low: int, high: int, *, even: bool = False) -> Callable[[str], int]:
+    """The type of an option that is an integer between two bounds."""
+
+    def read(text: str) -> int:
+        value = int(text) if text.isdecimal() else -1
+        if not low <= value <= high or (even and value % 2):
+            kind = "an even number" if even else "an integer"
+            raise ArgumentTypeError(f"expected {kind} from {low} to {high}, got '{text}'")
+        return value
+
+    return read
+
+
+def chosen(registry: Registry[T], name: str, what: str) -> T:
+    """The entry of a registry that an argument names; ``what`` says what it is.
+
+    Raises
+    ------
+    UsageError : there is none, or the package that offers it is broken.
+    """
+    from blocks.core import hint
+    from blocks.extensions import BrokenPackageError
+
+    try:
+        found = registry.find(name)
+    except BrokenPackageError as error:
+        raise UsageError(str(error)) from None
+    if found is None:
+        known = registry.names()
+        suggestion = hint(name, known) or f"; expected {', '.join(known)}"
+        raise UsageError(f"no {what} '{name}'{suggestion}")
+    return found

@@ -1,0 +1,32 @@
+"""What blocks of a graph can be exported to; packages offer further targets.
+
+[project.entry-points."spikeblocks.exports"]
+rust = "my_package:RUST"
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from blocks.extensions import Registry
+from runtime.export.controller import Exported, export
+
+
+@dataclass(frozen=True)
+class ExportTarget:
+    """A language or format that blocks of a graph are written in.
+
+    Parameters
+    ----------
+    doc : what it is, in a few words.
+    write : writes the files, with the arguments of :func:`runtime.export.export`.
+    """
+
+    doc: str
+    write: Callable[..., Exported]
+
+
+TARGETS: Registry[ExportTarget] = Registry(
+    "exports", ExportTarget, "an ExportTarget", own={"c": ExportTarget("C99", export)}
+)
