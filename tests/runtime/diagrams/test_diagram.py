@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 import blocks
 import runtime
 from runtime.diagrams.formats import FORMATS, diagram
-from runtime.diagrams.layout import Cell, Layout, Link, arrange, find_feedback
+from runtime.diagrams.layout import Cell, DiagramLayout, Link, arrange, find_feedback
 from runtime.diagrams.layout.tracks import Track, assign_slots
 from runtime.diagrams.paint import (
     CONSTANT_TINT,
@@ -478,7 +478,9 @@ def graphs(draw: st.DrawFn) -> tuple[list[Cell], list[Link]]:
     return cells, links
 
 
-def cell_boxes(cells: list[Cell], layout: Layout) -> dict[str, tuple[float, float, float, float]]:
+def cell_boxes(
+    cells: list[Cell], layout: DiagramLayout
+) -> dict[str, tuple[float, float, float, float]]:
     found = {}
     for cell in cells:
         x, y = layout.positions[cell.name]
