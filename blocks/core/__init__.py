@@ -56,7 +56,7 @@ from blocks.core.params import (
 )
 from blocks.core.part_enable import PartEnable
 from blocks.core.portable import arctan2, cos, directions, sin
-from blocks.core.scalar_functions import RESERVED, modulo, nearest
+from blocks.core.scalar_functions import RESERVED, modulo, nearest, wrap
 from blocks.core.settings import Setting, SettingError
 from blocks.core.signals import (
     TYPES,
@@ -166,4 +166,5 @@ __all__ = [
     "spread_to",
     "times",
     "transposed",
+    "wrap",
 ]

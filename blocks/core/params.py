@@ -330,6 +330,11 @@ def size_of(value: FloatArray) -> str:
     return f"{sides} numbers" if sides else "a number"
 
 
+def alternatives(names: Iterable[str]) -> str:
+    """The names that there are, for the end of a message without a :func:`hint`."""
+    return f"; it has {', '.join(names) or 'none'}"
+
+
 def hint(name: Any, known: Iterable[str], also: Mapping[str, str] | None = None) -> str:
     """``, did you mean 'neurons'?`` or nothing.
 
