@@ -83,8 +83,8 @@ def _read(folder: Path) -> dict[str, Any]:
         raise UsageError(f"'{folder}' {message}") from None
     except (OSError, ValueError) as error:
         raise UsageError(f"'{folder / TUNING}' is damaged: {error}") from None
-    found: dict[str, Any] = stored
-    return found
+    content: dict[str, Any] = stored
+    return content
 
 
 def _lead(stored: Mapping[str, Any]) -> str:

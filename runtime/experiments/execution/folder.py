@@ -111,9 +111,9 @@ def _create(plan: ExperimentPlan, folder: Path) -> None:
         shutil.rmtree(partial, ignore_errors=True)
         partial.mkdir()
         _write_bundle(plan.bundle, partial)
-        drawn = stored_picture(plan.graph.network)
-        if drawn is not None:
-            (partial / DIAGRAM).write_text(drawn, encoding="utf-8")
+        picture = stored_picture(plan.graph.network)
+        if picture is not None:
+            (partial / DIAGRAM).write_text(picture, encoding="utf-8")
         for variant in plan.variants:
             if variant.name != BASELINE:
                 _write_bundle(variant.bundle, partial / VARIANTS / variant.slug)
@@ -188,12 +188,12 @@ def _check_same(plan: ExperimentPlan, folder: Path, option: str) -> None:
         raise UsageError(f"cannot read '{folder / GRAPH}': {error}") from None
     if stored.get("digest") == plan.digest:
         return
-    mine = {"kind": plan.kind, **plan.specification, "metrics": list(plan.metrics)}
-    keys = dict.fromkeys([*mine, *("vary", "random", "sobol", "sampling_seed", "variants")])
+    here = {"kind": plan.kind, **plan.specification, "metrics": list(plan.metrics)}
+    keys = dict.fromkeys([*here, *("vary", "random", "sobol", "sampling_seed", "variants")])
     differing = [
-        f"{key}: {_short(stored.get(key))} there, {_short(mine.get(key))} here"
+        f"{key}: {_short(stored.get(key))} there, {_short(here.get(key))} here"
         for key in keys
-        if stored.get(key) != mine.get(key)
+        if stored.get(key) != here.get(key)
     ]
     if text != plan.bundle.text or not differing:
         differing.append("the graph")

@@ -144,13 +144,13 @@ class _Runner:
         self.finished = False
         self.done = 0
 
-    def run(self, trials: Iterable[Trial], known: dict[int, Row], index: Index) -> list[Row]:
+    def run(self, trials: Iterable[Trial], rows: dict[int, Row], index: Index) -> list[Row]:
         """The rows of some trials: those that are known, and those of the others, which are run."""
         trials = list(trials)
-        missing = [trial for trial in trials if trial.number not in known]
+        missing = [trial for trial in trials if trial.number not in rows]
         for trial in trials:
-            if trial.number in known:
-                check_row(trial, known[trial.number], index.path)
+            if trial.number in rows:
+                check_row(trial, rows[trial.number], index.path)
         if missing:
             if self.pool is None:
                 self.pool = self.options.make_pool()
@@ -158,9 +158,9 @@ class _Runner:
             for trial, done in run_trials(iter(missing), self.pool, self._task):
                 row = Row.of(trial, done, self.plan.metrics)
                 index.append(row)
-                known[trial.number] = row
+                rows[trial.number] = row
         self.done += len(trials)
-        return [known[trial.number] for trial in trials]
+        return [rows[trial.number] for trial in trials]
 
     def _task(self, trial: Trial) -> Task:
         return Task(trial, timeout=self.options.timeout)

@@ -248,6 +248,7 @@ def test_folders_of_other_names_are_kept(here: Run, draw: Path, tmp_path: Path) 
     assert (done.returncode, stray.exists()) == (0, True), done.stderr
 
 
+@pytest.mark.slow
 def test_a_sweep_needs_little_of_the_system(cli: Run, draw: Path, tmp_path: Path) -> None:
     deep = tmp_path / ("d" * 100)
     deep.mkdir()
