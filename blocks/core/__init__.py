@@ -28,6 +28,7 @@ from blocks.core.expressions import (
     read_expression,
 )
 from blocks.core.extras import MissingPackageError, pip_line, require
+from blocks.core.hints import hint
 from blocks.core.kernels import function_kernel, has_kernels, kernel_for, kernel_of
 from blocks.core.matrices import (
     covariance_fault,
@@ -47,7 +48,6 @@ from blocks.core.params import (
     Param,
     ParameterError,
     as_matrix,
-    hint,
     maybe_degrees,
     param,
     plain,

@@ -59,7 +59,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from blocks.core.declarations import BlockSpec, DeclarationError, Evaluation, Input, Output, State
-from blocks.core.params import ParameterError, alternatives, as_matrix, hint, plain, show
+from blocks.core.hints import alternatives, hint
+from blocks.core.params import ParameterError, as_matrix, plain, show
 from blocks.core.reading import STATED, read_declarations
 from blocks.core.settings import SettingError
 from blocks.core.signals import PortType, SignalType

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
-from blocks.core.params import alternatives, hint, plain, show
+from blocks.core.hints import alternatives, hint
+from blocks.core.params import plain, show
 from blocks.core.reading import read_params
 from blocks.core.settings import Setting, SettingError
 from blocks.extensions import BrokenPackageError, Registry

@@ -16,11 +16,11 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 import blocks
+from blocks.core.hints import hint
 from blocks.core.params import (
     Param,
     ParamKind,
     as_matrix,
-    hint,
     in_radians,
     maybe_degrees,
     param,
