@@ -233,7 +233,7 @@ def section(rounds: int, quick: bool = False) -> str:
 def neurons_in(graph: runtime.Graph) -> int:
     """The number of neurons of all populations."""
     network = graph.network
-    made = {name: entry.made for name, entry in network.entries.items()}
+    made = {name: entry.block for name, entry in network.entries.items()}
     return sum(
         each.neurons * network.lengths[name]["groups"]
         for name, each in made.items()

@@ -137,7 +137,7 @@ def _of_graph(command: str, graph: runtime.Graph) -> Picture | None:
         network = graph.network
     except runtime.MissingExtraError:
         return None
-    plots = graph.observation.drawn
+    plots = graph.observation.all_plots
     if not plots or any(e.cls.__name__ == PHYSICS for e in network.entries.values()):
         return None
     share = MAX_SECONDS / max(python_seconds(network), MAX_SECONDS)

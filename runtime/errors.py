@@ -142,15 +142,15 @@ class Problems:
     problems of it would only distract from that reason.
     """
 
-    found: list[Problem] = field(default_factory=list)
+    items: list[Problem] = field(default_factory=list)
     _silenced: set[Where | str] = field(default_factory=set)
 
     def add(self, where: Where, address: str, text: str, is_name: bool = False) -> None:
         if where not in self._silenced and address not in self._silenced:
-            self.found.append(Problem(where, address, text, is_name))
-            if len(self.found) > MAX_PROBLEMS:
+            self.items.append(Problem(where, address, text, is_name))
+            if len(self.items) > MAX_PROBLEMS:
                 message = f"more than {MAX_PROBLEMS} problems; these are the first"
-                raise GraphError([Problem(NOWHERE, "", message), *self.found])
+                raise GraphError([Problem(NOWHERE, "", message), *self.items])
 
     def silence(self, where: Where, address: str) -> None:
         """Ignore further problems of the value here, and of lists that contain it."""
@@ -162,5 +162,5 @@ class Problems:
         self._silenced.add(address)
 
     def raise_any(self) -> None:
-        if self.found:
-            raise GraphError(self.found)
+        if self.items:
+            raise GraphError(self.items)

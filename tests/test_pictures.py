@@ -97,5 +97,5 @@ def test_a_picture_of_the_gallery_is_that_of_its_command(
     text, address = page_of(name, tmp_path, monkeypatch)
     assert above(text, 1) == (f"runtime run {name}",)
     graph = runtime.load(name)
-    graph.run().plot(graph.observation.drawn[0].name).savefig(tmp_path / "own.png", dpi=150)
+    graph.run().plot(graph.observation.all_plots[0].name).savefig(tmp_path / "own.png", dpi=150)
     assert (imread(tmp_path / address) == imread(tmp_path / "own.png")).all()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from blocks.core import Block
-from runtime.document import written_rate
+from runtime.document import rate_text
 from runtime.engine import Engine, python_seconds
 from runtime.graph import Graph
 from runtime.plan import Call, Plan
@@ -71,12 +71,12 @@ def _populations(engine: Engine) -> dict[str, dict[str, float]]:
     An operation is the work of one synapse in one tick.
     """
     entries = engine.network.entries
-    if not any(type(entry.made).facts is not Block.facts for entry in entries.values()):
+    if not any(type(entry.block).facts is not Block.facts for entry in entries.values()):
         return {}
     engine = Engine(engine.program, engine.seed)  # started apart, in Python
     engine.prepare()
     found = {
-        name: dict(entry.made.facts(engine.state.blocks[name])) for name, entry in entries.items()
+        name: dict(entry.block.facts(engine.state.blocks[name])) for name, entry in entries.items()
     }
     for name, facts in found.items():
         if "synapses" in facts:
@@ -123,7 +123,7 @@ def explain_text(graph: Graph) -> str:
     ]
     width = max((len(step["block"]) for step in facts["order"]), default=0)
     for i, step in enumerate(facts["order"], 1):
-        rate = "once" if step["once"] else written_rate(step["dt"], unit)
+        rate = "once" if step["once"] else rate_text(step["dt"], unit)
         writes = ", ".join(f"{port}: {kind}" for port, kind in step["writes"].items())
         reads = f" from {', '.join(step['reads'])}" if step["reads"] else ""
         enables = f", while {' and '.join(step['enabled_by'])}" if step["enabled_by"] else ""

@@ -66,7 +66,7 @@ def _metrics(comparison: Comparison) -> str:
     rows = [head]
     for name, values in comparison.metrics.items():
         more = _metric_difference(*values) if pairs else []
-        rows.append([name, *(run.result.measured(name) for run in comparison.runs), *more])
+        rows.append([name, *(run.result.metric_text(name) for run in comparison.runs), *more])
     return table(rows, range(1, len(head)))
 
 

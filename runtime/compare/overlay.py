@@ -213,7 +213,7 @@ def _panels(recorded: Mapping[str, Recording]) -> dict[str, list[_Line]]:
                 _Line(n, r.t, _rms(r), bool(r.held) and all(r.held)) for n, r in recorded.items()
             ]
         }
-    names = display_names(first.labels, first.shown)
+    names = display_names(first.labels, first.display_names)
     return {
         axis_label([names[i]], first.units[i]): [
             _Line(n, r.t, r.columns[:, at], at < len(r.held) and r.held[at])

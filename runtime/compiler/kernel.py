@@ -30,7 +30,7 @@ from blocks.registry import is_built_in
 from runtime.codegen import FLOAT, Array, Entry, RefusedError, Source, Tuple, Type, support
 from runtime.compiler.cache import Records, salt, source_of, translation
 from runtime.compiler.fields import Fields, NotCompilableError, written
-from runtime.toolchain import Unit, digest
+from runtime.toolchain import TranslationUnit, digest
 
 PROJECT = Evaluation("project", ())
 # A text of at most this many characters, apart from what all units share, can be part of the plan's
@@ -65,9 +65,9 @@ class Kernel:
     is_new: bool = False
 
     @property
-    def unit(self) -> Unit:
+    def unit(self) -> TranslationUnit:
         """The unit for the C compiler."""
-        return Unit(self.name, self.text)
+        return TranslationUnit(self.name, self.text)
 
     @property
     def is_small(self) -> bool:

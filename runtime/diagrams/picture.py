@@ -8,8 +8,8 @@ from functools import cached_property
 
 from blocks.core import SignalType
 from blocks.generic import Sum
-from runtime.document import written_rate
-from runtime.network import Endpoint, Entry, Network, Wire, component_type
+from runtime.document import rate_text
+from runtime.network import Endpoint, Network, NetworkEntry, Wire, component_type
 
 CONSTANT, CONTINUOUS = "constant", "continuous"
 MINUS = "−"
@@ -81,11 +81,11 @@ class Picture:
     @cached_property
     def drivers(self) -> dict[tuple[str, str], list[Net]]:
         """The nets that drive each input; those of a variadic input together."""
-        found: dict[tuple[str, str], list[Net]] = {}
+        drivers: dict[tuple[str, str], list[Net]] = {}
         for net in self.nets:
             for name, port in net.targets:
-                found.setdefault((name, port.partition("[")[0]), []).append(net)
-        return found
+                drivers.setdefault((name, port.partition("[")[0]), []).append(net)
+        return drivers
 
     def breaks_loop(self, net: Net, part: str = "") -> bool:
         """Whether an output has no direct feedthrough, so that a loop is best opened there.
@@ -95,7 +95,7 @@ class Picture:
         """
         if not part:
             return not net.needs
-        seen = {net.source}
+        visited = {net.source}
         waiting = [net]
         while waiting:
             current = waiting.pop()
@@ -103,8 +103,8 @@ class Picture:
                 for before in self.drivers.get((current.source[0], port), ()):
                     if not f"{self.boxes[before.source[0]].part}.".startswith(f"{part}."):
                         return False
-                    if before.source not in seen:
-                        seen.add(before.source)
+                    if before.source not in visited:
+                        visited.add(before.source)
                         waiting.append(before)
         return True
 
@@ -118,8 +118,8 @@ def picture_of(network: Network) -> Picture:
     """Collect what a network's diagram shows; removed blocks keep their position in the order."""
     entries = {**network.entries, **network.removed_entries}
     scopes = list(network.scope.walk())
-    written = [scope.prefix + name for scope in scopes for name in scope.blocks]
-    boxes = {name: _box(network, entries[name]) for name in written if name in entries}
+    names = [scope.prefix + name for scope in scopes for name in scope.blocks]
+    boxes = {name: _box(network, entries[name]) for name in names if name in entries}
     parts = {
         scope.prefix[:-1]: Part(
             scope.prefix[:-1], scope.name, scope.parent.prefix[:-1] if scope.parent else ""
@@ -141,25 +141,25 @@ def picture_of(network: Network) -> Picture:
             defaults = [name for name, port in spec.inputs.items() if port.default is not None]
             box.open = [port for port in defaults if port not in box.inputs]
             box.inputs += box.open
-        box.inputs.sort(key=_as_declared(spec.inputs))
+        box.inputs.sort(key=_declaration_order(spec.inputs))
         box.signs = _signs(entries[name], box)
-        box.outputs.sort(key=_as_declared(spec.outputs))
+        box.outputs.sort(key=_declaration_order(spec.outputs))
     return Picture(network.title, boxes, parts, nets)
 
 
-def _box(network: Network, entry: Entry) -> Box:
+def _box(network: Network, entry: NetworkEntry) -> Box:
     spec = entry.cls.spec
     is_constant = bool(spec.outputs) and all(port.constant for port in spec.outputs.values())
     period = 0.0 if is_constant and spec.update is None else entry.every * network.dt
     fate = FATES[network.removed[entry.name]] if entry.name in network.removed else ""
-    values = entry.block.parameters() if entry.block is not None else {}
+    values = entry.block.parameters() if entry.block_or_none is not None else {}
     rate = CONSTANT
     if _is_continuous(network, entry):
         rate = CONTINUOUS
     elif period:
-        rate = written_rate(period, network.time_unit)
-    solved = f", {network.solver.name}" if spec.continuous else ""
-    facts = [f"{entry.name}: {entry.cls.__name__}, {fate or rate + solved}"]
+        rate = rate_text(period, network.time_unit)
+    solver = f", {network.solver.name}" if spec.continuous else ""
+    facts = [f"{entry.name}: {entry.cls.__name__}, {fate or rate + solver}"]
     facts += [f"{name} = {_short(repr(value))}" for name, value in values.items()]
     part = entry.scope.prefix[:-1]
     return Box(
@@ -167,7 +167,7 @@ def _box(network: Network, entry: Entry) -> Box:
     )
 
 
-def _is_continuous(network: Network, entry: Entry) -> bool:
+def _is_continuous(network: Network, entry: NetworkEntry) -> bool:
     """Whether a solver evaluates a block between ticks."""
     if entry.cls.spec.continuous:
         return True
@@ -177,11 +177,11 @@ def _is_continuous(network: Network, entry: Entry) -> bool:
     )
 
 
-def _signs(entry: Entry, box: Box) -> dict[str, str]:
+def _signs(entry: NetworkEntry, box: Box) -> dict[str, str]:
     """The signs of the wired terms of a Sum; {} for any other block."""
-    if entry.cls is not Sum or not isinstance(entry.block, Sum):
+    if entry.cls is not Sum or not isinstance(entry.block_or_none, Sum):
         return {}
-    signs = entry.block.signs
+    signs = entry.block_or_none.signs
     return {
         port: MINUS if signs is not None and signs[_term(port)] < 0.0 else "+"
         for port in box.inputs
@@ -195,14 +195,14 @@ def _term(port: str) -> int:
 
 
 def _nets(
-    network: Network, entries: dict[str, Entry], wires: Iterable[Wire], is_ghost: bool
+    network: Network, entries: dict[str, NetworkEntry], wires: Iterable[Wire], is_ghost: bool
 ) -> list[Net]:
     """The wires, grouped by output, in the order in which they were written."""
-    found: dict[Endpoint, list[Wire]] = {}
+    by_output: dict[Endpoint, list[Wire]] = {}
     for wire in wires:
-        found.setdefault(wire.source, []).append(wire)
+        by_output.setdefault(wire.source, []).append(wire)
     nets = []
-    for end, out in found.items():
+    for end, out in by_output.items():
         port = f"{end.port}.{end.component}" if end.component else end.port
         calls = entries[end.block].evaluations
         evaluation = next((e for e in calls if end.port in e.outputs), None)
@@ -214,7 +214,7 @@ def _nets(
 
 
 def _type_text(
-    network: Network, entries: dict[str, Entry], end: Endpoint, wires: list[Wire]
+    network: Network, entries: dict[str, NetworkEntry], end: Endpoint, wires: list[Wire]
 ) -> str:
     """The type of a wire; for a removed block, that of the port that it was wired to."""
     kind = network.types.get((end.block, end.port))
@@ -223,8 +223,8 @@ def _type_text(
     for wire in wires:
         if (wire.block, wire.port) in network.types:
             return str(network.types[wire.block, wire.port])
-    declared = entries[end.block].cls.spec.outputs[end.port].type
-    return declared.name if isinstance(declared, SignalType) and not end.component else ""
+    port_type = entries[end.block].cls.spec.outputs[end.port].type
+    return port_type.name if isinstance(port_type, SignalType) and not end.component else ""
 
 
 def _short(text: str) -> str:
@@ -236,7 +236,7 @@ def _add_port(ports: list[str], port: str) -> None:
         ports.append(port)
 
 
-def _as_declared(ports: Iterable[str]) -> Callable[[str], tuple[int, int]]:
+def _declaration_order(ports: Iterable[str]) -> Callable[[str], tuple[int, int]]:
     order = {name: i for i, name in enumerate(ports)}
 
     def position(port: str) -> tuple[int, int]:

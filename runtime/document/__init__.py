@@ -19,7 +19,7 @@ from runtime.document.loader import (
     SHIPPED,
     Source,
     complete_document,
-    decoded,
+    decode,
     find_file,
     merge,
     read_file,
@@ -48,17 +48,17 @@ from runtime.document.sections import (
     SECTIONS,
     check_keys,
     closest,
-    expected,
+    expected_form,
     in_order,
     is_part,
-    misnamed,
-    misspelt,
+    misspelt_keys,
+    name_problem,
     rename_files,
     section,
-    texts,
+    strings,
 )
 from runtime.document.substitution import fill_sections, without_unused
-from runtime.document.time_units import SECOND, TIME_UNITS, in_time, written_rate
+from runtime.document.time_units import SECOND, TIME_UNITS, in_time, rate_text
 from runtime.document.writer import flow_yaml
 
 __all__ = [
@@ -91,9 +91,9 @@ __all__ = [
     "check_keys",
     "closest",
     "complete_document",
-    "decoded",
+    "decode",
     "dump_yaml",
-    "expected",
+    "expected_form",
     "fill_sections",
     "find_file",
     "flow_yaml",
@@ -103,11 +103,12 @@ __all__ = [
     "in_time",
     "is_part",
     "merge",
-    "misnamed",
-    "misspelt",
+    "misspelt_keys",
+    "name_problem",
     "names_in",
     "parse_scalar",
     "parse_yaml",
+    "rate_text",
     "read_file",
     "read_graph",
     "read_run",
@@ -117,7 +118,6 @@ __all__ = [
     "set_entry",
     "set_wire",
     "shipped_graphs",
-    "texts",
+    "strings",
     "without_unused",
-    "written_rate",
 ]

@@ -101,4 +101,4 @@ class Work:
             self.stop(where, address, f"more than {MAX_BLOCKS} blocks, those of parts included")
 
     def stop(self, where: Where, address: str, text: str) -> NoReturn:
-        raise GraphError([*self.problems.found, Problem(where, address[:200], text)])
+        raise GraphError([*self.problems.items, Problem(where, address[:200], text)])

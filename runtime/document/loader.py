@@ -87,7 +87,7 @@ def complete_document(
             loader.work.check(completed, completed.where, "")
     except GraphError as error:
         return document, error.problems
-    return completed or document, loader.problems.found
+    return completed or document, loader.problems.items
 
 
 def _unlimited(entries: int) -> None:
@@ -225,7 +225,7 @@ def read_file(path: Path, at: Location) -> bytes:
         raise GraphError([Problem(*at, message)]) from None
 
 
-def decoded(data: bytes, path: Path) -> str:
+def decode(data: bytes, path: Path) -> str:
     """The text of a graph's file, UTF-8 with or without a byte order mark.
 
     Raises
@@ -261,7 +261,7 @@ class _Loader:
         try:
             path = find_file(name, at, folder)
         except GraphError as error:
-            self.problems.found += error.problems
+            self.problems.items += error.problems
             return None
         if path.resolve() in above:
             chain = " ▸ ".join(p.name for p in (*above, path))
@@ -283,7 +283,7 @@ class _Loader:
         try:
             document = self.parse(self.text(path, at), str(path))
         except GraphError as error:
-            self.problems.found += error.problems
+            self.problems.items += error.problems
             return None
         return self.parsed(document, above)
 
@@ -302,7 +302,7 @@ class _Loader:
             return self.unsaved[path.resolve()]
         data = read_file(path, at)
         self.contents[str(path.resolve())] = data
-        return decoded(data, path)
+        return decode(data, path)
 
     def named(self, node: Node, address: str, what: str, above: tuple[Path, ...]) -> Node | None:
         """The graph that a text in a graph names."""
@@ -341,7 +341,7 @@ class _Loader:
             path = find_file(node.value, at, _folder(node), "world")
             world = self.parse(self.text(path, at), str(path))
         except GraphError as error:
-            self.problems.found += error.problems
+            self.problems.items += error.problems
             return document.with_item("world", None)
         return document.with_item("world", Node(world.value, world.where, node.key))
 

@@ -48,7 +48,7 @@ class Solver:
     atol: float = 1e-9
     max_step: float = 0.0
 
-    def written(self) -> dict[str, float | str]:
+    def entries(self) -> dict[str, float | str]:
         """The entries of the section that differ from the defaults."""
         default = vars(Solver())
         return {
@@ -67,7 +67,7 @@ class Stop:
     level: float
     node: Node = field(compare=False, repr=False)
 
-    def written(self) -> dict[str, float | str]:
+    def entries(self) -> dict[str, float | str]:
         """The entry of the section."""
         return {"when": self.when, self.kind: self.level}
 

@@ -131,7 +131,7 @@ def in_order(plain: dict[str, Any]) -> dict[str, Any]:
     return {**ordered, **{key: value for key, value in plain.items() if key not in ordered}}
 
 
-def expected(name: str) -> str:
+def expected_form(name: str) -> str:
     """What a section should contain, for messages."""
     return f"expected entries such as '{EXAMPLES[name]}'"
 
@@ -165,14 +165,16 @@ def section(
     if node is None or node.value is None:
         return {}
     if not node.is_map:
-        problems.add(node.where, address, f"{expected(name)}, got {node.describe()}")
+        problems.add(node.where, address, f"{expected_form(name)}, got {node.describe()}")
         if unread is not None:
             unread.add(name)
         return {}
     return dict(node.items())
 
 
-def texts(node: Node | None, address: str, what: str, problems: Problems) -> list[tuple[Node, str]]:
+def strings(
+    node: Node | None, address: str, what: str, problems: Problems
+) -> list[tuple[Node, str]]:
     """The nodes of a text or a list of texts, each with its address."""
     if node is None:
         return []
@@ -193,13 +195,13 @@ def closest(name: str, known: Iterable[str]) -> str:
     return suggestion.split("'")[1] if suggestion else ""
 
 
-def misspelt(node: Node, known: Iterable[str]) -> set[str]:
+def misspelt_keys(node: Node, known: Iterable[str]) -> set[str]:
     """Known keys that are missing because they are misspelt."""
     written = {name for name, _ in node.items()}
     return {closest(name, known) for name in written.difference(known)} - written
 
 
-def misnamed(name: str, is_probe: bool) -> str:
+def name_problem(name: str, is_probe: bool) -> str:
     """Why a probe, plot or metric cannot have this name; '' if it can."""
     if not _NAME.fullmatch(name):
         return f"'{name[:40]}' is not a valid name; use up to 100 letters, digits, _ and -"

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from blocks.core import hint
 from runtime.document.limits import Work
 from runtime.document.node import Node
-from runtime.document.sections import SECTIONS, expected, is_part, misspelt
+from runtime.document.sections import SECTIONS, expected_form, is_part, misspelt_keys
 from runtime.errors import Problems
 
 _NAME = re.compile(r"\$([A-Za-z_]\w*)")
@@ -25,11 +25,11 @@ def fill_sections(
     address : of the graph in the document: '' or ``blocks.adaptive``.
     """
     prefix = f"{address}." if address else ""
-    params: dict[str, Node] | None = None if "params" in misspelt(document, SECTIONS) else {}
+    params: dict[str, Node] | None = None if "params" in misspelt_keys(document, SECTIONS) else {}
     if declared is not None and declared.value is not None:
         params = dict(declared.items()) if declared.is_map else None
         if params is None:
-            message = f"{expected('params')}, got {declared.describe()}"
+            message = f"{expected_form('params')}, got {declared.describe()}"
             problems.add(declared.where, f"{prefix}params", message)
     filler = _Filler(params, problems, work)
     if not address:

@@ -36,7 +36,7 @@ def in_time(unit: str, time_unit: str) -> str:
     return _HERTZ.sub(TIME_UNITS[time_unit], _SECONDS.sub(time_unit, unit))
 
 
-def written_rate(period: float, time_unit: str) -> str:
+def rate_text(period: float, time_unit: str) -> str:
     """How often something happens: ``100 Hz``, ``2.5 GHz``; ``every 0.5 h`` where that is clearer.
 
     Parameters

@@ -21,7 +21,7 @@ class Diagnosis:
     moments: list[int] = field(init=False)
 
     def __post_init__(self) -> None:
-        blocks = {name: type(entry.made) for name, entry in self.network.entries.items()}
+        blocks = {name: type(entry.block) for name, entry in self.network.entries.items()}
         self.seen = {name: [] for name, cls in blocks.items() if cls.watch is not Block.watch}
         total = self.network.ticks
         self.moments = [total * i // MOMENTS for i in range(1, MOMENTS + 1)] if self.seen else []
@@ -34,7 +34,7 @@ class Diagnosis:
         """Store what the blocks return before this tick."""
         if tick in self.moments:
             for name, values in self.seen.items():
-                values.append(float(self.network.entries[name].made.watch(self.states[name])))
+                values.append(float(self.network.entries[name].block.watch(self.states[name])))
 
     def notes(self, ticks: int) -> list[str]:
         """The blocks' diagnoses of a run of so many base ticks."""
@@ -43,7 +43,7 @@ class Diagnosis:
             taken = -(-ticks // entry.every)
             watched = tuple(self.seen.get(name, ()))
             try:
-                message = list(entry.made.diagnose(self.states[name], taken, watched))
+                message = list(entry.block.diagnose(self.states[name], taken, watched))
             except Exception as error:  # noqa: BLE001 -- a user's block may raise anything
                 message = [f"its diagnose() failed: {type(error).__name__}: {error}"]
             found += [f"block '{name}': {text}" for text in message]

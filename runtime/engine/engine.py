@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -141,7 +141,8 @@ class Engine:
     def prepare(self) -> Runner:
         """Initialise the states and make the runner, without running a tick."""
         self._start()
-        self.state.held = self._held()
+        # Zero, as outputs of a part that is off are.
+        self.state.held = tuple(signal.kind.zero() for signal in self.plan.held)
         if self.make_runner is None:
             self.runner = PythonRunner(list(self.program.held), self._python())
             return self.runner
@@ -207,14 +208,25 @@ class Engine:
         """Run the first tick in Python, which checks the form of every value."""
         try:
             self.prepare()
-            first = self._compile(checked=True, held=self.runner.held)
-            held = self.state.held = self.runner.adopt(first(0, 1, self._held()))
+            held = self.state.held = self.runner.adopt(self._checked_tick())
         except (SimulationError, KeyboardInterrupt):
             raise
         except BaseException as error:  # an exception of a block must not end the process
             raise self._failed(error) from error
         self.state.tick = 1
         return held
+
+    def _checked_tick(self) -> Held:
+        """Run the first tick; returns the variables that outlive it."""
+        names = self.program.held
+        held = dict(zip(names, self.state.held, strict=True))
+        scope = {**self.namespace, **held, "k": 0, "t": 0.0}
+        lines, self.lines = self.lines, self.program.first.lines
+        for piece in self.program.first.pieces:
+            if not self.state.stop[FOUND]:
+                exec(piece, scope)
+        self.lines = lines  # of the other ticks; in a failure, those of this one remain
+        return tuple(scope[name] for name in names)
 
     def _loop(self, held: Held, progress: Progress | None) -> None:
         total, chunk = self.network.ticks, 16
@@ -264,7 +276,7 @@ class Engine:
             self.namespace |= {"stop": self.state.stop, "narrowed": narrowed}
         names = self.program.names
         for name, entry in self.network.entries.items():
-            self.namespace[names.blocks[name]] = entry.made
+            self.namespace[names.blocks[name]] = entry.block
             self.namespace[names.states[name]] = self.state.blocks[name]
         for name in self._starting_order():
             self._start_block(name)
@@ -282,7 +294,7 @@ class Engine:
 
     def _compute_constants(self, call: Call) -> None:
         """Call a method whose outputs never change, and record them."""
-        method = getattr(self.network.entries[call.block].made, call.method)
+        method = getattr(self.network.entries[call.block].block, call.method)
         value = self._guard(call.block, partial(method, self.state.blocks[call.block], 0.0))
         values = (value,) if len(call.outputs) == 1 else value
         for signal, item in zip(call.outputs, values, strict=True):
@@ -301,13 +313,13 @@ class Engine:
         """Initialise one block's state, with what the outputs wired to it publish."""
         published = {}
         for port, source in self.network.publications(name):
-            made = self.network.entries[source.block].made
+            made = self.network.entries[source.block].block
             describe = getattr(made, type(made).spec.outputs[source.port].publishes)
             call = partial(describe, self.state.blocks[source.block])
             published[port] = self._guard(source.block, call)
         state = self.state.blocks[name]
         state.published = published
-        block = self.network.entries[name].made
+        block = self.network.entries[name].block
         self._guard(name, partial(block.start, state))
         if name in self.network.initial:
             for key, array in self.network.initial[name].items():
@@ -335,14 +347,20 @@ class Engine:
         if part is None:
             return {}
         size = part.row.size
-        method = method_of(self.network.solver.name, size)
-        slopes = np.zeros((method.slope_rows, size))
+        method = method_of(part.solver, part.colours)
+        slopes = np.zeros((method.slope_rows(size), size))
         solver, dt = self.network.solver, self.network.dt
         control = controls(
             solver.rtol, solver.atol, min(dt, solver.max_step or dt), self.network.until
         )
         self.state.arrays["run/control"] = control
+        jacobian: dict[str, FloatArray] = {}
+        move: Callable[..., None] = blend
+        if part.coupling is not None:
+            jacobian = {"colours": part.coupling.colours, "pattern": part.coupling.pattern}
+            move = partial(implicit, colours=part.coupling.colours, pattern=part.coupling.pattern)
         return {
+            **jacobian,
             "states": self.state.continuous,
             "start": np.zeros(size),
             "origin": np.zeros(size),
@@ -350,7 +368,7 @@ class Engine:
             "nodes": method.nodes,
             "weights": method.table if method.is_implicit else method.terms,
             "table": method.table,
-            "blend": implicit if method.is_implicit else blend,
+            "blend": move,
             "joined": joined,
             "rates": self.checks.rates,
             "bad_slope": partial(bad_slope, part, slopes),
@@ -374,19 +392,12 @@ class Engine:
             raise SimulationError(block, 0, 0.0, _described(error)) from error
 
     def _python(self) -> Run:
-        return self._compile(checked=False)
-
-    def _compile(self, checked: bool, held: Sequence[str] | None = None) -> Run:
-        made = self.program.code(checked, held)
-        # The same for all texts: checks are on the lines of the calls that they check.
-        self.lines = made.lines
-        exec(made.code, self.namespace)
+        """The function of the Python plan."""
+        code = self.program.code
+        self.lines = code.lines
+        exec(code.pieces[0], self.namespace)
         run: Run = self.namespace["run"]
         return run
-
-    def _held(self) -> Held:
-        """The variables before the first tick: zero, as outputs of a part that is off are."""
-        return tuple(signal.kind.zero() for signal in self.plan.held)
 
     def locate(self, error: BaseException) -> str:
         """Set the tick to the one that raised an exception; returns the block."""
@@ -401,7 +412,7 @@ class Engine:
     def _record_tuning(self, record: Record) -> None:
         """Record what a block publishes about the neurons behind a signal."""
         block = record.block
-        describe = getattr(self.network.entries[block].made, record.publisher)
+        describe = getattr(self.network.entries[block].block, record.publisher)
         self.namespace[f"probe_{record.number}"][0] = describe(self.state.blocks[block]).table()
 
     def _record_constant(self, signal: Signal, value: Any) -> None:

@@ -22,7 +22,7 @@ class ProbeFilter:
     def __init__(self, probe: Probe, synapse: Synapse, ticks: int, dt: float) -> None:
         self.probe, self.rows = probe, probe.rows(ticks)
         self.width = math.prod(probe.shape)
-        self.filter = synapse.filtering(probe.sampled * dt, self.width)
+        self.filter = synapse.filtering(probe.input_every * dt, self.width)
         self.taken = self.made = 0
 
     def take(self, values: FloatArray) -> FloatArray:
@@ -30,7 +30,7 @@ class ProbeFilter:
         self.filter(values.reshape(len(values), self.width))
         first, self.taken = self.taken, self.taken + len(values)
         # Row r belongs to tick r * every, at which the last value is number r * every // sampled.
-        every, sampled = self.probe.every, self.probe.sampled
+        every, sampled = self.probe.every, self.probe.input_every
         stop = min(self.rows, -(-self.taken * sampled // every))
         at = np.arange(self.made, stop) * every // sampled - first
         self.made = stop

@@ -161,7 +161,8 @@ class Recorder:
             if name not in self.filters
         ]
         ends += [
-            (each.taken + FILTERED_AT_ONCE) * each.probe.sampled for each in self.filters.values()
+            (each.taken + FILTERED_AT_ONCE) * each.probe.input_every
+            for each in self.filters.values()
         ]
         return min(ends, default=sys.maxsize)
 
@@ -177,7 +178,7 @@ class Recorder:
             if name not in self.filters and is_full:
                 self._append(stream, self.arrays[name])
         for name, each in self.filters.items():
-            if -(-tick // each.probe.sampled) - each.taken >= FILTERED_AT_ONCE:
+            if -(-tick // each.probe.input_every) - each.taken >= FILTERED_AT_ONCE:
                 self._filter(name, FILTERED_AT_ONCE)
         if self.folder is not None and not self.constants_saved:
             self.constants_saved = True
@@ -208,7 +209,7 @@ class Recorder:
             filled = min(1, tick) if probe.constant else probe.rows(tick)
             if name in self.filters and not self.full:
                 with suppress(UsageError):
-                    self._filter(name, -(-tick // probe.sampled) - self.filters[name].taken)
+                    self._filter(name, -(-tick // probe.input_every) - self.filters[name].taken)
             if name not in self.streams:
                 found[name] = self.filtered.get(name, self.arrays[name])[:filled]
                 continue

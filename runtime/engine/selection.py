@@ -59,7 +59,7 @@ def python_seconds(network: Network) -> float:
             context = network.context(name)
             for declared in spec.states.values():
                 length = 1
-                for side in state_shape(entry.made, declared, context, spec):
+                for side in state_shape(entry.block, declared, context, spec):
                     length *= side
                 cost += NUMBER * length
         each_tick += cost / entry.every

@@ -171,7 +171,7 @@ class RunState:
         loose = {key: value for key, value in found.items() if _is_copied(value)}
         # What belongs to the run stays the same object where a copied one refers to it.
         run = [value for key, value in held.items() if key not in loose]
-        run += [self.program.network.entries[name].made, held["context"].world]
+        run += [self.program.network.entries[name].block, held["context"].world]
         memo = {id(value): value for value in run}
         for key, value in loose.items():
             try:

@@ -91,7 +91,7 @@ class OutputChecks:
         (outputs,) = (each.outputs for each in evaluations if each.method == method)
         for port, value in zip(outputs, values, strict=True):
             if _is_bad(self.network.types[block, port], value):
-                why = self.network.entries[block].made.why_not_finite()
+                why = self.network.entries[block].block.why_not_finite()
                 why = f"; {why}" if why else ""
                 raise NotFiniteError(f"output '{port}' is not finite: {brief(value)}{why}")
 
@@ -112,7 +112,7 @@ class OutputChecks:
         if block not in self._shapes:  # an implicit solver asks thousands of times on one tick
             states = (spec.states[name] for name in names)
             context = self.network.context(block)
-            self._shapes[block] = [state_shape(entry.made, s, context, spec) for s in states]
+            self._shapes[block] = [state_shape(entry.block, s, context, spec) for s in states]
         given = (value,) if len(names) == 1 else value
         for name, rate, shape in zip(names, given, self._shapes[block], strict=True):
             if np.shape(rate) != shape or np.asarray(rate).dtype.kind not in "fiu":

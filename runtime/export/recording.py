@@ -16,7 +16,7 @@ from runtime.export.layout import Layout
 from runtime.export.selection import Selection
 from runtime.graph import Graph
 from runtime.plan import Port, numbers_in
-from runtime.toolchain import Unit, build
+from runtime.toolchain import TranslationUnit, build
 
 AnyArray = np.ndarray[Any, Any]
 MOST_NUMBERS = 200_000  # in the tables of a test
@@ -98,7 +98,7 @@ def run_natively(layout: Layout, header: str, source: str, replay: Replay, float
     most = "c->arena_most" if layout.units.open else f"(void)c, {layout.units.reserved}"
     text += f"\nint64_t {name}_used(const struct {name} *c);\nint64_t {name}_used"
     text += f"(const struct {name} *c)\n{{\n    return {most};\n}}\n"
-    library = build([Unit(name, text)]).functions
+    library = build([TranslationUnit(name, text)]).functions
     number = np.float32 if float32 else np.float64
     size = int(getattr(library, f"{name}_size")())
     memory = np.full(size, FILL, dtype=np.uint8)  # init must not need zeros

@@ -74,7 +74,7 @@ def write_units(selection: Selection, states: Mapping[str, BlockState], controll
     for name in selection.blocks:
         entry = network.entries[name]
         kernel = kernels.compiled.get(name)
-        values = () if kernel is None else tuple(leaves(kernel.fields(entry.made, states[name])))
+        values = () if kernel is None else tuple(leaves(kernel.fields(entry.block, states[name])))
         reason = kernels.refused.get(name, "")
         if any(isinstance(value, np.random.Generator) for value in values):
             reason = "it draws random numbers while it runs"

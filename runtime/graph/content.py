@@ -11,7 +11,7 @@ from blocks.core import Block, SignalType
 from blocks.registry import Modules
 from runtime.document import Node, Override, without_unused
 from runtime.errors import GraphError, MissingExtraError, Problem, Problems
-from runtime.network import Made, Network, build
+from runtime.network import BlockCache, Network, build
 from runtime.observation import Observation, observe
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ class Content:
     notes: tuple[str, ...] = ()
     modules: Modules = True
     files: Mapping[str, bytes] = field(default_factory=dict)
-    made: Made | None = None
+    block_cache: BlockCache | None = None
 
     def changed(
         self,
@@ -52,7 +52,7 @@ class Content:
 
 
 @dataclass(frozen=True)
-class Checked:
+class CheckedGraph:
     """What checking a graph yields; copies with another seed share the programs."""
 
     network: Network
@@ -64,17 +64,17 @@ class Checked:
 
         key = (None if plots is None else repr(plots), profiled)
         if key not in self.programs:
-            observation = self.observation if plots is None else self.observation.reduced(plots)
+            observation = self.observation if plots is None else self.observation.only_for(plots)
             self.programs[key] = Program(self.network, observation, profiled)
         return self.programs[key]
 
-    def with_seed(self, seed: int) -> Checked:
+    def with_seed(self, seed: int) -> CheckedGraph:
         """The same with another seed; the programs are shared."""
         return replace(self, network=replace(self.network, seed=seed))
 
 
 @dataclass(frozen=True)
-class Examined:
+class Examination:
     """A graph as far as it could be read, and all that is wrong with it.
 
     ``network`` and ``observation`` are None where reading stopped at a limit; ``missing`` is the
@@ -87,7 +87,7 @@ class Examined:
     missing: MissingExtraError | None = None
 
 
-def examined(content: Content, loops: bool = False) -> Examined:
+def examine(content: Content, loops: bool = False) -> Examination:
     """Check a graph however much is wrong with it; ``loops`` looks for algebraic loops as well."""
     problems = Problems()
     network = observation = missing = None
@@ -98,17 +98,17 @@ def examined(content: Content, loops: bool = False) -> Examined:
             content.classes,
             content.signal_types,
             content.modules,
-            content.made,
+            content.block_cache,
         )
         observation = observe(network, problems, content.modules)
     except GraphError as error:
-        return Examined(error.problems, network)
-    if loops and not problems.found:
+        return Examination(error.problems, network)
+    if loops and not problems.items:
         try:
-            Checked(network, observation).program(None, False)
+            CheckedGraph(network, observation).program(None, False)
         except GraphError as error:
-            problems.found += error.problems
-    return Examined(problems.found, network, observation, missing)
+            problems.items += error.problems
+    return Examination(problems.items, network, observation, missing)
 
 
 def _part_instead(document: Node) -> list[Problem]:
@@ -121,7 +121,7 @@ def _part_instead(document: Node) -> list[Problem]:
     return []
 
 
-def checked(content: Content) -> Checked:
+def check_content(content: Content) -> CheckedGraph:
     """Check a graph.
 
     Raises
@@ -129,9 +129,9 @@ def checked(content: Content) -> Checked:
     GraphError : listing all that is wrong.
     MissingExtraError : nothing is wrong, but a block needs a package that is not installed.
     """
-    examination = examined(content)
+    examination = examine(content)
     if examination.problems or examination.network is None or examination.observation is None:
         raise GraphError(_part_instead(content.document) or examination.problems)
     if examination.missing is not None:
         raise examination.missing
-    return Checked(examination.network, examination.observation)
+    return CheckedGraph(examination.network, examination.observation)

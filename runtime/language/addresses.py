@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from blocks.core import SignalType
-from runtime.document import written_rate
+from runtime.document import rate_text
 from runtime.errors import Where
 from runtime.language.model import Model
-from runtime.network import AddressError, Endpoint, Entry, Scope, component_type, find
+from runtime.network import AddressError, Endpoint, NetworkEntry, Scope, component_type, find
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class AddressTarget:
     """
 
     end: Endpoint
-    entry: Entry | None
+    entry: NetworkEntry | None
     type: SignalType | None
     dt: float
     where: Where
@@ -30,7 +30,7 @@ class AddressTarget:
     @property
     def rate(self) -> str:
         """How often the signal changes, in words."""
-        return written_rate(self.dt, self.time_unit) if self.dt else ""
+        return rate_text(self.dt, self.time_unit) if self.dt else ""
 
 
 def target_of(model: Model, scope: Scope | None, text: str) -> AddressTarget | None:

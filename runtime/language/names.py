@@ -17,7 +17,7 @@ from functools import cached_property
 from pathlib import Path
 
 from blocks.core import Block
-from runtime.document import misnamed
+from runtime.document import name_problem
 from runtime.errors import UsageError
 from runtime.language.items import YamlItem, deepest
 from runtime.language.links import bases, modules, overlays
@@ -315,7 +315,7 @@ def rename(
 def _check_name(model: Model, symbol: Symbol, name: str) -> None:
     message = ""
     if symbol.noun in ("probe", "plot", "metric"):
-        message = misnamed(name, symbol.noun == "probe")
+        message = name_problem(name, symbol.noun == "probe")
     elif not _NAME.fullmatch(name):
         message = f"'{name}' is not a name for a {symbol.noun}; use letters, digits and _"
     elif symbol.noun == "block" and name in RESERVED:

@@ -9,7 +9,7 @@ from blocks.core import Block, PortType, SignalType
 from blocks.registry import BLOCKS, BUILTIN
 from runtime.document import PART_SECTIONS, Node
 from runtime.language.model import Model
-from runtime.network import Entry, Scope, copy_name, fits, outputs_in
+from runtime.network import NetworkEntry, Scope, copy_name, fits, outputs_in
 
 Steps = tuple[str, ...]
 
@@ -39,7 +39,7 @@ def scope_at(model: Model, path: Steps) -> tuple[Scope | None, Steps]:
     return scope, path
 
 
-def entry_of(model: Model, scope: Scope | None, name: str) -> Entry | None:
+def entry_of(model: Model, scope: Scope | None, name: str) -> NetworkEntry | None:
     """A block of the network by its name in a scope; removed ones, too."""
     network = model.network
     if network is None or scope is None:

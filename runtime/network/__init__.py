@@ -5,7 +5,7 @@
 
 from runtime.network.addresses import AddressError, Endpoint, ReportedError, find, is_range
 from runtime.network.block_types import is_variadic, own_object, source_file
-from runtime.network.build import BLOCK_KEYS, Made, build
+from runtime.network.build import BLOCK_KEYS, BlockCache, build
 from runtime.network.components import (
     columns,
     component_type,
@@ -15,7 +15,7 @@ from runtime.network.components import (
 from runtime.network.enabling import enables_of, resets
 from runtime.network.expansion import expand
 from runtime.network.initial import STATES
-from runtime.network.network import Entry, Network, Wire, check_output
+from runtime.network.network import Network, NetworkEntry, Wire, check_output
 from runtime.network.open_inputs import fits, outputs_in
 from runtime.network.other_names import ours_for
 from runtime.network.removal import follow, missing_block
@@ -29,10 +29,10 @@ __all__ = [
     "MAX_BYTES",
     "STATES",
     "AddressError",
+    "BlockCache",
     "Endpoint",
-    "Entry",
-    "Made",
     "Network",
+    "NetworkEntry",
     "ReportedError",
     "Scope",
     "Wire",

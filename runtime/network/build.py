@@ -29,7 +29,7 @@ from runtime.network.enabling import check_enabling
 from runtime.network.expansion import expand
 from runtime.network.inference import infer_types, report_open
 from runtime.network.initial import read_initial
-from runtime.network.network import Entry, Network, place_of
+from runtime.network.network import Network, NetworkEntry, place_of
 from runtime.network.open_inputs import open_notes, report_open_inputs
 from runtime.network.removal import remove
 from runtime.network.scope import Scope
@@ -40,7 +40,7 @@ from runtime.network.wiring import Wiring
 BLOCK_KEYS = ("type", "module", "dt")
 SOLVER_KEYS = ("solver", "rtol", "atol", "max_step")
 MAX_TITLE = 120
-Made = MutableMapping[tuple[type[Block], str], Block]
+BlockCache = MutableMapping[tuple[type[Block], str], Block]
 
 
 def build(
@@ -49,7 +49,7 @@ def build(
     classes: Mapping[str, type[Block]] | None = None,
     kinds: Mapping[str, SignalType] | None = None,
     modules: Modules = True,
-    made: Made | None = None,
+    block_cache: BlockCache | None = None,
 ) -> tuple[Network, MissingExtraError | None]:
     """Build the network of a document in which nothing is left to extend or inline.
 
@@ -58,19 +58,19 @@ def build(
     problems : collects what is wrong; the network is valid only if nothing is.
     classes, kinds : block types and signal types beside the library's, of graphs made in Python.
     modules : whether Python files that the graph names are imported, or how they are read.
-    made : blocks by type and parameters, which are used again, and to which new ones are added.
+    block_cache : blocks by type and parameters, which are used again; new ones are added.
 
     Returns
     -------
     tuple : the network, and the extra that one of its blocks needs and that is not installed.
     """
     scope, document = expand(document, problems)
-    before = len(problems.found)
+    before = len(problems.items)
     run, title = read_run(document, problems), _title(document.get("graph"), problems)
     world = _world(document, problems)
     network = Network(title, **vars(run), scope=scope, document=document, world=world)
-    can_run = len(problems.found) == before
-    network = _with_blocks(network, classes or {}, kinds or {}, problems, modules, made)
+    can_run = len(problems.items) == before
+    network = _with_blocks(network, classes or {}, kinds or {}, problems, modules, block_cache)
     wiring = Wiring(network, problems)
     network = replace(
         network,
@@ -82,7 +82,7 @@ def build(
     network = remove(network, problems)
     types, lengths = infer_types(network, problems)
     network = replace(network, types=types, lengths=lengths)
-    if not problems.found:
+    if not problems.items:
         notes = check_units(network, problems)
         network = replace(network, notes=(*network.notes, *notes))
     report_open_inputs(network, wiring, problems)
@@ -90,10 +90,10 @@ def build(
         network, notes=(*network.notes, *open_notes(network), *_unused_solver(network))
     )
     check_enabling(network, problems)
-    if not problems.found:
+    if not problems.items:
         report_open(network, problems)
     missing = _check_contexts(network, problems) if can_run else None
-    if not problems.found:
+    if not problems.items:
         initial, notes = read_initial(network, problems)
         network = replace(network, initial=initial, notes=(*network.notes, *notes))
     extra = None if missing is None else MissingExtraError(missing.feature, missing.extra)
@@ -169,7 +169,7 @@ def _with_blocks(
     kinds: Mapping[str, SignalType],
     problems: Problems,
     modules: Modules,
-    made: Made | None,
+    block_cache: BlockCache | None,
 ) -> Network:
     """The network with its blocks, constructed once all classes and signal types are known."""
     found = []
@@ -181,7 +181,7 @@ def _with_blocks(
     own = _signal_types(found, kinds, problems, modules)
     entries, notes = {}, []
     for definition in found:
-        block, seen = _constructed(definition, own, problems, made, modules)
+        block, seen = _constructed(definition, own, problems, block_cache, modules)
         scope, node = definition.scope, definition.node
         full = scope.prefix + definition.name
         every = _ticks(node.get("dt"), network, definition.address, problems)
@@ -189,7 +189,7 @@ def _with_blocks(
         if sampled and definition.cls.spec.continuous:
             message = "its states are continuous and integrated over every step; leave dt out"
             problems.add(node.where, f"{definition.address}.dt", message)
-        entries[full] = Entry(full, scope, node, definition.cls, block, every, sampled)
+        entries[full] = NetworkEntry(full, scope, node, definition.cls, block, every, sampled)
         notes += seen
     return replace(network, signal_types=own, entries=entries, notes=tuple(notes))
 
@@ -217,7 +217,7 @@ def _constructed(
     definition: _Definition,
     own: Mapping[str, SignalType],
     problems: Problems,
-    made: Made | None = None,
+    block_cache: BlockCache | None = None,
     modules: Modules = True,
 ) -> tuple[Block | None, list[str]]:
     """A block, None where it cannot be constructed, and notes about its parameters."""
@@ -246,7 +246,7 @@ def _constructed(
         given = _given({k: item for k, item in values.items() if k in known}, cls, own)
         if not _take_variants(given, definition, problems, modules):
             return None, []
-        block = _made(cls, given, made)
+        block = _cached_block(cls, given, block_cache)
         dict(block.variables), dict(block.sizes())
         return block, _large_angles(cls, address, values)
     except ParameterError as error:
@@ -260,14 +260,15 @@ def _constructed(
     return None, []
 
 
-def _made(cls: type[Block], given: dict[str, Any], made: Made | None) -> Block:
+def _cached_block(cls: type[Block], given: dict[str, Any], block_cache: BlockCache | None) -> Block:
     """A block with these parameters, the one that was constructed before if there is one."""
-    if made is None:
+    if block_cache is None:
         return cls(**given)
-    known = (cls, repr(given))
-    block = made.get(known)
+    # The values' printed form is the key, since lists and nested mappings cannot be hashed.
+    key = (cls, repr(given))
+    block = block_cache.get(key)
     if block is None:
-        block = made[known] = cls(**given)
+        block = block_cache[key] = cls(**given)
     return block
 
 
@@ -368,7 +369,7 @@ def _miscounted(network: Network, name: str) -> str:
     entry = network.entries[name]
     for port, declared in entry.cls.spec.inputs.items():
         if isinstance(declared.variadic, str):
-            wanted = entry.made.value(declared.variadic)
+            wanted = entry.block.value(declared.variadic)
             wired = len(network.terms.get((name, port), ()))
             if wired != wanted:
                 return (
@@ -390,7 +391,7 @@ def _check_contexts(network: Network, problems: Problems) -> MissingPackageError
     unsettled = {block for block, _ in lost - removed}
     for name, entry in network.entries.items():
         if (
-            entry.block is None
+            entry.block_or_none is None
             or not network.is_typed(name)
             or network.waits(name)
             or name in unsettled

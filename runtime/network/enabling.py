@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from blocks.core import PartEnable
 from runtime.errors import Problems
-from runtime.network.network import Entry, Network
+from runtime.network.network import Network, NetworkEntry
 
 
 def enables_of(network: Network) -> dict[str, tuple[str, ...]]:
@@ -30,8 +30,8 @@ def enables_of(network: Network) -> dict[str, tuple[str, ...]]:
 
 def resets(network: Network, name: str) -> bool:
     """Whether a block resets the part that it is in while it is off."""
-    made = network.entries[name].block
-    return isinstance(made, PartEnable) and made.resets
+    block = network.entries[name].block_or_none
+    return isinstance(block, PartEnable) and block.resets
 
 
 def check_enabling(network: Network, problems: Problems) -> None:
@@ -58,5 +58,5 @@ def check_enabling(network: Network, problems: Problems) -> None:
                 problems.add(entry.node.key, entry.address, message)
 
 
-def _enables(network: Network) -> Iterator[Entry]:
+def _enables(network: Network) -> Iterator[NetworkEntry]:
     return (each for each in network.entries.values() if issubclass(each.cls, PartEnable))

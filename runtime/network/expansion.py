@@ -12,10 +12,10 @@ from runtime.document import (
     Node,
     Work,
     check_keys,
-    expected,
+    expected_form,
     fill_sections,
     is_part,
-    misspelt,
+    misspelt_keys,
     section,
 )
 from runtime.errors import Problems
@@ -43,7 +43,7 @@ def expand(document: Node, problems: Problems) -> tuple[Scope, Node]:
 
 def _unread(document: Node, known: Iterable[str]) -> set[str]:
     """Sections that cannot be read because their names are misspelt."""
-    found = misspelt(document, known)
+    found = misspelt_keys(document, known)
     strange = any(name not in known for name, _ in document.items())
     return found | {"wires"} if strange and document.get("wires") is None else found
 
@@ -76,7 +76,9 @@ def _scope(document: Node, scope: Scope, problems: Problems, work: Work) -> Scop
     if not (scope.blocks or scope.parts or scope.broken or scope.unread & {"blocks"}):
         node = document.get("blocks")
         where = document.where if node is None else node.key
-        problems.add(where, scope.path("blocks", ""), f"there are no blocks; {expected('blocks')}")
+        problems.add(
+            where, scope.path("blocks", ""), f"there are no blocks; {expected_form('blocks')}"
+        )
         scope.unread.add("blocks")
     return scope
 

@@ -32,16 +32,16 @@ def infer_types(
     """The types of ports, and each block's lengths by symbol, as far as blocks and wires determine
     them; reports contradictions."""
     known = {
-        name: _Block(dict(entry.made.variables), dict(entry.made.sizes()))
+        name: _Block(dict(entry.block.variables), dict(entry.block.sizes()))
         for name, entry in network.entries.items()
-        if entry.block is not None
+        if entry.block_or_none is not None
     }
     inference = _Inference(network, known, problems)
     inference.settle()
     inference.report()
     types = {}
     for name, block in known.items():
-        made = network.entries[name].made
+        made = network.entries[name].block
         for port in made.spec.ports:
             kind = _concrete(_resolved(made.port_type(port), block))
             if kind is not None:
@@ -57,7 +57,7 @@ def report_open(network: Network, problems: Problems) -> None:
         if ports and not network.waits(name):
             where = entry.node.key
             published = frozenset(port for port, _ in network.publications(name))
-            reason = "" if entry.block is None else entry.block.why_open(published)
+            reason = "" if entry.block_or_none is None else entry.block.why_open(published)
             message = reason or _open(network, name, ports[0], entry.cls.spec)
             problems.add(where, entry.address if where == NOWHERE else "", message)
 
@@ -119,10 +119,10 @@ class _Inference:
         return kind is None or component_type(kind, wire.source) is not None
 
     def out(self, wire: Wire) -> PortType:
-        return self.network.entries[wire.source.block].made.port_type(wire.source.port)
+        return self.network.entries[wire.source.block].block.port_type(wire.source.port)
 
     def into(self, wire: Wire) -> PortType:
-        return self.network.entries[wire.block].made.port_type(wire.port)
+        return self.network.entries[wire.block].block.port_type(wire.port)
 
     def spread(self, wire: Wire) -> str:
         """The length symbol of an input that takes components of any signals; '' for others."""
@@ -257,7 +257,7 @@ class _Inference:
     def derive(self, name: str) -> None:
         """Let a block derive lengths from those that are known."""
         block = self.known[name]
-        found = self.network.entries[name].made.infer(dict(block.lengths))
+        found = self.network.entries[name].block.infer(dict(block.lengths))
         block.lengths.update({s: n for s, n in found.items() if s not in block.lengths})
 
     def report(self) -> None:
@@ -306,7 +306,7 @@ class _Inference:
         else:
             # The wire to a part ends at the part, which is no block.
             entries = map(self.network.entries.get, (wire.source.block, wire.block))
-            message += "".join(entry.made.instead(target) for entry in entries if entry)
+            message += "".join(entry.block.instead(target) for entry in entries if entry)
             message += "" if because else self.fitting(wire, target)
         self.problems.add(wire.where, wire.address, message)
 

@@ -30,7 +30,7 @@ def place_of(node: Node, parameter: str) -> Where:
 
 
 @dataclass(frozen=True)
-class Entry:
+class NetworkEntry:
     """A block of the network; ``block`` is None if it could not be constructed.
 
     ``every`` is its step in base ticks; ``sampled`` tells whether the graph gives it a step.
@@ -40,7 +40,7 @@ class Entry:
     scope: Scope
     node: Node
     cls: type[Block]
-    block: Block | None
+    block_or_none: Block | None
     every: int = 1
     sampled: bool = False
 
@@ -60,18 +60,24 @@ class Entry:
     @property
     def evaluations(self) -> tuple[Evaluation, ...]:
         """The calls of output methods, without the inputs that the block declares indirect."""
-        return self.cls.spec.evaluations if self.block is None else self.block.evaluations
+        return self.cls.spec.evaluations if self.block_or_none is None else self.block.evaluations
 
     @property
     def is_memoryless(self) -> bool:
         """Whether the outputs depend on the time and the inputs alone, and are not sampled."""
-        return self.cls.spec.update is None and not (self.sampled or self.made.stepwise)
+        return self.cls.spec.update is None and not (self.sampled or self.block.stepwise)
 
     @property
-    def made(self) -> Block:
-        if self.block is None:
+    def block(self) -> Block:
+        """The block.
+
+        Raises
+        ------
+        ValueError : it could not be constructed, which a check before has reported.
+        """
+        if self.block_or_none is None:
             raise ValueError(f"block '{self.name}' was not constructed")
-        return self.block
+        return self.block_or_none
 
 
 @dataclass(frozen=True)
@@ -133,7 +139,7 @@ class Network:
     time_unit: str = SECOND
     world: World | None = None
     signal_types: Mapping[str, SignalType] = field(default_factory=dict)
-    entries: Mapping[str, Entry] = field(default_factory=dict)
+    entries: Mapping[str, NetworkEntry] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     wires: tuple[Wire, ...] = ()
     part_wires: tuple[Wire, ...] = ()
@@ -144,7 +150,7 @@ class Network:
     initial: Mapping[str, Mapping[str, FloatArray]] = field(default_factory=dict)
     removed: Mapping[str, str] = field(default_factory=dict)
     removed_by: Mapping[str, str] = field(default_factory=dict)
-    removed_entries: Mapping[str, Entry] = field(default_factory=dict)
+    removed_entries: Mapping[str, NetworkEntry] = field(default_factory=dict)
     removed_wires: tuple[Wire, ...] = ()
     bypass_sources: Mapping[str, Endpoint] = field(default_factory=dict)
 
@@ -176,7 +182,7 @@ class Network:
         readers: dict[Port, list[Port]] = {}
         for name, entry in self.entries.items():
             spec = entry.cls.spec
-            if entry.block is None or not (spec.continuous or entry.is_memoryless):
+            if entry.block_or_none is None or not (spec.continuous or entry.is_memoryless):
                 continue
             for call in entry.evaluations:
                 ports = [(name, port) for port in call.outputs]
@@ -230,7 +236,7 @@ class Network:
             world=self.world,
             lengths=self.lengths.get(name, {}),
             published={
-                port: self.entries[source.block].made for port, source in self.publications(name)
+                port: self.entries[source.block].block for port, source in self.publications(name)
             },
             until=self.until,
         )

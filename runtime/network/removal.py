@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from blocks.core import hint
-from runtime.document import Node, texts
+from runtime.document import Node, strings
 from runtime.errors import Problems
 from runtime.network.addresses import Endpoint, within
 from runtime.network.network import Network, Wire
@@ -45,7 +45,7 @@ def _listed(network: Network, name: str, problems: Problems) -> list[tuple[Node,
     node = network.document.get(name)
     if node is None or node.value is None:
         return []
-    return texts(node, name, "a block's name", problems)
+    return strings(node, name, "a block's name", problems)
 
 
 def _rewired(network: Network) -> Network:

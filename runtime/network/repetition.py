@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from blocks.core import hint, signal_type
-from runtime.document import MAX_BLOCKS, Node, texts
+from runtime.document import MAX_BLOCKS, Node, strings
 from runtime.errors import Problems
 from runtime.network.scope import Scope
 
@@ -80,7 +80,7 @@ def _count(node: Node, address: str, problems: Problems) -> int:
 
 
 def _shared(entry: Node, address: str, problems: Problems) -> set[str]:
-    found = texts(entry.get("share"), f"{address}.share", "an input of the part", problems)
+    found = strings(entry.get("share"), f"{address}.share", "an input of the part", problems)
     return {str(item.value) for item, _ in found}
 
 

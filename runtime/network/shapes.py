@@ -19,7 +19,7 @@ def whole_shape(network: Network, end: Endpoint) -> tuple[int, ...] | None:
     on both sides has the rows of its weights from the Ensemble, which may have no input yet.
     """
     entry = network.entries.get(end.block)
-    if entry is None or entry.block is None:
+    if entry is None or entry.block_or_none is None:
         return None
     spec = entry.cls.spec
     if end.port in spec.outputs:

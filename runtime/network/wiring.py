@@ -13,7 +13,7 @@ from runtime.network.addresses import (
     find,
 )
 from runtime.network.block_types import relative_with
-from runtime.network.network import Entry, Network, Wire, check_output
+from runtime.network.network import Network, NetworkEntry, Wire, check_output
 from runtime.network.scope import Scope, is_optional, part_input
 
 Input = tuple[str, str]
@@ -109,7 +109,7 @@ class Wiring:
         owner = f"part '{full}'" if name in scope.parts else f"'{full}'"
         self.problems.add(node.key, address, f"{owner} has no input '{port}'{suggestion}", True)
 
-    def port(self, entry: Entry, port: str, node: Node, address: str) -> None:
+    def port(self, entry: NetworkEntry, port: str, node: Node, address: str) -> None:
         if not entry.cls.spec.inputs[port].variadic:
             self.wire(entry, port, None, node, address)
         elif node.value is None or node.is_map:
@@ -122,7 +122,9 @@ class Wiring:
                 for i, item in enumerate(items)
             )
 
-    def wire(self, entry: Entry, port: str, term: int | None, node: Node, address: str) -> bool:
+    def wire(
+        self, entry: NetworkEntry, port: str, term: int | None, node: Node, address: str
+    ) -> bool:
         """Add one wire; returns whether something is now connected."""
         try:
             found = self.source(entry.scope, node, address)

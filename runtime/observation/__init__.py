@@ -8,7 +8,7 @@ from runtime.observation.metric_kinds import MetricKind, MetricOptions, NumberOp
 from runtime.observation.metrics import METRIC_KINDS, STOP_TIME, Metric, Series
 from runtime.observation.observation import Observation, StopTest
 from runtime.observation.plot_options import CHANGES, Figure
-from runtime.observation.plots import PLOT_KINDS, PlotKind, offered, plot_keys
+from runtime.observation.plots import PLOT_KINDS, PlotKind, plot_keys, plot_kind_names
 from runtime.observation.probes import PROBE_KEYS
 from runtime.observation.reader import PlotSpec, Probe, observe
 from runtime.observation.run_data import Recording, RunData
@@ -34,7 +34,7 @@ __all__ = [
     "Series",
     "StopTest",
     "observe",
-    "offered",
     "plot_keys",
+    "plot_kind_names",
     "since_reached",
 ]

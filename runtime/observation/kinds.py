@@ -9,7 +9,7 @@ from typing import Generic, Protocol, TypeVar
 from blocks.core import hint
 from blocks.extensions import Registry
 from blocks.registry import Modules
-from runtime.document import Node, check_keys, misspelt
+from runtime.document import Node, check_keys, misspelt_keys
 from runtime.errors import Problems
 from runtime.network import own_object
 from runtime.observation.other_names import OTHER_NAMES
@@ -90,7 +90,7 @@ def _report_kind(
 ) -> None:
     item = node.get("kind")
     if item is None:
-        if "kind" not in misspelt(node, keys):
+        if "kind" not in misspelt_keys(node, keys):
             message = f"missing; expected one of {', '.join(known)}"
             problems.add(node.key, address, message)
         return

@@ -40,7 +40,7 @@ class Observation:
     files: dict[str, bytes] = field(default_factory=dict)
 
     @property
-    def drawn(self) -> list[PlotSpec]:
+    def all_plots(self) -> list[PlotSpec]:
         """The plots of a run."""
         return self.plots or self.defaults
 
@@ -62,7 +62,7 @@ class Observation:
         """What no value of a metric means, of those where it is worse than any value."""
         return {metric.name: metric.never for metric in self.metrics if metric.never}
 
-    def reduced(self, kinds: Container[str]) -> Observation:
+    def only_for(self, kinds: Container[str]) -> Observation:
         """Only the probes that metrics and plots of these kinds need."""
         plots = [plot for plot in self.plots if plot.kind in kinds]
         used = {name for plot in plots for name in plot.uses}

@@ -56,7 +56,7 @@ class PlotSpec:
         """
         return PLOT_KINDS[self.kind] if self.own is None else self.own
 
-    def described(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, Any]:
         """As plain values; ``own`` only says whether the kind is one of a Python file."""
         values = {"name": self.name, "kind": self.kind, "of": list(self.of), "title": self.title}
         return {**values, "options": dict(self.options), **({"own": True} if self.own else {})}
@@ -112,7 +112,7 @@ def plot_keys(kind: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(key for entry in kinds for key in entry.keys))
 
 
-def offered(kind: str, has_world: bool) -> tuple[str, ...]:
+def plot_kind_names(kind: str, has_world: bool) -> tuple[str, ...]:
     """The kinds that a message should name: those in a world only if there is one."""
     everywhere = tuple(name for name, entry in PLOT_KINDS.items() if not entry.in_world)
     named = tuple(PLOT_KINDS) if has_world or kind in PLOT_KINDS.keys() - everywhere else everywhere
@@ -142,7 +142,7 @@ def source_options(declared: PlotKind, probes: Sequence[Probe], network: Network
     found: dict[str, Any] = {}
     takes = declared.options.declared
     for signal in (signal for probe in probes for signal in probe.signals):
-        block = network.entries[signal.end.block].block
+        block = network.entries[signal.end.block].block_or_none
         if signal.kind == "Scan" and "angles" in takes and hasattr(block, "angle_min"):
             low, high = getattr(block, "angle_min", -math.pi), getattr(block, "angle_max", math.pi)
             found.setdefault("angles", [float(low), float(high)])

@@ -9,7 +9,7 @@ from itertools import islice
 
 from blocks.core import SignalType, Vector
 from blocks.neural import Synapse, table_shape
-from runtime.document import TIME_UNITS, Node, in_time, texts
+from runtime.document import TIME_UNITS, Node, in_time, strings
 from runtime.errors import Problems
 from runtime.network import (
     Endpoint,
@@ -89,7 +89,7 @@ class Probe:
     synapse: Synapse | None = None
 
     @property
-    def sampled(self) -> int:
+    def input_every(self) -> int:
         """Ticks between two values that are read: for a synapse, whenever the signal is new."""
         return self.every if self.synapse is None else own_rate(self.signals)
 
@@ -135,7 +135,7 @@ class Probe:
     def missed(self) -> str:
         """Which event a probe would miss or repeat; '' if none."""
         for signal in self.signals:
-            if signal.is_event and signal.every != self.sampled:
+            if signal.is_event and signal.every != self.input_every:
                 new = "on each tick" if signal.every == 1 else f"every {signal.every} ticks"
                 message = (
                     f"'{signal.end}' is new {new}: every {self.every} would miss or repeat some"
@@ -174,7 +174,7 @@ def described(
     """
     if node is None:
         return signals
-    found = [item.value for item, _ in texts(node, address, "a text", problems)]
+    found = [item.value for item, _ in strings(node, address, "a text", problems)]
     if not found or (None in signals and len(found) != len(signals)):
         return signals
     kept = [signal for signal in signals if signal is not None]
@@ -241,7 +241,7 @@ def make_signal(network: Network, end: Endpoint, label: str) -> Signal | None:
     spec = entry.cls.spec
     if end.port in spec.states:
         state = spec.states[end.port]
-        shape = state_shape(entry.made, state, network.context(end.block), spec)
+        shape = state_shape(entry.block, state, network.context(end.block), spec)
         kind = state.signal.name if state.signal is not None else "State"
         unit = in_time(state.unit, network.time_unit)
         if is_range(end.component):

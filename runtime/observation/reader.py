@@ -15,11 +15,11 @@ from runtime.document import (
     SECTIONS,
     Node,
     check_keys,
-    expected,
-    misnamed,
-    misspelt,
+    expected_form,
+    misspelt_keys,
+    name_problem,
     section,
-    texts,
+    strings,
 )
 from runtime.errors import Problems, Where
 from runtime.network import (
@@ -41,7 +41,7 @@ from runtime.observation.plots import (
     COMMON,
     PLOT_KINDS,
     check_options,
-    offered,
+    plot_kind_names,
     source_options,
     title_of,
     unfit,
@@ -76,7 +76,7 @@ def observe(network: Network, problems: Problems, modules: Modules = True) -> Ob
     reader.read(network.document)
     probes = reader.seen.probes.values()
     total = sum(probe.size(network.ticks) for probe in probes)
-    if total > MAX_RECORDING and not problems.found:
+    if total > MAX_RECORDING and not problems.items:
         worst = max(probes, key=lambda probe: probe.size(network.ticks))
         message = f"recording takes {readable_bytes(total)}, most of it '{worst.name}'; record it "
         message += f"less often, {{of: {worst.signals[0].end}, every: 100}}, or run shorter"
@@ -99,7 +99,7 @@ class _Reader:
 
     def read(self, document: Node) -> None:
         probes = section(document, "probes", "probes", self.problems, self.unread)
-        self.unread |= misspelt(document, SECTIONS)
+        self.unread |= misspelt_keys(document, SECTIONS)
         self.declared = set(probes)
         for name, node in probes.items():
             self.check_name(name, node, f"probes.{name}")
@@ -111,7 +111,7 @@ class _Reader:
                 if node.is_map:
                     reader(name, node, address)
                 else:
-                    message = f"{expected(kind)}, got {node.describe()}"
+                    message = f"{expected_form(kind)}, got {node.describe()}"
                     self.problems.add(node.where, address, message)
         self.seen.stop = self.stop()
         self.seen.plots[:] = [self.with_band(plot) for plot in self.seen.plots]
@@ -158,7 +158,7 @@ class _Reader:
         return replace(plot, options={**plot.options, "band": float(band)})
 
     def check_name(self, name: str, node: Node, address: str) -> None:
-        message = misnamed(name, address.startswith("probes"))
+        message = name_problem(name, address.startswith("probes"))
         if message:
             self.problems.add(node.key, address, message)
 
@@ -173,7 +173,7 @@ class _Reader:
             self.problems.add(where, address, message)
             return
         place = address if of is node else f"{address}.of"
-        items = texts(of, place, "an address, as in plant.pose", self.problems)
+        items = strings(of, place, "an address, as in plant.pose", self.problems)
         signals = [self.signal(item, where) for item, where in items]
         written = node.get("every")
         every = self.every(written, f"{address}.every")
@@ -260,10 +260,10 @@ class _Reader:
     ) -> list[tuple[Node, str]]:
         """The addresses or probe names under a key, each with its own address."""
         node = owner.get(key)
-        if (node is None and key not in misspelt(owner, keys)) or (node and node.value == []):
+        if (node is None and key not in misspelt_keys(owner, keys)) or (node and node.value == []):
             where = owner.key if node is None else node.where
             self.problems.add(where, address, f"missing; expected {_SOURCE}")
-        return texts(node, address, _SOURCE, self.problems)
+        return strings(node, address, _SOURCE, self.problems)
 
     def tunings(self, owner: Node, key: str, keys: tuple[str, ...], address: str) -> list[str]:
         """Names of the probes of the tuning behind the signals under a key."""
@@ -337,7 +337,7 @@ class _Reader:
         return ""
 
     def plot(self, name: str, node: Node, address: str) -> None:
-        known = partial(offered, has_world=self.has_world)
+        known = partial(plot_kind_names, has_world=self.has_world)
         chosen = choose(PLOT_KINDS, node, address, known, self.problems, self.modules)
         if chosen is None:
             return
@@ -354,7 +354,7 @@ class _Reader:
             self.report(node, keys, address, check_options(declared, options, self.has_world))
         if node.get("labels") is not None:
             what = "a text for each line, as in [position, heading]"
-            named = texts(node.get("labels"), f"{address}.labels", what, self.problems)
+            named = strings(node.get("labels"), f"{address}.labels", what, self.problems)
             options["labels"] = [str(item.value) for item, _ in named]
         for key in () if declared is None else declared.signals:
             if key in options:
@@ -375,7 +375,7 @@ class _Reader:
         """Report the errors of entries, except missing ones whose key is misspelt."""
         for key, text in checks:
             item = node.get(key)
-            if item is not None or key not in misspelt(node, keys):
+            if item is not None or key not in misspelt_keys(node, keys):
                 where = node.key if item is None else item.where
                 self.problems.add(where, f"{address}.{key}", text)
 

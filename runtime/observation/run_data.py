@@ -38,7 +38,7 @@ class Recording:
     time_unit: str = SECOND
 
     @property
-    def shown(self) -> tuple[str, ...]:
+    def display_names(self) -> tuple[str, ...]:
         """What figures call the columns."""
         names = self.names or ("",) * len(self.labels)
         return tuple(name or label for name, label in zip(names, self.labels, strict=True))
@@ -87,7 +87,7 @@ class RunData:
     states: dict[str, FloatArray] = field(default_factory=dict)
     never: dict[str, str] = field(default_factory=dict)
 
-    def measured(self, name: str) -> str:
+    def metric_text(self, name: str) -> str:
         """A metric's value in words: a number, ``never settled``, or a dash for no value."""
         value = self.metrics.get(name)
         if value is None and name in self.metrics and self.status != "interrupted":

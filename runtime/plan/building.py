@@ -20,6 +20,7 @@ from blocks.core import Evaluation
 from blocks.registry import is_built_in
 from runtime.network import Endpoint, Network, Wire, enables_of, resets
 from runtime.observation import Observation
+from runtime.plan.coupling import IMPLICIT, Coupling
 from runtime.plan.moving import Evaluated, again, continuous_row, declared_states
 from runtime.plan.operations import (
     Argument,
@@ -40,6 +41,7 @@ from runtime.plan.operations import (
     Zero,
 )
 from runtime.plan.order import ordered
+from runtime.plan.passes import coupled
 
 
 def make_plan(
@@ -71,8 +73,7 @@ class _Builder:
             self.wires[wire.block, wire.port].append(wire)
         # One object per signal: what is equal is found by its key, and shares memory.
         self.signals = {key: Signal(*key, kind) for key, kind in network.types.items()}
-        contexts = {name: network.context(name) for name in network.entries}
-        self.states = {name: declared_states(network, name, contexts[name]) for name in contexts}
+        self.states = {name: declared_states(network, name) for name in network.entries}
         self.switches = {
             name: tuple(self.signals[switch, "on"] for switch in switches)
             for name, switches in enables_of(network).items()
@@ -201,9 +202,13 @@ class _Builder:
             watch = again([whole.key], evaluations, moving)
         elif not self.is_continuous(whole):
             stop = None  # it changes on ticks only
-        unit = network.time_unit
+        unit, solver, coupling = network.time_unit, network.solver.name, None
+        if solver in IMPLICIT:
+            contexts = {name: network.context(name) for name in specs}
+            own = {name: network.entries[name].block.couplings(contexts[name]) for name in specs}
+            coupling = Coupling.of(coupled(self.row, stage, own))
         return Integrate(
-            self.row, network.solver.name, tuple(stage), projections, watch, stop, unit
+            *(self.row, solver, tuple(stage), projections, watch, stop, unit), coupling=coupling
         )
 
     def is_continuous(self, whole: Signal | StateArray | None) -> bool:
@@ -233,7 +238,7 @@ class _Builder:
                     slice(start, stop) if len(probe.signals) > 1 else None,
                     self.buffers.get(probe.name, 0),
                     signal.publisher,
-                    Gate(probe.sampled, once=probe.constant),
+                    Gate(probe.input_every, once=probe.constant),
                 )
                 start = stop
                 yield record, signal.is_event

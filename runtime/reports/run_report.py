@@ -89,7 +89,7 @@ def _metrics_table(folder: Path, result: RunData) -> Html:
         expects = expects or bool(expected)
         unit = result.units.get(name, "") if value is not None else ""
         named = value is None and name in result.never
-        number = result.measured(name) if named else pieces.number(value)
+        number = result.metric_text(name) if named else pieces.number(value)
         shown = join(number, f" {unit}" if unit else "")
         rows.append([name, shown, expected, _definition(entry)])
     head = ["metric", "value", "expected", "definition"]

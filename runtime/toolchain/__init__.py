@@ -16,7 +16,7 @@ from runtime.toolchain.library import (
     Builder,
     BuildError,
     Library,
-    Unit,
+    TranslationUnit,
     build,
     processors,
 )
@@ -31,7 +31,7 @@ __all__ = [
     "Compiler",
     "Library",
     "MissingCompilerError",
-    "Unit",
+    "TranslationUnit",
     "available",
     "build",
     "digest",

@@ -64,7 +64,7 @@ class BuildError(SpikeblocksError):
 
 
 @dataclass(frozen=True)
-class Unit:
+class TranslationUnit:
     """One translation unit: its name, as compilers' messages show it, and its text in C99."""
 
     name: str
@@ -128,7 +128,7 @@ class Builder:
         self._open.callback(pool.shutdown, cancel_futures=True)
         return pool
 
-    def begin(self, unit: Unit) -> None:
+    def begin(self, unit: TranslationUnit) -> None:
         """Start to compile a unit that is not in the cache; an error is raised by :meth:`build`.
 
         Raises
@@ -144,7 +144,9 @@ class Builder:
             )
 
     def build(
-        self, units: Sequence[Unit], note: Callable[[tuple[str, ...]], None] | None = None
+        self,
+        units: Sequence[TranslationUnit],
+        note: Callable[[tuple[str, ...]], None] | None = None,
     ) -> Library:
         """Compile what is not in the cache, link, and load.
 
@@ -172,7 +174,7 @@ class Builder:
             advice = f"does its folder forbid execution? {store.VARIABLE} names another one"
             raise BuildError(f"cannot load compiled code ({advice}): {error}") from None
 
-    def _key(self, unit: Unit) -> str:
+    def _key(self, unit: TranslationUnit) -> str:
         return f"unit_{store.digest(*self._made_with, unit.level, unit.text)}{OBJECT}"
 
     def _writing(self) -> AbstractContextManager[None]:
@@ -181,7 +183,7 @@ class Builder:
     def _linked(
         self,
         name: str,
-        objects: dict[str, Unit],
+        objects: dict[str, TranslationUnit],
         note: Callable[[tuple[str, ...]], None] | None,
     ) -> tuple[Path, tuple[str, ...]]:
         """Compile and link; returns the library and the names of the units that were compiled."""
@@ -207,7 +209,7 @@ class Builder:
 
 
 def build(
-    units: Sequence[Unit],
+    units: Sequence[TranslationUnit],
     checked: bool = False,
     note: Callable[[tuple[str, ...]], None] | None = None,
 ) -> Library:
@@ -216,7 +218,9 @@ def build(
         return builder.build(units, note)
 
 
-def _compile(work: Path, key: str, unit: Unit, compiler: Compiler, flags: Sequence[str]) -> None:
+def _compile(
+    work: Path, key: str, unit: TranslationUnit, compiler: Compiler, flags: Sequence[str]
+) -> None:
     """One unit's object, in a folder of its own that compilers' messages do not show."""
     place = work / key.removesuffix(OBJECT)
     place.mkdir()

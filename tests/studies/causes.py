@@ -207,7 +207,7 @@ def constants() -> list[tuple[str, ...]]:
 def _written(entry: object, key: str) -> str:
     if key == "dt":
         return f"{entry.every * 1e-3:g}"  # type: ignore[attr-defined]
-    value = np.asarray(entry.made.value(key), dtype=float)  # type: ignore[attr-defined]
+    value = np.asarray(entry.block.value(key), dtype=float)  # type: ignore[attr-defined]
     return ", ".join(f"{v:g}" for v in value.ravel().tolist())
 
 

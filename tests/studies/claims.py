@@ -109,7 +109,7 @@ def case_a(seeds: int) -> list[Claim]:
 
 def _stiffness() -> float:
     """The turn rate by which the LQR of case A answers a lateral error, in rad/s per metre."""
-    _, gain = runtime.load(LINE).network.entries["lqr"].made.solve(0.01, 0.0)
+    _, gain = runtime.load(LINE).network.entries["lqr"].block.solve(0.01, 0.0)
     return abs(float(gain[1, 1]))
 
 

@@ -81,7 +81,7 @@ def measure(job: Job) -> dict[str, float]:
     graph = graph_of(job.controller, job.condition, job.world, job.until)
     result = graph.run(seed=job.seed)
     metrics = {k: np.nan if v is None else float(v) for k, v in result.metrics.items()}
-    fitter = graph.network.entries["fitter"].made
+    fitter = graph.network.entries["fitter"].block
     engaged = result.time("pose") >= metrics["time_to_engage"]
     _, loop = first_loop(graph.network.world, result["pose"][engaged, :2], fitter.distance)
     return {**metrics, "length": length_of(loop) if len(loop) else np.nan}

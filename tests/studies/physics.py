@@ -64,7 +64,7 @@ def measure(job: Job) -> dict[str, float]:
     believed, true = result["drift"][-1], result["pose"][: 2 * len(result["drift"]) : 2][-1]
     return {
         **metrics,
-        "clearance": float(distances.min()) - network.entries["plant"].made.body_radius,
+        "clearance": float(distances.min()) - network.entries["plant"].block.body_radius,
         "drift": float(np.hypot(*(believed - true)[:2])),
         "tilt": float(result["tilt"].max()),
     }

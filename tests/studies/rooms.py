@@ -31,7 +31,7 @@ def loops_of(room: str) -> tuple[list[float], float]:
     in which to find a wall and go round the longest, with a quarter to spare.
     """
     network = graph_of(ROBUST, world=room).network
-    distance, speed = network.entries["fitter"].made.distance, network.entries["match"].made.v_r
+    distance, speed = network.entries["fitter"].block.distance, network.entries["match"].block.v_r
     lengths = [length_of(loop[:-1]) for loop in network.world.offset_contour(distance)]
     return lengths, math.ceil(40.0 + 1.25 * lengths[0] / speed)
 

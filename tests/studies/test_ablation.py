@@ -76,7 +76,7 @@ def test_all_variants_build_and_can_be_compared(configuration: Configuration, ru
         if name.endswith(APART):
             assert name.removesuffix(APART) in graphs
     rates = {
-        name: graphs[name].network.entries["adaptive.snn_omega"].made.learning_rate
+        name: graphs[name].network.entries["adaptive.snn_omega"].block.learning_rate
         for name in (BARE.removesuffix(APART), INTEGRATOR, FAST, FAST_INTEGRATOR)
     }
     assert rates[BARE.removesuffix(APART)] == rates[INTEGRATOR]

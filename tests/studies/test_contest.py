@@ -146,7 +146,7 @@ def test_the_shipped_robust_graphs_differ_from_their_cases_by_one_rule() -> None
         return {
             key: (
                 entry.cls.__name__,
-                {p: str(v) for p, v in entry.made.parameters().items() if p not in CASE},
+                {p: str(v) for p, v in entry.block.parameters().items() if p not in CASE},
             )
             for key, entry in runtime.load(name).network.entries.items()
         }
@@ -168,7 +168,7 @@ def test_the_shipped_setting_is_the_one_that_was_found() -> None:
     for path, value in found:
         address = path.replace("adaptive.params", "adaptive.snn_omega")
         block, _, key = address.rpartition(".")
-        assert entries[block].made.value(key) == float(value), path
+        assert entries[block].block.value(key) == float(value), path
 
 
 def test_one_setting_has_no_constant_that_differs_from_case_to_case() -> None:

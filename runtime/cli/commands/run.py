@@ -171,9 +171,9 @@ def _check_options(graph: Graph, options: Namespace) -> None:
                 f"--labels {options.labels}: names the two runs of --vs, which is not given"
             )
     if options.animate:
-        from runtime.plots import animated
+        from runtime.plots import animated_plot
 
-        animated(graph.observation.plots, graph.network.world)
+        animated_plot(graph.observation.plots, graph.network.world)
     if options.profile and graph.network.engine in ("compiled", "checked"):
         raise UsageError("--profile measures each block, which needs --engine python")
 
@@ -301,7 +301,7 @@ def _print_result(
         rows = [
             (
                 name,
-                *(each.measured(name) for each in (result, *others.values())),
+                *(each.metric_text(name) for each in (result, *others.values())),
                 result.units.get(name, ""),
             )
             for name in result.metrics
@@ -312,6 +312,6 @@ def _print_result(
             name: result.units.get(name, "") if v is not None else ""
             for name, v in result.metrics.items()
         }
-        rows = [(k, f"{result.measured(k)} {units[k]}".rstrip()) for k in result.metrics]
+        rows = [(k, f"{result.metric_text(k)} {units[k]}".rstrip()) for k in result.metrics]
         show(table(rows))
     sys.stdout.flush()  # a pipe or a file shows them before the pictures, too

@@ -42,7 +42,7 @@ from runtime.plan import (
     Zero,
     numbers_in,
 )
-from runtime.toolchain import Unit
+from runtime.toolchain import TranslationUnit
 
 # What ``run`` returns: an output is not finite, a block failed, the solver cannot integrate (a rate
 # of change is not finite, or its tolerance is not met), or the run's condition to stop holds.
@@ -63,7 +63,7 @@ class PlanText:
     text: str
     struct: Struct
     calls: list[Call]
-    solver: Unit | None = None
+    solver: TranslationUnit | None = None
     driver: str = ""
     parts: int = 1
     lines: dict[int, str] = field(default_factory=dict)
@@ -124,7 +124,7 @@ class EngineText(CText):
         self.plan, self.kernels = plan, kernels
         self.struct = Struct(names)
         self.calls: list[Call] = []
-        self.solver: Unit | None = None
+        self.solver: TranslationUnit | None = None
         self.own: set[str] = set()
         self.printers |= {
             Record: self.record,
@@ -233,9 +233,8 @@ class EngineText(CText):
 
     def integrate(self, part: Integrate) -> None:
         """Integrate to the next tick, or to the time in between at which the run stops."""
-        size = part.row.size
-        method = method_of(part.solver, size)
-        self.solver, prototypes = solver_unit(size, method, part.stop is not None)
+        method = method_of(part.solver, part.colours)
+        self.solver, prototypes = solver_unit(part, method)
         self.own |= set(prototypes)
         if part.stop is None:
             self.integrated(part, method, "dt")
@@ -287,8 +286,9 @@ class EngineText(CText):
             self.put("double bad = -1.0;")
             self.put(f"solver_first_bad(ctx, NULL, {slopes}, stage, &bad);")
             self.put(f"if (bad >= 0.0) return {NOT_INTEGRATED};")
-            arrays = ", ".join([states, start, slopes, table])
-            self.put(f"solver_moved(ctx, NULL, {arrays}, stage, {h});")
+            given = [states, start, slopes, table, "stage", h]
+            given += map(self.solvers, ("colours", "pattern") if method.is_implicit else ())
+            self.put(f"solver_moved(ctx, NULL, {', '.join(given)});")
 
 
 def condition(stop: Stop) -> str:

@@ -68,7 +68,7 @@ def make_kernels(
         terms = {p: wires[name, p] for p, declared in spec.inputs.items() if declared.variadic}
         try:
             kernel = kernels.compiled[name] = make_kernel(
-                entry.made, states[name], terms, kinds[name], calls, checked, shapes[name], records
+                entry.block, states[name], terms, kinds[name], calls, checked, shapes[name], records
             )
             if kernel.is_new:
                 begin(kernel)

@@ -27,7 +27,7 @@ from runtime.engine.compiled.memory import Context, Words
 from runtime.engine.program import Program
 from runtime.engine.runners import CompiledError, RunContext
 from runtime.engine.state import Array, Held
-from runtime.toolchain import QUICK, THOROUGH, Builder, BuildError, Unit, folder
+from runtime.toolchain import QUICK, THOROUGH, Builder, BuildError, TranslationUnit, folder
 
 DRIVER = "<the loop around the compiled plan>"
 PLAN = "the plan"
@@ -67,7 +67,7 @@ def template(
     known = _latest.setdefault(program, {}).get(checked)
     entries = program.network.entries
     if known is not None and all(
-        kernel.fits(entries[name].made, states[name])
+        kernel.fits(entries[name].block, states[name])
         for name, kernel in known.kernels.compiled.items()
     ):
         return known
@@ -99,7 +99,7 @@ def _built(
         text = c_plan(program.plan, program.names, {**others, **small})
         texts = dict.fromkeys(kernel.text for kernel in small.values())
         level = THOROUGH if small else QUICK
-        plan = Unit(PLAN, "\n".join([support(), *texts, text.text]), level)
+        plan = TranslationUnit(PLAN, "\n".join([support(), *texts, text.text]), level)
         units = {kernel.text: kernel.unit for kernel in others.values()}
         try:
             solver = [text.solver] if text.solver is not None else []
@@ -174,7 +174,7 @@ class CompiledRunner:
         """Fill a member of the plan's struct that is an address."""
         at, _ = self.struct.members[name]
         if kind == "fields":
-            kernel, made = self.kernels.compiled[owner], self.network.entries[owner].made
+            kernel, made = self.kernels.compiled[owner], self.network.entries[owner].block
             words = Words(kernel.words)
             words.fill(kernel.fields(made, self.context.states[owner]))
             self.words.point(at, words.ints)

@@ -42,8 +42,8 @@ class TrialGroup:
 
     def estimate(self, column: int, ends: Ends = ANY, test: Test = "t") -> Estimate:
         """The mean of a metric over the seeds that have a value."""
-        found = (row.metrics[column] for row in self.rows)
-        known = [value for value in found if value is not None]
+        values = (row.metrics[column] for row in self.rows)
+        known = [value for value in values if value is not None]
         return estimate(known, test, ends, is_same(self.rows, column))
 
 
@@ -151,6 +151,7 @@ class Tally:
     def _rank(self, group: TrialGroup) -> None:
         if self.objective is None or self.column is None:
             return
+        # A mean over fewer seeds than the others' is not comparable with theirs.
         if any(row.metrics[self.column] is None for row in group.rows):
             return
         estimate = group.estimate(self.column, self.ends)

@@ -32,7 +32,7 @@ def check_factor(graph: Graph, factor: Factor, where: Where, problems: Problems)
             graph.set(factor.path, value, origin=str(where)).check()
         except GraphError as error:
             # a location that is only a string would not sort among the file's other locations.
-            problems.found += [
+            problems.items += [
                 replace(problem, where=where) if problem.where.file == str(where) else problem
                 for problem in error.problems
             ]
@@ -56,7 +56,7 @@ def own_value(graph: Graph, path: str) -> object:
     entry = network.entries.get(names[1]) if len(names) in (3, 4) else None
     if entry is None or names[0] != "blocks" or names[2] not in entry.cls.spec.params:
         return None
-    value = np.asarray(entry.made.value(names[2]), dtype=object)
+    value = np.asarray(entry.block.value(names[2]), dtype=object)
     if len(names) == 3:
         return value.tolist()
     index = int(names[3]) if names[3].isdecimal() else -1

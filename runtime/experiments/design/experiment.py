@@ -18,11 +18,11 @@ from runtime.document import (
     SHIPPED,
     Node,
     check_keys,
-    decoded,
+    decode,
     find_file,
     parse_yaml,
     read_file,
-    texts,
+    strings,
 )
 from runtime.errors import (
     NOWHERE,
@@ -44,7 +44,7 @@ from runtime.graph import Graph, load
 CHANGES = ("with", "set", "wire", "without", "bypass", "replace")
 # Further keys of plan.yaml, which is an experiment file as well.
 PLAN_KEYS = (
-    *("schema_version", "kind", "metrics", "units", "ends", "never", "total", "digest"),
+    *("schema_version", "kind", "metrics", "units", "ends", "never", "total", "digest", "checks"),
     *("provenance", "optimizer"),
     *("points", "made"),  # total and provenance, in plans of schema 1
 )
@@ -98,7 +98,7 @@ def read_experiment(
     GraphError : with every problem of the file.
     """
     path = find_file(source, (NOWHERE, ""), Path())
-    document = parse_yaml(decoded(read_file(path, (NOWHERE, "")), path), str(path))
+    document = parse_yaml(decode(read_file(path, (NOWHERE, "")), path), str(path))
     if not is_experiment(document):
         graph = change(load(source, modules=modules))
         return Experiment(slug(graph.title), graph, path=path)
@@ -182,10 +182,11 @@ class _ExperimentReader:
         if graph is None:
             problems.raise_any()
             raise UsageError("no graph is given")
+        # Before the entries are read: most of them can only be checked on a graph that is valid.
         try:
             graph = self.change(graph).check()
         except GraphError as error:
-            problems.found += error.problems
+            problems.items += error.problems
             problems.raise_any()
         experiment = Experiment(
             name=str(name.value) if name is not None else slug(otherwise),
@@ -215,7 +216,7 @@ class _ExperimentReader:
             file = find_file(named.value, (named.where, f"{prefix}graph"), self.folder)
             return self.apply_changes(self.load(str(file)), node, prefix)
         except GraphError as error:
-            self.problems.found += error.problems
+            self.problems.items += error.problems
             return None
 
     def apply_changes(self, graph: Graph, node: Node, prefix: str) -> Graph:
@@ -243,7 +244,7 @@ class _ExperimentReader:
                     value = self.world(value, (item.where, f"{address}.world"))
                 graph = getattr(graph, kind)(key, value, origin=origin)
             return graph
-        names = texts(node, address, "a name", self.problems)
+        names = strings(node, address, "a name", self.problems)
         if kind != "with":
             changed: Graph = getattr(graph, kind)(
                 *(n.value for n, _ in names), origin=str(node.where)
@@ -291,7 +292,7 @@ class _ExperimentReader:
                 try:
                     base = self.apply_changes(graph, node, f"{place}.")
                 except GraphError as error:
-                    self.problems.found += error.problems
+                    self.problems.items += error.problems
             variants.append(self.variant(name, node, base, graph))
         return variants
 

@@ -19,7 +19,7 @@ from runtime.experiments.design import Factor, Range, TuningSettings
 
 DIGITS = 4  # of values that are tried, so that a winner can be written by hand
 PENALTY = 1e12  # a cost that is worse than any; samplers compare costs, they do not add them
-STARTUP = 10
+STARTUP = 10  # random configurations before TPE fits its model; optuna's own default
 EXTRA = "tune"
 
 
@@ -96,13 +96,13 @@ class Optimizer:
 
         That is so where one is outside of its factor's values.
         """
-        drawn = [
+        parameters = [
             _parameter(factor, value) for factor, value in zip(self.factors, values, strict=True)
         ]
-        if None in drawn:
+        if None in parameters:
             return None
         paths = [factor.path for factor in self.factors]
-        self._study.enqueue_trial(dict(zip(paths, drawn, strict=True)))
+        self._study.enqueue_trial(dict(zip(paths, parameters, strict=True)))
         return self.ask(1)[0]
 
     def ask(self, count: int) -> list[Suggestion]:

@@ -77,7 +77,7 @@ def test_decoders_follow_from_the_models_simulated_rates(tmp_path: Path) -> None
     run = runtime.load(made(tmp_path)).run()
     assert run.metrics["error"] is not None
     assert run.metrics["error"] < 0.1
-    model = runtime.load(made(tmp_path)).network.entries["a"].made.neuron
+    model = runtime.load(made(tmp_path)).network.entries["a"].block.neuron
     current = np.array([-1.0, 0.0, 2.0, 4.0])
     np.testing.assert_allclose(model.rates(current), [0.0, 0.0, 20.0, 80.0], atol=1.5)
 

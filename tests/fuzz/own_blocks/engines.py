@@ -96,7 +96,7 @@ class Batch:
             | {f"{name}_r": f"{name}.r" for name in updates},
         }
         self.program = runtime.load(document).check().prepared().program
-        feed: Any = type(self.program.network.entries["feed"].made)
+        feed: Any = type(self.program.network.entries["feed"].block)
         self.setup: dict[str, Any] = feed.output.__globals__["SETUP"]
         self.notes: list[str] = []
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from runtime.codegen import FLOAT, Array, Entry, Function, RefusedError, Source, Writer
-from runtime.toolchain import Unit, build
+from runtime.toolchain import TranslationUnit, build
 from tests.compilers import needs_compiler
 
 FUNCTIONS = 16
@@ -93,7 +93,7 @@ def compiled(texts: dict[str, str], check: bool) -> Callable[..., float | None]:
     arguments = [("x", FLOAT), ("y", FLOAT), ("z", FLOAT)]
     entries = [Entry(f"entry_{name}", name, arguments, [FLOAT]) for name in texts]
     made = Writer(Source(functions), check).unit(entries, "Random functions.")
-    library = build([Unit("random", f"#define WITHOUT_JUMPS\n{made.text}")]).functions
+    library = build([TranslationUnit("random", f"#define WITHOUT_JUMPS\n{made.text}")]).functions
     arena = np.zeros(1 << 16, dtype=np.uint8)
     context = np.zeros(11, dtype=np.int64)
     context[5:7] = arena.ctypes.data, arena.size

@@ -753,7 +753,7 @@ def test_a_silenced_location_has_no_further_problems() -> None:
     found.add(Where("f", 1, 2), "elsewhere", "follows from it")
     found.add(Where("f", 1, 1), "a.b", "follows from it")
     found.add(Where("f", 1, 1), "a.c", "stands by itself")
-    assert [problem.text for problem in found.found] == ["unknown", "stands by itself"]
+    assert [problem.text for problem in found.items] == ["unknown", "stands by itself"]
 
 
 TITLES = ['"""', 'a"""; raise SystemExit; """', "\\", 'a\\"""', "{0} %s", "é😀", "'"]

@@ -165,7 +165,7 @@ def test_params_of_a_part_reach_its_blocks_and_no_others(tmp_path: Path) -> None
     text = with_part(("{graph: p.yaml}", "{graph: p.yaml, params: {k: $k}}"), "params: {k: 7}\n")
     assert problems(tmp_path, {"g.yaml": text, "p.yaml": PART}) == []
     network = runtime.load(tmp_path / "g.yaml").network
-    assert network.entries["p.g"].made.value("gain") == 7.0
+    assert network.entries["p.g"].block.value("gain") == 7.0
 
 
 @pytest.mark.parametrize("name", ["part", "blocks", "params", "graph", "type", "wires"])
@@ -177,7 +177,7 @@ def test_a_block_may_be_named_like_a_section(name: str, tmp_path: Path) -> None:
         "params: {y: 2.0}\n",
     )
     assert problems(tmp_path, {"g.yaml": text}) == []
-    assert runtime.load(tmp_path / "g.yaml").network.entries[name].made.value("y") == 2.0
+    assert runtime.load(tmp_path / "g.yaml").network.entries[name].block.value("y") == 2.0
 
 
 def test_null_takes_out_an_inner_block(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 import runtime
 from runtime.diagrams.picture import picture_of
-from runtime.document import TIME_UNITS, in_time, written_rate
+from runtime.document import TIME_UNITS, in_time, rate_text
 from runtime.errors import GraphError, SimulationError
 from runtime.language.json_schema import json_schema
 from runtime.plots.figures import draw
@@ -61,7 +61,7 @@ def test_units_that_contain_seconds(unit: str, ns: str, hours: str) -> None:
     ],
 )
 def test_rates(period: float, unit: str, text: str) -> None:
-    assert written_rate(period, unit) == text
+    assert rate_text(period, unit) == text
 
 
 def test_axes_metrics_and_a_saved_run_are_in_the_unit(tmp_path: Path) -> None:

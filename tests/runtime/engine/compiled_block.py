@@ -13,7 +13,7 @@ from blocks import Block, BlockState, SignalType
 from runtime.checking.check import context_for
 from runtime.compiler import PROJECT, make_kernel, written
 from runtime.engine.compiled.memory import Context, Words
-from runtime.toolchain import Unit, build
+from runtime.toolchain import TranslationUnit, build
 
 # Calls a method so that a failure returns here.
 CALLER = """
@@ -60,7 +60,7 @@ class CompiledBlock:
         adapters = "\n".join(map(self._adapter, self.calls))
         unit = self.kernel.unit
         text = f"{unit.text}\n{CALLER}\n{adapters}"
-        self.library = build([Unit(unit.name, text, unit.level)]).functions
+        self.library = build([TranslationUnit(unit.name, text, unit.level)]).functions
         self.memory = Context()
         self.fields(made, state)
 

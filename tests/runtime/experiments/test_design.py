@@ -19,7 +19,7 @@ from runtime.experiments.execution.trials import GraphBundle, sweep_configuratio
 def factors(*texts: str) -> tuple[Factor, ...]:
     problems = Problems()
     found = [parse_factor(f"k{i}", parse_yaml(t, "x"), "", problems) for i, t in enumerate(texts)]
-    assert not problems.found
+    assert not problems.items
     return tuple(factor for factor in found if factor is not None)
 
 

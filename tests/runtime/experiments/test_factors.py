@@ -20,7 +20,7 @@ from runtime.experiments.design.seeds import parse_seeds
 def factor(text: str) -> Factor:
     problems = Problems()
     found = parse_factor("a.b", parse_yaml(text, "--vary"), "a.b", problems)
-    assert not problems.found, problems.found
+    assert not problems.items, problems.items
     assert found is not None
     return found
 
@@ -73,7 +73,7 @@ def test_grids(text: str, values: list[Any]) -> None:
 def test_invalid_factors(text: str, message: str) -> None:
     problems = Problems()
     assert parse_factor("a.b", parse_yaml(text, "--vary"), "a.b", problems) is None
-    [problem] = problems.found
+    [problem] = problems.items
     assert message in problem.text
     assert str(problem).startswith("--vary: a.b: ")
 
@@ -141,7 +141,7 @@ def test_a_value_in_one_line_reads_back_equal(value: Any) -> None:
 def test_seeds(value: Any, seeds: list[int]) -> None:
     problems = Problems()
     found = parse_seeds(from_python(value), "seeds", problems)
-    assert found is not None and not problems.found
+    assert found is not None and not problems.items
     assert list(found) == seeds
     assert len(found) == len(seeds)
     assert list(parse_seeds(from_python(str(found)), "seeds", problems) or ()) == seeds
@@ -164,6 +164,6 @@ def test_seeds(value: Any, seeds: list[int]) -> None:
 def test_invalid_seeds(value: Any, message: str) -> None:
     problems = Problems()
     assert parse_seeds(from_python(value), "seeds", problems) is None
-    [problem] = problems.found
+    [problem] = problems.items
     assert problem.text.startswith("expected seeds such as 0..9, 3 or 0,4,7..9")
     assert message in problem.text

@@ -255,8 +255,8 @@ class TestWriting:
         after = draw.read_text()
         assert after.startswith("# A comment\n") and "# to be found" in after
         graph = runtime.load(draw)
-        assert graph.network.entries["draw"].made.value("level") == values["draw.level"]
-        assert graph.network.entries["twice"].made.value("gain") == values["params.gain"]
+        assert graph.network.entries["draw"].block.value("level") == values["draw.level"]
+        assert graph.network.entries["twice"].block.value("gain") == values["params.gain"]
 
     def test_an_experiment_gets_entries_of_set(self, here: Run, draw: Path, tmp_path: Path) -> None:
         path = tmp_path / "exp.yaml"

@@ -19,7 +19,7 @@ from blocks import Block, Input, Output, Scalar, State
 from runtime import toolchain
 from runtime.export import export
 from runtime.runs import read_run
-from runtime.toolchain import Unit, build
+from runtime.toolchain import TranslationUnit, build
 from tests.conftest import Run
 
 CONTROLLER = ("line_actuator_failure", "--except", "plant,fault")
@@ -132,7 +132,7 @@ class Stepped:
         text += (
             "int size(void);\nint size(void)\n{\n    return (int)sizeof(struct controller);\n}\n"
         )
-        self.functions = build([Unit("controller", text)]).functions
+        self.functions = build([TranslationUnit("controller", text)]).functions
         self.functions.controller_message.restype = ctypes.c_char_p
         self.memory = np.zeros(self.functions.size(), dtype=np.uint8)
         self.inputs, self.outputs = np.zeros(max(1, inputs)), np.zeros(outputs)

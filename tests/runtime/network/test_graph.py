@@ -195,7 +195,7 @@ def test_shipped_graphs_name_what_they_need() -> None:
     for name in ("line_actuator_failure", "sine_estimation_error"):
         network = runtime.load(name).network
         sizes = [
-            e.made.value("neurons")
+            e.block.value("neurons")
             for e in network.entries.values()
             if e.cls.__name__ == "AdaptiveEnsemble"
         ]

@@ -22,8 +22,8 @@ def late(until: float) -> runtime.Graph:
 
 def test_a_run_says_that_it_never_settled(tmp_path: Path) -> None:
     result = late(0.4).run()
-    assert (result.metrics, result.measured("settled")) == ({"settled": None}, "never settled")
-    assert result.measured("unknown") == "-"
-    assert late(2.0).run().measured("settled") == "0.5"
+    assert (result.metrics, result.metric_text("settled")) == ({"settled": None}, "never settled")
+    assert result.metric_text("unknown") == "-"
+    assert late(2.0).run().metric_text("settled") == "0.5"
     folder = result.save(tmp_path / "runs")
-    assert read_run(folder).measured("settled") == "never settled"
+    assert read_run(folder).metric_text("settled") == "never settled"

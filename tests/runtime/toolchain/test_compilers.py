@@ -13,7 +13,7 @@ import pytest
 from runtime.toolchain import (
     Compiler,
     MissingCompilerError,
-    Unit,
+    TranslationUnit,
     available,
     build,
     compilers,
@@ -74,7 +74,7 @@ def test_a_compiler_is_asked_once_until_its_file_changes(
 def test_another_compiler_means_other_objects(
     compiler: Compiler, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    unit = Unit("one", "int one(void) { return 1; }\n")
+    unit = TranslationUnit("one", "int one(void) { return 1; }\n")
     build([unit])
     wrapped = script(tmp_path / "bin", "mycc", f'exec {compiler.command[0]} "$@"')
     monkeypatch.setenv("CC", str(wrapped))
@@ -87,7 +87,7 @@ def test_no_compiler(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "")
     assert not available()
     with pytest.raises(MissingCompilerError, match="none was found; install one with: ") as caught:
-        build([Unit("one", "")])
+        build([TranslationUnit("one", "")])
     assert caught.value.exit_code == 4 and install_command() in str(caught.value)
 
 
@@ -137,7 +137,7 @@ def test_the_compiler_of_a_package(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("CC", raising=False)
     monkeypatch.setenv("PATH", "")
     assert find_compiler().command[:4] == (sys.executable, "-m", "ziglang", "cc")
-    assert build([Unit("one", "int one(void) { return 1; }\n")]).functions.one() == 1
+    assert build([TranslationUnit("one", "int one(void) { return 1; }\n")]).functions.one() == 1
 
 
 def test_loading_what_is_needed_for_a_cached_start_is_cheap() -> None:

@@ -12,19 +12,19 @@ from pathlib import Path
 import pytest
 
 from runtime import toolchain
-from runtime.toolchain import BuildError, Library, Unit, build, library
+from runtime.toolchain import BuildError, Library, TranslationUnit, build, library, store
 
-SQUARE = Unit("square", "double square(double x) { return x * x; }\n")
-ROOT = Unit("root", "#include <math.h>\ndouble root(double x) { return sqrt(x); }\n")
-PLAN = Unit(
+SQUARE = TranslationUnit("square", "double square(double x) { return x * x; }\n")
+ROOT = TranslationUnit("root", "#include <math.h>\ndouble root(double x) { return sqrt(x); }\n")
+PLAN = TranslationUnit(
     "plan",
     "double square(double x);\ndouble root(double x);\n"
     "double plan(double x) { return root(square(x) + 1.0); }\n",
 )
 UNITS = (SQUARE, ROOT, PLAN)
 PROGRAM = f"""
-from runtime.toolchain import Unit, build
-units = [Unit(*pair) for pair in {[(unit.name, unit.text) for unit in UNITS]}]
+from runtime.toolchain import TranslationUnit, build
+units = [TranslationUnit(*pair) for pair in {[(unit.name, unit.text) for unit in UNITS]}]
 from tests.runtime.toolchain.test_library import value
 print(value(build(units), "plan", 3.0))
 """
@@ -55,7 +55,7 @@ def test_scalar_arithmetic_is_pythons_to_the_bit() -> None:
         "double f(double a, double b, double c)\n"
         "{ return a * b + c - expm1(a) * sin(b) / cos(c); }\n"
     )
-    made = build([Unit("f", text)])
+    made = build([TranslationUnit("f", text)])
     for i in range(1, 200):
         a, b, c = 0.1 * i, 1.0 / i, -0.01 * i
         expected = a * b + c - math.expm1(a) * math.sin(b) / math.cos(c)
@@ -79,7 +79,9 @@ def test_a_library_in_the_cache_starts_no_process(
 @pytest.mark.usefixtures("compiler")
 def test_another_plan_compiles_one_unit() -> None:
     build(UNITS)
-    other = Unit("plan", "double square(double x);\ndouble plan(double x) { return -square(x); }\n")
+    other = TranslationUnit(
+        "plan", "double square(double x);\ndouble plan(double x) { return -square(x); }\n"
+    )
     said: list[tuple[str, ...]] = []
     made = build([SQUARE, ROOT, other], note=said.append)
     assert made.compiled == ("plan",) and said == [("plan",)]
@@ -88,13 +90,13 @@ def test_another_plan_compiles_one_unit() -> None:
 
 @pytest.mark.usefixtures("compiler")
 def test_units_of_one_text_are_linked_once() -> None:
-    assert value(build([SQUARE, Unit("again", SQUARE.text)]), "square", 3.0) == 9.0
+    assert value(build([SQUARE, TranslationUnit("again", SQUARE.text)]), "square", 3.0) == 9.0
 
 
 @pytest.mark.usefixtures("compiler")
 def test_a_checked_build_is_another_library() -> None:
     text = "#ifdef SPIKEBLOCKS_CHECKED\nint checked(void) { return 1; }\n#else\n"
-    unit = Unit("checked", text + "int checked(void) { return 0; }\n#endif\n")
+    unit = TranslationUnit("checked", text + "int checked(void) { return 0; }\n#endif\n")
     assert build([unit]).functions.checked() == 0
     assert build([unit], checked=True).functions.checked() == 1
 
@@ -102,7 +104,7 @@ def test_a_checked_build_is_another_library() -> None:
 @pytest.mark.usefixtures("compiler")
 def test_a_unit_that_is_not_c_is_reported_with_its_name_and_line() -> None:
     with pytest.raises(BuildError, match="'bad/../name'") as caught:
-        build([SQUARE, Unit("bad/../name", "int f(void)\n{ return x; }\n")])
+        build([SQUARE, TranslationUnit("bad/../name", "int f(void)\n{ return x; }\n")])
     assert caught.value.unit == "bad/../name" and caught.value.exit_code == 4
     assert "name.c:2:" in caught.value.output
 
@@ -111,13 +113,18 @@ def test_a_unit_that_is_not_c_is_reported_with_its_name_and_line() -> None:
 @pytest.mark.parametrize("text", ["int here(void);\nint f(void) { return here(); }\n"])
 def test_a_function_that_nobody_defines_is_an_error(text: str) -> None:
     with pytest.raises(BuildError):
-        build([Unit("open", text)])
+        build([TranslationUnit("open", text)])
 
 
 def other(file: Path, content: bytes) -> None:
     """Another file of that name: the old one may be a loaded library."""
     file.unlink()
     file.write_bytes(content)
+
+
+def entries(cache: Path) -> dict[Path, bytes]:
+    """The files of the cache with their content, without the time of the last walk."""
+    return {path: path.read_bytes() for path in cache.iterdir() if path.name != store.WALKED}
 
 
 DAMAGES: dict[str, Callable[[Path, bytes], object]] = {
@@ -134,7 +141,7 @@ DAMAGES: dict[str, Callable[[Path, bytes], object]] = {
 @pytest.mark.parametrize("kind", DAMAGES)
 def test_damaged_files_are_made_again(kind: str, cache: Path) -> None:
     build(UNITS)
-    whole = {path: path.read_bytes() for path in cache.iterdir()}
+    whole = entries(cache)
     assert {path.suffix for path in whole} == {".o", library.LIBRARY, ".json", ".sha256"}
     for suffix in ("", ".sha256"):
         # All at once: the library is linked from the objects, which are compiled again.
@@ -143,7 +150,7 @@ def test_damaged_files_are_made_again(kind: str, cache: Path) -> None:
                 DAMAGES[kind](path, path.read_bytes())
         toolchain.compilers._found.cache_clear()
         assert value(build(UNITS), "plan", 3.0) == math.sqrt(10.0)
-        assert {path: path.read_bytes() for path in cache.iterdir()}.keys() == whole.keys()
+        assert entries(cache).keys() == whole.keys()
 
 
 @pytest.mark.usefixtures("compiler")
@@ -160,5 +167,5 @@ def test_processes_at_once_on_an_empty_cache(cache: Path) -> None:
 @pytest.mark.usefixtures("compiler")
 def test_a_build_that_fails_leaves_nothing(cache: Path) -> None:
     with pytest.raises(BuildError):
-        build([Unit("bad", "int")] * 2 + [Unit("worse", "}")])
+        build([TranslationUnit("bad", "int")] * 2 + [TranslationUnit("worse", "}")])
     assert {path.name.partition("_")[0] for path in cache.iterdir()} <= {"compiler"}

@@ -205,6 +205,6 @@ def differing(rule: str) -> int:
     count = 0
     for address in CONSTANTS[rule]:
         block, _, key = address.rpartition(".")
-        values = {str(graph.network.entries[block].made.value(key)) for graph in graphs}
+        values = {str(graph.network.entries[block].block.value(key)) for graph in graphs}
         count += len(values) > 1
     return count
