@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
-from blocks.core.params import hint, plain, show
+from blocks.core.hints import alternatives, hint
+from blocks.core.params import plain, show
 from blocks.core.reading import read_params
 from blocks.core.settings import Setting, SettingError
 from blocks.extensions import BrokenPackageError, Registry
@@ -47,7 +48,7 @@ class Variant(Setting):
 
     def __init__(self, **values: Any) -> None:
         problems = [
-            (name, f"unknown{hint(name, self.declared) or _listed(self.declared)}")
+            (name, f"unknown{hint(name, self.declared) or alternatives(self.declared)}")
             for name in sorted(values.keys() - self.declared.keys())
         ]
         for name, declared in self.declared.items():
@@ -119,7 +120,3 @@ def _own_file(cls: type[Variant]) -> dict[str, str]:
         return {"module": str(Path(inspect.getfile(cls)).resolve())}
     except (OSError, TypeError):
         return {}
-
-
-def _listed(names: Mapping[str, Any]) -> str:
-    return f"; it has {', '.join(names)}" if names else "; it has none"
