@@ -16,11 +16,11 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 import blocks
+from blocks.core.hints import hint
 from blocks.core.params import (
     Param,
     ParamKind,
     as_matrix,
-    hint,
     in_radians,
     maybe_degrees,
     param,
@@ -333,7 +333,7 @@ def test_texts_are_one_or_several() -> None:
     assert texts.convert("u[0]") == ("u[0]",)
     assert texts.convert(["a", 2]) == texts.convert(("a", 2)) == ("a", "2")
     for value in ([], None, [[]], True):
-        assert refused(texts, value).startswith("expected a text or a list of texts, got ")
+        assert refused(texts, value).startswith("expected a string or a list of strings, got ")
 
 
 def test_signal_types_have_names() -> None:
