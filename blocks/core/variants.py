@@ -13,6 +13,9 @@ from blocks.core.reading import read_params
 from blocks.core.settings import Setting, SettingError
 from blocks.extensions import BrokenPackageError, Registry
 
+# How a graph names a class that is not the library's.
+OWN = "; your own needs its file, as in {type: Mine, module: mine.py}"
+
 
 class Variant(Setting):
     """A setting of one of several classes: ``LIF``, or ``{type: LIF, tau_rc: 0.02}``.
@@ -23,7 +26,6 @@ class Variant(Setting):
     """
 
     key: ClassVar[str] = "type"
-    of_ones_own: ClassVar[str] = ""  # how a graph names one that is not the library's
     members: ClassVar[Registry[type[Variant]]]
     label: ClassVar[str] = ""
 
@@ -82,7 +84,7 @@ class Variant(Setting):
             return found(**values)  # type: ignore[no-any-return]
         known = cls.members.names()
         got = "nothing" if name is None else show(name)
-        suggestion = hint(name, known) or cls.of_ones_own
+        suggestion = hint(name, known) or (OWN if cls.members.name else "")
         text = f"expected {cls.expected} ({', '.join(known)}), got {got}{suggestion}"
         raise SettingError([(where, text)])
 
