@@ -80,10 +80,10 @@ class SpikeblocksError(Exception):
 
     def __reduce__(self) -> tuple[Any, ...]:
         # Errors cross processes; BaseException would call the class with the message alone.
-        return _restored, (type(self), self.args, self.__dict__)
+        return _rebuild_error, (type(self), self.args, self.__dict__)
 
 
-def _restored(
+def _rebuild_error(
     cls: type[SpikeblocksError], args: tuple[Any, ...], attributes: dict[str, Any]
 ) -> SpikeblocksError:
     error = cls.__new__(cls, *args)
@@ -143,10 +143,10 @@ class Problems:
     """
 
     items: list[Problem] = field(default_factory=list)
-    _silenced: set[Where | str] = field(default_factory=set)
+    _silent: set[Where | str] = field(default_factory=set)
 
     def add(self, where: Where, address: str, text: str, is_name: bool = False) -> None:
-        if where not in self._silenced and address not in self._silenced:
+        if where not in self._silent and address not in self._silent:
             self.items.append(Problem(where, address, text, is_name))
             if len(self.items) > MAX_PROBLEMS:
                 message = f"more than {MAX_PROBLEMS} problems; these are the first"
@@ -155,11 +155,11 @@ class Problems:
     def silence(self, where: Where, address: str) -> None:
         """Ignore further problems of the value here, and of lists that contain it."""
         if where.line:
-            self._silenced.add(where)
+            self._silent.add(where)
         while address.endswith("]"):
-            self._silenced.add(address)
+            self._silent.add(address)
             address = address[: address.rindex("[")]
-        self._silenced.add(address)
+        self._silent.add(address)
 
     def raise_any(self) -> None:
         if self.items:

@@ -43,9 +43,9 @@ def save_arrays(path: Path, arrays: Mapping[str, FloatArray]) -> None:
     """Write arrays like :func:`numpy.savez`, without loading them into memory."""
     with zipfile.ZipFile(path, "w", zipfile.ZIP_STORED) as archive:
         for name, array in arrays.items():
-            described = {"descr": "<f8", "fortran_order": False, "shape": array.shape}
+            header = {"descr": "<f8", "fortran_order": False, "shape": array.shape}
             with archive.open(f"{name}.npy", "w", force_zip64=True) as file:
-                np.lib.format.write_array_header_1_0(file, described)
+                np.lib.format.write_array_header_1_0(file, header)
                 for _, (rows,) in row_blocks(np.atleast_1d(array)):
                     file.write(np.ascontiguousarray(rows, dtype="<f8").data)
 
@@ -65,7 +65,7 @@ def open_arrays(path: Path) -> dict[str, FloatArray]:
             return dict(np.load(file, allow_pickle=False))
         with zipfile.ZipFile(file) as archive:
             return {
-                info.filename.removesuffix(".npy"): _mapped(path, archive, info)
+                info.filename.removesuffix(".npy"): _map_member(path, archive, info)
                 for info in archive.infolist()
             }
 
@@ -83,7 +83,7 @@ def _check_members(file: BinaryIO) -> None:
     file.seek(0)
 
 
-def _mapped(path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> FloatArray:
+def _map_member(path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> FloatArray:
     if info.compress_type != zipfile.ZIP_STORED:
         raise ValueError(f"'{info.filename}' is compressed; expected arrays that are stored")
     with archive.open(info) as member:

@@ -146,12 +146,12 @@ class Progress:
         if not self.active:
             return
         spent = time.monotonic() - self.began
-        filled = WIDTH * done // total
-        bar = "█" * filled + "░" * (WIDTH - filled)
+        full = WIDTH * done // total
+        bar = "█" * full + "░" * (WIDTH - full)
         text = f"{self.label} {bar} {100 * done // total:3d} %"
         if done > self.before:
-            left = spent * (total - done) / (done - self.before)
-            text += f"  {duration(left)} left"
+            remaining = spent * (total - done) / (done - self.before)
+            text += f"  {duration(remaining)} left"
         columns = shutil.get_terminal_size().columns - 1
         below = f"\n{printable(note)[:columns]}\033[K\033[A" if note else ""
         self._draw(f"\r{text[:columns]}\033[K{below}")

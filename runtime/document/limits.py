@@ -31,16 +31,16 @@ class Measure:
         value = node.value
         if not isinstance(value, (dict, list)):
             return 1, 0
-        known = self._known.get(id(value))
-        if known is None:
+        entry = self._known.get(id(value))
+        if entry is None:
             items = value if isinstance(value, list) else value.values()
             inside = [
                 self.of(item) if isinstance(item.value, (dict, list)) else (1, 0) for item in items
             ]
             size = 1 + sum(size for size, _ in inside)
             depth = 1 + max((depth for _, depth in inside), default=0)
-            known = self._known[id(value)] = (value, size, depth)
-        return known[1], known[2]
+            entry = self._known[id(value)] = (value, size, depth)
+        return entry[1], entry[2]
 
 
 class Work:

@@ -60,8 +60,8 @@ class Node:
 
     def get(self, name: str) -> Node | None:
         """A mapping's entry, or None."""
-        found = self.value.get(name) if self.is_map else None
-        return found if isinstance(found, Node) else None
+        entry = self.value.get(name) if self.is_map else None
+        return entry if isinstance(entry, Node) else None
 
     def items(self) -> Iterable[tuple[str, Node]]:
         return self.value.items() if self.is_map else ()
@@ -98,13 +98,13 @@ def from_python(value: Any, where: Where = NOWHERE) -> Node:
     return _from_python(value, where, "", 0, count(1))
 
 
-def _from_python(value: Any, where: Where, address: str, depth: int, seen: count[int]) -> Node:
+def _from_python(value: Any, where: Where, address: str, depth: int, counter: count[int]) -> Node:
     def refuse(message: str) -> GraphError:
         return GraphError([Problem(where, address[:60], message)])
 
     if depth > MAX_DEPTH:
         raise refuse(f"nested more than {MAX_DEPTH} deep")
-    if next(seen) > MAX_NODES:
+    if next(counter) > MAX_NODES:
         raise refuse(f"more than {MAX_NODES} values")
     if hasattr(value, "tolist"):
         value = value.tolist()
@@ -114,11 +114,11 @@ def _from_python(value: Any, where: Where, address: str, depth: int, seen: count
             if not isinstance(key, str) or not _is_unicode(key):
                 raise refuse(f"expected a text as key, got {show(key)}")
             inner = f"{address}.{key}".lstrip(".")
-            entries[key] = _from_python(item, where, inner, depth + 1, seen)
+            entries[key] = _from_python(item, where, inner, depth + 1, counter)
         return Node(entries, where, where)
     if isinstance(value, (list, tuple)):
         items = [
-            _from_python(item, where, f"{address}[{i}]", depth + 1, seen)
+            _from_python(item, where, f"{address}[{i}]", depth + 1, counter)
             for i, item in enumerate(value)
         ]
         return Node(items, where, where)

@@ -48,16 +48,16 @@ def explain(error: yaml.YAMLError | UnicodeError, text: str, file: str) -> Probl
     elif "unexpected end of stream" in message and context is not None:
         mark, message = context, "the quote that opens here is never closed"
     elif mark is not None and (
-        unquoted := _unquoted(text, mark, message) or _bracketed(text, mark, message)
+        advice := _colon_advice(text, mark, message) or _bracket_advice(text, mark, message)
     ):
-        message = unquoted
+        message = advice
     elif message.startswith("did not find expected ','") and context is not None:
-        opened = message[-2:].strip("'").translate(str.maketrans("]}", "[{"))
+        opening = message[-2:].strip("'").translate(str.maketrans("]}", "[{"))
         closing = _character(text, problem)
         if closing in "]}" and closing != message[-2]:
             message = f"this '{closing}' has no '{'[' if closing == ']' else '{'}' before it"
         elif problem.line > context.line:
-            mark, message = context, f"this '{opened}' is not closed"
+            mark, message = context, f"this '{opening}' is not closed"
         else:
             message = message.replace("did not find expected", "expected")
     elif "could not find expected ':'" in message and context is not None:
@@ -91,7 +91,7 @@ def position(text: str, index: int, file: str) -> Where:
     return Where(file, len(breaks) + 1, index - begin + 1)
 
 
-def _unquoted(text: str, mark: Any, message: str) -> str:
+def _colon_advice(text: str, mark: Any, message: str) -> str:
     """What to write where a text without quotes holds ': '; '' if that is not what is wrong."""
     lines = _BREAK.split(text)
     line = lines[mark.line] if mark.line < len(lines) else ""
@@ -104,11 +104,11 @@ def _unquoted(text: str, mark: Any, message: str) -> str:
     if not (colon and start.strip()) or set("\"'[]{}") & set(value) or len(value) > 80:
         return ""
     name = re.split(r"[{,\s]", key)[-1]
-    quoted = f"a text that contains ': ' needs quotes: {name}: \"{value}\""
-    return f"expected ',' or '}}'; {quoted}" if "','" in message else quoted
+    advice = f"a text that contains ': ' needs quotes: {name}: \"{value}\""
+    return f"expected ',' or '}}'; {advice}" if "','" in message else advice
 
 
-def _bracketed(text: str, mark: Any, message: str) -> str:
+def _bracket_advice(text: str, mark: Any, message: str) -> str:
     """What to write where an address inside of braces has brackets; '' if that is not wrong."""
     line = [*_BREAK.split(text), ""][mark.line]
     match = _SLICED.search(line, 0, len(line))
@@ -121,7 +121,7 @@ def _bracketed(text: str, mark: Any, message: str) -> str:
 
 def _stray(text: str, line: int, column: int) -> str:
     lines = text.splitlines()
-    found = lines[line][column : column + 1] if line < len(lines) else ""
-    if found == "\t":
+    character = lines[line][column : column + 1] if line < len(lines) else ""
+    if character == "\t":
         return "a tab; indent with spaces"
-    return f"a text cannot begin with {found}; put it in quotes" if found else ""
+    return f"a text cannot begin with {character}; put it in quotes" if character else ""

@@ -79,15 +79,15 @@ def find(scope: Scope, text: str, depth: int = 0) -> ResolvedAddress:
         scope = scope.parts[names.pop(0)]
     head, rest = names[0], names[1:]
     # From outside, 'part.k' and 'part.k[1]' are the output k, even if a block inside is named k.
-    given = scope is not start and head in scope.outputs
-    if head in scope.blocks and not (given and all(map(_INDEX.fullmatch, rest))):
-        found = ResolvedAddress(Endpoint(scope.prefix + head, rest[0] if rest else ""))
-        return _component(found, rest[1:], text)
+    is_output = scope is not start and head in scope.outputs
+    if head in scope.blocks and not (is_output and all(map(_INDEX.fullmatch, rest))):
+        target = ResolvedAddress(Endpoint(scope.prefix + head, rest[0] if rest else ""))
+        return _component(target, rest[1:], text)
     if head in scope.broken:
         raise ReportedError
     if head == "inputs" and scope is start and scope.parent is not None:
         return _from_outside(scope, rest, text, depth)
-    if given:
+    if is_output:
         address = scope.path("outputs", head)
         return _component(_hop(scope, scope.outputs[head], address, depth), rest, text)
     if "blocks" in scope.unread or (scope is not start and "outputs" in scope.unread):
@@ -113,12 +113,12 @@ def _split(text: str) -> list[str]:
     return [*match[1].split("."), inner]
 
 
-def _component(found: ResolvedAddress, rest: list[str], text: str) -> ResolvedAddress:
+def _component(target: ResolvedAddress, rest: list[str], text: str) -> ResolvedAddress:
     if not rest:
-        return found
-    if len(rest) > 1 or (found.end.component and not is_range(found.end.component)):
+        return target
+    if len(rest) > 1 or (target.end.component and not is_range(target.end.component)):
         raise AddressError(f"'{text}' has too many parts; expected block.output.component")
-    return replace(found, end=replace(found.end, component=within(found.end.component, rest[0])))
+    return replace(target, end=replace(target.end, component=within(target.end.component, rest[0])))
 
 
 def is_range(component: str) -> bool:
@@ -163,11 +163,11 @@ def _hop(scope: Scope, node: Node, address: str, depth: int) -> ResolvedAddress:
     if not isinstance(node.value, str):
         raise ReportedError
     try:
-        found = find(scope, node.value, depth + 1)
+        target = find(scope, node.value, depth + 1)
     except AddressError as error:
         error.location = error.location or (node.where, address)
         raise
-    return replace(found, location=found.location or (node.where, address))
+    return replace(target, location=target.location or (node.where, address))
 
 
 def _from_outside(scope: Scope, rest: list[str], text: str, depth: int) -> ResolvedAddress:
@@ -185,8 +185,8 @@ def _from_outside(scope: Scope, rest: list[str], text: str, depth: int) -> Resol
     if wire is None:
         raise UnwiredError(scope, rest[0])
     address = f"{scope.parent.path('wires', scope.name)}.{rest[0]}"
-    found = _hop(scope.parent, wire, address, depth)
-    return _component(replace(found, via=(scope.prefix + rest[0], *found.via)), rest[1:], text)
+    target = _hop(scope.parent, wire, address, depth)
+    return _component(replace(target, via=(scope.prefix + rest[0], *target.via)), rest[1:], text)
 
 
 def _missing(start: Scope, scope: Scope, head: str) -> str:

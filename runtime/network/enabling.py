@@ -14,7 +14,7 @@ def enables_of(network: Network) -> dict[str, tuple[str, ...]]:
 
     A block that switches a part is itself switched by those of the parts around it only.
     """
-    found: dict[str, tuple[str, ...]] = {}
+    result: dict[str, tuple[str, ...]] = {}
     enables = sorted(_enables(network), key=lambda entry: (len(entry.scope.prefix), entry.name))
     for name, entry in network.entries.items():
         above = tuple(
@@ -24,8 +24,8 @@ def enables_of(network: Network) -> dict[str, tuple[str, ...]]:
             and not (issubclass(entry.cls, PartEnable) and entry.scope is enable.scope)
         )
         if above:
-            found[name] = above
-    return found
+            result[name] = above
+    return result
 
 
 def resets(network: Network, name: str) -> bool:

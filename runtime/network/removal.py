@@ -17,19 +17,19 @@ def remove(network: Network, problems: Problems) -> Network:
     removed: dict[str, str] = {}
     removed_by: dict[str, str] = {}
     sources: dict[str, Endpoint] = {}
-    for node, address in _listed(network, "without", problems):
-        for name in _named(network, node, address, problems):
+    for node, address in _names_under(network, "without", problems):
+        for name in _blocks_named(network, node, address, problems):
             removed[name] = "without"
             removed_by.setdefault(name, node.value)
-    bypassed = _listed(network, "bypass", problems)
+    bypassed = _names_under(network, "bypass", problems)
     for node, address in bypassed:
-        for name in _named(network, node, address, problems):
-            found = _bypass_wire(network, removed, name, node.value)
-            if isinstance(found, str):
-                problems.add(node.where, address, found)
+        for name in _blocks_named(network, node, address, problems):
+            wire = _bypass_wire(network, removed, name, node.value)
+            if isinstance(wire, str):
+                problems.add(node.where, address, wire)
             else:
                 removed[name] = "bypass"
-                sources[f"{name}.{_output(network, name)}"] = found.source
+                sources[f"{name}.{_output(network, name)}"] = wire.source
     network = replace(network, removed=removed, removed_by=removed_by, bypass_sources=sources)
     for node, address in bypassed:
         _check_circle(network, node, address, problems)
@@ -38,17 +38,17 @@ def remove(network: Network, problems: Problems) -> Network:
         lists = document.get("without") or document.get("bypass")
         where = document.where if lists is None else lists.where
         problems.add(where, "without", "nothing is left of the graph; keep a block")
-    return _rewired(network)
+    return _rewire(network)
 
 
-def _listed(network: Network, name: str, problems: Problems) -> list[tuple[Node, str]]:
+def _names_under(network: Network, name: str, problems: Problems) -> list[tuple[Node, str]]:
     node = network.document.get(name)
     if node is None or node.value is None:
         return []
     return strings(node, name, "a block's name", problems)
 
 
-def _rewired(network: Network) -> Network:
+def _rewire(network: Network) -> Network:
     """The network with what is removed kept apart, and wires moved to where signals come from."""
     wires: list[Wire] = []
     removed_wires: list[Wire] = []
@@ -64,10 +64,10 @@ def _rewired(network: Network) -> Network:
             flags[wire.term] = False
             terms[wire.block, wire.port] = tuple(flags)
     followed = [(wire, follow(network, wire.source)) for wire in network.part_wires]
-    kept = {name: e for name, e in network.entries.items() if name not in network.removed}
+    entries = {name: e for name, e in network.entries.items() if name not in network.removed}
     return replace(
         network,
-        entries=kept,
+        entries=entries,
         removed_entries={name: network.entries[name] for name in network.removed},
         wires=tuple(wires),
         removed_wires=tuple(removed_wires),
@@ -107,7 +107,7 @@ def _output(network: Network, name: str) -> str:
     return pair[1] if pair else ""
 
 
-def _named(network: Network, node: Node, address: str, problems: Problems) -> list[str]:
+def _blocks_named(network: Network, node: Node, address: str, problems: Problems) -> list[str]:
     """The blocks that a name stands for: one, or all of a part."""
     name = node.value
     inside = [full for full in network.entries if full == name or full.startswith(f"{name}.")]

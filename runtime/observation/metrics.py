@@ -55,7 +55,7 @@ class Metric:
     own: MetricKind | None = None
 
     @property
-    def declared(self) -> MetricKind:
+    def definition(self) -> MetricKind:
         """Its kind."""
         return METRIC_KINDS[self.kind] if self.own is None else self.own
 
@@ -78,13 +78,13 @@ class Metric:
         if "engaged" in series:
             engaged = first_time({"of": series["engaged"]}, {"level": ENGAGED})
             series["of"] = series["of"].between(math.inf if engaged is None else engaged)
-        number = self.declared.value(series, self.options, world)
+        number = self.definition.value(series, self.options, world)
         return None if number is None or math.isnan(number) else float(number)
 
     @property
     def never(self) -> str:
         """What it means that it has no value, where that is worse than any; see MetricKind."""
-        return self.declared.never
+        return self.definition.never
 
     def is_recorded(self, probes: Container[str]) -> bool:
         """Whether all signals that it measures are recorded."""
@@ -92,9 +92,9 @@ class Metric:
 
     def unit(self, units: Mapping[str, tuple[str, ...]], time_unit: str) -> str:
         """The unit of its value, given the units of the probes' columns; '' if it has none."""
-        declared = self.declared.unit
+        unit_of_kind = self.definition.unit
         columns = units.get(self.inputs.get("of") or "", ())
-        first, *rest = declared.split() or [""]
+        first, *rest = unit_of_kind.split() or [""]
         own = columns[0] if columns else ""
         if first == "of²":
             first = f"({own})²" if re.search(r"\W", own) else f"{own}²" if own else ""
@@ -105,10 +105,10 @@ class Metric:
     def expectation(self, value: float | None) -> str:
         """How a value violates ``below`` or ``above``; '' if it does not."""
         for key, holds in (("below", float.__lt__), ("above", float.__gt__)):
-            bound = self.options.get(key)
-            if bound is not None and (value is None or not holds(value, float(bound))):
+            level = self.options.get(key)
+            if level is not None and (value is None or not holds(value, float(level))):
                 got = "none" if value is None else f"{value:g}"
-                return f"metric '{self.name}': expected {key} {bound:g}, got {got}"
+                return f"metric '{self.name}': expected {key} {level:g}, got {got}"
         return ""
 
 
@@ -117,7 +117,7 @@ def _matrix(weight: Any, n: int) -> FloatArray:
     return np.diag(array.reshape(n)) if array.shape == (n,) or n == array.size == 1 else array
 
 
-class Band(response_metrics.Target):
+class SettlingOptions(response_metrics.TargetOptions):
     """When a signal is settled."""
 
     band: FloatArray = param(
@@ -130,13 +130,13 @@ class Band(response_metrics.Target):
     )
 
 
-class Level(NumberOptions):
+class LevelOptions(NumberOptions):
     """The level that a signal is compared with."""
 
     level: float = param(0.5, doc="the level")
 
 
-class Weights(MetricOptions):
+class WeightOptions(MetricOptions):
     """The weights of the paper's cost: one number per column, or a matrix."""
 
     q: FloatArray = param(shape=[(), ("state",), ("state", "state")], doc="weights Q of the state")
@@ -153,7 +153,7 @@ def _same_rows(options: Mapping[str, Any], probes: Mapping[str, ProbeInfo]) -> C
     for key, role in (("q", "state"), ("r", "command"), ("q_final", "state")):
         n = probes[role].width if role in probes else 1
         if key in options and n != 1 and np.ndim(options[key]) == 0:
-            message = f"expected {Weights.declared[key].describe({role: n})}"
+            message = f"expected {WeightOptions.declared[key].describe({role: n})}"
             yield key, f"{message.replace('a number or ', '')}, got {show(options[key])}"
     rates = {role: signal.every for role, signal in probes.items()}
     if len(set(rates.values())) > 1:
@@ -229,7 +229,7 @@ _OWN: dict[str, MetricKind] = {
         settling_time,
         "first time (s) from which all columns stay within ±`band` of `target` or of the signal "
         "`reference` to the end, for `hold` at least; null if never",
-        options=Band,
+        options=SettlingOptions,
         optional=(REFERENCE,),
         agrees=alike,
         unit="s",
@@ -262,7 +262,7 @@ _OWN: dict[str, MetricKind] = {
     "first_time": MetricKind(
         first_time,
         "first time (s) above `level`; null if never",
-        options=Level,
+        options=LevelOptions,
         unit="s",
         ends=POSITIVE,
     ),
@@ -277,7 +277,7 @@ _OWN: dict[str, MetricKind] = {
     "share_above": MetricKind(
         share_above,
         "share of the time above `level`",
-        options=Level,
+        options=LevelOptions,
         ends=SHARE,
     ),
     "path_length": MetricKind(
@@ -299,7 +299,7 @@ _OWN: dict[str, MetricKind] = {
         lqr_cost,
         "the paper's J: 1/2 sum (x'Qx + u'Ru) + 1/2 x_N' Q_f x_N",
         inputs=("state", "command"),
-        options=Weights,
+        options=WeightOptions,
         forms=("columns",),
         agrees=_same_rows,
     ),

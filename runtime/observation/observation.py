@@ -48,14 +48,14 @@ class Observation:
     def metric_units(self) -> dict[str, str]:
         """The units of the metrics that have one."""
         columns = {name: probe.units for name, probe in self.probes.items()}
-        found = {metric.name: metric.unit(columns, self.time_unit) for metric in self.metrics}
-        return {name: unit for name, unit in found.items() if unit}
+        units = {metric.name: metric.unit(columns, self.time_unit) for metric in self.metrics}
+        return {name: unit for name, unit in units.items() if unit}
 
     @property
     def metric_ends(self) -> dict[str, tuple[float, float]]:
         """The least and the largest possible value of the metrics that have one."""
-        found = {metric.name: metric.declared.ends for metric in self.metrics}
-        return {name: ends for name, ends in found.items() if ends != ANY}
+        ends_of_kind = {metric.name: metric.definition.ends for metric in self.metrics}
+        return {name: ends for name, ends in ends_of_kind.items() if ends != ANY}
 
     @property
     def metric_never(self) -> dict[str, str]:

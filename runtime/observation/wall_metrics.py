@@ -109,21 +109,21 @@ def _others(world: World, i: int) -> World | None:
     """The world without one of its circles; None if it is then empty."""
     rest = dict(world.description)
     rest["circles"] = [circle for k, circle in enumerate(rest.get("circles", [])) if k != i]
-    left = {key: value for key, value in rest.items() if value}
-    return World(left) if left else None
+    description = {key: value for key, value in rest.items() if value}
+    return World(description) if description else None
 
 
 def _mean(values: FloatArray) -> float:
     return float(values.mean()) if len(values) else math.nan
 
 
-class StandOff(MetricOptions):
+class DistanceOptions(MetricOptions):
     """The distance to keep."""
 
     distance: float = param(unit="m", above=0.0, doc="the distance from the walls to keep")
 
 
-class Turning(StandOff):
+class TurningOptions(DistanceOptions):
     """The distance to keep, and the robot's smallest turning radius."""
 
     turning_radius: float = param(unit="m", above=0.0, doc="the robot's smallest turning radius")
@@ -132,7 +132,7 @@ class Turning(StandOff):
 def _kind(
     formula: Callable[[World, FloatArray, Mapping[str, Any]], float],
     doc: str,
-    options: type[Options] = StandOff,
+    options: type[Options] = DistanceOptions,
     optional: tuple[str, ...] = ("engaged",),
     unit: str = "m",
     ends: tuple[float, float] = POSITIVE,
@@ -163,12 +163,12 @@ WALL_KINDS: Mapping[str, MetricKind] = {
     "distance_mae_reachable": _kind(
         distance_mae_reachable,
         "the same without the positions within `turning_radius` of a kink of the contour",
-        Turning,
+        TurningOptions,
     ),
     "distance_floor": _kind(
         distance_floor,
         "the smallest possible mean error of a robot with that `turning_radius` (m)",
-        Turning,
+        TurningOptions,
         optional=(),
     ),
     "strayed": _kind(

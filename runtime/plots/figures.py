@@ -67,11 +67,11 @@ def draw(plot: PlotSpec, result: RunData, look: str = "screen") -> Figure:
         raise UsageError(f"plot '{plot.name}' shows '{missing[0]}', which was not recorded")
     with matplotlib.rc_context({**style.STYLE, **looks.LOOKS[look].settings}):
         figure = ShownFigure(layout="constrained")
-        painter = plot.declared.painter or PAINTERS[plot.kind]
+        painter = plot.definition.painter or PAINTERS[plot.kind]
         if isinstance(painter, str):
             module, _, function = painter.partition(":")
             painter = getattr(import_module(module), function)
-        if plot.declared.in_world or plot.declared.with_options:
+        if plot.definition.in_world or plot.definition.with_options:
             top = painter(figure, plot, result)
         else:
             shown = [result.probes[name] for name in plot.of]
