@@ -45,13 +45,7 @@ def block_class(
     """
     type_node = node.get("type")
     if type_node is None or not isinstance(type_node.value, str):
-        got = "" if type_node is None else f", got {type_node.describe()}"
-        where = node.key if type_node is None else type_node.where
-        misspelt = node.get(closest("type", [key for key, _ in node.items()]))
-        if type_node is None and misspelt is not None:
-            where = misspelt.key
-        message = f"expected a type, as in {{type: Sum}}{got}; see 'runtime blocks'"
-        problems.add(where, address, message)
+        _report_no_type(node, address, problems)
         return None
     module = node.get("module")
     if module is not None and not modules:
@@ -83,6 +77,17 @@ def block_class(
         type_node.where, f"{address}.type", f"no block type '{type_node.value}'{suggestion}"
     )
     return None
+
+
+def _report_no_type(node: Node, address: str, problems: Problems) -> None:
+    type_node = node.get("type")
+    got = "" if type_node is None else f", got {type_node.describe()}"
+    where = node.key if type_node is None else type_node.where
+    misspelt = node.get(closest("type", [key for key, _ in node.items()]))
+    if type_node is None and misspelt is not None:
+        where = misspelt.key
+    message = f"expected a type, as in {{type: Sum}}{got}; see 'runtime blocks'"
+    problems.add(where, address, message)
 
 
 def own_variant(

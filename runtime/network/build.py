@@ -226,22 +226,8 @@ def _construct(
     params = cls.spec.params
     unknown = [key for key in values if key not in params]
     for key in unknown:
-        suggestion = hint(key, params) or f"; it has {', '.join(params) or 'none'}"
-        base, bracket, rest = key.partition("[")
-        if bracket and base in params and rest.removesuffix("]").isdecimal():
-            suggestion = f"; one of its numbers is named {base}.{rest.removesuffix(']')}"
-        if key[:1].isdecimal() and values[key].value is None and key != next(iter(values)):
-            before = list(values)[list(values).index(key) - 1]
-            whole = values[before].plain()
-            suggestion = f"; a decimal point is a dot, as in {before}: {whole}.{key}"
-        elif relative := relative_with(cls, key):
-            suggestion = f"; the block with this parameter is a {relative}"
-        elif key == "repeat":
-            suggestion = "; only parts are repeated: put the block into one"
-            suggestion += ", or use groups" if "groups" in params else ""
-        elif key == "graph":
-            suggestion = "; parts are read with the file that names them"
-        problems.add(values[key].key, f"{address}.{key}", f"unknown parameter{suggestion}", True)
+        message = f"unknown parameter{_instead_of(key, values, cls)}"
+        problems.add(values[key].key, f"{address}.{key}", message, True)
     try:
         parameters = _parameter_values(
             {k: item for k, item in values.items() if k in params}, cls, own
@@ -260,6 +246,26 @@ def _construct(
     except (Exception, SystemExit) as error:  # noqa: BLE001 -- a user's block may raise anything
         problems.add(node.key, address, _failure(cls, error))
     return None, []
+
+
+def _instead_of(key: str, values: Mapping[str, Node], cls: type[Block]) -> str:
+    """What to write instead of a parameter that a block does not have."""
+    params = cls.spec.params
+    base, bracket, rest = key.partition("[")
+    if bracket and base in params and rest.removesuffix("]").isdecimal():
+        return f"; one of its numbers is named {base}.{rest.removesuffix(']')}"
+    # A decimal comma: YAML reads {gain: 0,5} as gain: 0 and a key 5 without a value.
+    if key[:1].isdecimal() and values[key].value is None and key != next(iter(values)):
+        before = list(values)[list(values).index(key) - 1]
+        return f"; a decimal point is a dot, as in {before}: {values[before].plain()}.{key}"
+    if relative := relative_with(cls, key):
+        return f"; the block with this parameter is a {relative}"
+    if key == "repeat":
+        suggestion = "; only parts are repeated: put the block into one"
+        return suggestion + (", or use groups" if "groups" in params else "")
+    if key == "graph":
+        return "; parts are read with the file that names them"
+    return hint(key, params) or f"; it has {', '.join(params) or 'none'}"
 
 
 def _cached_block(

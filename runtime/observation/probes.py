@@ -38,7 +38,7 @@ class Signal:
     ``address`` is written in the graph, ``end`` is its source once removed blocks are bypassed.
     ``name`` is what figures call it, '' for its address, and ``column_names`` what they call each
     column. ``publisher`` is the method of the block that describes the neurons behind a signal, if
-    it is their tuning that is recorded. ``held`` tells whether it keeps its value between two ticks.
+    it is their tuning that is recorded. ``held`` tells whether it keeps its value between ticks.
     """
 
     address: str
