@@ -22,7 +22,7 @@ from blocks.core import (
     TwistValue,
     param,
 )
-from blocks.core.portable import flush, flush_due
+from blocks.core.portable import flush, flush_due, share_of
 
 
 @final
@@ -153,7 +153,7 @@ class DisturbanceObserver(Compensator):
 
     def start(self, state: BlockState) -> None:
         state.heading[0] = math.nan
-        state.share = -math.expm1(-state.dt / self.tau)
+        state.share = share_of(self.tau, state.dt)
 
     def _estimate(self, state: BlockState) -> float:
         return float(state.estimated[0])

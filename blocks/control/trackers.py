@@ -7,6 +7,7 @@ from typing import final
 
 from blocks.control.tracking import Tracker, offsets, wrap
 from blocks.core import BlockState, ParameterError, PoseValue, State, TwistValue, param
+from blocks.core.portable import share_of
 
 QUARTER = 0.5 * math.pi
 
@@ -47,7 +48,7 @@ class PathPID(Tracker):
 
     def start(self, state: BlockState) -> None:
         state.smooth[0] = math.nan
-        state.share = -math.expm1(-state.dt / self.tau)
+        state.share = share_of(self.tau, state.dt)
 
     def output(
         self, state: BlockState, t: float, error: PoseValue, reference: PoseValue

@@ -12,7 +12,13 @@ from blocks.core.block import (
     State,
 )
 from blocks.core.declarations import BlockSpec
-from blocks.core.elementwise import Elementwise, check_flat, check_sized, spread_to
+from blocks.core.elementwise import (
+    Elementwise,
+    check_ascending,
+    check_flat,
+    check_sized,
+    spread_to,
+)
 from blocks.core.expression_reader import ExpressionError, parsed
 from blocks.core.expressions import (
     Expression,
@@ -121,6 +127,7 @@ __all__ = [
     "WheelSpeeds",
     "arctan2",
     "as_matrix",
+    "check_ascending",
     "check_flat",
     "check_sized",
     "cos",

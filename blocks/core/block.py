@@ -51,7 +51,7 @@ changes is in the :class:`BlockState` that the engine owns.
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Mapping
+from collections.abc import Collection, Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -116,6 +116,7 @@ class BlockState:
     def __init__(
         self, context: BlockContext, seed: np.random.SeedSequence, arrays: Mapping[str, Any]
     ) -> None:
+        # Past __setattr__, which asks for it.
         self.__dict__["_declared"] = frozenset(arrays)
         self.__dict__.update({name: array.view() for name, array in arrays.items()})
         self.context = context
@@ -168,6 +169,7 @@ class Block:
             written = f"{type(self).__name__}({name}={value!r})"
             text = f"parameters are given by name, as in {written}" if name else "has no parameter"
             problems.append((name or "value", text))
+        # All at once, the unknown ones included: a user mends a graph in one go.
         problems += [
             (name, f"unknown parameter{hint(name, known) or _listed(known)}")
             for name in sorted(values.keys() - known.keys())
@@ -186,6 +188,7 @@ class Block:
                 problems.append((name, str(error)))
             else:
                 self.__dict__[self.spec.attributes[name]] = value
+        # Shapes name other parameters, so all of them have to be valid first.
         if not problems:
             problems += self._misshapen()
         if problems:
@@ -300,6 +303,14 @@ class Block:
         """
         return ()
 
+    def couplings(self, context: BlockContext) -> Sequence[Collection[int]] | None:
+        """For each of its continuous states, in order and each component counted, of which of them
+        its rate of change is a direct function, not through inputs; None: of all.
+
+        An implicit solver calls a block less often, the fewer they are.
+        """
+        return None
+
     # Any: the type of a parameter is known to its annotation, not to its name.
     def value(self, name: str) -> Any:
         """A parameter's value by its name in graphs."""
@@ -336,6 +347,7 @@ class Block:
         raise AttributeError(f"{type(self).__name__} cannot change after construction")
 
     def __eq__(self, other: object) -> bool:
+        # By what is written: arrays have no truth value, and defaults need not be equal objects.
         return type(self) is type(other) and self.parameters() == other.parameters()
 
     def __hash__(self) -> int:

@@ -126,6 +126,8 @@ class Evaluation:
         code = getattr(inspect.unwrap(self.function), "__code__", None) if self.function else None
         if code is None:
             return True
+        # By its code: a name t that is never read makes no signal of time, and a block without one
+        # need not be evaluated between ticks.
         waiting: list[types.CodeType] = [code]
         while waiting:
             code = waiting.pop()

@@ -1,4 +1,11 @@
-"""The base of blocks that treat each component of a signal alike."""
+"""The base of blocks that treat each component of a signal alike, and checks of their parameters.
+
+A number, a record or a vector goes in, the same form comes out; a block says what it is of one::
+
+    class Doubled(Elementwise):
+        def of(self, state, x, i):
+            return 2.0 * x
+"""
 
 from __future__ import annotations
 
@@ -31,6 +38,8 @@ class Elementwise(Block, ABC):
         state.size = kind.shape[0] if kind.shape else 1
 
     def output(self, state: BlockState, t: float, input: Any) -> Any:
+        # Not one array for all forms: a float that stays a float costs Python far less than an
+        # array of one number.
         if state.form == "scalar":
             return self.of(state, input, 0)
         out = np.empty(state.size)
@@ -74,3 +83,20 @@ def check_sized(kind: SignalType, name: str, value: FloatArray | None) -> None:
 def spread_to(value: FloatArray | float | None, size: int, absent: float = 0.0) -> FloatArray:
     """A parameter as ``size`` numbers: one for all components, or one for each."""
     return np.broadcast_to(np.asarray(absent if value is None else value, float), (size,)).copy()
+
+
+def check_ascending(points: FloatArray, name: str, what: str = "numbers", unit: str = "") -> None:
+    """Check that there are two or more points, in ascending order.
+
+    Raises
+    ------
+    ParameterError : there are not; ``what`` and ``unit`` are those of the message.
+    """
+    if len(points) < 2:
+        some = "points" if what == "numbers" else what
+        raise ParameterError([(name, f"expected at least two {some}, got {len(points)}")])
+    wrong = np.flatnonzero(np.diff(points) <= 0.0)
+    if wrong.size:
+        i, unit = int(wrong[0]), f" {unit}" if unit else ""
+        pair = f"got {points[i]:g}{unit} before {points[i + 1]:g}{unit}"
+        raise ParameterError([(name, f"expected {what} in ascending order, {pair}")])

@@ -130,6 +130,7 @@ class Reader:
     def number(self, node: ast.expr, depth: int) -> ast.expr:
         """A node as an expression whose value is a float."""
         self.count(node, depth)
+        # Integers first: as floats, 3**40 % 1000 would be 768 where Python says 801.
         if (whole := self.whole(node, depth)) is not None:
             return self.exact(node, whole)
         match node:
@@ -150,6 +151,7 @@ class Reader:
                 return ast.IfExp(self.truth(test, depth + 1), *parts)
             case ast.Call():
                 return self.call(node, depth)
+            # Python's `a and b` is one of the two values; here it is 1.0 or 0.0, as compiled.
             case ast.Compare() | ast.BoolOp() | ast.UnaryOp(op=ast.Not()):
                 truth = self.truth(node, depth)
                 return ast.IfExp(truth, ast.Constant(1.0), ast.Constant(0.0))
@@ -167,6 +169,8 @@ class Reader:
                 # Without chains: `a < b < c` is `a < b and b < c`.
                 tests: list[ast.expr] = []
                 for i, op in enumerate(ops):
+                    # A chain writes its inner values twice, and nested chains double each time:
+                    # what is repeated counts against the limit, too.
                     for repeated in ast.walk(values[i]) if i else ():
                         if isinstance(repeated, ast.expr):
                             self.count(node, depth)
@@ -180,6 +184,7 @@ class Reader:
 
     def whole(self, node: ast.expr, depth: int) -> int | None:
         """The value of integers alone, which Python computes exactly: 3**40 % 1000 is 801."""
+        # Remembered: asked of every node on the way down, it would take quadratic time.
         if node not in self._whole:
             self._whole[node] = None if depth > MAX_DEPTH else self._integer(node, depth + 1)
         return self._whole[node]
@@ -197,6 +202,7 @@ class Reader:
                     return None
                 if isinstance(op, ast.Pow) and b < 0:
                     return None
+                # Before it is computed: 9**9**9 would fill the memory.
                 if isinstance(op, ast.Pow) and abs(a) > 1 and a.bit_length() * b > MAX_BITS:
                     self.fail(node, "the number is too large")
                 return int(_INTEGERS[type(op)](a, b))
@@ -379,7 +385,7 @@ class Reader:
             ast.Set: "a set",
             ast.Attribute: "an attribute",
             ast.NamedExpr: "an assignment",
-            ast.JoinedStr: "a text",
+            ast.JoinedStr: "a string",
         }.get(type(node), f"'{type(node).__name__}'")
         self.fail(node, f"{what} is not allowed; expected arithmetic with numbers and functions")
 

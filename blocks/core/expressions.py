@@ -86,6 +86,7 @@ def function_from(source: str) -> Callable[..., Any]:
     file = f"<expression {hashlib.sha256(source.encode()).hexdigest()[:16]}>"
     # Without a modification time linecache keeps the entry.
     linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)
+    # A scope of its own: functions of two expressions are both called `expression`.
     scope = dict(SCOPE)
     with PARSING:
         code = compile(source, file, "exec", dont_inherit=True)

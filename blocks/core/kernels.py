@@ -40,6 +40,7 @@ def kernel_of(method: Callable[..., object]) -> Callable[[Kernel], Kernel]:
     """
 
     def bound(kernel: Kernel) -> Kernel:
+        # When the class is defined, not when it is compiled: most runs are not.
         wanted, got = (list(inspect.signature(f).parameters) for f in (method, kernel))
         if wanted != got:
             raise TypeError(
@@ -77,6 +78,7 @@ def kernel_for(
         one of them, then ``start`` and everything that it depends on counts as well.
     """
     for owner in cls.__mro__:
+        # By the function object: an override is another object, and has no kernel.
         kernel = _declared(vars(owner), method)
         if kernel is not None:
             return kernel if not _differences(cls, owner, method, kernel, attributes) else None
@@ -100,6 +102,8 @@ def _differences(
     attributes: Collection[str],
 ) -> set[str]:
     """Names that only one of the two depends on and that ``cls`` redefines."""
+    # By names in the code, methods followed: more than is really used, so that a kernel is dropped
+    # once too often rather than once too seldom.
     alone = _relied_on(owner, method) ^ _relied_on(owner, kernel)
     if not alone.isdisjoint(attributes):
         alone |= {"start"} | _relied_on(owner, *_defined(owner, "start"))

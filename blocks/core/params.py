@@ -107,9 +107,9 @@ class Param:
                 "float": "a number",
                 "int": "an integer",
                 "bool": "true or false",
-                "str": "a text",
+                "str": "a string",
                 "signal": "a signal type such as Scalar, Pose or Vector(3)",
-                "texts": "a text or a list of texts",
+                "texts": "a string or a list of strings",
                 "numbers": "a mapping of names to numbers, as in {a: 1.5}",
                 "setting": "a setting",
             }[self.kind]
@@ -167,7 +167,7 @@ class Param:
         return converted
 
     def _number_hint(self, value: Any) -> str:
-        """How to write the number that a text seems to mean."""
+        """How to write the number that a string seems to mean."""
         if not isinstance(value, str):
             return ""
         if match := _COMMA.fullmatch(value):
@@ -261,19 +261,21 @@ def in_radians(value: Any, units: Sequence[str]) -> Any:
         if match and match[2] == units[0].removeprefix("rad"):
             return math.radians(float(match[1]))
     if isinstance(value, (list, tuple)):
-        each = [units] * len(value) if len(units) != len(value) else [(unit,) for unit in units]
-        return [in_radians(item, own) for item, own in zip(value, each, strict=True)]
+        pairs = zip(value, _units_of_items(value, units), strict=True)
+        return [in_radians(item, own) for item, own in pairs]
     return value
 
 
-def maybe_degrees(value: Any, units: Sequence[str]) -> list[tuple[float, str]]:
-    """The numbers in rad beyond a full turn, and in rad/s beyond three per second, with the unit.
+def _units_of_items(value: Sequence[Any], units: Sequence[str]) -> list[Sequence[str]]:
+    """A row's items have one unit each; each row of a table, also of a square one, has all."""
+    is_row = len(units) == len(value) and not any(isinstance(x, (list, tuple)) for x in value)
+    return [(unit,) for unit in units] if is_row else [units] * len(value)
 
-    They may be meant as degrees.
-    """
+
+def maybe_degrees(value: Any, units: Sequence[str]) -> list[tuple[float, str]]:
+    """Numbers in rad beyond a turn, or in rad/s beyond three per second, which may be degrees."""
     if isinstance(value, (list, tuple)):
-        each = [units] * len(value) if len(units) != len(value) else [(unit,) for unit in units]
-        pairs = zip(value, each, strict=True)
+        pairs = zip(value, _units_of_items(value, units), strict=True)
         return [part for item, own in pairs for part in maybe_degrees(item, own)]
     is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
     limit = USUAL_ANGLES.get(units[0], math.inf) if len(units) == 1 else math.inf

@@ -24,6 +24,12 @@ TINY = 1e-140
 SELDOM = 128  # ticks
 
 
+def share_of(tau: float, dt: float) -> float:
+    """1 - exp(-dt / tau): what a first-order lag takes over from its input in a step of dt."""
+    # Not 1.0 - math.exp(...), which for a short step loses the digits of the difference.
+    return -math.expm1(-dt / tau)
+
+
 def flush_due(t: float, dt: float) -> bool:
     """Whether states are flushed at t (s), a multiple of dt: on the first and each 128th tick.
 

@@ -54,6 +54,7 @@ def read_declarations(cls: type, own_sizes: bool = False, own_variables: bool = 
         derivative=_optional(cls, "derivative", {**inputs, **outputs}),
         projects=getattr(cls, "project", None) is not None,
     )
+    # Where nothing typed is wired, as from Constant to Gain, only the user knows the type.
     if spec.generic and not own_variables and "signal" not in spec.params:
         spec = replace(
             spec,
@@ -94,6 +95,8 @@ def _signal_param() -> Param:
 
 def _declared(cls: type, kinds: Container[type]) -> Iterator[tuple[str, Any]]:
     """Declarations by attribute; a class overrides what it inherits."""
+    # From object downwards: a name keeps the place where it was declared first, and takes the
+    # value that was declared last; a method that replaces a declaration removes it.
     merged: dict[str, Any] = {}
     for base in reversed(cls.__mro__):
         for attribute, value in vars(base).items():
@@ -119,6 +122,7 @@ def _check_name(cls: type, attribute: str, name: str, kind: type, origins: dict[
     label = f"{cls.__name__}.{attribute}"
     if not name.isidentifier():
         raise DeclarationError(f"{label}: '{name}' is not a valid name; use letters, digits and _")
+    # Block itself: a declaration named `start` or `value` would replace that method silently.
     base = next(c for c in reversed(cls.__mro__) if "spec" in vars(c))
     if attribute in vars(base):
         suggestion = f"rename it, with name='{name}' if graphs should use that name"
@@ -187,6 +191,7 @@ def _check_ports(cls: type, spec: BlockSpec) -> None:
                 f"which cannot replace {output.type}"
             )
     for evaluation in spec.evaluations:
+        # Computed once before the first tick, when no input has a value.
         constant = [name for name in evaluation.outputs if spec.outputs[name].constant]
         if constant and evaluation.needs:
             raise DeclarationError(
@@ -212,6 +217,7 @@ def _check_states(cls: type, spec: BlockSpec, own_sizes: bool) -> None:
                     f"{cls.__name__}.{name}: expected lengths, whole numbers or names, as in "
                     f"State(2, 3) or State('n'), got {length!r}"
                 )
+        # What `sizes` returns depends on parameters, of which a class knows no values.
         unknown = [n for n in state.shape if isinstance(n, str) and n not in lengths]
         if unknown and not own_sizes:
             raise DeclarationError(
@@ -265,6 +271,7 @@ def _output_methods(
                 f"{cls.__name__}.{method}: there is no output '{port}'"
                 f"{hint(port, outputs) or '; rename the method'}"
             )
+    # A method of its own for a port means feedthrough of its own; the rest shares one call.
     own = {port: f"output_{port}" for port in outputs if f"output_{port}" in methods}
     rest = tuple(port for port in outputs if port not in own)
     evaluations = [_evaluation(cls, m, inputs, (port,)) for port, m in own.items()]

@@ -1,4 +1,4 @@
-"""Parameters that are more than a number: read from a text or a mapping, held as an object."""
+"""Parameters that are more than a number: read from a string or a mapping, held as an object."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class SettingError(ValueError):
 
 
 class Setting(ABC):
-    """A value with a text of its own, such as ``uniform(200, 400)`` or ``{type: LIF, ...}``.
+    """A value in a form of its own, such as ``uniform(200, 400)`` or ``{type: LIF, ...}``.
 
     A parameter that is annotated with a subclass takes what its ``read`` accepts. Two settings
     are equal if they are written alike.

@@ -126,6 +126,8 @@ class SignalType:
         ``exact`` is the contract for blocks; otherwise an ``int`` counts as a float, too.
         """
 
+        # isinstance and not a conversion: np.float64 is a float, np.float32 and arrays without axes
+        # are not, and would change the arithmetic of whatever reads them.
         def is_number(part: object) -> bool:
             whole = not exact and isinstance(part, int) and not isinstance(part, bool)
             return whole or isinstance(part, float)

@@ -36,6 +36,8 @@ class Variant(Setting):
             cls.members = Registry(registry, cls, wanted, classes=True)
             return
         cls.label = label or cls.__name__
+        # The library's alone: a class of a graph's own file is looked up in that file, so that two
+        # graphs may use one name for different classes.
         if not abstract and cls.__module__.startswith("blocks."):
             cls.members[cls.label] = cls
 

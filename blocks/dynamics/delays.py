@@ -63,7 +63,29 @@ class Recalling(Block, ABC):
                 cells[i] = input[i]
 
 
-class Delay(Recalling):
+class _Ring(Recalling, ABC):
+    """A block that keeps the last inputs in the rows of ``ring``, written in turn at ``head``.
+
+    Moving a head costs one row a tick, where moving the rows would cost all of them.
+    """
+
+    def start(self, state: BlockState) -> None:
+        super().start(state)
+        state.rows = len(state.ring)
+        state.cells = state.ring.reshape(state.rows, -1)
+        state.cells[:] = state.first
+
+    def update(self, state: BlockState, t: float, input: Any) -> None:
+        row = int(state.head[0])
+        if state.form == "scalar":
+            state.cells[row, 0] = input
+        else:
+            for i in range(state.size):
+                state.cells[row, i] = input[i]
+        state.head[0] = (row + 1) % state.rows
+
+
+class Delay(_Ring):
     """Delay a signal by a time; breaks algebraic loops.
 
         input ─▶ [ Delay ] ─▶ out
@@ -91,9 +113,6 @@ class Delay(Recalling):
 
     def start(self, state: BlockState) -> None:
         super().start(state)
-        state.rows = len(state.ring)
-        state.cells = state.ring.reshape(state.rows, -1)
-        state.cells[:] = state.first
         steps = self.delay / state.dt
         state.whole = int(steps + WHOLE)
         part = steps - state.whole
@@ -108,15 +127,6 @@ class Delay(Recalling):
             if state.part > 0.0:
                 out[i] += state.part * (state.cells[far, i] - state.cells[near, i])
         return self.packed(state, out)
-
-    def update(self, state: BlockState, t: float, input: Any) -> None:
-        row = int(state.head[0])
-        if state.form == "scalar":
-            state.cells[row, 0] = input
-        else:
-            for i in range(state.size):
-                state.cells[row, i] = input[i]
-        state.head[0] = (row + 1) % state.rows
 
 
 class Hold(Recalling):
@@ -144,7 +154,7 @@ class Hold(Recalling):
         self.store(state, state.cells, input)
 
 
-class MovingAverage(Recalling):
+class MovingAverage(_Ring):
     """The mean of the last values.
 
         input ─▶ [ MovingAverage ] ─▶ out
@@ -163,12 +173,6 @@ class MovingAverage(Recalling):
     def sizes_in(self, context: BlockContext) -> dict[str, int]:
         return {"rows": max(1, self.samples - 1)}
 
-    def start(self, state: BlockState) -> None:
-        super().start(state)
-        state.rows = len(state.ring)
-        state.cells = state.ring.reshape(state.rows, -1)
-        state.cells[:] = state.first
-
     def output(self, state: BlockState, t: float, input: Any) -> Any:
         out = np.zeros(state.size)
         self.store(state, out, input)
@@ -177,12 +181,3 @@ class MovingAverage(Recalling):
                 out[i] += state.cells[j, i]
             out[i] /= self.samples
         return self.packed(state, out)
-
-    def update(self, state: BlockState, t: float, input: Any) -> None:
-        row = int(state.head[0])
-        if state.form == "scalar":
-            state.cells[row, 0] = input
-        else:
-            for i in range(state.size):
-                state.cells[row, i] = input[i]
-        state.head[0] = (row + 1) % state.rows

@@ -55,6 +55,7 @@ class DiscreteTransferFunction(Recalling):
     @property
     def coefficients(self) -> tuple[FloatArray, FloatArray]:
         """b and a of equal length, with a[0] = 1."""
+        # At least two: a filter of degree 0 has a state that stays 0, in place of a special case.
         b = np.zeros(max(2, len(self.denominator)))
         a = np.zeros(len(b))
         numerator = np.trim_zeros(self.numerator, "f")
@@ -129,6 +130,7 @@ class DiscreteIntegrator(Recalling):
         super().start(state)
         state.cells = state.total.reshape(-1)
         state.cells[:] = state.first
+        # One formula for the three rules: the share of h that counts in this tick's output.
         shares = {"forward": 0.0, "backward": 1.0, "trapezoidal": 0.5}
         state.now = shares[self.method] * self.gain * state.dt
         state.later = (1.0 - shares[self.method]) * self.gain * state.dt
@@ -147,6 +149,7 @@ class DiscreteIntegrator(Recalling):
         self.store(state, x, input)
         self.store(state, y, out)
         for i in range(state.size):
+            # From the limited output, and limited itself: a sum that ran on would wind up.
             total = min(max(y[i] + state.later * x[i], self.lower), self.upper)
             state.cells[i] = state.first[i] if reset > 0.5 else total
 

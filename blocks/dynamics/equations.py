@@ -74,6 +74,7 @@ class Equations:
     @property
     def values(self) -> tuple[float, ...]:
         """The values of the constants, as functions take them."""
+        # Not empty: an empty tuple has no element type, and the function would not compile.
         return tuple(self.constants.values()) or (0.0,)
 
     def check(self, written: Iterable[tuple[str, str]], inputs: int | None = None) -> None:
@@ -84,6 +85,8 @@ class Equations:
         ParameterError : one is not valid.
         """
         written = list(written)
+        # Before anything is wired, u has as many components as the expressions name: all else can
+        # be checked, and what is missing is found once the wires are known.
         if inputs is None:
             used = [int(n) for _, text in written for n in _INDEX.findall(text)]
             inputs = 1 + max(used, default=0)

@@ -78,10 +78,16 @@ class Integrator(Block):
         state.limited = self.lower is not None or self.upper is not None
         state.cells, state.firsts = state.integral.reshape(-1), state.first.reshape(-1)
 
+    def couplings(self, context: BlockContext) -> list[list[int]]:
+        # Each of its own state, which may be at a limit.
+        return [[i] for i in range(math.prod(context.types["out"].shape))]
+
     def output(self, state: BlockState, t: float) -> Any:
         return state.pack(state.integral)
 
     def update(self, state: BlockState, t: float, reset: float) -> None:
+        # Held until the next tick: the solver goes on between ticks and would integrate away from
+        # the value that was set.
         state.held[0] = 1.0 if reset > 0.5 else 0.0
         if reset > 0.5:
             for i in range(len(state.cells)):
@@ -94,6 +100,8 @@ class Integrator(Block):
             return np.zeros(state.integral.shape)
         if not state.limited:
             return input
+        # The sign of the input decides and not the limit alone: held at a limit for good, the state
+        # would not leave it when the input turns.
         x, rates = state.integral, np.array(input)
         rates[((x >= state.high) & (rates > 0.0)) | ((x <= state.low) & (rates < 0.0))] = 0.0
         return rates
@@ -117,6 +125,7 @@ class Integrator(Block):
         return 0.0 if outwards or state.held[0] != 0.0 else rate
 
     def project(self, state: BlockState) -> None:
+        # A step of the solver may end beyond a limit that it met within the step.
         if state.limited:
             for i in range(len(state.cells)):
                 state.cells[i] = min(max(state.cells[i], state.low), state.high)

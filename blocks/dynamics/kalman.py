@@ -172,6 +172,7 @@ class KalmanFilter(Block):
         return out
 
     def update(self, state: BlockState, t: float, control: Any, estimate: FloatArray) -> None:
+        # The gain again: an output may write no state, so it cannot be handed on.
         weight = self.gain(state)
         after = corrected_covariance(state.P, state.c, weight, state.r)
         state.P[...] = propagated(state.a, after, state.q)

@@ -10,6 +10,7 @@ import numpy as np
 
 from blocks.core import (
     Block,
+    BlockContext,
     BlockState,
     FloatArray,
     Input,
@@ -94,23 +95,31 @@ class LinearSystem(Block, ABC):
             return float(y[0])
         return y
 
+    def following(self, state: BlockState, input: Any) -> FloatArray:
+        """A x + B u (n,): the rate of change of x, or x one step later."""
+        # Loops, as in `output`: the systems are small, and both engines sum in one order.
+        total = np.zeros(len(state.x))
+        for i in range(len(total)):
+            for j in range(len(total)):
+                total[i] += self.transition[i, j] * state.x[j]
+            if state.single:
+                total[i] += self.inputs[i, 0] * input
+            else:
+                for j in range(len(input)):
+                    total[i] += self.inputs[i, j] * input[j]
+        return total
+
 
 class ContinuousSystem(LinearSystem, ABC):
     """A linear system in continuous time: x' = A x + B u."""
 
     x = State("n", name="x", continuous=True, doc="the state")
 
+    def couplings(self, context: BlockContext) -> list[list[int]]:
+        return [np.flatnonzero(row).tolist() for row in self.transition]
+
     def derivative(self, state: BlockState, t: float, input: Any) -> FloatArray:
-        rate = np.zeros(len(state.x))
-        for i in range(len(rate)):
-            for j in range(len(rate)):
-                rate[i] += self.transition[i, j] * state.x[j]
-            if state.single:
-                rate[i] += self.inputs[i, 0] * input
-            else:
-                for j in range(len(input)):
-                    rate[i] += self.inputs[i, j] * input[j]
-        return rate
+        return self.following(state, input)
 
 
 class _Matrices(LinearSystem, ABC):
@@ -190,17 +199,9 @@ class DiscreteStateSpace(_Matrices):
     x = State("n", name="x", doc="the state")
 
     def update(self, state: BlockState, t: float, input: Any) -> None:
-        following = np.zeros(len(state.x))
+        after = self.following(state, input)
         for i in range(len(state.x)):
-            for j in range(len(state.x)):
-                following[i] += self.transition[i, j] * state.x[j]
-            if state.single:
-                following[i] += self.inputs[i, 0] * input
-            else:
-                for j in range(len(input)):
-                    following[i] += self.inputs[i, j] * input[j]
-        for i in range(len(state.x)):
-            state.x[i] = following[i]
+            state.x[i] = after[i]
 
 
 def _size(matrix: FloatArray) -> str:

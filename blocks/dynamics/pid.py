@@ -71,6 +71,7 @@ class PID(Block):
 
     def unlimited(self, state: BlockState, e: float, j: int) -> float:
         """One component before the limits."""
+        # kd s / (1 + s / n) without a derivative of e, which a signal of steps does not have.
         slope = self.kd * self.n * (e - state.f[j])
         return float(self.kp * e + state.i[j] + slope)
 
@@ -183,6 +184,7 @@ class DiscretePID(Recalling):
         self.store(state, e, error)
         self.store(state, limited, out)
         for j in range(state.size):
+            # With the states of this tick's output, before any of them moves.
             excess = self.unlimited(state, e[j], j) - limited[j]
             state.i[j] += self.ki * state.dt * e[j] - state.tracked * excess
             state.d[j] = state.kept * state.d[j] + state.rise * (e[j] - state.e[j])

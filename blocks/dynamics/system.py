@@ -108,6 +108,7 @@ class _System(Block, ABC):
 
     @property
     def indirect(self) -> tuple[str, ...]:
+        # By the word u and not by the tree: this is asked before the inputs are known.
         named = any(re.search(r"\bu\b", text) for text in self.results or ())
         return () if named else ("u",)
 
@@ -118,6 +119,7 @@ class _System(Block, ABC):
         form = self.resolved.form
         if self.results is None:
             own = [Expression("", f"x[{i}]", frozenset()) for i in range(state.n)]
+            # A function in this case, too, so that `output` is one line and compiles the same way.
             state.results = function_from(function_text(own, PARAMETERS, form))
         else:
             state.results = self.function(state, "output", self.results, form)
@@ -189,6 +191,7 @@ class DynamicSystem(_System):
 
     def update(self, state: BlockState, t: float, u: tuple[float, ...]) -> None:
         if state.has_event and self.happens(state, t, u):
+            # All values before any is written: each expression sees the states before the event.
             after = state.jump(t, state.x.tolist(), u, state.constants)
             for i in range(state.n):
                 state.x[i] = after[i]
@@ -196,6 +199,12 @@ class DynamicSystem(_System):
     def happens(self, state: BlockState, t: float, u: tuple[float, ...]) -> bool:
         """Whether the event's condition holds."""
         return bool(state.condition(t, state.x.tolist(), u, state.constants) != 0.0)
+
+    def couplings(self, context: BlockContext) -> list[set[int]]:
+        count = input_count(context)
+        read = [self.equations.read("derivative", text, count) for text in self.rates]
+        # Names of states and indices are x[0], x[1], ... in the Python text, sums are written out.
+        return [set(map(int, re.findall(r"\bx\[(\d+)\]", each.python))) for each in read]
 
     def derivative(self, state: BlockState, t: float, u: tuple[float, ...]) -> FloatArray:
         rates: FloatArray = state.rates(t, state.x.tolist(), u, state.constants)

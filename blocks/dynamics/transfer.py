@@ -1,4 +1,9 @@
-"""Transfer functions in continuous time, of one input and one output."""
+"""Transfer functions in continuous time, of one input and one output, and a derivative.
+
+A signal goes in, what the system makes of it comes out; the run's solver integrates the states::
+
+    motor: {type: TransferFunction, numerator: [2.0], denominator: [0.1, 1.0]}  # 2 / (0.1 s + 1)
+"""
 
 from __future__ import annotations
 

@@ -97,6 +97,7 @@ class Sum(Block):
     def output(self, state: BlockState, t: float, terms: tuple[Any, ...]) -> Any:
         if not terms:
             return state.zero
+        # Most sums have no minus: multiplying by 1.0 would cost as much as adding.
         if not state.plain:
             terms = tuple(scaled(v, s) for s, v in zip(state.signs, terms, strict=True))
         total = terms[0]
@@ -107,6 +108,7 @@ class Sum(Block):
 
 def added(a: Any, b: Any) -> Any:
     """The sum of two values of one signal type, in the signal's own form."""
+    # A list inside: for two or three components, a generator costs more than the sums.
     if isinstance(a, tuple):
         return tuple([x + y for x, y in zip(a, b, strict=True)])
     return a + b

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC
 from typing import Any
 
@@ -18,7 +17,7 @@ from blocks.core import (
     check_sized,
     param,
 )
-from blocks.core.portable import flush, flush_due
+from blocks.core.portable import flush, flush_due, share_of
 
 
 class _Memory(Block, ABC):
@@ -68,7 +67,7 @@ class Lowpass(_Memory):
 
     def start(self, state: BlockState) -> None:
         super().start(state)
-        state.share = -math.expm1(-state.dt / self.tau)
+        state.share = share_of(self.tau, state.dt)
 
     def update(self, state: BlockState, t: float, input: Any) -> None:
         state.memory[...] = state.memory - state.share * (state.memory - input)

@@ -26,12 +26,13 @@ from blocks.core import (
     kernel_of,
     param,
 )
-from blocks.core.portable import flush, flush_due
+from blocks.core.portable import flush, flush_due, share_of
 from blocks.neural.learner import Learner, decode_activity, gain_and_bias
 from blocks.neural.lif import lif_rate_step, lif_step
-from blocks.neural.rules import follow, pes_step, share_of
+from blocks.neural.rules import follow, pes_step
 
-SILENT = 10.0  # Hz; activity below it hardly counts in a normalised step
+# Hz. Without it, a normalised step of neurons that are nearly silent would be unbounded.
+SILENT = 10.0
 
 
 class LearningEnsemble(Learner):
@@ -108,6 +109,7 @@ class LearningEnsemble(Learner):
         state.fade, state.scratch = 1.0 - state.pass_on, np.zeros(n)
         # What the step of a neuron model takes: its parameters, and a state that LIF does not have.
         state.constants, state.empty = self.model.constants, np.zeros(0)
+        # A row per dimension: a step multiplies all neurons by one component of the input.
         state.encoder_rows = np.ascontiguousarray(state.scaled_encoders.T)
         state.further = range(1, d)
 
@@ -137,6 +139,7 @@ class LearningEnsemble(Learner):
     def _gamma_kernel(self, state: BlockState) -> float:
         if not self.normalised:
             return float(state.gamma)
+        # NumPy's sum is not in order: four sums here, which differ from it by rounding.
         power = dot(state.activity, state.activity)
         return self.learning_rate * state.dt / (power + float(state.floor))
 
@@ -146,6 +149,7 @@ class LearningEnsemble(Learner):
     def update(
         self, state: BlockState, t: float, input: FloatArray, error: FloatArray, learn: float
     ) -> None:
+        # In place: for a hundred neurons, an array that is allocated costs as much as the product.
         current = state.current
         np.multiply(state.encoder_rows[0], input[0, ...], out=current)
         for j in state.further:

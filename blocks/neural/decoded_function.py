@@ -1,4 +1,9 @@
-"""The function that a decoder computes of what an ensemble represents."""
+"""The function that a decoder computes of what an ensemble represents.
+
+In: expressions of ``x`` as a graph writes them. Out: its values at points, before a run::
+
+    DecodedFunction.read(["x[0]*x[1]", "x[0]**2"]).of_points(points)      # (m, d) to (m, 2)
+"""
 
 from __future__ import annotations
 
@@ -70,6 +75,8 @@ class DecodedFunction(Setting):
 
     def _function(self, d: int) -> Callable[[Any], Any]:
         try:
+            # In one dimension people write x, and x[0] must be right as well: the second reading is
+            # tried where the first is not an expression of a number.
             if d == 1:
                 try:
                     scalar = expression_function(self.texts, {"x": None})

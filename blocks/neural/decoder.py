@@ -1,4 +1,9 @@
-"""Decoders: from the spikes of an ensemble to a function of what it represents."""
+"""Decoders: from the spikes of an ensemble to a function of what it represents.
+
+Spikes (n,) and an error (k,) go in, the value (k,) comes out::
+
+    square: {type: Decoder, function: "x**2", synapse: 0.02, learning: {rule: pes}}
+"""
 
 from __future__ import annotations
 
@@ -20,9 +25,9 @@ from blocks.core import (
     kernel_of,
     param,
 )
-from blocks.core.portable import flush, flush_due
+from blocks.core.portable import flush, flush_due, share_of
 from blocks.neural.published_tuning import Tuning
-from blocks.neural.rules import DecoderRule, follow, pes_step, rls_step, share_of
+from blocks.neural.rules import DecoderRule, follow, pes_step, rls_step
 from blocks.neural.solving import Solved, decode
 from blocks.neural.synapses import Synapse, passed, remember
 
@@ -92,6 +97,7 @@ class Decoder(Solved):
         if self.learning is not None and not wires:
             message = f"{self._rule} learns from an error, and the input 'error' is not connected"
             raise ParameterError([("learning", message)])
+        # P would be block-diagonal, one n x n block per group, and is declared as one matrix.
         if self._rule == "rls" and context.lengths.get("groups", 1) > 1:
             raise ParameterError([("learning", "rls does not learn in groups; use pes")])
 
@@ -112,6 +118,7 @@ class Decoder(Solved):
             state.gamma = self.learning.learning_rate * state.dt / n
             state.quick = float(b[0]) if state.by_spikes else share_of(self.learning.tau, state.dt)
             if self._rule == "rls":
+                # The first step is then that of PES.
                 np.fill_diagonal(state.inverse, state.gamma)
         elif state.by_spikes:
             state.quick = float(b[0])
@@ -131,6 +138,8 @@ class Decoder(Solved):
         activity = state.activity + state.quick * (spikes - state.activity)
         value = decode(state.weights, activity, state.groups)
         if state.rule == "pes":
+            # The last error is applied by `update` only, after this output. (W - g e s') s is
+            # W s - g e |s|^2, so it counts here without writing the weights: outputs write nothing.
             squares = decode(activity[None], activity, state.groups)
             value = value - state.gamma * state.pending * np.repeat(
                 squares, len(value) // len(squares)
@@ -170,6 +179,8 @@ class Decoder(Solved):
             follow(state.activity, spikes, state.quick)
         if state.rule != "":
             self._learn(state)
+            # Applied on the next tick, with its spikes: Nengo's rules see the error of the step
+            # before, and a test compares weight for weight.
             total = state.pending
             total[:] = 0.0
             if len(error) > 0:

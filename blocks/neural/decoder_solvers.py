@@ -1,4 +1,9 @@
-"""Solvers of decoders: from activities A (m, n) and targets Y (m, k) to decoders (n, k)."""
+"""Solvers of decoders: from activities A (m, n) and targets Y (m, k) to decoders (n, k).
+
+A graph names one, as in ``solver: {type: l2, reg: 0.05}``; it is called before the first tick::
+
+    decoders = L2(reg=0.05).solve(rates, targets, rng)      # rates @ decoders is close to targets
+"""
 
 from __future__ import annotations
 
@@ -11,6 +16,7 @@ from blocks.core import FloatArray, Variant, param, product, solve
 
 # Up to this many neurons, and multiplications, results have the same bits on every processor.
 PORTABLE_NEURONS, PORTABLE_WORK = 200, 10**8
+# Rounds of coordinate descent, and the relative change at which it has converged.
 ROUNDS, CLOSE = 2_000, 1e-9
 
 
@@ -49,6 +55,7 @@ class L2Noise(DecoderSolver, label="l2_noise"):
     noise: float = param(0.1, above=0.0, doc="deviation, as a share of the largest rate")
 
     def solve(self, a: FloatArray, y: FloatArray, rng: np.random.Generator) -> FloatArray:
+        # At least a tiny deviation: silent neurons would make the system singular.
         noisy: FloatArray = a + rng.normal(
             0.0, self.noise * max(float(a.max(initial=0.0)), 1e-12), a.shape
         )
@@ -59,7 +66,7 @@ class NNLS(DecoderSolver, label="nnls"):
     """min |A D - Y|^2 with D >= 0 (Lawson and Hanson)."""
 
     def solve(self, a: FloatArray, y: FloatArray, rng: np.random.Generator) -> FloatArray:
-        from scipy.optimize import nnls
+        from scipy.optimize import nnls  # scipy stays off the start-up path
 
         return np.stack([nnls(a, target)[0] for target in y.T], axis=1)
 
@@ -75,6 +82,7 @@ class Lasso(DecoderSolver, label="lasso"):
 
     def solve(self, a: FloatArray, y: FloatArray, rng: np.random.Generator) -> FloatArray:
         largest, m = float(a.max(initial=0.0)), len(a)
+        # Of the Gram matrix: a step costs n k operations, and m, the number of points, none.
         gram = products(a.T, a) / m
         right = products(a.T, y) / m
         threshold, ridge_term = self.l1 * largest, self.l2 * largest**2
@@ -113,6 +121,7 @@ def ridge(a: FloatArray, y: FloatArray, sigma: float) -> FloatArray:
     """
     m, n = a.shape
     is_dual = m < n
+    # (A'A + c I)^-1 A' = A' (AA' + c I)^-1: the smaller of the two systems is solved.
     gram = products(a, a.T) if is_dual else products(a.T, a)
     gram[np.diag_indices(len(gram))] += m * sigma**2
     right = y if is_dual else products(a.T, y)
@@ -123,6 +132,7 @@ def ridge(a: FloatArray, y: FloatArray, sigma: float) -> FloatArray:
             solved = np.asarray(np.linalg.solve(gram, right), dtype=np.float64)
     except np.linalg.LinAlgError:
         raise SingularError(_singular(a)) from None
+    # A pivot that is not 0 but rounding leaves infinities.
     if not np.isfinite(solved).all():
         raise SingularError(_singular(a))
     return products(a.T, solved) if is_dual else solved

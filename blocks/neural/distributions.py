@@ -1,6 +1,9 @@
 """Distributions of the numbers of a population, written as ``uniform(200, 400)`` and so on.
 
-The text is read by a small grammar and never evaluated.
+In: what a graph writes, a number, a list or a call such as ``uniform(200, 400)``, which is read by
+a small grammar and never evaluated. Out: arrays drawn with a block's own generator::
+
+    Distribution.read("uniform(200, 400)").draw(rng, 100)      # (100, 1)
 """
 
 from __future__ import annotations
@@ -46,6 +49,7 @@ def _exponential(
 ) -> FloatArray:
     shift = arguments[1] if len(arguments) > 1 else 0.0
     high = arguments[2] if len(arguments) > 2 else math.inf
+    # Cut at the last number below high: as for uniform, the bound itself is not drawn.
     drawn: FloatArray = shift + rng.exponential(arguments[0], (n, d))
     return np.asarray(np.minimum(drawn, np.nextafter(high, -math.inf)))
 
@@ -63,6 +67,7 @@ def _sphere(rng: np.random.Generator, n: int, d: int, arguments: tuple[Any, ...]
 
 
 def _ball(rng: np.random.Generator, n: int, d: int, arguments: tuple[Any, ...]) -> FloatArray:
+    # The share of the volume within r is r^d; rejection would draw for ever in many dimensions.
     points = _sphere(rng, n, d, ())
     return np.asarray(points * rng.uniform(0.0, 1.0, (n, 1)) ** (1.0 / d))
 
@@ -70,6 +75,8 @@ def _ball(rng: np.random.Generator, n: int, d: int, arguments: tuple[Any, ...]) 
 def _cosine(rng: np.random.Generator, n: int, d: int, arguments: tuple[Any, ...]) -> FloatArray:
     """The cosine of the angle between two random directions in so many dimensions."""
     of = arguments[0]
+    # The squared cosine of a random angle has this beta distribution (Muller, 1959: the square of
+    # one component of a normal vector over the sum of all).
     square = rng.beta(0.5, 0.5 * (of - 1.0), (n, d))
     return np.asarray(np.sqrt(square) * rng.choice((-1.0, 1.0), (n, d)))
 
@@ -100,7 +107,7 @@ class Distribution(Setting):
         self.kind, self.arguments = kind, arguments
         self.fixed: FloatArray | None = None if fixed is None else np.array(fixed, dtype=float)
         if self.fixed is not None:
-            self.fixed.setflags(write=False)
+            self.fixed.setflags(write=False)  # shared by all runs of a graph
 
     @classmethod
     def read(cls, written: Any) -> Distribution:
@@ -122,6 +129,7 @@ class Distribution(Setting):
 
     @classmethod
     def _parsed(cls, text: str) -> Distribution:
+        # Longer texts are refused before a regular expression works on them.
         match = _CALL.fullmatch(text[:LONGEST])
         known = ", ".join(kind.form for kind in KINDS.values())
         if match is None or match[1] not in KINDS:

@@ -1,4 +1,9 @@
-"""Populations of neurons that represent a vector: the Neural Engineering Framework's encoding."""
+"""Populations of neurons that represent a vector: the Neural Engineering Framework's encoding.
+
+Vectors (d,) and currents (n,) go in, the spikes of the last step (n,) come out::
+
+    snn: {type: Ensemble, neurons: 100, radius: 1.5, neuron: {type: LIF, tau_rc: 0.03}}
+"""
 
 from __future__ import annotations
 
@@ -22,11 +27,11 @@ from blocks.core import (
     kernel_of,
     param,
 )
-from blocks.core.portable import flush, flush_due
+from blocks.core.portable import flush, flush_due, share_of
 from blocks.neural.distributions import Distribution
 from blocks.neural.neurons import NeuronModel
 from blocks.neural.published_tuning import Tuning
-from blocks.neural.rules import EncoderRule, Voja, follow, share_of, voja_step
+from blocks.neural.rules import EncoderRule, Voja, follow, voja_step
 
 # From this many dimensions, one product is faster than a loop over them.
 MANY_DIMENSIONS = 4
@@ -119,6 +124,7 @@ class Ensemble(Block):
     def infer(self, lengths: Mapping[str, int]) -> Mapping[str, int]:
         groups = self.groups or lengths.get("d", 0)
         total = groups * self.neurons
+        # With ``groups: 0`` nothing is known before the length of the input is.
         inferred = {"groups": groups, "total": total} if groups else {}
         if groups:
             inferred["learners"] = 0 if self.learning is None else total
@@ -140,6 +146,8 @@ class Ensemble(Block):
         too_long = self.neuron.too_long(context.dt)
         if too_long:
             problems.append(("neuron", f"{too_long}; give the block a smaller dt"))
+        # Others are drawn in a run, of the same distributions and shapes: an error that every draw
+        # has is reported before anything runs.
         try:
             self._drawn(np.random.default_rng(0), groups, d // groups)
         except ParameterError as error:
@@ -164,6 +172,7 @@ class Ensemble(Block):
         if isinstance(self.learning, Voja):
             state.rate = self.learning.learning_rate * state.dt
             state.share = share_of(self.learning.tau, state.dt)
+        # From the states and not from what was drawn: `resume` brings it in line with older states.
         state.scale = state.gain / self.radius
 
     def resume(self, state: BlockState) -> None:
@@ -175,6 +184,7 @@ class Ensemble(Block):
     def tuning(self, state: BlockState) -> Tuning:
         """The published description of ``spikes``: that of the states when the run begins."""
         gain, scaled = state.gain.copy(), state.scaled_encoders.T * self.radius
+        # A neuron of gain 0 has no encoder left in the scaled ones; its response is constant.
         encoders = np.zeros_like(scaled)
         np.divide(scaled, gain[:, None], out=encoders, where=gain[:, None] != 0.0)
         groups = state.context.lengths["groups"]
@@ -260,13 +270,7 @@ class Ensemble(Block):
             drive += np.einsum("dgn,gd->gn", state.row_groups, point)
         for straight in current:
             total += state.gain * straight
-        state.step(
-            *(state.dt, total, state.fired, state.voltage, state.refractory),
-            *(state.recovery, state.constants),
-        )
-        self._learn(state, learn)
-        if flush_due(t, state.dt):
-            self._flush(state)
+        self._step(state, t, learn)
 
     @kernel_of(update)
     def _update_kernel(
@@ -277,10 +281,13 @@ class Ensemble(Block):
         current: tuple[FloatArray, ...],
         learn: float,
     ) -> None:
+        # One neuron after the other, so that the currents of a group stay in the cache while its
+        # dimensions are added.
         point, drive, rows = state.point, state.drive, state.scaled_encoders
         for g in range(len(point)):
             for j in range(len(rows)):
                 point[g, j] = 0.0
+                # An empty tuple has no element type, so a loop over it would not compile.
                 if len(input) > 0:
                     for term in input:
                         point[g, j] += term[g * len(rows) + j]
@@ -296,6 +303,10 @@ class Ensemble(Block):
             for straight in current:
                 for i in range(len(drive)):
                     drive[i] += state.gain[i] * straight[i]
+        self._step(state, t, learn)
+
+    def _step(self, state: BlockState, t: float, learn: float) -> None:
+        """Advance the neurons by the currents of this step, and the encoders by their spikes."""
         state.step(
             state.dt,
             state.drive,
@@ -305,23 +316,16 @@ class Ensemble(Block):
             state.recovery,
             state.constants,
         )
-        self._learn(state, learn)
-        if flush_due(t, state.dt):
-            self._flush(state)
-
-    def _learn(self, state: BlockState, learn: float) -> None:
-        """Change the encoders by the spikes of this step."""
         if state.learns:
             follow(state.activity, state.fired, state.share)
             rate = state.rate * learn
             voja_step(state.scaled_encoders, state.activity, state.scale, state.point, rate)
-
-    def _flush(self, state: BlockState) -> None:
-        flush(state.voltage)
-        flush(state.recovery)
-        if state.learns:
-            flush(state.activity)
-            flush(state.scaled_encoders)
+        if flush_due(t, state.dt):
+            flush(state.voltage)
+            flush(state.recovery)
+            if state.learns:
+                flush(state.activity)
+                flush(state.scaled_encoders)
 
 
 def _number(text: str) -> str | float:

@@ -34,7 +34,8 @@ from blocks.core.portable import flush, flush_due
 from blocks.neural.lif import LIF, lif_gain_and_bias, lif_rates
 from blocks.neural.rules import pes_step
 
-LARGEST_STEP = 2.0
+LARGEST_STEP = 2.0  # see Learner.diagnose
+# Eighths of a run in which the learnt output has to grow by this factor to count as divergence.
 GROWING, GROWTH = 4, 1.5
 
 
@@ -169,6 +170,7 @@ def mean_squared_rate(
     Their maximum rates and intercepts are uniform over the two ranges. The midpoint rule, with
     ``nodes`` squared neurons.
     """
+    # A sum and not a draw: the integrator that replaces a network has to be the same in every run.
     middles = (np.arange(nodes) + 0.5) / nodes
     rates, starts = (low + (high - low) * middles for low, high in (max_rates, intercepts))
     _, bias = gain_and_bias(rates[:, None], starts[None, :], tau_rc, tau_ref)
@@ -211,7 +213,8 @@ class AdaptiveBias(IntegratingLearner):
 
     def start(self, state: BlockState) -> None:
         super().start(state)
-        # PES of one neuron whose activity is 1.
+        # PES of one neuron whose activity is 1: the same text as for an ensemble, so that the two
+        # cannot come apart.
         state.weights, state.activity = state.bias[:, None], np.ones(1)
 
     def watch(self, state: BlockState) -> float:

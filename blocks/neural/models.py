@@ -66,6 +66,7 @@ def spiking_relu_step(
 ) -> None:
     """V grows by max(J, 0) dt; each whole passed is a spike."""
     voltage += dt * np.maximum(current, 0.0)
+    # More than one spike fits into a step; the rest stays, so that no rate is lost by rounding.
     whole = np.floor(voltage)
     voltage -= whole
     spikes[...] = whole / dt
@@ -169,6 +170,7 @@ def izhikevich_step(
     constants: FloatArray,
 ) -> None:
     """Izhikevich's equations by Euler's method, in ms; the voltage is reset in its own step."""
+    # One step of Euler's method for v, as Nengo does; the paper's program takes two half steps.
     sharpness, coupling, reset_voltage, reset_recovery = constants.tolist()
     # Below -30, Euler's method with a step of 1 ms is unstable for some parameters.
     drive = np.maximum(current, -30.0)

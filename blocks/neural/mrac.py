@@ -1,4 +1,9 @@
-"""Direct adaptive control with one weight per input and a bias, in place of an ensemble."""
+"""Direct adaptive control with one weight per input and a bias, in place of an ensemble.
+
+The ports are those of :mod:`blocks.neural.learner`::
+
+    adaptive: {type: MRAC, learning_rate: 5, normalised: true, limit: 0.5}
+"""
 
 from __future__ import annotations
 
@@ -7,9 +12,9 @@ from typing import final
 import numpy as np
 
 from blocks.core import BlockState, FloatArray, State, param
-from blocks.core.portable import flush, flush_due
+from blocks.core.portable import flush, flush_due, share_of
 from blocks.neural.learner import IntegratingLearner
-from blocks.neural.rules import follow, pes_step, share_of
+from blocks.neural.rules import follow, pes_step
 
 
 @final
@@ -72,6 +77,7 @@ class MRAC(IntegratingLearner):
     def update(
         self, state: BlockState, t: float, input: FloatArray, error: FloatArray, learn: float
     ) -> None:
+        # The regressor of the output that made this error, before it moves on with the input.
         keep, step = self.keep_of(state, error), state.step * learn
         if self.normalised:
             step /= self._power(state)

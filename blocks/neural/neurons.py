@@ -25,6 +25,7 @@ import numpy as np
 from blocks.core import FloatArray, Variant
 
 NeuronStep = Callable[..., None]
+# Seconds before and while spikes are counted, and the currents of a table of simulated rates.
 SETTLING, COUNTING, TABLE = 0.1, 1.0, 800
 STEP = ["dt", "current", "spikes", "voltage", "refractory", "recovery", "constants"]
 
@@ -63,6 +64,7 @@ class NeuronModel(Variant, root=True, registry="neurons"):
 
         A model without a formula is simulated once for many currents, and interpolated between.
         """
+        # A simulation per call would take seconds: decoders ask for rates at thousands of currents.
         currents, rates = _table(self)
         return np.interp(current, currents, rates)
 
@@ -98,6 +100,7 @@ class NeuronModel(Variant, root=True, registry="neurons"):
 
     def _current_at(self, rates: FloatArray, above: bool = False) -> FloatArray:
         """The smallest currents with a rate of at least, or ``above``, the given one."""
+        # Bisection, since rates from a table have flat pieces, where Newton's method would stop.
         low, high = np.full(rates.shape, -1.0), np.ones(rates.shape)
         for _ in range(60):
             short = self.rates(high) < rates if not above else self.rates(high) <= rates
@@ -131,4 +134,5 @@ class NeuronModel(Variant, root=True, registry="neurons"):
 def _table(model: NeuronModel) -> tuple[FloatArray, FloatArray]:
     """Currents, densest around zero, and a model's simulated rates there."""
     currents = np.sinh(np.linspace(-3.0, 8.0, TABLE))
+    # Counts of spikes in 1 s go up and down by one: made monotonic, so that they can be inverted.
     return currents, np.maximum.accumulate(model.simulated_rates(currents))

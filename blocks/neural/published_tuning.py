@@ -1,4 +1,10 @@
-"""What an ensemble publishes about its neurons, for the decoders that read its spikes."""
+"""What an ensemble publishes about its neurons, for the decoders that read its spikes.
+
+In: the model, gains, biases and encoders that were drawn. Out: the rates of the neurons at any
+points, from which decoders are solved and tuning curves plotted::
+
+    tuning.rates(points)      # (m, d) to (m, n), in Hz
+"""
 
 from __future__ import annotations
 
@@ -53,6 +59,7 @@ class Tuning:
 
     def table(self) -> FloatArray:
         """Encoders and responses (groups * n, d + 401): the rates (Hz) at :data:`PLACES`."""
+        # Along its own encoder a neuron's current grows by gain times the encoder's length.
         lengths = np.sqrt(np.square(self.encoders).sum(axis=1))
         drive = (self.gain * lengths)[:, None] * PLACES + self.bias[:, None]
         return np.hstack([self.encoders, self.neuron.rates(drive)])

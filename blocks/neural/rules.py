@@ -1,7 +1,12 @@
 """Learning rules: how decoders, encoders and weights change with activities and errors.
 
 Each changes its arrays in place by one step. The activities are filtered spikes, those of the step
-included, as in Nengo.
+included, as in Nengo::
+
+    pes_step(weights, activity, error, gamma=learning_rate * dt / n)   # W -= gamma error s'
+
+A rule is a class with its parameters, by which graphs name it, and a function with its arithmetic,
+which has no ``self`` and compiles. The kernels are loops where NumPy's form allocates or masks.
 """
 
 from __future__ import annotations
@@ -75,11 +80,6 @@ class Oja(WeightRule, label="oja"):
     beta: float = param(1.0, at_least=0.0, doc="weight of forgetting")
 
 
-def share_of(tau: float, dt: float) -> float:
-    """1 - exp(-dt / tau): what a lowpass takes over from its input in a step."""
-    return -math.expm1(-dt / tau)
-
-
 def follow(activity: FloatArray, spikes: FloatArray, share: float) -> None:
     """activity += share (spikes - activity)."""
     activity += share * (spikes - activity)
@@ -136,6 +136,8 @@ def rls_step(
     weights: FloatArray, inverse: FloatArray, activity: FloatArray, error: FloatArray
 ) -> None:
     """One step of recursive least squares; inverse is P (n, n), symmetric."""
+    # P -= d d' / (1 + s' P s) with d = P s, and P s again with the new P: the same as the gain
+    # d / (1 + s' P s), and what the published method does.
     direction = np.einsum("ij,j->i", inverse, activity)
     direction /= math.sqrt(1.0 + float(np.add.reduce(direction * activity)))
     inverse -= direction[:, None] * direction
@@ -163,6 +165,7 @@ def _rls_kernel(
     for i in range(n):
         total = 0.0
         for j in range(n):
+            # The row is complete when it is multiplied: one pass over P instead of two.
             inverse[i, j] -= direction[i] * direction[j]
             total += inverse[i, j] * activity[j]
         for row in range(len(weights)):
@@ -197,6 +200,7 @@ def bcm_step(
     weights: FloatArray, before: FloatArray, after: FloatArray, theta: FloatArray, rate: float
 ) -> None:
     """W += rate p (p - theta) s'."""
+    # Rows of silent neurons do not change, and most are silent.
     factor = rate * after * (after - theta)
     for row in factor.nonzero()[0].tolist():
         weights[row] += factor[row] * before

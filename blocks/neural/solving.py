@@ -1,4 +1,10 @@
-"""Weights that are solved from the tuning of the ensemble whose spikes a block reads."""
+"""Weights that are solved from the tuning of the ensemble whose spikes a block reads.
+
+In: the published tuning of the neurons, a function and the points to solve on. Out: decoding
+weights (rows, n) with W rates(x) close to f(x), before the first tick::
+
+    W = solver(rates at the points (m, n), f of the points (m, k)) times transform
+"""
 
 from __future__ import annotations
 
@@ -29,6 +35,8 @@ from blocks.neural.distributions import Distribution
 from blocks.neural.ensemble import Ensemble
 from blocks.neural.published_tuning import Tuning
 
+# Between these bounds the number of points follows the dimensions, as in Nengo; twice the neurons
+# keep the system overdetermined, up to a number at which solving would take seconds.
 LEAST_POINTS, MOST_POINTS, POINTS_PER_DIMENSION, MANY_POINTS = 750, 2500, 500, 4000
 
 
@@ -162,6 +170,7 @@ class Solved(Block, ABC):
     def _solve(self, state: BlockState, tuning: Tuning) -> None:
         """Solve the weights of each group, and note the error on the points."""
         n, errors = tuning.neurons, []
+        # One set of points for all groups: groups differ by their neurons, not by luck.
         points = self._points(state.rng, n, tuning.dimensions, tuning.radius)
         try:
             targets = self._targets(points)
@@ -197,6 +206,7 @@ def decode(weights: FloatArray, spikes: FloatArray, groups: int) -> FloatArray:
     amounts = weights.take(firing, 1) * spikes[firing]
     if groups == 1:
         return np.asarray(np.add.reduce(amounts, 1))
+    # bincount adds in the order of the neurons, as the kernel does.
     group_of = firing // (weights.shape[1] // groups)
     value = np.empty((groups, len(weights)))
     for row in range(len(weights)):
@@ -220,6 +230,7 @@ def _decode_kernel(weights: FloatArray, spikes: FloatArray, groups: int) -> Floa
             firing[count] = i
             count += marked
         for row in range(rows):
+            # All of them, as for rates and filtered spikes: without the list, this is vectorised.
             if count == each:
                 for k in range(each):
                     amounts[k] = weights[row, start + k] * spikes[start + k]

@@ -1,4 +1,9 @@
-"""Weights from neurons straight to neurons, with unsupervised learning."""
+"""Weights from neurons straight to neurons, with unsupervised learning.
+
+Spikes (n,) go in, and those of the neurons behind (m,) for learning; a current (m,) comes out::
+
+    w: {type: Weights, weights: "normal(0, 0.001)", learning: {rule: oja}}
+"""
 
 from __future__ import annotations
 
@@ -21,9 +26,9 @@ from blocks.core import (
     Vector,
     param,
 )
-from blocks.core.portable import flush, flush_due
+from blocks.core.portable import flush, flush_due, share_of
 from blocks.neural.distributions import Distribution
-from blocks.neural.rules import BCM, Oja, WeightRule, bcm_step, follow, oja_step, share_of
+from blocks.neural.rules import BCM, Oja, WeightRule, bcm_step, follow, oja_step
 from blocks.neural.solving import decode
 from blocks.neural.synapses import Synapse, passed, remember
 
@@ -72,6 +77,7 @@ class Weights(Block):
             message = "'post' is wired but nothing learns; add {rule: bcm} or remove the wire"
             raise ParameterError([("learning", message)])
         m, n = context.types["current"].shape[0], context.types["spikes"].shape[0]
+        # Drawn again in the run: this only finds a shape that does not fit, before anything runs.
         try:
             self.initial.draw(np.random.default_rng(0), m, n)
         except ValueError as error:
@@ -106,6 +112,7 @@ class Weights(Block):
         current: FloatArray,
     ) -> None:
         if len(state.b) > 0:
+            # A first-order synapse's state is its output: only the second order needs its input.
             decoded = current if len(state.b) == 1 else decode(state.weights, spikes, 1)
             remember(state.filtered, state.a, state.b, decoded, current)
         if len(post) > 0:

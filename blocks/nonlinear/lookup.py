@@ -17,6 +17,7 @@ from blocks.core import (
     ParameterError,
     Same,
     Scalar,
+    check_ascending,
     param,
 )
 
@@ -157,19 +158,3 @@ def piece(points: FloatArray, x: float) -> int:
         else:
             low = middle
     return low
-
-
-def check_ascending(points: FloatArray, name: str) -> None:
-    """Check that there are two or more points, in ascending order.
-
-    Raises
-    ------
-    ParameterError : there are not.
-    """
-    if len(points) < 2:
-        raise ParameterError([(name, f"expected at least two points, got {len(points)}")])
-    wrong = np.flatnonzero(np.diff(points) <= 0.0)
-    if wrong.size:
-        i = int(wrong[0])
-        message = f"expected numbers in ascending order, got {points[i]:g} before {points[i + 1]:g}"
-        raise ParameterError([(name, message)])

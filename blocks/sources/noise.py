@@ -92,6 +92,7 @@ class WhiteNoise(_Random):
     def start(self, state: BlockState) -> None:
         super().start(state)
         state.mean = self.numbers(state, self.mean)
+        # By 1 / dt: the variance of the integral over a second is then the density at any step.
         state.sigma = np.sqrt(self.numbers(state, self.density) / state.dt)
         self.draw(state)
 
@@ -156,6 +157,7 @@ class PinkNoise(_Random):
         state.cells_of = state.parts.reshape(rows, -1)
         octaves = np.array([2.0**j for j in range(rows)])
         state.keep = portable.exp(-2.0 * math.pi * self.lowest * state.dt * octaves)
+        # What keeps the variance of a relaxation that was stationary at the start.
         state.renew = np.sqrt(1.0 - state.keep * state.keep)
         state.sigma = np.sqrt(2.0 * math.log(2.0) * self.numbers(state, self.density))
         for j in range(rows):
@@ -216,12 +218,14 @@ class WhiteSignal(_Random):
         super().start(state)
         rows = self.rows(state.dt)
         state.cells_of = state.table.reshape(rows, -1)
+        # The highest whole oscillation below half the sampling rate: at it, a sine would be 0.
         count = min(int(self.high * rows * state.dt + 1e-9), (rows - 1) // 2)
         turn = 2.0 * math.pi / rows
         scale = self.numbers(state, self.rms) / math.sqrt(max(count, 1))
         for k in range(1, count + 1):
             a = scale * state.rng.standard_normal(len(state.cells))
             b = scale * state.rng.standard_normal(len(state.cells))
+            # The remainder is exact in integers; k times an angle would lose digits as k grows.
             angle = turn * np.asarray((k * np.arange(rows)) % rows, dtype=np.float64)
             state.cells_of += portable.cos(angle)[:, None] * a
             state.cells_of += portable.sin(angle)[:, None] * b

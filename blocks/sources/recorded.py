@@ -19,10 +19,11 @@ from blocks.core import (
     FloatArray,
     ParameterError,
     SignalType,
+    check_ascending,
     hint,
     param,
 )
-from blocks.sources.time_tables import METHODS, Table, check_times
+from blocks.sources.time_tables import METHODS, Table
 
 MAX_BYTES = 64 * 2**20
 TIMES = ("time", "t")
@@ -60,7 +61,7 @@ class FromFile(Table):
     )
 
     def validate(self) -> None:
-        check_times(self.rows[0], "file")
+        check_ascending(self.rows[0], "file", "times", "s")
         self.check_type()
 
     def validate_in(self, context: BlockContext) -> None:
@@ -188,7 +189,7 @@ def _csv(content: bytes) -> RecordedColumns:
     except csv.Error as error:
         raise ValueError(f"not a csv file: {error}") from None
     if len(cells) != len(content_lines):
-        raise ValueError("a text in quotes goes over several lines; expected numbers")
+        raise ValueError("a string in quotes goes over several lines; expected numbers")
     named = any(_number(cell) is None for cell in cells[0])
     names = [cell.strip() for cell in cells[0]] if named else list(map(str, range(len(cells[0]))))
     repeated = [name for i, name in enumerate(names) if name in names[:i]]

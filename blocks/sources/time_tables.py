@@ -18,6 +18,7 @@ from blocks.core import (
     Scalar,
     SignalType,
     Vector,
+    check_ascending,
     param,
 )
 
@@ -154,7 +155,7 @@ class Piecewise(Table):
     )
 
     def validate(self) -> None:
-        check_times(self.times, "times")
+        check_ascending(self.times, "times", "times", "s")
         if len(self.values) != len(self.times):
             message = f"expected {len(self.times)} values, one per time, got {len(self.values)}"
             raise ParameterError([("values", message)])
@@ -171,19 +172,3 @@ class Piecewise(Table):
     @property
     def stated(self) -> SignalType | None:
         return self.kind
-
-
-def check_times(times: FloatArray, name: str) -> None:
-    """Check that times ascend.
-
-    Raises
-    ------
-    ParameterError : they do not, or there are fewer than two.
-    """
-    if len(times) < 2:
-        raise ParameterError([(name, f"expected at least two times, got {len(times)}")])
-    wrong = np.flatnonzero(np.diff(times) <= 0.0)
-    if wrong.size:
-        i = int(wrong[0])
-        message = f"expected times in ascending order, got {times[i]:g} s before {times[i + 1]:g} s"
-        raise ParameterError([(name, message)])

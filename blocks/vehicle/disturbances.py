@@ -22,7 +22,7 @@ from blocks.core import (
     kernel_of,
     param,
 )
-from blocks.core.portable import flush, flush_due
+from blocks.core.portable import flush, flush_due, share_of
 
 NEARLY_ALWAYS = 0.95
 
@@ -117,7 +117,7 @@ class ActuatorLag(Block):
     reached = State(like="actual", doc="speed and turn rate at the coming tick: m/s, rad/s")
 
     def start(self, state: BlockState) -> None:
-        state.share = -math.expm1(-state.dt / self.tau)
+        state.share = share_of(self.tau, state.dt)
 
     def output(self, state: BlockState, t: float) -> TwistValue:
         v, omega = state.reached.tolist()
@@ -193,7 +193,7 @@ class WheelSlip(Block):
     share = State(2, doc="shares that the left and the right wheel lose in the coming step")
 
     def start(self, state: BlockState) -> None:
-        state.chance = -math.expm1(-state.dt / self.correlation_time)
+        state.chance = share_of(self.correlation_time, state.dt)
         state.share[:] = state.rng.uniform(0.0, self.slip, 2)
 
     def output(self, state: BlockState, t: float, command: TwistValue) -> TwistValue:

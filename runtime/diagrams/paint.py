@@ -15,7 +15,7 @@ from runtime.diagrams.shapes import (
     Group,
     Rect,
     Shape,
-    Text,
+    TextShape,
     arrow_head,
     branchings,
     line_through,
@@ -71,7 +71,7 @@ def draw(picture: Picture) -> Drawing:
     height = sheet.height + 2 * PAGE_MARGIN + TITLE_HEIGHT
     width = max(sheet.width, text_width(picture.title, TITLE_SIZE, bold=True))
     if legend is not None:
-        ends = [s.x + text_width(s.text, s.size) for s in legend.shapes if isinstance(s, Text)]
+        ends = [s.x + text_width(s.text, s.size) for s in legend.shapes if isinstance(s, TextShape)]
         width = max(width, *ends)
         height += LEGEND_HEIGHT
         groups.append(legend)
@@ -87,7 +87,7 @@ class _Painter:
 
     def title(self) -> Group:
         """The graph's name, above everything."""
-        text = Text(0.0, 14.0 - TITLE_HEIGHT, self.picture.title, TITLE_SIZE, INK, bold=True)
+        text = TextShape(0.0, 14.0 - TITLE_HEIGHT, self.picture.title, TITLE_SIZE, INK, bold=True)
         return Group("title", "", "", [text])
 
     def frames(self) -> Iterator[Group]:
@@ -101,7 +101,7 @@ class _Painter:
                     FRAME_BORDER,
                     dashed=is_out,
                 ),
-                Text(
+                TextShape(
                     placement.x + 12,
                     placement.y + 18,
                     title,
@@ -113,14 +113,14 @@ class _Painter:
             yield Group("part", name, f"part {name}", shapes)
 
     def nets(self) -> Iterator[Group]:
-        labelled: set[tuple[str, str]] = set()
+        with_label: set[tuple[str, str]] = set()
         # Wires are drawn on top of removed ones.
         ghosts_first = sorted(enumerate(self.picture.nets), key=lambda item: not item[1].is_ghost)
         for i, net in ghosts_first:
             yield self.net(i, net)
         for net in sorted(self.picture.nets, key=lambda net: net.is_ghost):
-            if net.type and net.source not in labelled:
-                labelled.add(net.source)
+            if net.type and net.source not in with_label:
+                with_label.add(net.source)
                 yield self.label(net)
 
     def net(self, i: int, net: Net) -> Group:
@@ -152,7 +152,7 @@ class _Painter:
     def label(self, net: Net) -> Group:
         placement = self.sheet.boxes[net.source[0]]
         x, y = placement.x + placement.width + 5, placement.outputs[net.source[1]] - 4
-        text = Text(x, y, net.type, LABEL_SIZE, self.palette.wire(net))
+        text = TextShape(x, y, net.type, LABEL_SIZE, self.palette.wire(net))
         return Group("type", ".".join(net.source), "", [text])
 
     def boxes(self) -> Iterator[Group]:
@@ -175,10 +175,10 @@ class _Painter:
             dashed=is_out,
         )
         ink, soft = (GHOST, GHOST) if is_out else (INK, SOFT)
-        yield Text(middle, placement.y + 17, box.title, NAME_SIZE, ink, "middle", bold=True)
-        yield Text(middle, placement.y + 30, box.type, TYPE_SIZE, soft, "middle")
+        yield TextShape(middle, placement.y + 17, box.title, NAME_SIZE, ink, "middle", bold=True)
+        yield TextShape(middle, placement.y + 30, box.type, TYPE_SIZE, soft, "middle")
         bottom = placement.y + placement.height - 7
-        yield Text(middle, bottom, box.fate or box.rate, LABEL_SIZE, soft, "middle")
+        yield TextShape(middle, bottom, box.fate or box.rate, LABEL_SIZE, soft, "middle")
 
     def circle_of(self, box: Box, placement: BoxPlacement) -> Iterator[Shape]:
         """A Sum: a circle with the signs of its terms, and its name above it."""
@@ -193,22 +193,22 @@ class _Painter:
             dashed=is_out,
         )
         middle = placement.x + size / 2
-        yield Text(middle, placement.y + 14, box.title, NAME_SIZE, ink, "middle", bold=True)
+        yield TextShape(middle, placement.y + 14, box.title, NAME_SIZE, ink, "middle", bold=True)
         for port, sign in box.signs.items():
             y = placement.inputs[port]
             x = placement.x + _inset(placement, y) + 4
-            yield Text(x, y + 4, sign, NAME_SIZE, ink, bold=sign == MINUS)
+            yield TextShape(x, y + 4, sign, NAME_SIZE, ink, bold=sign == MINUS)
 
     def ports_of(self, box: Box, placement: BoxPlacement) -> Iterator[Shape]:
         ink = GHOST if box.fate else PORT_INK
         for port, y in placement.inputs.items():
             is_open = port in box.open
-            yield Text(placement.x + 7, y + 3, port, PORT_SIZE, SOFT if is_open else ink)
+            yield TextShape(placement.x + 7, y + 3, port, PORT_SIZE, SOFT if is_open else ink)
             if is_open:
                 yield Rect(placement.x - 3, y - 3, 6.0, 6.0, 3.0, CONSTANT_TINT, BORDER)
         for port, y in placement.outputs.items():
             right = placement.x + placement.width
-            yield Text(right - 7, y + 3, port, PORT_SIZE, ink, "end")
+            yield TextShape(right - 7, y + 3, port, PORT_SIZE, ink, "end")
 
     def legend(self) -> Group | None:
         """The meaning of the tints; None if all boxes have the same."""
@@ -222,7 +222,7 @@ class _Painter:
         for text, fill, stroke in entries:
             dashed = stroke == GHOST
             shapes.append(Rect(x, y - 9, 16.0, 11.0, 3.0, fill, stroke, dashed=dashed))
-            shapes.append(Text(x + 22, y, text, TYPE_SIZE, SOFT))
+            shapes.append(TextShape(x + 22, y, text, TYPE_SIZE, SOFT))
             x += 22 + text_width(text, TYPE_SIZE) + 18
         return Group("legend", "", "", shapes)
 
@@ -255,11 +255,11 @@ class Palette:
         return GHOST if net.is_ghost else self._colours.get(_family(net), INK)
 
 
-def tint_of(period: float, used: Collection[str]) -> str:
+def tint_of(period: float, in_use: Collection[str]) -> str:
     """The colour of a rate: the same in every diagram, unless another rate there has it already."""
     first = round(3.0 * math.log10(1000.0 * period)) % len(TINTS)
     order = [*TINTS[first:], *TINTS[:first]]
-    return next((tint for tint in order if tint not in used), TINTS[first])
+    return next((tint for tint in order if tint not in in_use), TINTS[first])
 
 
 def frame_fill(part: str) -> str:

@@ -81,11 +81,11 @@ class Picture:
     @cached_property
     def drivers(self) -> dict[tuple[str, str], list[Net]]:
         """The nets that drive each input; those of a variadic input together."""
-        found: dict[tuple[str, str], list[Net]] = {}
+        drivers: dict[tuple[str, str], list[Net]] = {}
         for net in self.nets:
             for name, port in net.targets:
-                found.setdefault((name, port.partition("[")[0]), []).append(net)
-        return found
+                drivers.setdefault((name, port.partition("[")[0]), []).append(net)
+        return drivers
 
     def breaks_loop(self, net: Net, part: str = "") -> bool:
         """Whether an output has no direct feedthrough, so that a loop is best opened there.
@@ -95,7 +95,7 @@ class Picture:
         """
         if not part:
             return not net.needs
-        seen = {net.source}
+        visited = {net.source}
         waiting = [net]
         while waiting:
             current = waiting.pop()
@@ -103,8 +103,8 @@ class Picture:
                 for before in self.drivers.get((current.source[0], port), ()):
                     if not f"{self.boxes[before.source[0]].part}.".startswith(f"{part}."):
                         return False
-                    if before.source not in seen:
-                        seen.add(before.source)
+                    if before.source not in visited:
+                        visited.add(before.source)
                         waiting.append(before)
         return True
 
@@ -118,8 +118,8 @@ def picture_of(network: Network) -> Picture:
     """Collect what a network's diagram shows; removed blocks keep their position in the order."""
     entries = {**network.entries, **network.removed_entries}
     scopes = list(network.scope.walk())
-    written = [scope.prefix + name for scope in scopes for name in scope.blocks]
-    boxes = {name: _box(network, entries[name]) for name in written if name in entries}
+    names = [scope.prefix + name for scope in scopes for name in scope.blocks]
+    boxes = {name: _box(network, entries[name]) for name in names if name in entries}
     parts = {
         scope.prefix[:-1]: Part(
             scope.prefix[:-1], scope.name, scope.parent.prefix[:-1] if scope.parent else ""
@@ -141,9 +141,9 @@ def picture_of(network: Network) -> Picture:
             defaults = [name for name, port in spec.inputs.items() if port.default is not None]
             box.open = [port for port in defaults if port not in box.inputs]
             box.inputs += box.open
-        box.inputs.sort(key=_as_declared(spec.inputs))
+        box.inputs.sort(key=_declaration_order(spec.inputs))
         box.signs = _signs(entries[name], box)
-        box.outputs.sort(key=_as_declared(spec.outputs))
+        box.outputs.sort(key=_declaration_order(spec.outputs))
     return Picture(network.title, boxes, parts, nets)
 
 
@@ -158,8 +158,8 @@ def _box(network: Network, entry: NetworkEntry) -> Box:
         rate = CONTINUOUS
     elif period:
         rate = rate_text(period, network.time_unit)
-    solved = f", {network.solver.name}" if spec.continuous else ""
-    facts = [f"{entry.name}: {entry.cls.__name__}, {fate or rate + solved}"]
+    solver = f", {network.solver.name}" if spec.continuous else ""
+    facts = [f"{entry.name}: {entry.cls.__name__}, {fate or rate + solver}"]
     facts += [f"{name} = {_short(repr(value))}" for name, value in values.items()]
     part = entry.scope.prefix[:-1]
     return Box(
@@ -198,11 +198,11 @@ def _nets(
     network: Network, entries: dict[str, NetworkEntry], wires: Iterable[Wire], is_ghost: bool
 ) -> list[Net]:
     """The wires, grouped by output, in the order in which they were written."""
-    found: dict[Endpoint, list[Wire]] = {}
+    by_output: dict[Endpoint, list[Wire]] = {}
     for wire in wires:
-        found.setdefault(wire.source, []).append(wire)
+        by_output.setdefault(wire.source, []).append(wire)
     nets = []
-    for end, out in found.items():
+    for end, out in by_output.items():
         port = f"{end.port}.{end.component}" if end.component else end.port
         calls = entries[end.block].evaluations
         evaluation = next((e for e in calls if end.port in e.outputs), None)
@@ -223,8 +223,8 @@ def _type_text(
     for wire in wires:
         if (wire.block, wire.port) in network.types:
             return str(network.types[wire.block, wire.port])
-    declared = entries[end.block].cls.spec.outputs[end.port].type
-    return declared.name if isinstance(declared, SignalType) and not end.component else ""
+    port_type = entries[end.block].cls.spec.outputs[end.port].type
+    return port_type.name if isinstance(port_type, SignalType) and not end.component else ""
 
 
 def _short(text: str) -> str:
@@ -236,7 +236,7 @@ def _add_port(ports: list[str], port: str) -> None:
         ports.append(port)
 
 
-def _as_declared(ports: Iterable[str]) -> Callable[[str], tuple[int, int]]:
+def _declaration_order(ports: Iterable[str]) -> Callable[[str], tuple[int, int]]:
     order = {name: i for i, name in enumerate(ports)}
 
     def position(port: str) -> tuple[int, int]:

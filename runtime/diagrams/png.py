@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from typing import TYPE_CHECKING, Any
 
-from runtime.diagrams.shapes import CurveShape, Dot, Drawing, Rect, Shape, Text
+from runtime.diagrams.shapes import CurveShape, Dot, Drawing, Rect, Shape, TextShape
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,17 +25,17 @@ def to_pdf(drawing: Drawing) -> bytes:
     import matplotlib
 
     with matplotlib.rc_context({"pdf.fonttype": 42}):
-        return _saved(drawing, 1.0, "pdf")
+        return _render(drawing, 1.0, "pdf")
 
 
 def to_png(drawing: Drawing) -> bytes:
     """The drawing as a PNG of twice its nominal size (less if that would be too large)."""
     width, height = drawing.width, drawing.height
     scale = min(SCALE, MAX_SIDE / max(width, height), (MAX_AREA / (width * height)) ** 0.5)
-    return _saved(drawing, scale, "png")
+    return _render(drawing, scale, "png")
 
 
-def _saved(drawing: Drawing, scale: float, kind: str) -> bytes:
+def _render(drawing: Drawing, scale: float, kind: str) -> bytes:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -52,7 +52,7 @@ def _saved(drawing: Drawing, scale: float, kind: str) -> bytes:
     order = 0
     for group in drawing.groups:
         for shape in group.shapes:
-            if kind == "png" and isinstance(shape, Text) and shape.size * scale < LEGIBLE:
+            if kind == "png" and isinstance(shape, TextShape) and shape.size * scale < LEGIBLE:
                 continue
             order += 1
             _add(axes, shape, order)
@@ -119,7 +119,7 @@ def _add_curve(axes: Axes, curve: CurveShape, order: int) -> None:
     axes.add_artist(patch)
 
 
-def _add_text(axes: Axes, text: Text, order: int) -> None:
+def _add_text(axes: Axes, text: TextShape, order: int) -> None:
     axes.text(
         *(text.x, text.y, text.text),
         fontsize=text.size,

@@ -51,7 +51,7 @@ class Dot:
 
 
 @dataclass(frozen=True)
-class Text:
+class TextShape:
     """A text on its base line; ``anchor`` is "start", "middle" or "end"."""
 
     x: float
@@ -63,7 +63,7 @@ class Text:
     bold: bool = False
 
 
-Shape = Rect | CurveShape | Dot | Text
+Shape = Rect | CurveShape | Dot | TextShape
 
 
 @dataclass
@@ -129,15 +129,15 @@ def branchings(lines: Sequence[Sequence[Point]]) -> list[Point]:
     """The points where lines of one net branch: three or four directions lead from there."""
     runs = sorted({tuple(sorted(run)) for line in lines for run in pairwise(line)})
     corners = sorted({point for line in lines for point in line[1:-1]})
-    found = []
+    points = []
     for point in corners:
         directions: set[Point] = set()
         for a, b in runs:
             if _is_on(point, a, b):
                 directions.update(_direction(point, end) for end in (a, b) if end != point)
         if len(directions) > 2:
-            found.append(point)
-    return found
+            points.append(point)
+    return points
 
 
 def without_repeats(lines: Sequence[Sequence[Point]]) -> list[list[Point]]:

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from runtime.diagrams.layout import Cell, Layout, Link, Pin, Point, arrange, simplified
+from runtime.diagrams.layout import Cell, DiagramLayout, Link, Pin, Point, arrange, simplify
 from runtime.diagrams.picture import Box, Net, Picture
 from runtime.diagrams.shapes import text_width
 
@@ -50,7 +50,7 @@ class _Level:
     part: str
     cells: list[Cell]
     links: dict[int, Link]
-    layout: Layout
+    layout: DiagramLayout
     x: float = 0.0
     y: float = 0.0
 
@@ -154,25 +154,25 @@ def _child(level: str, box: Box) -> str | None:
 def _level(picture: Picture, part: str, cells: dict[str, Cell]) -> _Level:
     inner = [name for name, box in picture.boxes.items() if box.part == part]
     inner += [name for name, other in picture.parts.items() if other.parent == part]
-    found = {name: cells[name] for name in inner}
-    labelled: set[tuple[str, str]] = set()
+    members = {name: cells[name] for name in inner}
+    with_label: set[tuple[str, str]] = set()
     links: dict[int, Link] = {}
     for i, net in enumerate(picture.nets):
         source, targets = _ends(picture, part, i, net)
         if not targets:
             continue
         for name in (source[0], *(target for target, _ in targets)):
-            if name not in found:
-                found[name] = _frame_end(name)
+            if name not in members:
+                members[name] = _frame_end(name)
         label = 0.0
-        if source[0] in picture.boxes and source not in labelled:
-            labelled.add(source)
+        if source[0] in picture.boxes and source not in with_label:
+            with_label.add(source)
             label = text_width(net.type, LABEL_SIZE) + 8.0
         weight = GHOST_WEIGHT if net.is_ghost else 1.0
         breaks_loop = picture.breaks_loop(net, source[0] if source[0] in picture.parts else "")
         links[i] = Link(source, tuple(targets), weight, breaks_loop, math.ceil(label))
-    placed = list(found.values())
-    return _Level(part, placed, links, arrange(placed, list(links.values())))
+    inside = list(members.values())
+    return _Level(part, inside, links, arrange(inside, list(links.values())))
 
 
 def _frame_end(name: str) -> Cell:
@@ -234,6 +234,6 @@ def _line(picture: Picture, levels: dict[str, _Level], i: int, target: Pin) -> l
         child = _child(part, target_box)
         if child is None or child == target_box.name:
             points += levels[part].route(i, target)
-            return [(round(x, 2), round(y, 2)) for x, y in simplified(points)]
+            return [(round(x, 2), round(y, 2)) for x, y in simplify(points)]
         points += levels[part].route(i, (child, str(i)))
         part = child

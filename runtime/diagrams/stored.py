@@ -36,14 +36,14 @@ def stored_picture(network: Network) -> str | None:
     wires = sum(len(net.targets) for net in picture.nets)
     if len(picture.boxes) > MAX_BOXES or wires > MAX_WIRES:
         return None
-    shown = {
+    data = {
         "schema_version": SCHEMA_VERSION,
         "title": picture.title,
         "boxes": [asdict(box) for box in picture.boxes.values()],
         "parts": [asdict(part) for part in picture.parts.values()],
         "nets": [asdict(net) for net in picture.nets],
     }
-    return json.dumps(shown, indent=1) + "\n"
+    return json.dumps(data, indent=1) + "\n"
 
 
 def read_picture(text: str) -> Picture:
@@ -54,32 +54,32 @@ def read_picture(text: str) -> Picture:
     ValueError : the text is damaged; the message gives the location.
     """
     try:
-        shown = json.loads(text)
+        data = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise ValueError(f"not valid JSON ({error})") from None
-    check_form(shown, {"schema_version": int})
-    if shown["schema_version"] != SCHEMA_VERSION:
+    check_form(data, {"schema_version": int})
+    if data["schema_version"] != SCHEMA_VERSION:
         raise ValueError(f"expected schema_version {SCHEMA_VERSION}")
-    check_form(shown, _PICTURE, longest=MAX_LENGTH)
-    if max(len(shown["boxes"]), len(shown["parts"])) > MAX_BOXES:
+    check_form(data, _PICTURE, longest=MAX_LENGTH)
+    if max(len(data["boxes"]), len(data["parts"])) > MAX_BOXES:
         raise ValueError(f"more than {MAX_BOXES} blocks or parts")
-    picture = Picture(shown["title"], {}, {}, [])
-    for entry in shown["parts"]:
+    picture = Picture(data["title"], {}, {}, [])
+    for entry in data["parts"]:
         part = Part(**_fields(entry, _PART))
         _check_name(picture, part.name, part.title, part.parent)
         picture.parts[part.name] = part
-    for entry in shown["boxes"]:
+    for entry in data["boxes"]:
         box = _box(entry)
         _check_name(picture, box.name, box.title, box.part)
         picture.boxes[box.name] = box
     if not picture.boxes:
         raise ValueError("boxes: expected at least one block")
-    seen: set[tuple[tuple[str, str], bool]] = set()
-    for entry in shown["nets"]:
+    sources: set[tuple[tuple[str, str], bool]] = set()
+    for entry in data["nets"]:
         net = _net(entry, picture.boxes)
-        if (net.source, net.is_ghost) in seen:
+        if (net.source, net.is_ghost) in sources:
             raise ValueError(f"nets: {'.'.join(net.source)} is listed twice")
-        seen.add((net.source, net.is_ghost))
+        sources.add((net.source, net.is_ghost))
         picture.nets.append(net)
     if sum(len(net.targets) for net in picture.nets) > MAX_WIRES:
         raise ValueError(f"nets: more than {MAX_WIRES} wires")

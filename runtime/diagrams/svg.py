@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from runtime.diagrams.shapes import CurveShape, Dot, Drawing, Group, Rect, Shape, Text
+from runtime.diagrams.shapes import CurveShape, Dot, Drawing, Group, Rect, Shape, TextShape
 
 FONTS = (
     "system-ui, -apple-system, 'Segoe UI', Roboto, 'Helvetica Neue', Arial, "
@@ -75,7 +75,7 @@ def _curve(curve: CurveShape) -> str:
     return f'<path d="{path}" stroke="{curve.stroke}" stroke-width="{width}"{dashes}/>'
 
 
-def _text(text: Text) -> str:
+def _text(text: TextShape) -> str:
     more = "" if text.anchor == "start" else f' text-anchor="{text.anchor}"'
     more += ' font-weight="700"' if text.bold else ""
     position = f'x="{_number(text.x)}" y="{_number(text.y)}" font-size="{_number(text.size)}"'

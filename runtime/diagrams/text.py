@@ -37,7 +37,7 @@ def to_dot(picture: Picture) -> str:
         "  graph [rankdir=LR, nodesep=0.35, ranksep=0.7, fontname=Helvetica]",
         "  node [shape=plain, fontname=Helvetica, fontsize=10]",
         "  edge [fontname=Helvetica, fontsize=9, arrowsize=0.7]",
-        *_nested(
+        *_tree_lines(
             picture,
             lambda box: f"{_dot_text(box.name)} [label=<{_dot_table(box, palette)}>]",
             lambda part: _dot_cluster(part, picture.is_out(part.name)),
@@ -56,7 +56,7 @@ def to_mermaid(picture: Picture) -> str:
     ids = _identifiers([*picture.boxes, *picture.parts])
     lines = [
         *("---", f"title: {json.dumps(_plain(picture.title))}", "---", "flowchart LR"),
-        *_nested(
+        *_tree_lines(
             picture,
             lambda box: f'{ids[box.name]}["{_mermaid_label(box)}"]',
             lambda part: f'subgraph {ids[part.name]}["{_mermaid_text(part.title)}"]',
@@ -68,14 +68,14 @@ def to_mermaid(picture: Picture) -> str:
         for block, port in net.targets:
             label = _mermaid_text(f"{net.source[1]} → {port}")
             lines.append(f'  {ids[net.source[0]]} {arrow}|"{label}"| {ids[block]}')
-    removed = [ids[name] for name, box in picture.boxes.items() if box.fate]
-    if removed:
+    ghosts = [ids[name] for name, box in picture.boxes.items() if box.fate]
+    if ghosts:
         style = f"fill:{GHOST_FILL},stroke:{GHOST},color:{GHOST},stroke-dasharray:5 4"
-        lines += [f"  classDef removed {style}", f"  class {','.join(removed)} removed"]
+        lines += [f"  classDef removed {style}", f"  class {','.join(ghosts)} removed"]
     return "\n".join([*lines, ""])
 
 
-def _nested(
+def _tree_lines(
     picture: Picture,
     node: Callable[[Box], str],
     opening: Callable[[Part], str],
@@ -90,7 +90,7 @@ def _nested(
     for inner in picture.parts.values():
         if inner.parent == part:
             yield INDENT * depth + opening(inner)
-            yield from _nested(picture, node, opening, closing, inner.name, depth + 1)
+            yield from _tree_lines(picture, node, opening, closing, inner.name, depth + 1)
             yield INDENT * depth + closing
 
 
@@ -108,17 +108,17 @@ def _dot_table(box: Box, palette: Palette) -> str:
     def port(prefix: str, name: str | None, side: str) -> str:
         if name is None:
             return "<TD></TD>"
-        text = _coloured(_html(name), port_ink, 9)
+        text = _font(_html(name), port_ink, 9)
         return f'<TD PORT="{prefix}{_html(name)}" ALIGN="{side}">{text}</TD>'
 
     rows = [
-        full_row(_coloured(f"<B>{_html(box.title)}</B>", ink, 12)),
-        full_row(_coloured(_html(box.type), soft, 9)),
+        full_row(_font(f"<B>{_html(box.title)}</B>", ink, 12)),
+        full_row(_font(_html(box.type), soft, 9)),
         *(
             f"<TR>{port('in_', entry, 'LEFT')}{port('out_', exit_, 'RIGHT')}</TR>"
             for entry, exit_ in zip_longest(box.inputs, box.outputs)
         ),
-        full_row(_coloured(_html(box.fate or box.rate), soft, 8)),
+        full_row(_font(_html(box.fate or box.rate), soft, 8)),
     ]
     return (
         f'<TABLE BORDER="1" CELLBORDER="0" CELLSPACING="0" CELLPADDING="4" STYLE="{style}" '
@@ -126,7 +126,7 @@ def _dot_table(box: Box, palette: Palette) -> str:
     )
 
 
-def _coloured(text: str, colour: str, size: int) -> str:
+def _font(text: str, colour: str, size: int) -> str:
     return f'<FONT COLOR="{colour}" POINT-SIZE="{size}">{text}</FONT>'
 
 
@@ -155,8 +155,8 @@ def _dot_edge(net: Net, target: tuple[str, str], colour: str, is_back: bool) -> 
 
 
 def _dot_text(text: str) -> str:
-    escaped = _plain(text).replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
-    return f'"{escaped}"'
+    literal = _plain(text).replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
+    return f'"{literal}"'
 
 
 def _html(text: str) -> str:
@@ -181,11 +181,11 @@ def _mermaid_text(text: str) -> str:
 def _identifiers(names: Iterable[str]) -> dict[str, str]:
     """Distinct Mermaid identifiers for names: no keywords, no dots."""
     ids: dict[str, str] = {}
-    taken: set[str] = set()
+    identifiers: set[str] = set()
     for name in names:
         plain = "b_" + name.replace(".", "__")
-        while plain in taken:
+        while plain in identifiers:
             plain += "_"
-        taken.add(plain)
+        identifiers.add(plain)
         ids[name] = plain
     return ids

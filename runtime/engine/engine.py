@@ -335,14 +335,20 @@ class Engine:
         if part is None:
             return {}
         size = part.row.size
-        method = method_of(self.network.solver.name, size)
-        slopes = np.zeros((method.slope_rows, size))
+        method = method_of(part.solver, part.colours)
+        slopes = np.zeros((method.slope_rows(size), size))
         solver, dt = self.network.solver, self.network.dt
         control = controls(
             solver.rtol, solver.atol, min(dt, solver.max_step or dt), self.network.until
         )
         self.state.arrays["run/control"] = control
+        jacobian: dict[str, FloatArray] = {}
+        move: Callable[..., None] = blend
+        if part.coupling is not None:
+            jacobian = {"colours": part.coupling.colours, "pattern": part.coupling.pattern}
+            move = partial(implicit, colours=part.coupling.colours, pattern=part.coupling.pattern)
         return {
+            **jacobian,
             "states": self.state.continuous,
             "start": np.zeros(size),
             "origin": np.zeros(size),
@@ -350,7 +356,7 @@ class Engine:
             "nodes": method.nodes,
             "weights": method.table if method.is_implicit else method.terms,
             "table": method.table,
-            "blend": implicit if method.is_implicit else blend,
+            "blend": move,
             "joined": joined,
             "rates": self.checks.rates,
             "bad_slope": partial(bad_slope, part, slopes),

@@ -276,7 +276,7 @@ class PythonText:
 
     def integrated(self, part: Integrate, span: str) -> None:
         """Integrate the continuous states over a span from the tick."""
-        method = method_of(part.solver, part.row.size)
+        method = method_of(part.solver, part.colours)
         h, since = span, f"nodes[stage] * {span}"
         if method.errors:
             h, since = "h", "(done + nodes[stage] * h)"

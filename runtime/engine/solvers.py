@@ -21,7 +21,8 @@ class Method:
     rows : how the slopes of the stages so far are weighted to reach the next stage; the last row
         gives the end of the step. For an implicit method see ``rosenbrock.py``.
     order : the error of a whole run is proportional to this power of the step.
-    errors : weights of the last slopes in the estimated error of a step; none for a fixed step.
+    errors : weights of the slopes in the estimated error of a step, or of the last one; none for a
+        fixed step.
     is_implicit : whether ``rosenbrock.implicit`` moves the states from stage to stage.
     """
 
@@ -35,10 +36,9 @@ class Method:
     def stages(self) -> int:
         return len(self.nodes)
 
-    @property
-    def slope_rows(self) -> int:
+    def slope_rows(self, size: int) -> int:
         """The rows of the slopes: one for each stage, and what an implicit method keeps."""
-        return self.stages + (SPARE if self.is_implicit else 0)
+        return self.stages + (size + SPARE if self.is_implicit else 0)
 
     @property
     def terms(self) -> tuple[tuple[tuple[int, float], ...], ...]:
@@ -106,15 +106,15 @@ _BY_TIME = (0.25, -0.1043, 0.1035, -0.03620000000000023, 0.0, 0.0)
 _NODES = (0.0, 0.386, 0.21, 0.63, 1.0, 1.0)
 
 
-def method_of(name: str, size: int) -> Method:
-    """The method of a name, for so many states: an implicit one has a stage for each."""
+def method_of(name: str, colours: int = 0) -> Method:
+    """The method of a name; an implicit one has a stage for each colour of the Jacobian."""
     if name in METHODS:
         return METHODS[name]
-    rows: list[tuple[float, ...]] = [()] * (size + 1)
+    rows: list[tuple[float, ...]] = [()] * (colours + 1)
     rows += _REACH
     rows += [(*row, *[0.0] * (5 - len(row)), d) for row, d in zip(_ENTER, _BY_TIME, strict=True)]
-    nodes = (0.0,) * (size + 1) + (SHIFT, *_NODES[1:])
-    return Method(nodes, tuple(rows), 4, (1.0, *[0.0] * SPARE), True)
+    nodes = (0.0,) * (colours + 1) + (SHIFT, *_NODES[1:])
+    return Method(nodes, tuple(rows), 4, (1.0,), True)
 
 
 # The entries of ``control``, the memory of a solver that chooses its own steps: the next step (s),
@@ -240,7 +240,8 @@ def judged(
     Returns the part of the tick (s) that is done; -1 - i if no step is small enough for column i.
     """
     worst, column = 0.0, 0
-    first = len(slopes) - len(errors)
+    # Of an implicit method, the slope of the last stage is the estimated error.
+    first = 0 if len(errors) > 1 else len(slopes) - len(states) - SPARE - 1
     for i in range(len(states)):
         error = 0.0
         for j in range(len(errors)):

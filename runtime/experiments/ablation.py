@@ -45,8 +45,9 @@ from runtime.experiments.execution import (
     remaining,
     run_all,
     save_trial,
+    write_checked,
 )
-from runtime.files import own_folder, system_errors, write_json, write_whole
+from runtime.files import own_folder, system_errors, write_whole
 from runtime.terminal import Progress
 
 SAVED_STATUSES = ("ok", "failed", "timeout")
@@ -163,7 +164,7 @@ def run_ablation(
             rows[row.cells[0]].append(row)
     done = AblationResult(plan, folder, test, rows, not finished)
     if finished:
-        write_json(folder / TABLE, done.to_dict())
+        write_checked(folder / TABLE, done.to_dict())
         _draw_diagrams(plan, folder)
     return done
 

@@ -52,7 +52,7 @@ class Content:
 
 
 @dataclass(frozen=True)
-class Checked:
+class CheckedGraph:
     """What checking a graph yields; copies with another seed share the programs."""
 
     network: Network
@@ -68,13 +68,13 @@ class Checked:
             self.programs[key] = Program(self.network, observation, profiled)
         return self.programs[key]
 
-    def with_seed(self, seed: int) -> Checked:
+    def with_seed(self, seed: int) -> CheckedGraph:
         """The same with another seed; the programs are shared."""
         return replace(self, network=replace(self.network, seed=seed))
 
 
 @dataclass(frozen=True)
-class Examined:
+class Examination:
     """A graph as far as it could be read, and all that is wrong with it.
 
     ``network`` and ``observation`` are None where reading stopped at a limit; ``missing`` is the
@@ -87,7 +87,7 @@ class Examined:
     missing: MissingExtraError | None = None
 
 
-def examined(content: Content, loops: bool = False) -> Examined:
+def examine(content: Content, loops: bool = False) -> Examination:
     """Check a graph however much is wrong with it; ``loops`` looks for algebraic loops as well."""
     problems = Problems()
     network = observation = missing = None
@@ -102,13 +102,13 @@ def examined(content: Content, loops: bool = False) -> Examined:
         )
         observation = observe(network, problems, content.modules)
     except GraphError as error:
-        return Examined(error.problems, network)
+        return Examination(error.problems, network)
     if loops and not problems.items:
         try:
-            Checked(network, observation).program(None, False)
+            CheckedGraph(network, observation).program(None, False)
         except GraphError as error:
             problems.items += error.problems
-    return Examined(problems.items, network, observation, missing)
+    return Examination(problems.items, network, observation, missing)
 
 
 def _part_instead(document: Node) -> list[Problem]:
@@ -121,7 +121,7 @@ def _part_instead(document: Node) -> list[Problem]:
     return []
 
 
-def checked(content: Content) -> Checked:
+def check_content(content: Content) -> CheckedGraph:
     """Check a graph.
 
     Raises
@@ -129,9 +129,9 @@ def checked(content: Content) -> Checked:
     GraphError : listing all that is wrong.
     MissingExtraError : nothing is wrong, but a block needs a package that is not installed.
     """
-    examination = examined(content)
+    examination = examine(content)
     if examination.problems or examination.network is None or examination.observation is None:
         raise GraphError(_part_instead(content.document) or examination.problems)
     if examination.missing is not None:
         raise examination.missing
-    return Checked(examination.network, examination.observation)
+    return CheckedGraph(examination.network, examination.observation)

@@ -29,7 +29,7 @@ from runtime.document import (
     set_wire,
 )
 from runtime.errors import GraphError, MissingExtraError, Where
-from runtime.graph.content import Checked, Content, checked
+from runtime.graph.content import CheckedGraph, Content, check_content
 from runtime.network import Network, is_variadic, replace_block, source_file
 from runtime.observation import Observation
 
@@ -104,7 +104,7 @@ class Graph:
         return self.network.title
 
     @cached_property
-    def _checked(self) -> Checked:
+    def _checked(self) -> CheckedGraph:
         if self._with_other_seed is not None:
             try:
                 shared = self._with_other_seed._checked
@@ -113,7 +113,7 @@ class Graph:
             else:
                 seed = (self.document.get("run") or Node({})).plain()["seed"]
                 return shared.with_seed(seed)
-        return checked(self._content)
+        return check_content(self._content)
 
     @property
     def network(self) -> Network:

@@ -31,7 +31,7 @@ from runtime.document import (
 )
 from runtime.errors import NOWHERE, GraphError, Problem, SpikeblocksError, Where
 from runtime.experiments.design import KEYS, check_experiment, is_experiment
-from runtime.graph import Content, Examined, Graph, examined
+from runtime.graph import Content, Examination, Graph, examine
 from runtime.language.items import YamlItem, deepest
 from runtime.language.scan import scan
 from runtime.language.text import SourceText
@@ -314,10 +314,10 @@ class Model:
         return Node({"blocks": Node(blocks), "wires": Node({self._part: Node(wires)})})
 
     @cached_property
-    def checked_graph(self) -> Examined:
+    def checked_graph(self) -> Examination:
         """The checked graph, as far as that goes."""
         if self.kind in ("experiment", "world"):
-            return Examined(self._check_other())
+            return Examination(self._check_other())
         classes: dict[str, type[Block]] = {"_Outside": _Outside} if self.kind == "part" else {}
         content = Content(
             self.document,
@@ -327,14 +327,14 @@ class Model:
             block_cache=self.surroundings.reusable_blocks(),
         )
         with _no_collection():
-            return examined(content, loops=True)
+            return examine(content, loops=True)
 
     def _check_other(self) -> list[Problem]:
         if self.kind == "world":
             if self.change is not None:
                 message = "a world has no blocks; options that change a graph do not apply to it"
                 return [Problem(Where(self.file), "", message)]
-            result = examined(Content(Node({"world": self.tree, "blocks": Node({})})))
+            result = examine(Content(Node({"world": self.tree, "blocks": Node({})})))
             return [problem for problem in result.problems if problem.address.startswith("world")]
         try:
             change = self.change or (lambda graph: graph)

@@ -20,6 +20,7 @@ from blocks.core import Evaluation
 from blocks.registry import is_built_in
 from runtime.network import Endpoint, Network, Wire, enables_of, resets
 from runtime.observation import Observation
+from runtime.plan.coupling import IMPLICIT, Coupling
 from runtime.plan.moving import Evaluated, again, continuous_row, declared_states
 from runtime.plan.operations import (
     Argument,
@@ -40,6 +41,7 @@ from runtime.plan.operations import (
     Zero,
 )
 from runtime.plan.order import ordered
+from runtime.plan.passes import coupled
 
 
 def make_plan(
@@ -201,9 +203,13 @@ class _Builder:
             watch = again([whole.key], evaluations, moving)
         elif not self.is_continuous(whole):
             stop = None  # it changes on ticks only
-        unit = network.time_unit
+        unit, solver, coupling = network.time_unit, network.solver.name, None
+        if solver in IMPLICIT:
+            contexts = {name: network.context(name) for name in specs}
+            own = {name: network.entries[name].block.couplings(contexts[name]) for name in specs}
+            coupling = Coupling.of(coupled(self.row, stage, own))
         return Integrate(
-            self.row, network.solver.name, tuple(stage), projections, watch, stop, unit
+            *(self.row, solver, tuple(stage), projections, watch, stop, unit), coupling=coupling
         )
 
     def is_continuous(self, whole: Signal | StateArray | None) -> bool:

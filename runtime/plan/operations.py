@@ -19,6 +19,7 @@ from functools import cached_property
 from blocks.core import SignalType
 from runtime.document import SECOND
 from runtime.network import Endpoint, columns, component_type
+from runtime.plan.coupling import Coupling
 
 Port = tuple[str, str]  # a block and one of its outputs
 
@@ -318,6 +319,7 @@ class Integrate:
         change there, and derivatives.
     projections : calls after each step that bring states back to where they are valid.
     stop : ends the run between two ticks; before it is tested, ``watch`` computes its signal.
+    coupling : which rate depends on which state, for a solver that needs the Jacobian.
     """
 
     row: Row
@@ -328,11 +330,17 @@ class Integrate:
     stop: Stop | None = None
     time_unit: str = SECOND
     gate: Gate = ALWAYS
+    coupling: Coupling | None = field(default=None, compare=False, repr=False)
 
     @property
     def block(self) -> str:
         """None: it belongs to all."""
         return ""
+
+    @property
+    def colours(self) -> int:
+        """How many evaluations the Jacobian takes; 0 for a solver that needs none."""
+        return 0 if self.coupling is None else self.coupling.count
 
     @property
     def blocks(self) -> set[str]:

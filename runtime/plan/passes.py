@@ -5,9 +5,10 @@ In go operations, out come operations or names; nothing is printed.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 
+from runtime.plan.coupling import Columns
 from runtime.plan.operations import (
     Call,
     Gate,
@@ -16,6 +17,7 @@ from runtime.plan.operations import (
     Operation,
     Port,
     Record,
+    Row,
     Signal,
     Stop,
     Store,
@@ -82,3 +84,41 @@ def _stored(operations: Sequence[Operation]) -> tuple[Operation, ...]:
             waiting = [Store(each.block, each.outputs, Gate(each.gate.every))]
         done.append(each)
     return (*done, *waiting)
+
+
+def coupled(
+    row: Row, stage: Iterable[Operation], own: Mapping[str, Sequence[Collection[int]] | None]
+) -> list[Columns]:
+    """For each continuous state the columns of those that its rate of change depends on.
+
+    Parameters
+    ----------
+    stage : the operations that compute all rates, in order.
+    own : by block, what ``Block.couplings`` says of those that have continuous states.
+    """
+    whole = {name: _range(slots[0].start, slots[-1].stop) for name, slots in row.by_block.items()}
+    # What no operation of the stage computes holds its value there, and depends on nothing.
+    signals: dict[Port, Columns] = {}
+    rates = [0] * row.size
+    for call in stage:
+        if not isinstance(call, Call):
+            continue
+        read = 0
+        for signal in call.reads:
+            read |= signals.get(signal.key, 0)
+        for signal in call.outputs:
+            signals[signal.key] = read | whole.get(call.block, 0)
+        for slot in call.rates:
+            first = row.of(call.block)[0].start
+            couplings = own.get(call.block)
+            for r in range(slot.start, slot.stop):
+                named = None if couplings is None else couplings[r - first]
+                direct = whole[call.block]
+                if named is not None:
+                    direct = sum(1 << (first + c) for c in set(named))
+                rates[r] |= read | direct
+    return rates
+
+
+def _range(start: int, stop: int) -> Columns:
+    return (1 << stop) - (1 << start)

@@ -7,7 +7,7 @@ from runtime.plots.figures import (
     save_figure,
     save_plots,
 )
-from runtime.plots.film import animate, animated
+from runtime.plots.film import animate, animated_plot
 from runtime.plots.formulas import disable_math
 from runtime.plots.linear import draw_linear
 from runtime.plots.looks import LOOKS, fit
@@ -55,7 +55,7 @@ __all__ = [
     "STYLE",
     "WIDTH",
     "animate",
-    "animated",
+    "animated_plot",
     "arrange",
     "axis_label",
     "coincident",

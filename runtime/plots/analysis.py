@@ -62,19 +62,19 @@ def draw_spectrum(figure: Figure, recordings: Sequence[Recording], end: float) -
     for axes, (unit, lines) in zip(column, groups.items(), strict=False):
         names = style.short_labels([label for label, *_ in lines])
         for i, ((_, frequencies, power), name) in enumerate(zip(lines, names, strict=True)):
-            shown = power > 0.0
-            if shown[1:].any():
+            positive = power > 0.0
+            if positive[1:].any():
                 style_of = style.line_style(i)
                 axes.loglog(
-                    frequencies[1:], np.where(shown, power, np.nan)[1:], label=name, **style_of
+                    frequencies[1:], np.where(positive, power, np.nan)[1:], label=name, **style_of
                 )
         if not axes.lines:
             style.explain_empty(axes, "constant, or too few rows")
         else:
             style.add_legend(axes)
-        squared = f"({unit})²/{hertz}" if "/" in unit else f"{unit}²/{hertz}"
-        squared = squared if unit else f"1/{hertz}"
-        axes.set_ylabel(f"power density [{squared}]")
+        density_unit = f"({unit})²/{hertz}" if "/" in unit else f"{unit}²/{hertz}"
+        density_unit = density_unit if unit else f"1/{hertz}"
+        axes.set_ylabel(f"power density [{density_unit}]")
     column[-1].set_xlabel(f"frequency [{style.frequency_unit(recordings)}]")
     return column[0]
 
@@ -98,9 +98,9 @@ def density(values: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
 
 def _columns(recordings: Sequence[Recording]) -> Iterator[tuple[str, str, FloatArray, FloatArray]]:
     """Every column of some recordings: label, unit, times, values."""
-    for recorded in recordings:
-        values = recorded.columns
+    for recording in recordings:
+        values = recording.columns
         for i, (label, unit) in enumerate(
-            zip(recorded.display_names, recorded.units, strict=False)
+            zip(recording.display_names, recording.units, strict=False)
         ):
-            yield label, unit, recorded.t, values[:, i]
+            yield label, unit, recording.t, values[:, i]

@@ -31,15 +31,15 @@ class _Pair:
     """A decoded signal and the ideal one, (rows, columns), at the same times; ``over`` (rows,)."""
 
     t: FloatArray
-    decoded: FloatArray
+    value: FloatArray
     ideal: FloatArray
     over: FloatArray | None
 
     def after(self, start: float) -> _Pair:
         first = int(np.searchsorted(self.t, start - 1e-9))
         over = None if self.over is None else self.over[first:]
-        rows = (self.t[first:], self.decoded[first:], self.ideal[first:])
-        return replace(self, t=rows[0], decoded=rows[1], ideal=rows[2], over=over)
+        rows = (self.t[first:], self.value[first:], self.ideal[first:])
+        return replace(self, t=rows[0], value=rows[1], ideal=rows[2], over=over)
 
 
 def draw_decoded(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
@@ -70,17 +70,17 @@ def draw_decoded(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
     upper.set_ylabel(style.axis_label(names, unit))
     lower.set_ylabel(f"error [{unit}]" if unit else "error")
     lower.axhline(0.0, color="0.6", linewidth=0.6, zorder=1.0)
-    rms = np.sqrt(np.square(pair.decoded - pair.ideal).sum(axis=1).mean())
+    rms = np.sqrt(np.square(pair.value - pair.ideal).sum(axis=1).mean())
     style.write_note(lower, f"rms error {rms:.3g}")
     handles, labels = upper.get_legend_handles_labels()
     upper.legend(handles, labels, loc="upper left", bbox_to_anchor=(1.0, 1.03), borderaxespad=0.2)
     return upper
 
 
-def _at(t: FloatArray, recorded: Recording) -> FloatArray:
+def _at(t: FloatArray, recording: Recording) -> FloatArray:
     """The values (rows, columns) of another recording at these times, held between its rows."""
-    rows = np.searchsorted(recorded.t, t + 1e-9, side="right") - 1
-    return np.asarray(recorded.columns[np.maximum(rows, 0)])
+    rows = np.searchsorted(recording.t, t + 1e-9, side="right") - 1
+    return np.asarray(recording.columns[np.maximum(rows, 0)])
 
 
 def _over_time(
@@ -88,11 +88,11 @@ def _over_time(
 ) -> None:
     rows = max(1, min(len(pair.t), round(window / style.row_spacing(pair.t))))
     for i, name in enumerate(names):
-        value, ideal = pair.decoded[:, i], pair.ideal[:, i]
+        value, ideal = pair.value[:, i], pair.ideal[:, i]
         # The error is averaged, not the value: a mean over time would flatten a curve's peaks.
         error = _sliding(value - ideal, rows)
         scatter = np.sqrt(_sliding(np.square(value - ideal - error), rows))
-        _shown(upper, pair.t, ideal + error, scatter, i, name)
+        _draw_column(upper, pair.t, ideal + error, scatter, i, name)
         lower.plot(pair.t, error, linewidth=0.8, **style.line_style(i))
     upper.plot(pair.t, pair.ideal, label=_ideals(len(names)), **IDEAL)
     style.write_note(upper, f"mean and standard deviation over {style.duration(window, unit)}")
@@ -124,16 +124,16 @@ def _over_signal(upper: Axes, lower: Axes, pair: _Pair, names: Sequence[str]) ->
 
     x = means(over)
     for i, name in enumerate(names):
-        value, ideal = pair.decoded[:, i], means(pair.ideal[:, i])
+        value, ideal = pair.value[:, i], means(pair.ideal[:, i])
         mean = means(value)
         scatter = np.sqrt(np.maximum(means(np.square(value)) - mean**2, 0.0))
-        _shown(upper, x, mean, scatter, i, name)
+        _draw_column(upper, x, mean, scatter, i, name)
         upper.plot(x, ideal, label=_ideals(len(names))[i], **IDEAL)
         lower.plot(x, mean - ideal, linewidth=0.8, **style.line_style(i))
     style.write_note(upper, f"mean and standard deviation in {BINS} bins")
 
 
-def _shown(
+def _draw_column(
     axes: Axes, x: FloatArray, mean: FloatArray, scatter: FloatArray, i: int, name: str
 ) -> None:
     """One column: its mean, in a band of one standard deviation."""
@@ -148,28 +148,28 @@ def draw_weights(figure: Figure, recordings: Sequence[Recording], end: float) ->
     """Draw weights over time, and the root mean square of the change of all of them."""
     figure.set_size_inches(style.WIDTH, 1.4 + 2.6 * len(recordings))
     column = style.stacked_axes(figure, 2 * len(recordings), [2.4, 1.0] * len(recordings))
-    for recorded, upper, lower in zip(recordings, column[::2], column[1::2], strict=True):
-        _weights(upper, lower, recorded, len(recordings) > 1)
+    for recording, upper, lower in zip(recordings, column[::2], column[1::2], strict=True):
+        _weights(upper, lower, recording, len(recordings) > 1)
     style.time_axis(column, recordings, end)
     return column[0]
 
 
-def _weights(upper: Axes, lower: Axes, recorded: Recording, named: bool) -> None:
-    values = recorded.columns
-    name = style.short_labels([style.signal_of(recorded.display_names[0])])[0]
-    upper.set_ylabel(f"{name}\nweights" if named else "weights")
+def _weights(upper: Axes, lower: Axes, recording: Recording, with_name: bool) -> None:
+    values = recording.columns
+    name = style.short_labels([style.signal_of(recording.display_names[0])])[0]
+    upper.set_ylabel(f"{name}\nweights" if with_name else "weights")
     lower.set_ylabel("rms change")
     if not values.size:
         style.explain_empty(upper)
         style.explain_empty(lower)
         return
     # Evenly by rank among the last values, so that the extremes and the middle are shown.
-    ranked = np.argsort(values[-1], kind="stable")
-    chosen = ranked[np.unique(np.linspace(0, len(ranked) - 1, MOST_WEIGHTS).astype(int))]
-    shades = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.9, len(chosen)))
-    for i, colour in zip(chosen, shades, strict=True):
-        upper.plot(*style.thin(recorded.t, values[:, i], 1000), color=colour, linewidth=0.7)
+    order = np.argsort(values[-1], kind="stable")
+    lines = order[np.unique(np.linspace(0, len(order) - 1, MOST_WEIGHTS).astype(int))]
+    shades = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.9, len(lines)))
+    for i, colour in zip(lines, shades, strict=True):
+        upper.plot(*style.thin(recording.t, values[:, i], 1000), color=colour, linewidth=0.7)
     change = np.sqrt(np.square(values - values[0]).mean(axis=1))
-    lower.plot(*style.thin(recorded.t, change, 4000), color=style.COLOURS[0])
+    lower.plot(*style.thin(recording.t, change, 4000), color=style.COLOURS[0])
     lower.set_ylim(0.0, None)
-    style.write_note(upper, f"{len(chosen)} of {values.shape[1]} weights, coloured by last value")
+    style.write_note(upper, f"{len(lines)} of {values.shape[1]} weights, coloured by last value")

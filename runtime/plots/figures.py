@@ -60,8 +60,8 @@ def draw(plot: PlotSpec, result: RunData, look: str = "screen") -> Figure:
     UsageError : no such kind of plot, a probe was not recorded, or the run has no world to show.
     """
     if plot.own is None and plot.kind not in PLOT_KINDS:
-        known = ", ".join(plot_kind_names(plot.kind, result.world is not None))
-        raise UsageError(f"plot '{plot.name}': expected one of {known}, got '{plot.kind}'")
+        kinds = ", ".join(plot_kind_names(plot.kind, result.world is not None))
+        raise UsageError(f"plot '{plot.name}': expected one of {kinds}, got '{plot.kind}'")
     missing = [name for name in plot.of if name not in result.probes]
     if missing:
         raise UsageError(f"plot '{plot.name}' shows '{missing[0]}', which was not recorded")
@@ -74,10 +74,10 @@ def draw(plot: PlotSpec, result: RunData, look: str = "screen") -> Figure:
         if plot.definition.in_world or plot.definition.with_options:
             top = painter(figure, plot, result)
         else:
-            shown = [result.probes[name] for name in plot.of]
+            recordings = [result.probes[name] for name in plot.of]
             if plot.kind == "trajectory":
-                shown += contacts(plot, [result])
-            top = painter(figure, shown, style.run_end(result))
+                recordings += contacts(plot, [result])
+            top = painter(figure, recordings, style.run_end(result))
         arrange(figure, top, plot)
         titles.set_title(top, plot.title, result)
         formulas.disable_math(figure)
@@ -119,7 +119,7 @@ def save_plots(
     note: Callable[[str], None] | None = None,
     formats: Sequence[str] = ("png",),
     look: str = "screen",
-    made: Callable[[PlotSpec], Figure] | None = None,
+    draw_plot: Callable[[PlotSpec], Figure] | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> list[Path]:
     """Write every plot of a run as <name>.png, or in other formats.
@@ -147,7 +147,7 @@ def save_plots(
         files = [folder / f"{name}.{kind}" for kind in formats]
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            figure = made(plot) if made is not None else draw(plot, result, look)
+            figure = draw_plot(plot) if draw_plot is not None else draw(plot, result, look)
             for path in files:
                 save_figure(figure, path)
         except Exception as error:
@@ -164,8 +164,8 @@ def save_figure(figure: Figure, path: Path) -> None:
     """Write a figure as its file's suffix says, complete or not at all."""
     content, kind = BytesIO(), path.suffix.lstrip(".")
     # Without dates, the same figure is the same file.
-    dated = {"pdf": "CreationDate", "svg": "Date"}.get(kind)
-    about: dict[str, Any] = {} if dated is None else {dated: None}
+    date_key = {"pdf": "CreationDate", "svg": "Date"}.get(kind)
+    about: dict[str, Any] = {} if date_key is None else {date_key: None}
     with matplotlib.rc_context({"svg.hashsalt": "spikeblocks", "pdf.fonttype": 42}):
         figure.savefig(content, dpi=DPI, format=kind, metadata=about)
     write_whole(path, content.getvalue())

@@ -57,12 +57,12 @@ class _Actor:
         self.robot.move(maps.row_at(self.pose, t))
         count = int(np.searchsorted(self.pose.t, t + 1e-9, side="right"))
         rows = self.pose.values[:count, :2]
-        thinned = rows[:: -(-len(rows) // TRAIL) or 1]
-        self.trail.set_data(*np.vstack((thinned, rows[-1:])).T)
+        points = rows[:: -(-len(rows) // TRAIL) or 1]
+        self.trail.set_data(*np.vstack((points, rows[-1:])).T)
         self.contacts.set_data(*rows[self.touching[:count]].T)
 
 
-def animated(plots: Sequence[PlotSpec], world: World | None) -> PlotSpec:
+def animated_plot(plots: Sequence[PlotSpec], world: World | None) -> PlotSpec:
     """The plot that is animated: the first of scans, else of a map, else of a trajectory.
 
     Raises
@@ -102,7 +102,7 @@ def animate(
     UsageError : no such plot, nothing recorded, or the file cannot be written.
     """
     file = Path(file)
-    plot = animated(result.plots, result.world)
+    plot = animated_plot(result.plots, result.world)
     runs = dict(others or {"": result})
     for run in runs.values():
         missing = [name for name in plot.of if name not in run.probes]

@@ -22,11 +22,11 @@ _FORMULA = re.compile(r"\$[^$\s]+\$")
 
 def is_formula(text: str) -> bool:
     """Whether a text has formulas as $e_p$, without spaces, that matplotlib can draw."""
-    found = _FORMULA.findall(text)
-    if not found or text.count("$") != 2 * len(found):
+    formulas_in = _FORMULA.findall(text)
+    if not formulas_in or text.count("$") != 2 * len(formulas_in):
         return False
     try:
-        for formula in found:
+        for formula in formulas_in:
             MathTextParser("path").parse(formula)
     except ValueError:
         return False

@@ -68,8 +68,8 @@ def _narrow_legends(figure: Figure) -> None:
     for legend in list(figure.legends):
         labels = [text.get_text() for text in legend.get_texts()]
         legend.remove()
-        shown = [handle for handle in legend.legend_handles if handle is not None]
-        figure.legend(shown, labels, loc="outside lower center", ncols=_columns(labels))
+        entries = [handle for handle in legend.legend_handles if handle is not None]
+        figure.legend(entries, labels, loc="outside lower center", ncols=_columns(labels))
     for axes in figure.axes:
         beside = axes.get_legend()
         if beside is not None:

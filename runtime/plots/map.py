@@ -47,24 +47,24 @@ def world_of(plot: PlotSpec, result: RunData) -> World:
 
 def engagement_time(plot: PlotSpec, result: RunData) -> float | None:
     """When following began (s); None if never, or if the plot has no ``engaged`` option."""
-    recorded = result.probes.get(str(plot.options.get("engaged")))
-    if recorded is None:
+    recording = result.probes.get(str(plot.options.get("engaged")))
+    if recording is None:
         return None
-    over = recorded.values.reshape(-1) > 0.5
-    return float(recorded.t[over.argmax()]) if over.any() else None
+    over = recording.values.reshape(-1) > 0.5
+    return float(recording.t[over.argmax()]) if over.any() else None
 
 
-def row_at(recorded: Recording, t: float) -> FloatArray | None:
+def row_at(recording: Recording, t: float) -> FloatArray | None:
     """A probe's last row up to time ``t``; None if nothing was recorded."""
-    if not len(recorded.t):
+    if not len(recording.t):
         return None
-    values: FloatArray = recorded.values[row_index(recorded, t)]
+    values: FloatArray = recording.values[row_index(recording, t)]
     return values
 
 
-def row_index(recorded: Recording, t: float) -> int:
+def row_index(recording: Recording, t: float) -> int:
     """The index of the last row up to time ``t``, or the first row; there must be rows."""
-    return max(0, int(np.searchsorted(recorded.t, t + 1e-9, side="right")) - 1)
+    return max(0, int(np.searchsorted(recording.t, t + 1e-9, side="right")) - 1)
 
 
 def view_limits(world: World, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -79,12 +79,12 @@ def view_limits(world: World, xy: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def draw_world(axes: Axes, world: World) -> None:
     """Fill the solid regions of a world and draw their outlines."""
-    shapes = [_closed(corners) for corners in world.obstacles]
+    shapes = [_polygon(corners) for corners in world.obstacles]
     shapes += [Path.circle((x, y), r) for x, y, r in world.circles.tolist()]
     if world.room is not None:
         low, high = world.room.min(axis=0) - OUTSIDE, world.room.max(axis=0) + OUTSIDE
         frame = np.array([low, (low[0], high[1]), high, (high[0], low[1])])
-        shapes.append(Path.make_compound_path(_closed(frame), _closed(world.room)))
+        shapes.append(Path.make_compound_path(_polygon(frame), _polygon(world.room)))
     for shape in shapes:
         # Outlines are below all fillings, so that none is visible inside another solid.
         axes.add_patch(PathPatch(shape, fill=False, edgecolor=OUTLINE, linewidth=2.0, zorder=1.2))
@@ -93,7 +93,7 @@ def draw_world(axes: Axes, world: World) -> None:
     axes.spines[["top", "right"]].set_visible(True)
 
 
-def _closed(corners: FloatArray) -> Path:
+def _polygon(corners: FloatArray) -> Path:
     return Path(np.vstack((corners, corners[:1])), closed=True)
 
 
@@ -124,13 +124,13 @@ def touching(plot: PlotSpec, result: RunData, pose: Recording) -> BoolArray:
 
 def contacts(plot: PlotSpec, runs: Sequence[RunData]) -> list[Recording]:
     """The positions at which the robots of some runs touched a surface, as one recording."""
-    found = [
+    recordings = [
         run.probes[name].values[touching(plot, run, run.probes[name]), :2]
         for run in runs
         for name in plot.of
         if name in run.probes and run.probes[name].kinds == ("Pose",)
     ]
-    xy = np.concatenate(found) if found else np.empty((0, 2))
+    xy = np.concatenate(recordings) if recordings else np.empty((0, 2))
     labels, t = ("contact.x", "contact.y"), np.arange(float(len(xy)))
     span = {"contact": (0, 2)}
     return [Recording("contact", t, xy, labels, ("m", "m"), (CONTACT,), span)] if len(xy) else []
@@ -140,8 +140,8 @@ def draw_contacts(
     axes: Axes, plot: PlotSpec, result: RunData, pose: Recording, until: float = math.inf
 ) -> list[Line2D]:
     """Mark where a robot touched a surface; returns the entry of the legend, if it did."""
-    found = touching(plot, result, pose) & (pose.t <= until + 1e-9)
-    return [mark_contacts(axes, pose.values[found, :2])] if found.any() else []
+    mask = touching(plot, result, pose) & (pose.t <= until + 1e-9)
+    return [mark_contacts(axes, pose.values[mask, :2])] if mask.any() else []
 
 
 def mark_contacts(axes: Axes, xy: FloatArray, is_named: bool = True) -> Line2D:
@@ -276,10 +276,10 @@ def map_axes(
 def _points(axes: Axes, recordings: list[Recording], since: float) -> list[Line2D]:
     """Draw poses from time ``since`` on as small dots."""
     handles = []
-    for recorded in recordings:
-        xy = recorded.values[recorded.t >= since - 1e-9, :2]
+    for recording in recordings:
+        xy = recording.values[recording.t >= since - 1e-9, :2]
         how: dict[str, Any] = {"linestyle": "none", "marker": ".", "color": REFERENCE}
-        how |= {"markeredgewidth": 0.0, "label": style.short_labels([recorded.name])[0]}
+        how |= {"markeredgewidth": 0.0, "label": style.short_labels([recording.name])[0]}
         axes.plot(*xy.T, **how, markersize=3.0, zorder=2.4)
         # In the size that they have in the map, the points would be hard to see in the legend.
         handles.append(Line2D([], [], **how, markersize=7.0))
@@ -336,26 +336,26 @@ def draw_wall_distance(
     """
     world = world_of(plot, result)
     d = float(plot.options["distance"])
-    recorded = result.probes[plot.of[0]]
+    recording = result.probes[plot.of[0]]
     figure.set_size_inches(style.WIDTH, 2.9)
     axes = style.stacked_axes(figure, 1)[0]
     axes.set_ylabel("distance to wall\nminus reference [mm]")
-    style.time_axis([axes], [recorded], style.run_end(result))
-    if not len(recorded.t):
+    style.time_axis([axes], [recording], style.run_end(result))
+    if not len(recording.t):
         style.explain_empty(axes)
         return axes
     axes.axhline(0.0, color="0.4", linewidth=0.8, linestyle=(0, (4, 2.5)), zorder=1.5)
     late = []
     for i, (label, run) in enumerate((others or {"error": result}).items()):
-        shown = run.probes[plot.of[0]]
-        error = 1e3 * (np.abs(world.distance(shown.values[:, :2])) - d)
+        poses = run.probes[plot.of[0]]
+        error = 1e3 * (np.abs(world.distance(poses.values[:, :2])) - d)
         how = style.line_style(i) if others else {"color": TRAJECTORY}
-        axes.plot(shown.t, error, label=label, zorder=2.5, **how)
+        axes.plot(poses.t, error, label=label, zorder=2.5, **how)
         late.append(_late(plot, run, world, error, d))
     _limit(axes, late)
     since = engagement_time(plot, result)
     if not others:
-        _shade(axes, world, recorded.values[:, :2], recorded.t, since or 0.0)
+        _shade(axes, world, recording.values[:, :2], recording.t, since or 0.0)
     if since is not None:
         axes.axvline(since, color=FOLLOWING, linewidth=1.0, linestyle=":", label="following begins")
     handles, labels = axes.get_legend_handles_labels()
@@ -365,10 +365,10 @@ def draw_wall_distance(
 
 def _late(plot: PlotSpec, result: RunData, world: World, error: FloatArray, d: float) -> FloatArray:
     """The error after the contour was reached; before, it is metres."""
-    recorded = result.probes[plot.of[0]]
-    following = recorded.t >= (engagement_time(plot, result) or 0.0) - 1e-9
-    reached = len(since_reached(world, recorded.values[following, :2], d))
-    return error[len(error) - reached :]
+    recording = result.probes[plot.of[0]]
+    following = recording.t >= (engagement_time(plot, result) or 0.0) - 1e-9
+    rows = len(since_reached(world, recording.values[following, :2], d))
+    return error[len(error) - rows :]
 
 
 def _limit(axes: Axes, late: Sequence[FloatArray]) -> None:

@@ -15,7 +15,7 @@ from blocks.core import FloatArray
 from runtime.document import SECOND, TIME_UNITS
 from runtime.observation import PlotSpec, Recording, RunData
 from runtime.plots import style
-from runtime.plots.tuning import Tuned, name_angles, split
+from runtime.plots.tuning import Tuning, name_angles, split
 
 MANY_SPIKES = 20_000
 BINS, SORTING_BINS = 400, 50
@@ -33,10 +33,10 @@ class _Train:
     name: str
     t: FloatArray
     spikes: FloatArray
-    tuning: Tuned | None = None
+    tuning: Tuning | None = None
     time_unit: str = SECOND
 
-    def binned(self, most: int) -> tuple[FloatArray, int]:
+    def binned_rates(self, most: int) -> tuple[FloatArray, int]:
         """Rates (Hz) in at most ``most`` bins of time, and the number of rows per bin."""
         size = -(-len(self.t) // most) or 1
         return (style.block_means(self.spikes, size) if self.spikes.size else self.spikes), size
@@ -49,7 +49,7 @@ class _Train:
         """
         if self.tuning is not None:
             return self.tuning.order()
-        rates = self.binned(SORTING_BINS)[0]
+        rates = self.binned_rates(SORTING_BINS)[0]
         if not rates.any():
             return np.arange(rates.shape[1])
         rates = rates - rates.mean(axis=0)
@@ -111,15 +111,13 @@ def _sorted_by(axes: Axes, train: _Train) -> str:
     return "preferred direction"
 
 
-def _trains(recordings: Sequence[Recording], tuning: Mapping[str, Tuned]) -> Iterator[_Train]:
-    for recorded in recordings:
-        whole = {recorded.name: (0, len(recorded.labels))}
-        for address, (start, stop) in (recorded.addresses or whole).items():
-            spikes, name = (
-                recorded.columns[:, start:stop],
-                style.signal_of(recorded.display_names[start]),
-            )
-            yield _Train(name, recorded.t, spikes, tuning.get(address), recorded.time_unit)
+def _trains(recordings: Sequence[Recording], tuning: Mapping[str, Tuning]) -> Iterator[_Train]:
+    for recording in recordings:
+        whole = {recording.name: (0, len(recording.labels))}
+        for address, (start, stop) in (recording.addresses or whole).items():
+            spikes = recording.columns[:, start:stop]
+            name = style.signal_of(recording.display_names[start])
+            yield _Train(name, recording.t, spikes, tuning.get(address), recording.time_unit)
 
 
 def _marks(axes: Axes, train: _Train) -> None:
@@ -141,9 +139,9 @@ def _marks(axes: Axes, train: _Train) -> None:
 
 def _images(figure: Figure, column: Sequence[Axes], trains: Sequence[_Train], end: float) -> None:
     """Draw rates in bins of time, on one grey scale for all ensembles."""
-    binned = [train.binned(BINS) for train in trains]
-    fastest = max(float(rates.max(initial=0.0)) for rates, _ in binned)
-    for axes, train, (rates, size) in zip(column, trains, binned, strict=True):
+    images = [train.binned_rates(BINS) for train in trains]
+    fastest = max(float(rates.max(initial=0.0)) for rates, _ in images)
+    for axes, train, (rates, size) in zip(column, trains, images, strict=True):
         width = size * style.row_spacing(train.t, end)
         image = axes.imshow(
             rates[:, train.order()].T,

@@ -49,7 +49,7 @@ class Scene:
 
     def show(self, t: float) -> FloatArray | None:
         """Show the last values up to time ``t``; returns the robot's pose."""
-        rows = {kind: maps.row_at(recorded, t) for kind, recorded in self.recordings.items()}
+        rows = {kind: maps.row_at(recording, t) for kind, recording in self.recordings.items()}
         pose = rows["Pose"]
         self.robot.move(pose)
         for kind, line in self.lines.items():
@@ -81,9 +81,9 @@ def panel_times(plot: PlotSpec, result: RunData) -> list[float]:
     end = style.run_end(result)
     at = plot.options.get("at")
     if at is not None:
-        wanted = [float(t) for t in (at if isinstance(at, list) else [at])]
+        times = [float(t) for t in (at if isinstance(at, list) else [at])]
         # A run that was interrupted has only the earlier ones.
-        return [t for t in wanted if t <= end] or [end]
+        return [t for t in times if t <= end] or [end]
     since = maps.engagement_time(plot, result) or 0.0
     return [since + (end - since) * (i + 0.5) / PANELS for i in range(PANELS)]
 

@@ -37,39 +37,39 @@ class _Column:
     held: bool
 
 
-def _flat(recorded: Recording) -> tuple[FloatArray, list[str], list[str]]:
+def _flat(recording: Recording) -> tuple[FloatArray, list[str], list[str]]:
     """A recording as (rows, columns), with one label and one unit per column."""
-    values = recorded.columns
+    values = recording.columns
     count = values.shape[1]
-    if len(recorded.labels) == count:
-        return values, list(recorded.labels), list(recorded.units)
-    named = style.signal_of(recorded.labels[0]) if recorded.labels else recorded.name
-    units = list(recorded.units or ("",))
-    return values, [f"{named}[{i}]" for i in range(count)], (units * count)[:count]
+    if len(recording.labels) == count:
+        return values, list(recording.labels), list(recording.units)
+    signal = style.signal_of(recording.labels[0]) if recording.labels else recording.name
+    units = list(recording.units or ("",))
+    return values, [f"{signal}[{i}]" for i in range(count)], (units * count)[:count]
 
 
 def draw_timeseries(figure: Figure, recordings: Sequence[Recording], end: float) -> Axes:
     """Draw columns over time, one axes per unit."""
     groups: dict[str, list[_Column]] = {}
     every: dict[str, str] = {}
-    for recorded in recordings:
-        values, labels, units = _flat(recorded)
-        given = recorded.display_names if len(recorded.labels) == len(labels) else labels
-        every |= zip(labels, given, strict=True)
-        held = recorded.held if len(recorded.held) == len(labels) else recorded.held[:1]
+    for recording in recordings:
+        values, labels, units = _flat(recording)
+        display = recording.display_names if len(recording.labels) == len(labels) else labels
+        every |= zip(labels, display, strict=True)
+        held = recording.held if len(recording.held) == len(labels) else recording.held[:1]
         for i, (label, unit) in enumerate(zip(labels, units, strict=True)):
             steps = bool(held) and held[i % len(held)]
-            line = _Column(label, unit, recorded.t, values[:, i], steps)
+            line = _Column(label, unit, recording.t, values[:, i], steps)
             groups.setdefault(unit, []).append(line)
     shown_as = style.display_names(list(every), list(every.values()))
     names = dict(zip(every, shown_as, strict=True))
-    groups, silent = _without_zeros(_shared(groups))
+    groups, silent = _without_zeros(_merge_unitless(groups))
     figure.set_size_inches(style.WIDTH, 1.1 + 1.55 * max(1, len(groups)) + 0.5 * (len(groups) == 1))
     column = style.stacked_axes(figure, len(groups))
     for axes, (unit, lines) in zip(column, groups.items(), strict=False):
-        shown = [names[line.label] for line in lines]
-        _lines(figure, axes, lines, shown, end)
-        axes.set_ylabel(style.axis_label(shown, unit))
+        line_names = [names[line.label] for line in lines]
+        _lines(figure, axes, lines, line_names, end)
+        axes.set_ylabel(style.axis_label(line_names, unit))
     if silent:
         zero = ", ".join(names[label] for label in silent)
         style.write_note(column[-1], f"not shown, since it is 0 throughout: {zero}")
@@ -77,7 +77,7 @@ def draw_timeseries(figure: Figure, recordings: Sequence[Recording], end: float)
     return column[0]
 
 
-def _shared(groups: dict[str, list[_Column]]) -> dict[str, list[_Column]]:
+def _merge_unitless(groups: dict[str, list[_Column]]) -> dict[str, list[_Column]]:
     """The groups by unit; lines without a unit join the others, if these have one and the same.
 
     An estimate in a vector, which has no unit, is then beside the truth, which has one.
@@ -95,8 +95,8 @@ def _without_zeros(
     zero = [u for u, lines in groups.items() if all(len(i.y) and not i.y.any() for i in lines)]
     if len(zero) == len(groups):
         return groups, []
-    shown = {unit: lines for unit, lines in groups.items() if unit not in zero}
-    return shown, [line.label for unit in zero for line in groups[unit]]
+    others = {unit: lines for unit, lines in groups.items() if unit not in zero}
+    return others, [line.label for unit in zero for line in groups[unit]]
 
 
 def _lines(figure: Figure, axes: Axes, lines: list[_Column], names: list[str], end: float) -> None:
@@ -109,11 +109,11 @@ def _lines(figure: Figure, axes: Axes, lines: list[_Column], names: list[str], e
     colours = ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0.0, 0.9, len(lines))))
     low = high = 0.0
     layers = style.layers([line.y for line in lines])
-    covered = [0] * len(lines) if many else style.coincident([line.y for line in lines])
+    overlaps = [0] * len(lines) if many else style.coincident([line.y for line in lines])
     for i, (line, name) in enumerate(zip(lines, names, strict=True)):
         t, y = line.t, line.y
         how: dict[str, Any] = (
-            {"color": colours(i), "linewidth": 0.5} if many else style.line_style(i, covered[i])
+            {"color": colours(i), "linewidth": 0.5} if many else style.line_style(i, overlaps[i])
         )
         how["zorder"] = layers[i]
         if len(y) == 1:
@@ -138,15 +138,15 @@ def draw_heatmap(figure: Figure, recordings: Sequence[Recording], end: float) ->
     """Draw arrays over time as colours, one axes each."""
     figure.set_size_inches(style.WIDTH, 0.9 + 2.6 * max(1, len(recordings)))
     column = style.stacked_axes(figure, len(recordings))
-    for axes, recorded in zip(column, recordings, strict=False):
-        _heat(figure, axes, recorded, end)
+    for axes, recording in zip(column, recordings, strict=False):
+        _heat(figure, axes, recording, end)
     style.time_axis(column, recordings, end)
     return column[0]
 
 
-def _heat(figure: Figure, axes: Axes, recorded: Recording, end: float) -> None:
+def _heat(figure: Figure, axes: Axes, recording: Recording, end: float) -> None:
     """Draw one array: its rows along time, its columns upwards."""
-    values, labels, units = _flat(recorded)
+    values, labels, units = _flat(recording)
     axes.grid(False)
     if len(labels) <= FEW_ROWS:
         axes.set_yticks(range(len(labels)), style.short_labels(labels))
@@ -156,21 +156,21 @@ def _heat(figure: Figure, axes: Axes, recorded: Recording, end: float) -> None:
         style.explain_empty(axes)
         return
     size = -(-len(values) // HEAT_ROWS)
-    shown = style.block_means(values, size)
-    step = style.row_spacing(recorded.t, end) * size
-    name, low, high = _colours(shown)
+    means = style.block_means(values, size)
+    step = style.row_spacing(recording.t, end) * size
+    name, low, high = _colours(means)
     image = axes.imshow(
-        shown.T,
+        means.T,
         aspect="auto",
         origin="lower",
         interpolation="nearest",
         cmap=matplotlib.colormaps[name].with_extremes(bad="0.8"),
         vmin=low,
         vmax=high,
-        extent=(recorded.t[0], recorded.t[0] + step * len(shown), -0.5, len(labels) - 0.5),
+        extent=(recording.t[0], recording.t[0] + step * len(means), -0.5, len(labels) - 0.5),
     )
     unit = units[0] if len(set(units)) == 1 else "mixed units"
-    signal = style.signal_name(labels) or recorded.name
+    signal = style.signal_name(labels) or recording.name
     label = f"{signal} [{unit}]" if unit else signal
     figure.colorbar(image, ax=axes, label=label, pad=0.01, aspect=18)
 

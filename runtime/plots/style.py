@@ -74,17 +74,17 @@ def shade_band(figure: Figure, band: float) -> None:
 
     Where no value is negative, as of a distance, the range begins at 0.
     """
-    shown = [axes for axes in figure.axes if axes.lines]
+    with_lines = [axes for axes in figure.axes if axes.lines]
     sign = ""
-    for axes in shown:
-        values = [np.asarray(line.get_ydata(), dtype=float) for line in _named(axes)]
+    for axes in with_lines:
+        values = [np.asarray(line.get_ydata(), dtype=float) for line in _lines_with_names(axes)]
         low = min(float(np.nanmin(y, initial=0.0)) for y in values)
         sign = "±" if low < 0.0 else sign
         axes.axhspan(
             -band if low < 0.0 else 0.0, band, color="0.5", alpha=0.16, linewidth=0.0, zorder=0.4
         )
-    if shown:
-        write_note(shown[0], f"shaded: within {sign}{band:g}")
+    if with_lines:
+        write_note(with_lines[0], f"shaded: within {sign}{band:g}")
 
 
 def mark_levels(axes: Axes, levels: FloatArray) -> None:
@@ -93,7 +93,7 @@ def mark_levels(axes: Axes, levels: FloatArray) -> None:
         axes.axhline(float(level), color="0.35", linewidth=0.8, linestyle=(0, (4, 2.5)), zorder=1.5)
 
 
-def name_lines(figure: Figure, labels: Sequence[str], wanted: bool) -> None:
+def name_lines(figure: Figure, labels: Sequence[str], is_visible: bool) -> None:
     """Give the lines other names, in the order of the axes and of their lines; remove legends."""
     left = iter(labels)
     for legend in figure.legends:
@@ -104,11 +104,11 @@ def name_lines(figure: Figure, labels: Sequence[str], wanted: bool) -> None:
             old = [text.get_text() for text in beside.get_texts()]
             _rename(beside, left)
             new = [text.get_text() for text in beside.get_texts()]
-            if axes.get_ylabel() == _renamed(axes.get_ylabel(), *old):
-                axes.set_ylabel(_renamed(axes.get_ylabel(), *new))
+            if axes.get_ylabel() == _replace_names(axes.get_ylabel(), *old):
+                axes.set_ylabel(_replace_names(axes.get_ylabel(), *new))
         elif len(lines) == 1 and not figure.legends and (name := next(left, "")):
-            axes.set_ylabel(_renamed(axes.get_ylabel(), name))
-    if not wanted:
+            axes.set_ylabel(_replace_names(axes.get_ylabel(), name))
+    if not is_visible:
         for each in [*figure.legends, *(axes.get_legend() for axes in figure.axes)]:
             if each is not None:
                 each.remove()
@@ -116,11 +116,11 @@ def name_lines(figure: Figure, labels: Sequence[str], wanted: bool) -> None:
 
 def name_axes(axes: Axes, across: str, up: str) -> None:
     """Give both axes other names, and keep their units."""
-    axes.set_xlabel(_renamed(axes.get_xlabel(), across))
-    axes.set_ylabel(_renamed(axes.get_ylabel(), up))
+    axes.set_xlabel(_replace_names(axes.get_xlabel(), across))
+    axes.set_ylabel(_replace_names(axes.get_ylabel(), up))
 
 
-def _renamed(label: str, *names: str) -> str:
+def _replace_names(label: str, *names: str) -> str:
     """The label of an axis with other names and the same unit."""
     unit = re.search(r"(?:^|\s)\[([^\[\]]*)\]$", label)
     return axis_label(names, unit[1] if unit else "")
@@ -129,10 +129,10 @@ def _renamed(label: str, *names: str) -> str:
 def rescale(axes: Axes) -> None:
     """Fit the vertical axis to the parts of its lines that the horizontal axis shows."""
     low, high = axes.get_xlim()
-    lines = _named(axes)
+    lines = _lines_with_names(axes)
     points = [np.column_stack(np.broadcast_arrays(*line.get_data())) for line in lines]
-    shown = [y[(low <= x) & (x <= high) & np.isfinite(y)] for x, y in (p.T for p in points)]
-    values = np.concatenate(shown) if shown else np.empty(0)
+    visible = [y[(low <= x) & (x <= high) & np.isfinite(y)] for x, y in (p.T for p in points)]
+    values = np.concatenate(visible) if visible else np.empty(0)
     if values.size and values.max() > values.min():
         # The margins are equal on the screen, also of a logarithmic axis.
         ends = axes.transData.transform([(low, values.min()), (low, values.max())])
@@ -141,10 +141,10 @@ def rescale(axes: Axes) -> None:
         axes.set_ylim(*axes.transData.inverted().transform(ends)[:, 1])
 
 
-def _named(axes: Axes) -> Sequence[Line2D]:
+def _lines_with_names(axes: Axes) -> Sequence[Line2D]:
     """The lines of an axes that have a name; all if none has."""
-    named = [line for line in axes.get_lines() if not str(line.get_label()).startswith("_")]
-    return named or list(axes.get_lines())
+    with_names = [line for line in axes.get_lines() if not str(line.get_label()).startswith("_")]
+    return with_names or list(axes.get_lines())
 
 
 def _rename(legend: Legend, labels: Iterator[str]) -> None:
@@ -365,9 +365,9 @@ def short_labels(labels: Sequence[str]) -> list[str]:
 def signal_name(labels: Sequence[str]) -> str:
     """The last two parts of the signal that all labels belong to; empty if there is none."""
     for cut in (r"\[\d+\]$", r"\.[^.]+$"):
-        found = {re.sub(cut, "", label) for label in labels}
-        if len(found) == 1:
-            return ".".join(found.pop().split(".")[-2:])
+        signals = {re.sub(cut, "", label) for label in labels}
+        if len(signals) == 1:
+            return ".".join(signals.pop().split(".")[-2:])
     return ""
 
 

@@ -29,7 +29,7 @@ def set_title(axes: Axes, title: str, result: RunData) -> None:
 
 def write_title(axes: Axes, title: str, subtitle: str) -> Text:
     """Write a title and a subtitle above an axes, and return the title."""
-    written = axes.set_title(title, pad=TITLE_HEIGHT)
+    text = axes.set_title(title, pad=TITLE_HEIGHT)
     axes.annotate(
         subtitle,
         xy=(0.0, 1.0),
@@ -40,7 +40,7 @@ def write_title(axes: Axes, title: str, subtitle: str) -> Text:
         color=GREY,
         gid="subtitle",
     )
-    return written
+    return text
 
 
 def separate_notes(figure: Figure) -> None:
@@ -50,9 +50,9 @@ def separate_notes(figure: Figure) -> None:
     """
     room = 72.0 * (float(figure.get_size_inches()[0]) - LEFT_OF_AXES)
     for axes in figure.axes:
-        shown = [text for text in axes.texts if text.get_gid() and text.get_visible()]
-        width = sum(LETTER * float(text.get_fontsize()) * len(text.get_text()) for text in shown)
-        for note in shown if width > room and len(shown) > 1 else ():
+        texts = [text for text in axes.texts if text.get_gid() and text.get_visible()]
+        width = sum(LETTER * float(text.get_fontsize()) * len(text.get_text()) for text in texts)
+        for note in texts if width > room and len(texts) > 1 else ():
             if note.get_gid() == "note":
                 note.set_position((0.0, TITLE_HEIGHT))
 
@@ -69,10 +69,11 @@ def facts(result: RunData) -> list[str]:
     parts = [result.title]
     for how, message in (("without", "without"), ("bypass", "bypassing")):
         names = [name for name, way in removed.items() if way == how]
-        given = [override.target for override in overrides if override.kind == how]
+        targets = [override.target for override in overrides if override.kind == how]
         if names:
-            parts.append(f"{message} {_listed(_grouped(names, given))}")
-    parts += [_listed([f"{o.kind} {o.target}" for o in laid])] if (laid := _laid(overrides)) else []
+            parts.append(f"{message} {_join_names(_by_part(names, targets))}")
+    if conditions := _conditions(overrides):
+        parts.append(_join_names([f"{o.kind} {o.target}" for o in conditions]))
     if "seed" in result.manifest:
         parts.append(f"seed {result.manifest['seed']}")
     status = result.manifest.get("status", "complete")
@@ -81,10 +82,10 @@ def facts(result: RunData) -> list[str]:
     return parts
 
 
-def _laid(overrides: Sequence[Override]) -> list[Override]:
+def _conditions(overrides: Sequence[Override]) -> list[Override]:
     """The changes that lay a condition over the graph or put another block in a place."""
-    named = [o for o in overrides if o.kind in ("with", "replace")]
-    return [replace(o, target=_stem(o)) for o in named]
+    changes = [o for o in overrides if o.kind in ("with", "replace")]
+    return [replace(o, target=_stem(o)) for o in changes]
 
 
 def _stem(change: Override) -> str:
@@ -93,15 +94,15 @@ def _stem(change: Override) -> str:
     return re.sub(r"\.yaml$", "", change.target.rpartition("/")[2])
 
 
-def _grouped(names: list[str], given: list[str]) -> list[str]:
+def _by_part(names: list[str], targets: list[str]) -> list[str]:
     """Names of blocks as the user gave them: a part in place of the blocks inside it."""
-    found: dict[str, None] = {}
+    groups: dict[str, None] = {}
     for name in names:
-        whole = (part for part in given if name == part or name.startswith(f"{part}."))
-        found[next(whole, name)] = None
-    return list(found)
+        whole = (part for part in targets if name == part or name.startswith(f"{part}."))
+        groups[next(whole, name)] = None
+    return list(groups)
 
 
-def _listed(names: list[str], most: int = 3) -> str:
-    left = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + left
+def _join_names(names: list[str], most: int = 3) -> str:
+    rest = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + rest

@@ -55,14 +55,14 @@ def draw_trajectory(figure: Figure, recordings: Sequence[Recording], end: float)
     -------
     Axes : the only one.
     """
-    return _drawn(figure, [track for recorded in recordings for track in _tracks(recorded)])
+    return _draw_view(figure, [track for recording in recordings for track in _tracks(recording)])
 
 
 def draw_paths(figure: Figure, ways: Sequence[Recording], others: Sequence[Recording]) -> Axes:
     """Draw what poses follow, in a view that has room for the poses, but not the poses."""
-    poses = [track for recorded in ways for track in _tracks(recorded)]
+    poses = [track for recording in ways for track in _tracks(recording)]
     paths = [track for each in others for track in _tracks(each) if track.kind != "Pose"]
-    return _drawn(figure, [*poses, *paths], paths, legend=False)
+    return _draw_view(figure, [*poses, *paths], paths, legend=False)
 
 
 def robot_size(axes: Axes) -> float:
@@ -71,10 +71,10 @@ def robot_size(axes: Axes) -> float:
     return SMALL * max(right - left, top - bottom) / 2.0
 
 
-def _drawn(
+def _draw_view(
     figure: Figure,
     tracks: Sequence[_Track],
-    shown: Sequence[_Track] | None = None,
+    visible: Sequence[_Track] | None = None,
     legend: bool = True,
 ) -> Axes:
     """Draw tracks, or some of them (``shown``), in a view of all."""
@@ -86,7 +86,7 @@ def _drawn(
     figure.set_size_inches(width + (0.8 if wide else 2.0), width / ratio + (1.3 if wide else 1.0))
     axes = style.stacked_axes(figure, 1)[0]
     axes.set(xlabel="x [m]", ylabel="y [m]", xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    handles = _draw(axes, tracks if shown is None else shown)
+    handles = _draw(axes, tracks if visible is None else visible)
     if not legend:
         return axes
     if not handles:
@@ -117,39 +117,39 @@ def equal_scales(figure: Figure, axes: Axes) -> None:
     axes.set_aspect("equal")
 
 
-def _tracks(recorded: Recording) -> list[_Track]:
+def _tracks(recording: Recording) -> list[_Track]:
     """The signals of a recording that are poses, paths or point clouds."""
-    found = []
-    spans = recorded.addresses.values() or [(0, len(recorded.labels))]
-    for kind, (start, stop) in zip(recorded.kinds, spans, strict=False):
+    tracks = []
+    spans = recording.addresses.values() or [(0, len(recording.labels))]
+    for kind, (start, stop) in zip(recording.kinds, spans, strict=False):
         if kind in ("Pose", CONTACT):
-            points = recorded.values[:, start:stop]
+            points = recording.values[:, start:stop]
         elif kind in ("Path", "PointCloud"):
             # Paths and clouds change over time; the last row is shown.
-            points = recorded.values[-1] if len(recorded.values) else np.empty((0, 2))
+            points = recording.values[-1] if len(recording.values) else np.empty((0, 2))
         else:
             continue
         finite = points[np.isfinite(points).all(axis=1)]
-        found.append(_Track(style.signal_of(recorded.display_names[start]), kind, finite))
-    return found
+        tracks.append(_Track(style.signal_of(recording.display_names[start]), kind, finite))
+    return tracks
 
 
 def _view(tracks: Sequence[_Track]) -> tuple[FloatArray, FloatArray]:
     """The lower left and the upper right corner of the view."""
-    shown = [track.xy for track in tracks if track.kind == "Pose" and len(track.xy)]
+    poses_xy = [track.xy for track in tracks if track.kind == "Pose" and len(track.xy)]
     others = [track for track in tracks if track.kind != "Pose" and len(track.xy)]
-    if not shown:
-        shown = [track.xy for track in others] or [np.zeros((1, 2))]
+    if not poses_xy:
+        poses_xy = [track.xy for track in others] or [np.zeros((1, 2))]
         others = []
-    poses = np.concatenate(shown)
+    poses = np.concatenate(poses_xy)
     reach = max(STATIONARY, float(np.ptp(poses, axis=0).max()))
     for track in others:
         if track.kind == "Path":
-            shown.append(_nearest(poses, track.xy))
+            poses_xy.append(_nearest(poses, track.xy))
         else:
             inside = np.abs(track.xy - poses.mean(axis=0)).max(axis=1) < reach
-            shown.append(track.xy[inside])
-    everything = np.concatenate(shown)
+            poses_xy.append(track.xy[inside])
+    everything = np.concatenate(poses_xy)
     low, high = everything.min(axis=0), everything.max(axis=0)
     span = float((high - low).max())
     margin = MARGIN * span if span > 0.0 else STATIONARY
@@ -167,11 +167,11 @@ def _nearest(poses: FloatArray, path: FloatArray) -> FloatArray:
 
 def _draw(axes: Axes, tracks: Sequence[_Track]) -> list[Line2D]:
     """Draw all tracks that have points; returns the entries of the legend."""
-    filled = [track for track in tracks if len(track.points)]
-    layers = style.layers([track.xy for track in filled])
+    with_points = [track for track in tracks if len(track.points)]
+    layers = style.layers([track.xy for track in with_points])
     handles: list[Line2D] = []
     paths = poses = 0
-    for track, layer in zip(filled, layers, strict=True):
+    for track, layer in zip(with_points, layers, strict=True):
         if track.kind == "Pose":
             colour = style.COLOURS[poses % len(style.COLOURS)]
             handles += _pose_track(axes, track, colour, 0.3 + layer)
@@ -211,9 +211,9 @@ def _pose_track(axes: Axes, track: _Track, colour: str, layer: float) -> list[Li
     lines = axes.plot(x, y, color=colour, label=track.name, linewidth=1.4, zorder=layer)
     axes.add_line(_mark(track.xy[:1], "start", colour))
     axes.add_line(_mark(track.xy[-1:], "end", colour))
-    travelled = np.concatenate([[0.0], np.hypot(np.diff(x), np.diff(y)).cumsum()])
+    distance = np.concatenate([[0.0], np.hypot(np.diff(x), np.diff(y)).cumsum()])
     # Evenly spaced along the path; in time for a robot that only turns.
-    measure = travelled if travelled[-1] > 0.0 else np.arange(len(x), dtype=np.float64)
+    measure = distance if distance[-1] > 0.0 else np.arange(len(x), dtype=np.float64)
     even = np.linspace(0.0, measure[-1], ARROWS + 2)[1:-1]
     at = np.unique(np.searchsorted(measure, even).clip(max=len(x) - 1))
     _triangles(axes, track.points[at], colour, SMALL)

@@ -27,7 +27,7 @@ SUFFIX = ".tuning"
 
 
 @dataclass(frozen=True)
-class Tuned:
+class Tuning:
     """The neurons of one ensemble: encoders (n, d), rates (n, places) along their encoders."""
 
     name: str
@@ -49,8 +49,8 @@ class Tuned:
     def intercepts(self) -> FloatArray:
         """Where each neuron begins to fire along its encoder, in radii; NaN if it never does."""
         active = self.rates > 0.0
-        found = PLACES[active.argmax(axis=1)]
-        return np.where(active.any(axis=1), found, np.nan)
+        places = PLACES[active.argmax(axis=1)]
+        return np.where(active.any(axis=1), places, np.nan)
 
     def along(self, axis: int) -> FloatArray:
         """Rates (n, places) over one dimension, the others 0."""
@@ -74,47 +74,47 @@ class Tuned:
         return np.arctan2(self.encoders[:, 1], self.encoders[:, 0])
 
 
-def tuned(recorded: Recording) -> Tuned:
+def tuning_of(recording: Recording) -> Tuning:
     """The tuning that a probe of the kind Tuning has recorded."""
-    table = recorded.values[0]
+    table = recording.values[0]
     d = table.shape[1] - len(PLACES)
-    name = recorded.labels[0].removesuffix(SUFFIX)
-    return Tuned(name, table[:, :d], table[:, d:], recorded.units[0])
+    name = recording.labels[0].removesuffix(SUFFIX)
+    return Tuning(name, table[:, :d], table[:, d:], recording.units[0])
 
 
 def draw_tuning_curves(figure: Figure, recordings: Sequence[Recording], end: float) -> Axes:
     """Draw rates over each of the first three dimensions of what ensembles represent."""
-    found = [tuned(recorded) for recorded in recordings]
-    rows, columns = len(found), max(min(each.dimensions, MOST_DIMENSIONS) for each in found)
+    tunings = [tuning_of(recording) for recording in recordings]
+    rows, columns = len(tunings), max(min(each.dimensions, MOST_DIMENSIONS) for each in tunings)
     figure.set_size_inches(style.WIDTH, 0.6 + 2.6 * rows)
     grid = figure.subplots(rows, columns, squeeze=False, sharey="row")
-    for each, row in zip(found, grid, strict=True):
-        shown = min(each.dimensions, MOST_DIMENSIONS)
+    for each, row in zip(tunings, grid, strict=True):
+        dimensions = min(each.dimensions, MOST_DIMENSIONS)
         for axis, axes in enumerate(row):
-            if axis >= shown:
+            if axis >= dimensions:
                 axes.set_axis_off()
                 continue
             _curves(axes, each.along(axis), *_by_direction(each, axis))
             name = "x" if each.dimensions == 1 else f"x[{axis}]"
             axes.set_xlabel(f"{name} / radius")
         _rates_axis(row[0], each, rows > 1)
-        _note_sample(row[shown - 1], each)
+        _note_sample(row[dimensions - 1], each)
     top: Axes = grid[0, 0]
     return top
 
 
 def draw_response_curves(figure: Figure, recordings: Sequence[Recording], end: float) -> Axes:
     """Draw rates over the input along each neuron's own encoder, with histograms at the edges."""
-    found = [tuned(recorded) for recorded in recordings]
-    figure.set_size_inches(style.WIDTH, 0.4 + 3.4 * len(found))
+    tunings = [tuning_of(recording) for recording in recordings]
+    figure.set_size_inches(style.WIDTH, 0.4 + 3.4 * len(tunings))
     grid = figure.add_gridspec(
-        2 * len(found), 2, width_ratios=(5.0, 1.0), height_ratios=(1.0, 4.0) * len(found)
+        2 * len(tunings), 2, width_ratios=(5.0, 1.0), height_ratios=(1.0, 4.0) * len(tunings)
     )
-    tops = [_response(figure, grid, i, each, len(found)) for i, each in enumerate(found)]
+    tops = [_response(figure, grid, i, each, len(tunings)) for i, each in enumerate(tunings)]
     return tops[0]
 
 
-def _response(figure: Figure, grid: GridSpec, i: int, each: Tuned, count: int) -> Axes:
+def _response(figure: Figure, grid: GridSpec, i: int, each: Tuning, count: int) -> Axes:
     """One ensemble's responses; returns the axes above them."""
     main = figure.add_subplot(grid[2 * i + 1, 0])
     above = figure.add_subplot(grid[2 * i, 0], sharex=main)
@@ -147,44 +147,44 @@ def _curves(
     axes: Axes, rates: FloatArray, colours: FloatArray, order: npt.NDArray[np.intp]
 ) -> None:
     """Draw the rates of neurons from back to front, evenly chosen if there are many."""
-    chosen = order[np.unique(np.linspace(0, len(rates) - 1, MOST_LINES).astype(int))]
-    width = 0.9 if len(chosen) <= 50 else 0.6
-    for i in chosen:
+    neurons = order[np.unique(np.linspace(0, len(rates) - 1, MOST_LINES).astype(int))]
+    width = 0.9 if len(neurons) <= 50 else 0.6
+    for i in neurons:
         axes.plot(PLACES, rates[i], color=tuple(colours[i]), linewidth=width)
     axes.set_xlim(-1.0, 1.0)
 
 
-def _by_direction(each: Tuned, axis: int) -> tuple[FloatArray, npt.NDArray[np.intp]]:
+def _by_direction(each: Tuning, axis: int) -> tuple[FloatArray, npt.NDArray[np.intp]]:
     """Colours by the component of the preferred directions along an axis, the largest in front."""
     component = each.directions[:, axis]
     ends: Colormap = matplotlib.colormaps["coolwarm"]
     return np.asarray(ends(0.5 + 0.5 * component)), np.argsort(np.abs(component), kind="stable")
 
 
-def _rates_axis(axes: Axes, each: Tuned, named: bool) -> None:
+def _rates_axis(axes: Axes, each: Tuning, with_name: bool) -> None:
     rate = f"rate [{each.unit}]"
-    axes.set_ylabel(f"{each.name}\n{rate}" if named else rate)
+    axes.set_ylabel(f"{each.name}\n{rate}" if with_name else rate)
     axes.set_ylim(min(0.0, 1.05 * float(each.rates.min())), None)
 
 
-def _note_sample(axes: Axes, each: Tuned) -> None:
+def _note_sample(axes: Axes, each: Tuning) -> None:
     count = len(each.rates)
     more = f", {MOST_LINES} shown" if count > MOST_LINES else ""
     style.write_note(axes, f"{count} neurons{more}")
 
 
-def split(recordings: Sequence[Recording]) -> tuple[list[Recording], dict[str, Tuned]]:
+def split(recordings: Sequence[Recording]) -> tuple[list[Recording], dict[str, Tuning]]:
     """Recordings of signals, and the tuning behind those whose tuning was recorded, by address."""
-    signals = [recorded for recorded in recordings if recorded.kinds != ("Tuning",)]
-    found = (tuned(recorded) for recorded in recordings if recorded.kinds == ("Tuning",))
-    return signals, {each.name: each for each in found}
+    signals = [recording for recording in recordings if recording.kinds != ("Tuning",)]
+    tunings = (tuning_of(recording) for recording in recordings if recording.kinds == ("Tuning",))
+    return signals, {each.name: each for each in tunings}
 
 
 def name_angles(axes: Axes, angles: Iterator[float] | FloatArray) -> None:
     """Label the vertical axis, on which neurons are sorted by these angles (rad), in degrees."""
-    ordered = np.sort(np.degrees(np.asarray(angles)))
+    degrees = np.sort(np.degrees(np.asarray(angles)))
     marks = np.arange(-180, 181, 90)
     axes.set_yticks(
-        np.searchsorted(ordered, marks) - 0.5,
+        np.searchsorted(degrees, marks) - 0.5,
         [f"{mark}°".replace("-", "\N{MINUS SIGN}") for mark in marks],
     )

@@ -19,6 +19,7 @@ from runtime.experiments.execution import (
     INDEX,
     TABLE,
     Columns,
+    check_entries,
     read_plan,
     read_rows,
 )
@@ -199,6 +200,8 @@ def _read(folder: Path) -> dict[str, Any]:
             if line["difference"] is not None:
                 check_form(line["difference"], _DIFFERENCE, f"table[{i}].difference")
         _check_whole(facts)
+        if facts.get("schema_version") != 1:
+            check_entries(facts)
     except ValueError as error:
         raise UsageError(f"'{path}' is damaged: {error}") from None
     _check_index(folder, facts)

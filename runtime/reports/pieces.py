@@ -72,8 +72,8 @@ def probability(p: float | None) -> str:
 
 def plot(figure: Figure, name: str, caption: str, *, wide: bool = False) -> Html:
     """A figure with its caption; a wide one takes the full width of the page."""
-    drawn = figure_svg(figure, name, caption)
-    frame = scrolling(drawn, caption, "plot full" if wide else "plot")
+    drawing = figure_svg(figure, name, caption)
+    frame = scrolling(drawing, caption, "plot full" if wide else "plot")
     return element("figure", frame, element("figcaption", caption), id=name)
 
 
@@ -83,7 +83,7 @@ def diagram_file(file: Path, name: str, label: str) -> Html:
     The graph is not built, which would import its modules, and no drawing is embedded as it is.
     """
     try:
-        drawn = to_svg(draw(read_picture(read_text(file))))
+        drawing = to_svg(draw(read_picture(read_text(file))))
     except FileNotFoundError:
         message = f"This folder has no diagram: it is from an earlier version, or {TOO_LARGE}. "
         again = element("code", f"runtime draw {file.parent / RESOLVED}")
@@ -91,7 +91,7 @@ def diagram_file(file: Path, name: str, label: str) -> Html:
         return element("p", message, again, more, class_="soft")
     except (OSError, ValueError) as error:
         return element("p", f"The diagram cannot be read: {error}", class_="soft")
-    return diagram_frame(drawn, name, label)
+    return diagram_frame(drawing, name, label)
 
 
 def diagram_frame(drawing: str, name: str, label: str) -> Html:

@@ -10,7 +10,7 @@ from typing import Any
 from runtime.compare import text_of
 from runtime.errors import UsageError
 from runtime.experiments.analysis import NEVER, SAME, SAME_RUNS, too_few
-from runtime.experiments.execution import GRAPH, read_plan
+from runtime.experiments.execution import GRAPH, check_entries, read_plan
 from runtime.experiments.tuning import NOTHING, TUNING
 from runtime.experiments.tuning.tuning_plots import tuning_figures
 from runtime.files import MAYBE_NUMBER, check_form, read_text
@@ -76,13 +76,15 @@ def _read(folder: Path) -> dict[str, Any]:
     try:
         stored = json.loads(read_text(folder / TUNING))
         check_form(stored, _STORED)
+        if stored.get("schema_version") != 1:
+            check_entries(stored)
     except FileNotFoundError:
         message = "has no results yet; 'runtime tune' with --resume continues it"
         raise UsageError(f"'{folder}' {message}") from None
     except (OSError, ValueError) as error:
         raise UsageError(f"'{folder / TUNING}' is damaged: {error}") from None
-    found: dict[str, Any] = stored
-    return found
+    content: dict[str, Any] = stored
+    return content
 
 
 def _lead(stored: Mapping[str, Any]) -> str:

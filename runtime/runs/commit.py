@@ -27,10 +27,10 @@ def git_commit(folder: Path | None = None) -> str | None:
     None outside a repository.
     """
     try:
-        found = _repository(folder or Path.cwd())
-        if found is None:
+        repository = _repository(folder or Path.cwd())
+        if repository is None:
             return None
-        work, private, common = found
+        work, private, common = repository
         commit = _head(private, common)
     except (OSError, ValueError):
         return None
@@ -44,11 +44,11 @@ def _repository(folder: Path) -> tuple[Path, Path, Path] | None:
     for work in (folder, *folder.parents):
         private = work / ".git"
         if private.is_file():
-            named = _read(private).removeprefix("gitdir:").strip()
-            private = work / named
+            target = _read(private).removeprefix("gitdir:").strip()
+            private = work / target
         if (private / "HEAD").is_file():
-            shared = private / "commondir"
-            common = private / _read(shared).strip() if shared.is_file() else private
+            pointer = private / "commondir"
+            common = private / _read(pointer).strip() if pointer.is_file() else private
             return work, private, common
     return None
 
@@ -74,9 +74,9 @@ def _reference(name: str, private: Path, common: Path) -> str:
     for folder in (private, common):
         if (folder / name).is_file():
             return _read(folder / name).strip()
-    packed = common / "packed-refs"
-    if packed.is_file():
-        for line in _read(packed).splitlines():
+    packed_refs = common / "packed-refs"
+    if packed_refs.is_file():
+        for line in _read(packed_refs).splitlines():
             if line.endswith(f" {name}"):
                 return line.split()[0]
     return ""
@@ -111,10 +111,10 @@ def _is_changed(commit: str, work: Path, private: Path, common: Path) -> bool:
 def _git(environment: dict[str, str], work: Path) -> bytes:
     """The output of ``git status``; git and its children are killed after a timeout."""
     # Submodules are ignored: each is a repository with its own configuration.
-    asked = ("status", "--porcelain", "--untracked-files=no", "--ignore-submodules=all")
+    arguments = ("status", "--porcelain", "--untracked-files=no", "--ignore-submodules=all")
     with TemporaryFile() as answer:
         process = subprocess.Popen(
-            ["git", *asked],
+            ["git", *arguments],
             stdin=subprocess.DEVNULL,
             stdout=answer,
             stderr=subprocess.DEVNULL,

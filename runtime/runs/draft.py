@@ -27,7 +27,7 @@ from runtime.errors import UsageError
 from runtime.files import lock, open_file, point_link, remove_tree, slug, system_errors
 from runtime.observation import RunData
 from runtime.runs.commit import git_commit
-from runtime.runs.folder import MANIFEST, RESOLVED, WRITTEN, described_run, read_manifest, write
+from runtime.runs.folder import MANIFEST, RESOLVED, WRITTEN, read_manifest, run_from_manifest, write
 
 PARTIAL, RECORDING, RUN, LOCK = ".partial", "recording", "run", "lock"
 # Hidden folders of runs; earlier versions had one for recordings only.
@@ -160,7 +160,7 @@ class Leftover:
     path: Path
     name: str
     size: int
-    changed: float
+    changed_at: float
 
     @property
     def has_recording(self) -> bool:
@@ -178,12 +178,12 @@ def leftovers(root: Path) -> list[Leftover]:
     with system_errors(f"read '{root}'"):
         folders = [Path(entry.path) for entry in _folders(root)]
         inside = [path for folder in folders for path in _readable(folder)]
-    found = []
+    result = []
     for path in sorted([*folders, *inside]):
-        named = _HIDDEN.fullmatch(path.name)
-        if named is not None and not _is_alive(path):
-            found.append(Leftover(path, named["name"], _size(path), path.lstat().st_mtime))
-    return found
+        match = _HIDDEN.fullmatch(path.name)
+        if match is not None and not _is_alive(path):
+            result.append(Leftover(path, match["name"], _size(path), path.lstat().st_mtime))
+    return result
 
 
 def _folders(root: Path) -> list[os.DirEntry[str]]:
@@ -245,12 +245,12 @@ def recover(leftover: Leftover) -> Path:
     draft = Draft(target)
     try:
         draft.commit = read_manifest(source).get("git")
-        return draft.save(_recovered(source))
+        return draft.save(_read_recording(source))
     finally:
         draft.close()
 
 
-def _recovered(source: Path) -> RunData:
+def _read_recording(source: Path) -> RunData:
     details = read_manifest(source)
     every, dt = details.pop("every", {}), details.get("dt")
     names = details.pop("metrics", [])
@@ -269,7 +269,7 @@ def _recovered(source: Path) -> RunData:
         details["notes"] = [*details["notes"], f"metrics have no values: {RECOVERED}"]
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise UsageError(f"'{source / MANIFEST}' is damaged: {error!r}") from None
-    result = described_run(source, details, arrays, dict.fromkeys(map(str, names)))
+    result = run_from_manifest(source, details, arrays, dict.fromkeys(map(str, names)))
     texts = {WRITTEN, RESOLVED, MANIFEST}
     result.files = {
         path.name: path.read_bytes()

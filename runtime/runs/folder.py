@@ -86,12 +86,12 @@ def contents(files: Mapping[str, Path], texts: Mapping[str, bytes]) -> dict[str,
     ------
     UsageError : a file cannot be read.
     """
-    found = {}
+    data = {}
     for name, path in files.items():
         with system_errors(f"read '{path}'"):
-            known = texts.get(str(path.resolve()))
-            found[name] = path.read_bytes() if known is None else known
-    return found
+            content = texts.get(str(path.resolve()))
+            data[name] = path.read_bytes() if content is None else content
+    return data
 
 
 def begin(result: RunData, probes: Mapping[str, Probe], folder: Path) -> None:
@@ -123,9 +123,9 @@ def write(result: RunData, folder: Path, commit: str | None) -> None:
     OSError : a file cannot be written.
     """
     arrays = {}
-    for name, recorded in result.probes.items():
-        arrays[name] = recorded.values
-        arrays[f"{name}.{TIME}"] = recorded.t
+    for name, recording in result.probes.items():
+        arrays[name] = recording.values
+        arrays[f"{name}.{TIME}"] = recording.t
     save_arrays(folder / PROBES, arrays)
     if result.states:
         save_arrays(folder / STATES, result.states)
@@ -142,7 +142,7 @@ def manifest(result: RunData, hashes: Mapping[str, str], commit: str | None) -> 
         **result.manifest,
         "git": commit,
         "hashes": dict(hashes),
-        "probes": {name: _described(recorded) for name, recorded in result.probes.items()},
+        "probes": {name: _recording_entry(recording) for name, recording in result.probes.items()},
         "plots": [plot.as_dict() for plot in result.plots],
         "world": None if result.world is None else result.world.description,
         "failures": result.failures,
@@ -151,15 +151,15 @@ def manifest(result: RunData, hashes: Mapping[str, str], commit: str | None) -> 
     }
 
 
-def _described(recorded: Recording) -> dict[str, Any]:
+def _recording_entry(recording: Recording) -> dict[str, Any]:
     return {
-        "labels": list(recorded.labels),
-        "units": list(recorded.units),
-        "kinds": list(recorded.kinds),
-        "addresses": {a: list(span) for a, span in recorded.addresses.items()},
-        "auto": recorded.auto,
-        **({"names": list(recorded.names)} if any(recorded.names) else {}),
-        **({"held": list(recorded.held)} if any(recorded.held) else {}),
+        "labels": list(recording.labels),
+        "units": list(recording.units),
+        "kinds": list(recording.kinds),
+        "addresses": {a: list(span) for a, span in recording.addresses.items()},
+        "auto": recording.auto,
+        **({"names": list(recording.names)} if any(recording.names) else {}),
+        **({"held": list(recording.held)} if any(recording.held) else {}),
     }
 
 
@@ -186,13 +186,13 @@ def run_folder(path: str | Path) -> Path:
         text = f"there is no '{path}'; expected a run folder, as in runs/<graph>/latest"
         raise UsageError(text) from None
     except (OSError, ValueError) as error:
-        shown = show(str(path))
-        raise UsageError(f"{shown}: {getattr(error, 'strerror', None) or error}") from None
+        text = show(str(path))
+        raise UsageError(f"{text}: {getattr(error, 'strerror', None) or error}") from None
     if not is_folder:
         raise UsageError(f"'{path}' is a file; expected a run folder, as in runs/<graph>/latest")
     latest = folder / "latest"
-    found = latest if latest in inside else inside[-1] if inside else None
-    suggestion = f"; did you mean '{found}'?" if found else ", as in runs/<graph>/latest"
+    newest = latest if latest in inside else inside[-1] if inside else None
+    suggestion = f"; did you mean '{newest}'?" if newest else ", as in runs/<graph>/latest"
     raise UsageError(
         f"'{folder}' holds no run (no {MANIFEST} in it); expected a run folder{suggestion}"
     )
@@ -213,10 +213,10 @@ def read_run(path: str | Path) -> RunData:
     manifest = read_manifest(folder)
     metrics = _mapping(folder / METRICS)
     if any(v is not None and not is_number(v) for v in metrics.values()):
-        raise _damaged(folder / METRICS, "expected a number or null for each metric")
+        raise _damage_error(folder / METRICS, "expected a number or null for each metric")
     if not all(name.isprintable() for name in metrics):
-        raise _damaged(folder / METRICS, "expected printable names")
-    return described_run(folder, manifest, _arrays(folder / PROBES), metrics)
+        raise _damage_error(folder / METRICS, "expected printable names")
+    return run_from_manifest(folder, manifest, _arrays(folder / PROBES), metrics)
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
@@ -234,10 +234,10 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     return manifest
 
 
-def _plots(described: list[dict[str, Any]], folder: Path) -> tuple[list[PlotSpec], list[str]]:
+def _plots(entries: list[dict[str, Any]], folder: Path) -> tuple[list[PlotSpec], list[str]]:
     """The plots that a run folder describes, and a note for each whose kind is of a Python file."""
     plots, notes = [], []
-    for each in described:
+    for each in entries:
         name, kind = str(each["name"]), str(each["kind"])
         if each.get("own"):
             notes.append(
@@ -250,7 +250,7 @@ def _plots(described: list[dict[str, Any]], folder: Path) -> tuple[list[PlotSpec
     return plots, notes
 
 
-def described_run(
+def run_from_manifest(
     folder: Path,
     manifest: dict[str, Any],
     arrays: dict[str, FloatArray],
@@ -273,7 +273,7 @@ def described_run(
                 f"time_unit: expected one of {', '.join(TIME_UNITS)}, got {show(unit)}"
             )
         probes = {
-            name: _recorded(name, info, arrays, unit)
+            name: _recording(name, info, arrays, unit)
             for name, info in manifest.pop("probes").items()
         }
         plots, left_out = _plots(manifest.pop("plots"), folder)
@@ -290,9 +290,9 @@ def described_run(
         notes += left_out
         _check_facts(manifest)
     except KeyError as error:
-        raise _damaged(folder / MANIFEST, f"{error} is missing") from None
+        raise _damage_error(folder / MANIFEST, f"{error} is missing") from None
     except (ValueError, TypeError, AttributeError, IndexError) as error:
-        raise _damaged(folder / MANIFEST, str(error)) from None
+        raise _damage_error(folder / MANIFEST, str(error)) from None
     return RunData(
         *(str(manifest["graph"]), probes, metrics, plots, manifest),
         *(lambda: (texts, {}), notes, failures, world, units),
@@ -301,13 +301,13 @@ def described_run(
     )
 
 
-def _recorded(
+def _recording(
     name: str, info: dict[str, Any], arrays: dict[str, FloatArray], time_unit: str
 ) -> Recording:
     """One probe's recording, checked against its description in the manifest."""
-    for wanted in (name, f"{name}.{TIME}"):
-        if wanted not in arrays:
-            raise ValueError(f"probe '{name}': there is no array '{wanted}' in {PROBES}")
+    for array_name in (name, f"{name}.{TIME}"):
+        if array_name not in arrays:
+            raise ValueError(f"probe '{name}': there is no array '{array_name}' in {PROBES}")
     if not name.isprintable():
         raise ValueError("probes: expected printable names")
     values, t = arrays[name], arrays[f"{name}.{TIME}"]
@@ -348,23 +348,23 @@ def _text(path: Path) -> str:
     try:
         return read_text(path)
     except OSError as error:
-        raise UsageError(f"cannot read '{path}': {error.strerror}{_way_out(path)}") from None
+        raise UsageError(f"cannot read '{path}': {error.strerror}{_remedy(path)}") from None
     except UnicodeDecodeError:
-        raise _damaged(path, "it is no UTF-8 text") from None
+        raise _damage_error(path, "it is no UTF-8 text") from None
     except ValueError as error:
-        raise _damaged(path, str(error)) from None
+        raise _damage_error(path, str(error)) from None
 
 
 def _mapping(path: Path) -> dict[str, Any]:
     try:
-        found = json.loads(_text(path))
+        data = json.loads(_text(path))
         # Half a character (a lone surrogate) can be read but not written.
-        json.dumps(found, ensure_ascii=False).encode()
+        json.dumps(data, ensure_ascii=False).encode()
     except (ValueError, RecursionError) as error:
-        raise _damaged(path, f"no JSON ({error})") from None
-    if not isinstance(found, dict):
-        raise _damaged(path, f"expected an object, got {type(found).__name__}")
-    return found
+        raise _damage_error(path, f"no JSON ({error})") from None
+    if not isinstance(data, dict):
+        raise _damage_error(path, f"expected an object, got {type(data).__name__}")
+    return data
 
 
 def _arrays(path: Path) -> dict[str, FloatArray]:
@@ -373,12 +373,12 @@ def _arrays(path: Path) -> dict[str, FloatArray]:
             warnings.simplefilter("error")
             arrays = open_arrays(path)
     except FileNotFoundError:
-        raise UsageError(f"'{path}' is missing{_way_out(path)}") from None
+        raise UsageError(f"'{path}' is missing{_remedy(path)}") from None
     except _BROKEN_ARRAYS as error:
-        raise _damaged(path, str(error) or type(error).__name__) from None
+        raise _damage_error(path, str(error) or type(error).__name__) from None
     for name, array in arrays.items():
         if array.dtype != np.float64:
-            raise _damaged(path, f"array '{name}' is {array.dtype}, expected float64")
+            raise _damage_error(path, f"array '{name}' is {array.dtype}, expected float64")
     return arrays
 
 
@@ -401,17 +401,17 @@ def _changed_files(folder: Path, manifest: dict[str, Any]) -> list[str]:
             if path.is_file() and not path.is_symlink() and sha256(path) == digest:
                 continue
         if name in (METRICS, PROBES):
-            raise _damaged(path, f"it is not the file that was saved (SHA-256 in {MANIFEST})")
+            raise _damage_error(path, f"it is not the file that was saved (SHA-256 in {MANIFEST})")
         message = "was changed after" if path.is_file() else "was removed after"
         notes.append(f"'{name}' {message} the run was saved (SHA-256 in {MANIFEST})")
     return notes
 
 
-def _damaged(path: Path, message: str) -> UsageError:
-    return UsageError(f"'{path}' is damaged: {' '.join(message.split())}{_way_out(path)}")
+def _damage_error(path: Path, message: str) -> UsageError:
+    return UsageError(f"'{path}' is damaged: {' '.join(message.split())}{_remedy(path)}")
 
 
-def _way_out(path: Path) -> str:
+def _remedy(path: Path) -> str:
     """What to do about a file of a run folder that cannot be used."""
     resolved = path.parent / RESOLVED
     if resolved == path or not resolved.is_file():

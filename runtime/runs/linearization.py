@@ -45,9 +45,9 @@ class Linearization:
     @property
     def poles(self) -> FloatArray:
         """The eigenvalues of A (1/s), the slowest first."""
-        found = np.linalg.eigvals(self.a)
-        order = np.lexsort((found.imag, -found.real))
-        return np.asarray(found[order])
+        values = np.linalg.eigvals(self.a)
+        order = np.lexsort((values.imag, -values.real))
+        return np.asarray(values[order])
 
     def system(self) -> StateSpace:
         """The system for scipy.signal: step responses, Bode plots, transfer functions."""
@@ -96,14 +96,14 @@ def linearize(
     names = [slot.address(i) for slot in row.slots for i in range(slot.start, slot.stop)]
     _set_states(engine, states or {})
     offsets, labels = _offsets(network, inputs)
-    watched = [_watched(network, text) for text in outputs]
-    flow = flow_at(engine, tick, offsets, watched)
+    watches = [_watch(network, text) for text in outputs]
+    flow = flow_at(engine, tick, offsets, watches)
     x = engine.state.continuous
 
-    def at_point(moved: FloatArray, offset: FloatArray) -> FloatArray:
-        x[:] = moved
-        slopes, seen = flow(offset.tolist())
-        return np.array([*slopes, *seen])
+    def at_point(state: FloatArray, offset: FloatArray) -> FloatArray:
+        x[:] = state
+        slopes, y = flow(offset.tolist())
+        return np.array([*slopes, *y])
 
     x0, u0 = x.copy(), np.zeros(len(labels))
     by_state = _differences(lambda v: at_point(v, u0), x0)
@@ -111,7 +111,7 @@ def linearize(
     x[:] = x0
     n = row.size
     rows = [
-        each for text, w in zip(outputs, watched, strict=True) for each in _rows(network, text, w)
+        each for text, w in zip(outputs, watches, strict=True) for each in _rows(network, text, w)
     ]
     return Linearization(
         a=by_state[:n],
@@ -152,12 +152,12 @@ def _differences(function: Any, point: FloatArray) -> FloatArray:
 
 
 def _set_states(engine: Engine, states: Mapping[str, Any]) -> None:
-    known = {str(slot): slot for slot in engine.plan.row.slots}
+    slots = {str(slot): slot for slot in engine.plan.row.slots}
     for address, value in states.items():
-        if address not in known:
-            near = hint(address, known) or f"; the states are {', '.join(known)}"
+        if address not in slots:
+            near = hint(address, slots) or f"; the states are {', '.join(slots)}"
             raise UsageError(f"no continuous state '{address}'{near}")
-        slot = known[address]
+        slot = slots[address]
         array = np.asarray(value, dtype=np.float64)
         if array.shape not in ((), slot.shape):
             raise UsageError(f"'{address}' has shape {slot.shape}, got {array.shape}")
@@ -172,13 +172,13 @@ def _offsets(
     offsets: dict[tuple[str, str], int] = {}
     labels: list[str] = []
     for text in inputs:
-        port = _driven(network, text)
+        port = _input_at(network, text)
         offsets[port] = len(labels)
         labels += _labels(text, network.types[port])
     return offsets, labels
 
 
-def _driven(network: Network, text: str) -> tuple[str, str]:
+def _input_at(network: Network, text: str) -> tuple[str, str]:
     """The input or output of a block to which an offset is added."""
     block, _, port = text.rpartition(".")
     entry = network.entries.get(block)
@@ -188,18 +188,18 @@ def _driven(network: Network, text: str) -> tuple[str, str]:
         if entry.sampled or (entry.cls.spec.update and not entry.cls.spec.continuous):
             raise UsageError(f"'{text}' is read by a sampled block, which holds its outputs")
         return block, port
-    end = _found(network, text)
+    end = _output_at(network, text)
     if end.component or end.port in network.entries[end.block].cls.spec.states:
         raise UsageError(f"'{text}': expected a whole input or output of a block")
     return end.block, end.port
 
 
-def _watched(network: Network, text: str) -> Watched:
-    end = _found(network, text)
+def _watch(network: Network, text: str) -> Watched:
+    end = _output_at(network, text)
     return Watched(end, end.port in network.entries[end.block].cls.spec.states)
 
 
-def _found(network: Network, text: str) -> Endpoint:
+def _output_at(network: Network, text: str) -> Endpoint:
     try:
         end = find(network.scope, text).end
     except AddressError as error:
@@ -217,11 +217,11 @@ def _labels(text: str, kind: Any) -> list[str]:
     return [f"{text}.{part}" for part in parts]
 
 
-def _rows(network: Network, text: str, watched: Watched) -> list[str]:
-    end = watched.end
+def _rows(network: Network, text: str, watch: Watched) -> list[str]:
+    end = watch.end
     if end.component:
         return [text]
-    if not watched.is_state:
+    if not watch.is_state:
         return _labels(text, network.types[end.block, end.port])
     entry = network.entries[end.block]
     spec = entry.cls.spec

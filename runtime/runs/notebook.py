@@ -23,19 +23,19 @@ class Figures(dict[str, "Figure"]):
         return "".join(_picture(name, figure) for name, figure in self.items())
 
 
-def shown_in_notebook(result: RunData) -> str:
+def notebook_html(result: RunData) -> str:
     """A run as HTML: a line that says what ran, its metrics, notes and plots."""
     from runtime.plots import draw
 
     manifest = result.manifest
-    simulated = result.ticks * manifest["dt"]
+    duration = result.ticks * manifest["dt"]
     parts = [
-        f"<b>{escape(result.title)}</b>: {result.status}, {simulated:g} "
+        f"<b>{escape(result.title)}</b>: {result.status}, {duration:g} "
         f"{result.time_unit}, seed {manifest['seed']}"
     ]
     rows = "".join(
         f"<tr><td style='text-align: left'>{escape(name)}</td>"
-        f"<td>{_measured(result, name)}</td></tr>"
+        f"<td>{_value_text(result, name)}</td></tr>"
         for name in result.metrics
     )
     parts += [f"<table>{rows}</table>"] * bool(rows)
@@ -48,7 +48,7 @@ def shown_in_notebook(result: RunData) -> str:
     return "\n".join(parts)
 
 
-def _measured(result: RunData, name: str) -> str:
+def _value_text(result: RunData, name: str) -> str:
     """A value with its unit; words or a dash alone where there is none."""
     unit = "" if result.metrics[name] is None else result.units.get(name, "")
     return escape(f"{result.metric_text(name)} {unit}".strip())

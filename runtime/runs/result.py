@@ -11,7 +11,7 @@ from runtime.errors import UsageError
 from runtime.observation import RunData
 from runtime.runs.draft import save
 from runtime.runs.folder import read_run
-from runtime.runs.notebook import Figures, shown_in_notebook
+from runtime.runs.notebook import Figures, notebook_html
 from runtime.runs.tables import run_dataframe, run_dataset
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ class Result(RunData):
 
     def _repr_html_(self) -> str:
         """The run as a notebook shows it: what ran, its metrics and its figures."""
-        return shown_in_notebook(self)
+        return notebook_html(self)
 
     def save(self, folder: str | Path) -> Path:
         """Write the run into a folder that must not exist yet; returns the folder."""

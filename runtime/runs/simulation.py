@@ -85,7 +85,7 @@ def simulate(
             _begin_recording(graph, engine, began, folder)
     outcome = engine.run(progress)
     probes = {
-        name: _recorded(
+        name: _recording(
             probe, rows, engine.recorder.times(name, len(rows), network.dt), network.time_unit
         )
         for name, probe in observation.probes.items()
@@ -110,7 +110,7 @@ def at_start(graph: PreparedRun) -> Result:
     engine = Engine(graph.program, graph.network.seed)
     engine.prepare()
     probes = {
-        name: _recorded(probe, engine.arrays[name], np.zeros(1), graph.network.time_unit)
+        name: _recording(probe, engine.arrays[name], np.zeros(1), graph.network.time_unit)
         for name, probe in graph.program.observation.probes.items()
         if probe.constant
     }
@@ -133,7 +133,7 @@ def chosen_runner(network: Network, note: Callable[[str], None] = silent) -> Mak
     return CheckedRunner if network.engine == "checked" else CompiledRunner
 
 
-def _recorded(probe: Probe, values: FloatArray, times: FloatArray, time_unit: str) -> Recording:
+def _recording(probe: Probe, values: FloatArray, times: FloatArray, time_unit: str) -> Recording:
     addresses, start = {}, 0
     for signal in probe.signals:
         width = len(signal.labels)
@@ -160,7 +160,7 @@ def _begin_recording(graph: PreparedRun, engine: Engine, began: datetime, folder
     outcome = Outcome({}, 0, "interrupted", "python" if engine.make_runner is None else "compiled")
     notes = [*graph.notes, *observation.notes]
     empty = {
-        name: _recorded(probe, engine.arrays[name][:0], np.empty(0), graph.network.time_unit)
+        name: _recording(probe, engine.arrays[name][:0], np.empty(0), graph.network.time_unit)
         for name, probe in observation.probes.items()
     }
     metrics: dict[str, float | None] = dict.fromkeys(metric.name for metric in observation.metrics)
@@ -192,15 +192,15 @@ def _result(
 def _origin(graph: PreparedRun, engine: str) -> tuple[dict[str, str], dict[str, bytes]]:
     """The graph as written and as run, and the files of its own blocks."""
     read = graph.read
-    resolved, files = portable(_resolved(graph, engine), read)
+    resolved, files = portable(_resolved_document(graph, engine), read)
     source = None if graph.source is None else read.get(str(graph.source.resolve()))
     text = dump_yaml(resolved) if source is None else source.decode("utf-8-sig")
     texts = {WRITTEN: text, RESOLVED: dump_yaml(resolved)}
-    drawn = stored_picture(graph.network)
-    return (texts if drawn is None else {**texts, DIAGRAM: drawn}), contents(files, read)
+    diagram = stored_picture(graph.network)
+    return (texts if diagram is None else {**texts, DIAGRAM: diagram}), contents(files, read)
 
 
-def _resolved(graph: PreparedRun, engine: str) -> dict[str, Any]:
+def _resolved_document(graph: PreparedRun, engine: str) -> dict[str, Any]:
     """The document with all entries of its ``run`` section written out."""
     network = graph.network
     run: dict[str, Any] = {
@@ -278,19 +278,19 @@ def _order(program: Program) -> list[str]:
 @cache
 def versions() -> dict[str, str]:
     """Versions of Python and of the packages that a run's results depend on."""
-    found = {"python": platform.python_version()}
+    result = {"python": platform.python_version()}
     for name in PACKAGES:
         try:
             # Parsing the metadata, which may contain a long description, takes 10 ms a package.
             text = distribution(name).read_text("METADATA") or ""
             line = text.partition("\nVersion: ")[2].partition("\n")[0]
-            found[name] = line.strip() or version(name)
+            result[name] = line.strip() or version(name)
         except PackageNotFoundError:
-            found[name] = "not installed"
-    return found
+            result[name] = "not installed"
+    return result
 
 
-def _valued(
+def _value_or_reason(
     metric: Metric, series: Mapping[str, Series], world: World | None
 ) -> tuple[float | None, str]:
     """A metric's value, and why it has none where its formula failed."""
@@ -317,10 +317,10 @@ def evaluate(
     values: dict[str, float | None] = {}
     failures, notes = [], []
     for metric in metrics:
-        value, failed = stopped_at, ""
+        value, reason = stopped_at, ""
         if metric.own is not None or metric.kind != STOP_TIME:
-            value, failed = _valued(metric, series, world)
-        notes += [failed] if failed else []
+            value, reason = _value_or_reason(metric, series, world)
+        notes += [reason] if reason else []
         failures += [text] if (text := metric.expectation(value)) else []
         if value is not None and not math.isfinite(value):
             notes.append(f"metric '{metric.name}' is infinite ({value:g}): it counts as no value")

@@ -20,27 +20,31 @@ def run_dataframe(result: RunData, names: Sequence[str]) -> DataFrame:
     pandas = package("pandas", "to_dataframe()")
     frames: list[DataFrame] = []
     units: dict[str, str] = {}
-    taken: set[str] = set()
-    for found in _chosen(result, names):
-        if found.values.ndim > 2:
-            raise UsageError(f"'{found.name}' is a table in each row; to_xarray() has it")
+    labels: set[str] = set()
+    for recording in _recordings(result, names):
+        if recording.values.ndim > 2:
+            raise UsageError(f"'{recording.name}' is a table in each row; to_xarray() has it")
         columns = {
-            label: found.columns[:, i] for i, label in enumerate(found.labels) if label not in taken
+            label: recording.columns[:, i]
+            for i, label in enumerate(recording.labels)
+            if label not in labels
         }
         units |= {
-            label: unit for label, unit in zip(found.labels, found.units, strict=True) if unit
+            label: unit
+            for label, unit in zip(recording.labels, recording.units, strict=True)
+            if unit
         }
-        taken |= columns.keys()
+        labels |= columns.keys()
         frame = dataframe(columns, {}, "to_dataframe()")
-        frame.index = pandas.Index(found.t, name="t")
+        frame.index = pandas.Index(recording.t, name="t")
         frames.append(frame)
     if not frames:
         return dataframe({}, {}, "to_dataframe()")
     # Signals with other steps leave gaps, which are NaN.
-    joined: DataFrame = pandas.concat(frames, axis=1).sort_index()
-    joined.index.name = "t"
-    joined.attrs["units"] = units
-    return joined
+    table: DataFrame = pandas.concat(frames, axis=1).sort_index()
+    table.index.name = "t"
+    table.attrs["units"] = units
+    return table
 
 
 def run_dataset(result: RunData) -> Dataset:
@@ -49,24 +53,26 @@ def run_dataset(result: RunData) -> Dataset:
     axes: dict[bytes, str] = {}
     arrays: dict[str, tuple[list[str], FloatArray, dict[str, str]]] = {}
     coordinates: dict[str, object] = {}
-    for name, found in result.probes.items():
-        axis = axes.setdefault(found.t.tobytes(), f"t_{name}" if axes else "t")
-        coordinates[axis] = (axis, found.t, {"units": found.time_unit})
-        inner = [f"{name}_row", f"{name}_column"][3 - found.values.ndim :]
-        if inner and len(found.labels) == found.values.shape[-1]:
-            coordinates[inner[-1]] = list(found.labels)
-        units = dict.fromkeys(found.units)
+    for name, recording in result.probes.items():
+        axis = axes.setdefault(recording.t.tobytes(), f"t_{name}" if axes else "t")
+        coordinates[axis] = (axis, recording.t, {"units": recording.time_unit})
+        inner = [f"{name}_row", f"{name}_column"][3 - recording.values.ndim :]
+        if inner and len(recording.labels) == recording.values.shape[-1]:
+            coordinates[inner[-1]] = list(recording.labels)
+        units = dict.fromkeys(recording.units)
         attributes = {"units": ", ".join(units)} if any(units) else {}
-        arrays[name] = ([axis, *inner], found.values, attributes)
-    described = {"title": result.title, "seed": result.manifest["seed"]}
-    known = {name: value for name, value in result.metrics.items() if value is not None}
-    dataset: Dataset = xarray.Dataset(arrays, coordinates, {**described, **known})
+        arrays[name] = ([axis, *inner], recording.values, attributes)
+    facts = {"title": result.title, "seed": result.manifest["seed"]}
+    metrics = {name: value for name, value in result.metrics.items() if value is not None}
+    dataset: Dataset = xarray.Dataset(arrays, coordinates, {**facts, **metrics})
     return dataset
 
 
-def _chosen(result: RunData, names: Sequence[str]) -> list[Recording]:
+def _recordings(result: RunData, names: Sequence[str]) -> list[Recording]:
     """The recordings of some names; of everything that changes and fits a column, without names."""
     if not names:
-        recorded = result.probes.values()
-        return [found for found in recorded if found.values.ndim <= 2 and len(found.t) > 1]
+        probes = result.probes.values()
+        return [
+            recording for recording in probes if recording.values.ndim <= 2 and len(recording.t) > 1
+        ]
     return [result.recording(name) for name in names]

@@ -44,7 +44,7 @@ def run(options: Namespace) -> int:
             row["removed"] = remove(leftover)
         rows.append(row)
         if not options.json:
-            when = datetime.fromtimestamp(leftover.changed).isoformat(" ", "minutes")
+            when = datetime.fromtimestamp(leftover.changed_at).isoformat(" ", "minutes")
             show(f"{leftover.path}  {readable_bytes(leftover.size)}, {when}{_outcome(row)}")
     if options.json:
         show_json({"schema_version": 1, "leftovers": rows})

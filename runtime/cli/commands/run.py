@@ -171,9 +171,9 @@ def _check_options(graph: Graph, options: Namespace) -> None:
                 f"--labels {options.labels}: names the two runs of --vs, which is not given"
             )
     if options.animate:
-        from runtime.plots import animated
+        from runtime.plots import animated_plot
 
-        animated(graph.observation.plots, graph.network.world)
+        animated_plot(graph.observation.plots, graph.network.world)
     if options.profile and graph.network.engine in ("compiled", "checked"):
         raise UsageError("--profile measures each block, which needs --engine python")
 

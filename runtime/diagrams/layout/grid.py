@@ -126,16 +126,16 @@ def find_feedback(names: Sequence[str], links: Sequence[Link]) -> set[tuple[int,
         graph.add_edges_from((link.source[0], name, i) for name in dict(link.targets))
     back = {(i, v) for u, v, i in graph.edges(keys=True) if u == v}
     graph.remove_edges_from([(v, v, i) for i, v in back])
-    opened: list[tuple[int, str]] = []
+    cuts: list[tuple[int, str]] = []
     while components := [k for k in nx.strongly_connected_components(graph) if len(k) > 1]:
         for component in sorted(components, key=lambda k: min(map(order.__getitem__, k))):
             inside = graph.subgraph(component).copy()
             best = _best_cut(inside, links, order)
             cut = [(u, v, i) for u, v, i in inside.edges(keys=True) if i == best]
             graph.remove_edges_from(cut)
-            opened += [(best, v) for _, v, _ in cut]
+            cuts += [(best, v) for _, v, _ in cut]
     # Sorted, since the edges of a subgraph are listed in no particular order.
-    for i, name in sorted(opened, key=lambda o: (o[0], order[o[1]])):
+    for i, name in sorted(cuts, key=lambda o: (o[0], order[o[1]])):
         source = links[i].source[0]
         if nx.has_path(graph, name, source):
             back.add((i, name))
@@ -187,8 +187,8 @@ def _ranks(names: Sequence[str], wires: Sequence[tuple[str, str]]) -> dict[str, 
     if not wires:
         return dict.fromkeys(names, 0)
     matrix = csr_array((values, (rows, columns)), shape=(len(wires), len(names)))
-    found = linprog(cost, matrix, -np.ones(len(wires)), method="highs-ds")
-    return {name: round(found.x[i]) for name, i in index.items()}
+    solution = linprog(cost, matrix, -np.ones(len(wires)), method="highs-ds")
+    return {name: round(solution.x[i]) for name, i in index.items()}
 
 
 def build_grid(cells: Sequence[Cell], links: Sequence[Link]) -> Grid:

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 from runtime.diagrams.layout.grid import Cell, Grid, Link, Pin, build_grid
 from runtime.diagrams.layout.order import reduce_crossings
-from runtime.diagrams.layout.wires import Point, Wiring
+from runtime.diagrams.layout.wires import Point, WireRouter
 
 BOX_GAP = 24.0
 WIRE_GAP = 14.0
@@ -21,7 +21,7 @@ PASSING_WEIGHT = 8.0
 
 
 @dataclass
-class Layout:
+class DiagramLayout:
     """The positions of all cells (their left top corners) and the corners of all wires.
 
     ``routes`` maps a link's index and one of its targets to the points from its source;
@@ -35,7 +35,7 @@ class Layout:
     feedback: set[tuple[int, Pin]]
 
 
-def arrange(cells: Sequence[Cell], links: Sequence[Link]) -> Layout:
+def arrange(cells: Sequence[Cell], links: Sequence[Link]) -> DiagramLayout:
     """Lay out cells and the links between them.
 
     The pins of cells that are not ``fixed`` are sorted in place, and cells of ``stretch`` get the
@@ -47,15 +47,15 @@ def arrange(cells: Sequence[Cell], links: Sequence[Link]) -> Layout:
     links : the wires between their pins.
     """
     if not cells:
-        return Layout(0.0, 0.0, {}, {}, set())
+        return DiagramLayout(0.0, 0.0, {}, {}, set())
     grid = build_grid(cells, links)
     reduce_crossings(grid)
     _stretch(grid)
     tops = _heights(grid)
-    wiring = Wiring(grid, tops)
-    positions = {cell.name: (wiring.left_of(cell.name), tops[cell.name]) for cell in cells}
+    router = WireRouter(grid, tops)
+    positions = {cell.name: (router.left_of(cell.name), tops[cell.name]) for cell in cells}
     routes = {
-        (i, target): wiring.route(i, target)
+        (i, target): router.route(i, target)
         for i, link in enumerate(links)
         for target in dict.fromkeys(link.targets)
     }
@@ -65,7 +65,7 @@ def arrange(cells: Sequence[Cell], links: Sequence[Link]) -> Layout:
         for pins in wire.targets.values()
         for target in pins
     }
-    return Layout(wiring.width, wiring.height, positions, routes, feedback)
+    return DiagramLayout(router.width, router.height, positions, routes, feedback)
 
 
 def _stretch(grid: Grid) -> None:
@@ -114,9 +114,9 @@ def _heights(grid: Grid) -> dict[str, float]:
         at_most(-last.height, (index[last.name], 1.0), (count, -1.0))
     rows, columns, values = zip(*entries, strict=True)
     matrix = csr_array((values, (rows, columns)), shape=(len(bounds), count + 1))
-    found = linprog(cost, matrix, bounds, method="highs-ds").x
+    solution = linprog(cost, matrix, bounds, method="highs-ds").x
     # All distances are multiples of a half, and so are the vertices of the linear programme.
-    return {name: round(2.0 * float(found[i])) / 2.0 for name, i in index.items()}
+    return {name: round(2.0 * float(solution[i])) / 2.0 for name, i in index.items()}
 
 
 def _pulls(grid: Grid) -> list[tuple[str, str, float, float]]:

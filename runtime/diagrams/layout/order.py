@@ -29,10 +29,10 @@ def reduce_crossings(grid: Grid) -> None:
             sorter.sweep(rightwards=sweep % 2 == 0)
             sorter.swap()
             sorter.sort_all_pins()
-            found = sorter.total()
-            stale = 0 if found < fewest else stale + 1
-            if found < fewest or (found == fewest and sweep < 2 and not upside_down):
-                best, fewest = sorter.snapshot(), found
+            crossings = sorter.total()
+            stale = 0 if crossings < fewest else stale + 1
+            if crossings < fewest or (crossings == fewest and sweep < 2 and not upside_down):
+                best, fewest = sorter.snapshot(), crossings
             if fewest == 0 or stale > PATIENCE:
                 break
     sorter.restore(best)
@@ -63,21 +63,21 @@ class _Sorter:
         if not 0 <= column < len(self.grid.columns):
             return {None: 0.0}
         names = self.grid.columns[column]
-        found: dict[Pin | None, float] = {None: float(len(names))}
+        heights: dict[Pin | None, float] = {None: float(len(names))}
         for i, name in enumerate(names):
             cell = self.grid.cells[name]
             pins = cell.outputs if outputs else cell.inputs
             for k, pin in enumerate(pins):
-                found[name, pin] = i + (k + 1) / (len(pins) + 1)
-        return found
+                heights[name, pin] = i + (k + 1) / (len(pins) + 1)
+        return heights
 
     def crossings(self, channel: int) -> int:
         left, right = self.pin_heights(channel - 1, True), self.pin_heights(channel, False)
-        seen: list[float] = []
+        ends: list[float] = []
         count = 0
         for _, end in sorted((left[a], right[b]) for a, b in self.joins[channel]):
-            count += len(seen) - bisect_right(seen, end)
-            insort(seen, end)
+            count += len(ends) - bisect_right(ends, end)
+            insort(ends, end)
         return count
 
     def total(self) -> int:
@@ -85,18 +85,18 @@ class _Sorter:
 
     def neighbours(self, column: int, leftwards: bool) -> dict[Pin, list[float]]:
         """For each pin on one side of a column, the heights of the pins that it is wired to."""
-        found: dict[Pin, list[float]] = defaultdict(list)
+        partners: dict[Pin, list[float]] = defaultdict(list)
         if leftwards:
             heights = self.pin_heights(column - 1, True)
             for a, b in self.joins[column]:
                 if b is not None:
-                    found[b].append(heights[a])
+                    partners[b].append(heights[a])
         else:
             heights = self.pin_heights(column + 1, False)
             for a, b in self.joins[column + 1]:
                 if a is not None:
-                    found[a].append(heights[b])
-        return found
+                    partners[a].append(heights[b])
+        return partners
 
     def sweep(self, rightwards: bool) -> None:
         count = len(self.grid.columns)
@@ -106,11 +106,11 @@ class _Sorter:
             for (name, _), heights in partners.items():
                 pulls[name] += heights
             names = self.grid.columns[column]
-            wanted = {
+            barycentre = {
                 name: _mean(pulls[name]) if name in pulls else i + 0.5
                 for i, name in enumerate(names)
             }
-            names.sort(key=wanted.__getitem__)
+            names.sort(key=barycentre.__getitem__)
             self.sort_pins(column, leftwards=rightwards)
             beside = column - 1 if rightwards else column + 1
             if 0 <= beside < count:
@@ -122,8 +122,8 @@ class _Sorter:
             cell = self.grid.cells[name]
             pins = cell.inputs if leftwards else cell.outputs
             if len(pins) > 1 and not cell.fixed:
-                wanted = {pin: _mean(partners.get((name, pin), ())) for pin in pins}
-                pins.sort(key=wanted.__getitem__)
+                barycentre = {pin: _mean(partners.get((name, pin), ())) for pin in pins}
+                pins.sort(key=barycentre.__getitem__)
 
     def sort_all_pins(self) -> None:
         for column in range(len(self.grid.columns)):
@@ -147,5 +147,5 @@ class _Sorter:
 
 
 def _mean(values: Iterable[float]) -> float:
-    listed = list(values)
-    return sum(listed) / len(listed) if listed else 0.0
+    numbers = list(values)
+    return sum(numbers) / len(numbers) if numbers else 0.0

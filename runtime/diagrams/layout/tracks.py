@@ -40,17 +40,17 @@ def assign_slots(tracks: Sequence[Track]) -> int:
     """Assign a slot to every track of a channel; returns the number of slots."""
     bent = [track for track in tracks if not track.is_straight]
     bent, rules = _without_cycles(bent, [y for t in tracks for y in (*t.lefts, *t.rights)])
-    placed: list[int] = []
+    earlier: list[int] = []
     for i in _in_order(bent, rules):
         track = bent[i]
-        taken = [
+        slots = [
             bent[k].slot
-            for k in placed
+            for k in earlier
             if (k, i) in rules
             or (bent[k].top < track.bottom + CLEAR and track.top < bent[k].bottom + CLEAR)
         ]
-        track.slot = max(taken, default=-1) + 1
-        placed.append(i)
+        track.slot = max(slots, default=-1) + 1
+        earlier.append(i)
     return max((track.slot for track in bent), default=-1) + 1
 
 
@@ -100,11 +100,11 @@ def _without_cycles(
 def _free_height(track: Track, heights: Sequence[float]) -> float:
     """A height within a track's range, near its middle, that is clear of all others."""
     middle, reach = (track.top + track.bottom) / 2, (track.bottom - track.top) / 2
-    tried = [middle]
+    candidates = [middle]
     for step in range(1, int(reach) + 1):
-        tried += [middle + step, middle - step]
-    room = {y: min(CLEAR, min(abs(y - other) for other in heights)) for y in tried}
-    return max(tried, key=room.__getitem__)
+        candidates += [middle + step, middle - step]
+    room = {y: min(CLEAR, min(abs(y - other) for other in heights)) for y in candidates}
+    return max(candidates, key=room.__getitem__)
 
 
 def _crossings(left: Track, right: Track) -> int:
@@ -126,9 +126,9 @@ def _in_order(tracks: Sequence[Track], rules: set[tuple[int, int]]) -> list[int]
     rest = list(count)
     while rest:
         ready = [i for i in rest if not before[i] & set(rest)]
-        chosen = max(ready, key=lambda i: (sum(gain[i][k] for k in rest), tracks[i].top, -i))
-        order.append(chosen)
-        rest.remove(chosen)
+        leftmost = max(ready, key=lambda i: (sum(gain[i][k] for k in rest), tracks[i].top, -i))
+        order.append(leftmost)
+        rest.remove(leftmost)
     _improve(order, gain, rules)
     return order
 
@@ -136,10 +136,10 @@ def _in_order(tracks: Sequence[Track], rules: set[tuple[int, int]]) -> list[int]
 def _improve(order: list[int], gain: list[list[int]], rules: set[tuple[int, int]]) -> None:
     """Swap neighbours while that reduces the crossings and violates no rule."""
     for _ in order:
-        swapped = False
+        has_swapped = False
         for at, (i, k) in enumerate(pairwise(list(order))):
             if order[at] == i and gain[i][k] < 0 and (i, k) not in rules:
                 order[at], order[at + 1] = k, i
-                swapped = True
-        if not swapped:
+                has_swapped = True
+        if not has_swapped:
             return

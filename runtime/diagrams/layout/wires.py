@@ -30,7 +30,7 @@ class Channel:
         return self.x + self.lead + track.slot * TRACK_PITCH
 
 
-class Wiring:
+class WireRouter:
     """Routes the wires between cells of known heights, and sets the positions of the columns.
 
     Parameters
@@ -77,7 +77,7 @@ class Wiring:
                 goal = end[1] if channel == column else self.tops[f"{i}@{channel}"]
                 points += self._channel_corners(channel, i, y, goal)
                 y = goal
-        return simplified([*points, end])
+        return simplify([*points, end])
 
     def _output_y(self, pin: Pin) -> float:
         return self.tops[pin[0]] + self.grid.cells[pin[0]].output_y(pin[1])
@@ -91,26 +91,26 @@ class Wiring:
             max(self.tops[name] + self.grid.cells[name].height for name in column)
             for column in self.grid.columns
         ]
-        found: dict[int, float] = {}
-        placed: list[tuple[int, int, float]] = []
+        ys: dict[int, float] = {}
+        earlier: list[tuple[int, int, float]] = []
         for wire in sorted(self.grid.feedback, key=lambda o: (o.column - o.first, o.link)):
             first, last = wire.first, wire.column
             y = max(bottoms[max(first - 1, 0) : last + 2]) + FEEDBACK_GAP
-            for other_first, other_last, other in placed:
+            for other_first, other_last, other in earlier:
                 if first <= other_last + 1 and other_first <= last + 1:
                     y = max(y, other + FEEDBACK_PITCH)
-            placed.append((first, last, y))
-            found[wire.link] = y
-        return found
+            earlier.append((first, last, y))
+            ys[wire.link] = y
+        return ys
 
     def _label_widths(self) -> list[float]:
         """The width of the texts at the starts of wires in each channel."""
-        found = [0.0] * (len(self.grid.columns) + 1)
+        widths = [0.0] * (len(self.grid.columns) + 1)
         for link in self.grid.links:
             column = self.grid.column_of[link.source[0]]
             spare = (self.widths[column] - self.grid.cells[link.source[0]].width) / 2
-            found[column + 1] = max(found[column + 1], link.label - spare)
-        return found
+            widths[column + 1] = max(widths[column + 1], link.label - spare)
+        return widths
 
     def _channel(self, c: int) -> Channel:
         tracks: dict[int, Track] = {}
@@ -155,16 +155,16 @@ class Wiring:
         return [(out, start), (out, y), (back, y), (back, end)]
 
 
-def simplified(points: list[Point]) -> list[Point]:
+def simplify(points: list[Point]) -> list[Point]:
     """The points without repeated ones and those in the middle of a straight line."""
-    kept: list[Point] = []
+    corners: list[Point] = []
     for point in points:
-        if kept and abs(kept[-1][0] - point[0]) + abs(kept[-1][1] - point[1]) < STRAIGHT:
+        if corners and abs(corners[-1][0] - point[0]) + abs(corners[-1][1] - point[1]) < STRAIGHT:
             continue
-        if len(kept) > 1 and _in_line(kept[-2], kept[-1], point):
-            kept.pop()
-        kept.append(point)
-    return kept
+        if len(corners) > 1 and _in_line(corners[-2], corners[-1], point):
+            corners.pop()
+        corners.append(point)
+    return corners
 
 
 def _in_line(a: Point, b: Point, c: Point) -> bool:

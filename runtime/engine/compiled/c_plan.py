@@ -233,9 +233,8 @@ class EngineText(CText):
 
     def integrate(self, part: Integrate) -> None:
         """Integrate to the next tick, or to the time in between at which the run stops."""
-        size = part.row.size
-        method = method_of(part.solver, size)
-        self.solver, prototypes = solver_unit(size, method, part.stop is not None)
+        method = method_of(part.solver, part.colours)
+        self.solver, prototypes = solver_unit(part, method)
         self.own |= set(prototypes)
         if part.stop is None:
             self.integrated(part, method, "dt")
@@ -287,8 +286,9 @@ class EngineText(CText):
             self.put("double bad = -1.0;")
             self.put(f"solver_first_bad(ctx, NULL, {slopes}, stage, &bad);")
             self.put(f"if (bad >= 0.0) return {NOT_INTEGRATED};")
-            arrays = ", ".join([states, start, slopes, table])
-            self.put(f"solver_moved(ctx, NULL, {arrays}, stage, {h});")
+            given = [states, start, slopes, table, "stage", h]
+            given += map(self.solvers, ("colours", "pattern") if method.is_implicit else ())
+            self.put(f"solver_moved(ctx, NULL, {', '.join(given)});")
 
 
 def condition(stop: Stop) -> str:

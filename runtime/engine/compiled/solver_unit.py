@@ -1,6 +1,6 @@
 """The functions that a solver calls in compiled code, written from those of the Python engine.
 
-In go the method and the number of states, out comes a unit of C, once for all graphs alike.
+In go the method and the states, out comes a unit of C, once for all graphs alike.
 """
 
 from __future__ import annotations
@@ -10,7 +10,13 @@ from typing import Any
 from runtime import engine
 from runtime.codegen import BOOL, FLOAT, INT, Array, Entry, Type
 from runtime.compiler import salt
-from runtime.engine.rosenbrock import factor_loops, implicit_loops, solve_loops
+from runtime.engine.rosenbrock import (
+    difference,
+    factor_loops,
+    fill,
+    implicit_loops,
+    solve_loops,
+)
 from runtime.engine.solvers import (
     Method,
     first_bad,
@@ -20,23 +26,19 @@ from runtime.engine.solvers import (
     narrowed,
     substep,
 )
+from runtime.plan import Integrate
 from runtime.toolchain import TranslationUnit, digest, read_record, write_record
 
 ROWS = ("states", "start")
-IMPLICIT: list[Any] = [factor_loops, solve_loops, implicit_loops]
+IMPLICIT: list[Any] = [difference, fill, factor_loops, solve_loops, implicit_loops]
 TITLE = "The solver of the continuous states."
 
 
-def solver_unit(size: int, method: Method, searched: bool) -> tuple[TranslationUnit, list[str]]:
-    """The functions that a solver calls, as a C unit with their declarations.
-
-    Parameters
-    ----------
-    size : the number of states, each component counted.
-    searched : whether the run may stop between two ticks.
-    """
+def solver_unit(part: Integrate, method: Method) -> tuple[TranslationUnit, list[str]]:
+    """The functions that a solver calls, as a C unit with their declarations."""
+    size = part.row.size
     row = Array("float", (size,))
-    slopes = Array("float", (method.slope_rows, size))
+    slopes = Array("float", (method.slope_rows(size), size))
     table = Array("float", method.table.shape)
     rows: list[tuple[str, Type]] = [(name, row) for name in ROWS]
     errors, control = Array("float", (len(method.errors),)), Array("float", (7,))
@@ -44,12 +46,14 @@ def solver_unit(size: int, method: Method, searched: bool) -> tuple[TranslationU
     entries = [
         Entry("solver_keep", "keep", [("start", row), ("states", row)]),
         Entry("solver_first_bad", "first_bad", [("slopes", slopes), ("stage", INT)], [FLOAT]),
-        Entry(
-            "solver_moved",
-            "implicit_loops" if method.is_implicit else "moved",
-            [*rows, ("slopes", slopes), ("table", table), ("stage", INT), ("h", FLOAT)],
-        ),
     ]
+    moves: list[tuple[str, Type]] = [*rows, ("slopes", slopes), ("table", table)]
+    moves += [("stage", INT), ("h", FLOAT)]
+    if part.coupling is not None:
+        moves.append(("colours", row))
+        moves.append(("pattern", Array("float", part.coupling.pattern.shape)))
+    name = "implicit_loops" if method.is_implicit else "moved"
+    entries.append(Entry("solver_moved", name, moves))
     functions: list[Any] = [keep, first_bad]
     functions += IMPLICIT if method.is_implicit else [moved]
     if method.errors:
@@ -58,7 +62,7 @@ def solver_unit(size: int, method: Method, searched: bool) -> tuple[TranslationU
         given = [*rows, ("slopes", slopes), ("errors", errors), ("control", control), *numbers]
         entries.append(Entry("solver_judged", "judged", given, [FLOAT]))
         functions += [substep, judged]
-    if searched:
+    if part.stop is not None:  # the run may stop between two ticks
         search: list[tuple[str, Type]] = [("stop", Array("float", (6,))), ("met", BOOL)]
         search += [("span", FLOAT), ("dt", FLOAT)]
         entries.append(Entry("solver_narrowed", "narrowed", search, [FLOAT]))

@@ -150,19 +150,21 @@ def compare(
     lines = []
     for metric, base in values[baseline].items():
         for variant, columns in values.items():
-            mine = columns[metric]
+            own_values = columns[metric]
             is_same = (variant, metric) in same
-            known = [value for value in mine if value is not None]
+            known = [value for value in own_values if value is not None]
             own = estimate(known, test, (ends or {}).get(metric, ANY), is_same)
             line = ComparisonLine(
-                variant, metric, len(mine), own, is_removed=(variant, metric) in removed
+                variant, metric, len(own_values), own, is_removed=(variant, metric) in removed
             )
             if variant != baseline and not line.is_removed:
-                differs = [a is None for a in mine] != [b is None for b in base]
+                differs = [a is None for a in own_values] != [b is None for b in base]
                 line = replace(
                     line,
-                    difference=difference(mine, base, test, is_same and (baseline, metric) in same),
-                    p_presence=mcnemar_test(mine, base) if differs else math.nan,
+                    difference=difference(
+                        own_values, base, test, is_same and (baseline, metric) in same
+                    ),
+                    p_presence=mcnemar_test(own_values, base) if differs else math.nan,
                 )
             lines.append(line)
     compared = [line.difference.p if line.difference is not None else math.nan for line in lines]

@@ -42,8 +42,8 @@ class TrialGroup:
 
     def estimate(self, column: int, ends: Ends = ANY, test: Test = "t") -> Estimate:
         """The mean of a metric over the seeds that have a value."""
-        found = (row.metrics[column] for row in self.rows)
-        known = [value for value in found if value is not None]
+        values = (row.metrics[column] for row in self.rows)
+        known = [value for value in values if value is not None]
         return estimate(known, test, ends, is_same(self.rows, column))
 
 

@@ -105,16 +105,16 @@ def estimate(
     A single value has no interval, nor have values that are all equal: their scatter is unknown.
     """
     data = np.asarray(values[:1] if is_same else values, dtype=float)
-    known = data[np.isfinite(data)]
-    never = len(data) - len(known)
-    if not len(known):
+    finite = data[np.isfinite(data)]
+    never = len(data) - len(finite)
+    if not len(finite):
         return Estimate(0, math.nan, math.nan, math.nan, never, is_same)
     # The interval of a time or of an error ends where the quantity does. Cut there, it covers the
     # true mean exactly as often as before, since that lies inside, too. A t interval of logarithms
     # reaches hundreds of times too far up with two values, and a percentile bootstrap of three
     # covers 70 instead of 95 %.
-    low, high = np.clip(_interval(known, test), *ends).tolist()
-    return Estimate(len(known), float(known.mean()), low, high, never, is_same)
+    low, high = np.clip(_interval(finite, test), *ends).tolist()
+    return Estimate(len(finite), float(finite.mean()), low, high, never, is_same)
 
 
 def difference(
@@ -188,10 +188,10 @@ def benjamini_hochberg(p: Sequence[float]) -> list[float]:
     # The step-up procedure holds for independent tests and for positively dependent ones
     # (Benjamini and Yekutieli, 2001); metrics of one run are mostly the latter.
     values = np.asarray(p, dtype=float)
-    known = np.flatnonzero(np.isfinite(values))
-    falling = known[np.argsort(-values[known], kind="stable")]
-    ranks = np.arange(len(known), 0, -1)
-    values[falling] = np.minimum.accumulate(values[falling] * len(known) / ranks).clip(0.0, 1.0)
+    finite = np.flatnonzero(np.isfinite(values))
+    falling = finite[np.argsort(-values[finite], kind="stable")]
+    ranks = np.arange(len(finite), 0, -1)
+    values[falling] = np.minimum.accumulate(values[falling] * len(finite) / ranks).clip(0.0, 1.0)
     return [float(value) for value in values]
 
 

@@ -100,9 +100,9 @@ def read_sweep(folder: Path) -> SweepData:
     seeds = parse_seeds(from_python(plan.get("seeds")), "seeds", problems)
     if plan.get("kind") != "sweep" or problems.items or seeds is None:
         raise UsageError(f"cannot read the sweep in '{folder}'")
-    known = [factor for factor in factors if factor is not None]
+    parsed = [factor for factor in factors if factor is not None]
     metrics = tuple(map(str, plan.get("metrics", ())))
-    columns = Columns(tuple(factor.path for factor in known), metrics)
+    columns = Columns(tuple(factor.path for factor in parsed), metrics)
     ends = plan["ends"]
     groups, skipped = _thin_out(gather(read_rows(folder / INDEX, columns), len(seeds)))
     goals = ((plan.get(goal), goal) for goal in ("minimize", "maximize"))
@@ -112,7 +112,7 @@ def read_sweep(folder: Path) -> SweepData:
         method=next((method for method in ("random", "sobol") if method in plan), "grid"),
         seeds=len(seeds),
         axes=tuple(
-            _axis(factor, [group.cells[i] for group in groups]) for i, factor in enumerate(known)
+            _axis(factor, [group.cells[i] for group in groups]) for i, factor in enumerate(parsed)
         ),
         metrics={
             name: [group.estimate(i, ends.get(name, ANY)) for group in groups]

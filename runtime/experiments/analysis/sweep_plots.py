@@ -81,9 +81,9 @@ def _title(data: SweepData, metrics: list[str]) -> str:
         over = f"{SAME}, the seed changes nothing"
     if any(data.is_partial(metric).any() for metric in metrics):
         over += f" ({PARTIAL})"
-    lost = [name for name in metrics if data.is_never(name).any()]
-    if lost:
-        words = dict.fromkeys(data.never.get(name, NEVER) for name in lost)
+    infinite = [name for name in metrics if data.is_never(name).any()]
+    if infinite:
+        words = dict.fromkeys(data.never.get(name, NEVER) for name in infinite)
         over += f"; a red cross: {', '.join(words)}"
     left = f", {data.skipped} configurations not drawn" if data.skipped else ""
     return f"{data.name}  ·  {len(data.axes[0].positions)} configurations, {over}{left}"
@@ -113,21 +113,21 @@ def _curve(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
     axes.update_datalim(np.column_stack([x, np.full(len(x), level)]))
     axes.autoscale_view()
     where: Any = ("data", "axes fraction")
-    lost = data.is_never(metric)[order]
-    if lost.any():  # without a point, a line that is not clipped has no place in the layout
-        axes.plot(x[lost], np.ones(lost.sum()), "x", **beyond(axes))
-    if lost.all():
+    infinite = data.is_never(metric)[order]
+    if infinite.any():  # without a point, a line that is not clipped has no place in the layout
+        axes.plot(x[infinite], np.ones(infinite.sum()), "x", **beyond(axes))
+    if infinite.all():
         axes.set_yticks([])
     small: dict[str, Any] = {"fontsize": 7.0, "va": "top", "ha": "center"}
     small |= {"xytext": (0, -5), "textcoords": "offset points", "xycoords": where}
-    for place, estimate, is_lost in zip(x, estimates, lost, strict=True):
+    for place, estimate, is_infinite in zip(x, estimates, infinite, strict=True):
         if len(x) > CROWD or (estimate.n and estimate.is_over(data.seeds)):
             continue
         message = f"{estimate.n}/{data.seeds}"
-        if is_lost:
+        if is_infinite:
             message = mean_of(estimate, data.seeds, data.never.get(metric, NEVER))
         # Upright, the words of neighbours do not overlap.
-        how = {"color": MARK, "rotation": 90} if is_lost else {"color": GREY}
+        how = {"color": MARK, "rotation": 90} if is_infinite else {"color": GREY}
         axes.annotate(message, (place, 1.0), **small, **how)
     _label(axes, axis, "x")
 
@@ -162,9 +162,9 @@ def _heat(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
         ticks = range(0, len(names), -(-len(names) // MANY_TICKS))
         _name_ticks(axes, side, ticks, [names[i] for i in ticks])
         axes.set(**{f"{side}label": axis.path})
-    lost, some = (np.full(grid.shape, False) for _ in range(2))
-    lost[at], some[at] = data.is_never(metric), data.is_partial(metric)
-    axes.plot(*np.argwhere(lost)[:, ::-1].T, "x", color=MARK, markersize=4.0)
+    infinite, partial = (np.full(grid.shape, False) for _ in range(2))
+    infinite[at], partial[at] = data.is_never(metric), data.is_partial(metric)
+    axes.plot(*np.argwhere(infinite)[:, ::-1].T, "x", color=MARK, markersize=4.0)
     if grid.size <= FEW_CELLS:
         seeds = np.full(grid.shape, data.seeds)
         seeds[at] = [
@@ -173,13 +173,13 @@ def _heat(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
         ]
         _numbers(axes, grid, seeds, data.seeds)
     else:
-        axes.plot(*np.argwhere(some)[:, ::-1].T, ".", color=MARK, markersize=3.0)
+        axes.plot(*np.argwhere(partial)[:, ::-1].T, ".", color=MARK, markersize=3.0)
 
 
 def _numbers(axes: Axes, grid: FloatArray, seeds: NDArray[np.int_], most: int) -> None:
     """Write each cell's mean, and the number of seeds if it is not all of them."""
-    known = grid[np.isfinite(grid)]
-    middle = 0.5 * (known.min(initial=math.inf) + known.max(initial=-math.inf))
+    finite = grid[np.isfinite(grid)]
+    middle = 0.5 * (finite.min(initial=math.inf) + finite.max(initial=-math.inf))
     look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 7.0}
     for (row, column), value in np.ndenumerate(grid):
         if np.isfinite(value):
@@ -195,19 +195,21 @@ def _scatter(figure: Figure, axes: Axes, data: SweepData, metric: str) -> None:
     """Samples of two factors, coloured by the mean; hollow where no trial has a value."""
     first, second = data.axes
     means = data.means(metric)
-    known = np.isfinite(means)
+    finite = np.isfinite(means)
     look: dict[str, Any] = {"s": 22.0, "zorder": 2.0}
     hollow: dict[str, Any] = {"facecolors": "none", "edgecolors": "0.5", "linewidths": 0.8}
-    lost = data.is_never(metric)
+    infinite = data.is_never(metric)
     cross: dict[str, Any] = {"marker": "x", "c": MARK, "linewidths": 1.0}
-    none = ~known & ~lost
+    none = ~finite & ~infinite
     axes.scatter(first.positions[none], second.positions[none], **look, **hollow)
-    if lost.any():
-        axes.scatter(first.positions[lost], second.positions[lost], **look, **cross)
-    look |= {"c": means[known], "cmap": MAP}
-    edges = [MARK if some else "none" for some in data.is_partial(metric)[known]]
-    drawn = axes.scatter(first.positions[known], second.positions[known], edgecolors=edges, **look)
-    figure.colorbar(drawn, ax=axes, pad=0.01, aspect=18)
+    if infinite.any():
+        axes.scatter(first.positions[infinite], second.positions[infinite], **look, **cross)
+    look |= {"c": means[finite], "cmap": MAP}
+    edges = [MARK if some else "none" for some in data.is_partial(metric)[finite]]
+    points = axes.scatter(
+        first.positions[finite], second.positions[finite], edgecolors=edges, **look
+    )
+    figure.colorbar(points, ax=axes, pad=0.01, aspect=18)
     _label(axes, first, "x")
     _label(axes, second, "y")
 
@@ -217,27 +219,27 @@ def _parallel(data: SweepData, metric: str) -> Figure:
     figure = Figure(figsize=(WIDTH, 4.2), layout="constrained")
     axes = figure.subplots()
     means = data.means(metric)
-    known = np.isfinite(means)
-    value = Axis(data.label(metric), np.where(known, means, np.nan), (), False)
+    finite = np.isfinite(means)
+    value = Axis(data.label(metric), np.where(finite, means, np.nan), (), False)
     verticals = [*data.axes, value]
     heights = np.column_stack([_height(axis) for axis in verticals])
     x = np.arange(len(verticals), dtype=float)
     never = data.is_never(metric)
-    lost = [np.column_stack([x[:-1], row[:-1]]) for row in heights[~known & ~never]]
-    axes.add_collection(LineCollection(lost, colors="0.8", linewidths=0.6, zorder=1.0))
+    no_value = [np.column_stack([x[:-1], row[:-1]]) for row in heights[~finite & ~never]]
+    axes.add_collection(LineCollection(no_value, colors="0.8", linewidths=0.6, zorder=1.0))
     # Beyond the upper end of the axis, which is the bad one of what may be infinite.
     worst = [np.column_stack([x, [*row[:-1], BEYOND]]) for row in heights[never]]
     if worst:
         look: dict[str, Any] = {"linewidths": 0.6, "alpha": 0.7, "zorder": 1.5}
         axes.add_collection(LineCollection(worst, colors=MARK, **look))
         axes.plot(x[-1], BEYOND, "x", color=MARK)
-    order = _best_last(means, known, data.objective if _is_goal(data, metric) else None)
+    order = _best_last(means, finite, data.objective if _is_goal(data, metric) else None)
     lines = [np.column_stack([x, heights[i]]) for i in order]
-    low, high = _range(means[known])
+    low, high = _range(means[finite])
     scale = Normalize(low, high)
     colours = matplotlib.colormaps[MAP](scale(means[order]))
-    drawn = LineCollection(lines, colors=colours, linewidths=0.9, alpha=0.85, zorder=2.0)
-    axes.add_collection(drawn)
+    collection = LineCollection(lines, colors=colours, linewidths=0.9, alpha=0.85, zorder=2.0)
+    axes.add_collection(collection)
     some = data.is_partial(metric)
     axes.plot(np.full(some.sum(), x[-1]), heights[some, -1], ".", color=MARK, markersize=4.0)
     _vertical_axes(axes, verticals)
@@ -257,9 +259,9 @@ def _is_goal(data: SweepData, metric: str) -> bool:
     return data.objective is not None and data.objective.metric == metric
 
 
-def _best_last(means: FloatArray, known: Any, objective: Objective | None) -> Any:
+def _best_last(means: FloatArray, finite: Any, objective: Objective | None) -> Any:
     """The order of drawing: the best on top."""
-    index = np.flatnonzero(known)
+    index = np.flatnonzero(finite)
     ordered = index[np.argsort(-means[index], kind="stable")]
     is_reversed = objective is not None and objective.goal == "maximize"
     return ordered[::-1] if is_reversed else ordered
@@ -290,8 +292,8 @@ def _vertical_axes(axes: Axes, verticals: list[Axis]) -> None:
     for x, axis in enumerate(verticals):
         axes.axvline(x, color="0.3", linewidth=0.8, zorder=3.0)
         heights = _height(axis)
-        known = axis.positions[np.isfinite(axis.positions)]
-        ends = [*_range(known)] if len(known) else []
+        finite = axis.positions[np.isfinite(axis.positions)]
+        ends = [*_range(finite)] if len(finite) else []
         for place in axis.distinct if axis.names else ends:
             height = float(heights[np.nanargmin(np.abs(axis.positions - place))])
             message = axis.names[int(place)] if axis.names else f"{place:.4g}"

@@ -44,7 +44,7 @@ from runtime.graph import Graph, load
 CHANGES = ("with", "set", "wire", "without", "bypass", "replace")
 # Further keys of plan.yaml, which is an experiment file as well.
 PLAN_KEYS = (
-    *("schema_version", "kind", "metrics", "units", "ends", "never", "total", "digest"),
+    *("schema_version", "kind", "metrics", "units", "ends", "never", "total", "digest", "checks"),
     *("provenance", "optimizer"),
     *("points", "made"),  # total and provenance, in plans of schema 1
 )

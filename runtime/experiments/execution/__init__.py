@@ -1,5 +1,6 @@
 """Running trials: the plan, its folder and index, worker pools, and which runs are kept."""
 
+from runtime.experiments.execution.checksums import check_entries, write_checked
 from runtime.experiments.execution.folder import (
     DIAGRAMS,
     PLAN,
@@ -9,6 +10,7 @@ from runtime.experiments.execution.folder import (
     RunOptions,
     open_folder,
     read_plan,
+    write_plan,
 )
 from runtime.experiments.execution.index import Columns, Index, Row, check_row, read_rows, remaining
 from runtime.experiments.execution.plan import (
@@ -60,6 +62,7 @@ __all__ = [
     "ablation_plan",
     "bundle_for",
     "bundles_of",
+    "check_entries",
     "check_row",
     "checked_plan",
     "engine_for",
@@ -73,4 +76,6 @@ __all__ = [
     "run_trials",
     "save_trial",
     "sweep_plan",
+    "write_checked",
+    "write_plan",
 ]

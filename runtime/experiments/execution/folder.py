@@ -20,6 +20,7 @@ from runtime.diagrams import stored_picture
 from runtime.document import dump_yaml, parse_yaml
 from runtime.errors import GraphError, UsageError
 from runtime.experiments.design import BASELINE, ON_COMMAND_LINE
+from runtime.experiments.execution.checksums import check_entries, with_checks
 from runtime.experiments.execution.index import Index
 from runtime.experiments.execution.plan import (
     GRAPH,
@@ -30,7 +31,7 @@ from runtime.experiments.execution.plan import (
 )
 from runtime.experiments.execution.trials import GraphBundle
 from runtime.experiments.execution.worker_pool import WorkerPool
-from runtime.files import check_form, system_errors
+from runtime.files import check_form, system_errors, write_whole
 from runtime.runs import DIAGRAM
 
 READ_VERSIONS = (1, SCHEMA_VERSION)
@@ -84,6 +85,12 @@ def open_folder(plan: ExperimentPlan, options: RunOptions) -> None:
             f"'{folder}' exists already; {resume} continues it, "
             f"{_other(plan, option)} begins another {plan.kind}"
         )
+    try:
+        read_plan(folder)
+    except UsageError:
+        # What was damaged is known: the digest is that of this very plan.
+        with system_errors(f"write '{folder / PLAN}'"):
+            write_plan(plan, folder)
 
 
 def _other(plan: ExperimentPlan, option: str) -> str:
@@ -104,18 +111,23 @@ def _create(plan: ExperimentPlan, folder: Path) -> None:
         shutil.rmtree(partial, ignore_errors=True)
         partial.mkdir()
         _write_bundle(plan.bundle, partial)
-        drawn = stored_picture(plan.graph.network)
-        if drawn is not None:
-            (partial / DIAGRAM).write_text(drawn, encoding="utf-8")
+        picture = stored_picture(plan.graph.network)
+        if picture is not None:
+            (partial / DIAGRAM).write_text(picture, encoding="utf-8")
         for variant in plan.variants:
             if variant.name != BASELINE:
                 _write_bundle(variant.bundle, partial / VARIANTS / variant.slug)
-        (partial / PLAN).write_text(dump_yaml(plan.to_dict()), encoding="utf-8")
+        write_plan(plan, partial)
         Index.create(partial / INDEX, plan.columns)
         partial.rename(folder)
     except OSError as error:
         shutil.rmtree(partial, ignore_errors=True)
         raise UsageError(f"cannot write '{folder}': {error.strerror or error}") from None
+
+
+def write_plan(plan: ExperimentPlan, folder: Path) -> None:
+    """Write a plan into its folder, in place of an older one."""
+    write_whole(folder / PLAN, dump_yaml(with_checks(plan.to_dict())))
 
 
 def _write_bundle(bundle: GraphBundle, folder: Path) -> None:
@@ -130,18 +142,15 @@ def read_plan(folder: Path) -> dict[str, Any]:
 
     Raises
     ------
-    UsageError : there is no plan, or it cannot be read.
+    UsageError : there is no plan, it cannot be read, or an entry was changed after it was written.
     """
     path = folder / PLAN
-    try:
-        stored = parse_yaml(path.read_text(encoding="utf-8"), str(path)).plain()
-    except (OSError, UnicodeDecodeError, GraphError) as error:
-        raise UsageError(f"cannot read the plan of '{folder}': {error}") from None
-    if not isinstance(stored, dict) or stored.get("schema_version") not in READ_VERSIONS:
-        raise UsageError(f"'{path}' is not a plan of this version of the program")
+    stored = _stored_plan(folder)
     # Plans of schema 1 have other words for two entries, and the first ones no ends and never.
     older = {"total": stored.get("points"), "provenance": stored.get("made")}
     try:
+        if stored["schema_version"] != 1:
+            check_entries(stored)
         plan = {"ends": {}, "never": {}, **older, **stored}
         check_form(plan, {"ends": dict, "never": dict})
         for name, ends in plan["ends"].items():
@@ -152,6 +161,18 @@ def read_plan(folder: Path) -> dict[str, Any]:
     return plan
 
 
+def _stored_plan(folder: Path) -> dict[str, Any]:
+    """The content of plan.yaml, which need not be what was written."""
+    path = folder / PLAN
+    try:
+        stored = parse_yaml(path.read_text(encoding="utf-8"), str(path)).plain()
+    except (OSError, UnicodeDecodeError, GraphError) as error:
+        raise UsageError(f"cannot read the plan of '{folder}': {error}") from None
+    if not isinstance(stored, dict) or stored.get("schema_version") not in READ_VERSIONS:
+        raise UsageError(f"'{path}' is not a plan of this version of the program")
+    return stored
+
+
 def _check_same(plan: ExperimentPlan, folder: Path, option: str) -> None:
     """Check that a folder belongs to the same plan, and contains no links.
 
@@ -160,19 +181,19 @@ def _check_same(plan: ExperimentPlan, folder: Path, option: str) -> None:
     UsageError : it does not; the message lists the differences.
     """
     _refuse_links(folder)
-    stored = read_plan(folder)
+    stored = _stored_plan(folder)
     try:
         text = (folder / GRAPH).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise UsageError(f"cannot read '{folder / GRAPH}': {error}") from None
     if stored.get("digest") == plan.digest:
         return
-    mine = {"kind": plan.kind, **plan.specification, "metrics": list(plan.metrics)}
-    keys = dict.fromkeys([*mine, *("vary", "random", "sobol", "sampling_seed", "variants")])
+    here = {"kind": plan.kind, **plan.specification, "metrics": list(plan.metrics)}
+    keys = dict.fromkeys([*here, *("vary", "random", "sobol", "sampling_seed", "variants")])
     differing = [
-        f"{key}: {_short(stored.get(key))} there, {_short(mine.get(key))} here"
+        f"{key}: {_short(stored.get(key))} there, {_short(here.get(key))} here"
         for key in keys
-        if stored.get(key) != mine.get(key)
+        if stored.get(key) != here.get(key)
     ]
     if text != plan.bundle.text or not differing:
         differing.append("the graph")

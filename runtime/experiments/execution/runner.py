@@ -57,8 +57,8 @@ def run_trials(
                 exhausted = True
             else:
                 send(trial, 1)
-        ended, _ = wait(running, timeout=POLL, return_when=FIRST_COMPLETED)
-        for future in ended:
+        completed, _ = wait(running, timeout=POLL, return_when=FIRST_COMPLETED)
+        for future in completed:
             sent = running.pop(future)
             try:
                 yield sent.trial, future.result()

@@ -89,18 +89,18 @@ def cluster_pool(address: str) -> WorkerPool:
         executor.shutdown(wait=finished)
         client.close()
 
-    lost = UsageError(
+    no_scheduler = UsageError(
         f"--scheduler {address}: the scheduler no longer answers; once one does, --resume continues"
     )
 
     def check() -> None:
         if client.status != "running":
-            raise lost
+            raise no_scheduler
 
     def width() -> int:
         try:
             return max(2, 2 * int(sum(client.nthreads().values())))
         except (OSError, RuntimeError):
-            raise lost from None
+            raise no_scheduler from None
 
     return WorkerPool(executor, width, leave, (KilledWorker, CancelledError), check)

@@ -122,8 +122,10 @@ def _evaluate(
     if one.number != BASELINE:
         same_in_both = [a and b for a, b in zip(same, own_same, strict=True)]
         is_one = all(same_in_both) and len(same_in_both) == 1
-        theirs = _observations(own, same_in_both)
-        paired = difference(_observations(values, same_in_both), theirs, is_same=is_one)
+        baseline_observations = _observations(own, same_in_both)
+        paired = difference(
+            _observations(values, same_in_both), baseline_observations, is_same=is_one
+        )
     return Evaluation(mean, len(observations), over, paired)
 
 

@@ -96,13 +96,13 @@ class Optimizer:
 
         That is so where one is outside of its factor's values.
         """
-        drawn = [
+        parameters = [
             _parameter(factor, value) for factor, value in zip(self.factors, values, strict=True)
         ]
-        if None in drawn:
+        if None in parameters:
             return None
         paths = [factor.path for factor in self.factors]
-        self._study.enqueue_trial(dict(zip(paths, drawn, strict=True)))
+        self._study.enqueue_trial(dict(zip(paths, parameters, strict=True)))
         return self.ask(1)[0]
 
     def ask(self, count: int) -> list[Suggestion]:

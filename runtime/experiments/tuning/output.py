@@ -20,11 +20,11 @@ from runtime.experiments.analysis import (
     number_or_none,
     too_few,
 )
+from runtime.experiments.execution import write_checked
 from runtime.experiments.tuning.judging import Evaluation, Judgement, judge
 from runtime.experiments.tuning.plan import BASELINE, TUNING, TuningPlan
 from runtime.experiments.tuning.running import TuningResult
 from runtime.experiments.tuning.scores import Candidate
-from runtime.files import write_json
 from runtime.terminal import number, table, with_unit
 
 NOTHING = "nothing that was tried is better than the graph's own values"
@@ -224,5 +224,5 @@ def save_json(result: TuningResult) -> dict[str, Any]:
     UsageError : it cannot be written.
     """
     stored = to_dict(result)
-    write_json(result.folder / TUNING, stored)
+    write_checked(result.folder / TUNING, stored)
     return stored

@@ -15,7 +15,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from runtime.document import dump_yaml
 from runtime.experiments.design import own_value
 from runtime.experiments.execution import (
     INDEX,
@@ -30,6 +29,7 @@ from runtime.experiments.execution import (
     open_folder,
     read_plan,
     run_trials,
+    write_plan,
 )
 from runtime.experiments.tuning.optimizer import Optimizer, Suggestion
 from runtime.experiments.tuning.plan import BASELINE, HELD_OUT, TUNING, TuningPlan
@@ -132,9 +132,7 @@ def _extend(plan: TuningPlan, folder: Path) -> None:
     with system_errors(f"write '{folder}'"):
         for name in (HELD_OUT, TUNING):
             (folder / name).unlink(missing_ok=True)
-        partial = folder / f".{PLAN}.partial"
-        partial.write_text(dump_yaml(plan.to_dict()), encoding="utf-8")
-        partial.replace(folder / PLAN)
+        write_plan(plan, folder)
 
 
 class _Runner:
@@ -146,13 +144,13 @@ class _Runner:
         self.finished = False
         self.done = 0
 
-    def run(self, trials: Iterable[Trial], known: dict[int, Row], index: Index) -> list[Row]:
+    def run(self, trials: Iterable[Trial], rows: dict[int, Row], index: Index) -> list[Row]:
         """The rows of some trials: those that are known, and those of the others, which are run."""
         trials = list(trials)
-        missing = [trial for trial in trials if trial.number not in known]
+        missing = [trial for trial in trials if trial.number not in rows]
         for trial in trials:
-            if trial.number in known:
-                check_row(trial, known[trial.number], index.path)
+            if trial.number in rows:
+                check_row(trial, rows[trial.number], index.path)
         if missing:
             if self.pool is None:
                 self.pool = self.options.make_pool()
@@ -160,9 +158,9 @@ class _Runner:
             for trial, done in run_trials(iter(missing), self.pool, self._task):
                 row = Row.of(trial, done, self.plan.metrics)
                 index.append(row)
-                known[trial.number] = row
+                rows[trial.number] = row
         self.done += len(trials)
-        return [known[trial.number] for trial in trials]
+        return [rows[trial.number] for trial in trials]
 
     def _task(self, trial: Trial) -> Task:
         return Task(trial, timeout=self.options.timeout)

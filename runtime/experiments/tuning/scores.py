@@ -163,13 +163,13 @@ def front(candidates: Iterable[Candidate]) -> list[Candidate]:
     With one objective it is the best one. The baseline competes: with one objective it is alone in
     the front if nothing is better, and of equal costs the first that was tried is kept.
     """
-    known = [
+    scored = [
         (one, one.score) for one in candidates if one.status == "complete" and one.score is not None
     ]
-    known = [(one, score) for one, score in known if score.is_feasible and score.has_values]
+    scored = [(one, score) for one, score in scored if score.is_feasible and score.has_values]
     best: list[tuple[Candidate, Score]] = []
-    for one, score in known:
-        if any(other.dominates(score) for _, other in known):
+    for one, score in scored:
+        if any(other.dominates(score) for _, other in scored):
             continue
         if all(other.costs != score.costs for _, other in best):
             best.append((one, score))

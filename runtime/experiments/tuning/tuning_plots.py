@@ -104,10 +104,12 @@ def _scatter(axes: Any, data: _Data, x: FloatArray, y: FloatArray, metric: str =
     Those in which the metric is infinite (never settled) are at the upper end, which is the bad
     one.
     """
-    lost = np.array([metric in one.get("never", ()) for one in data.tried])
-    if lost.any():
+    infinite = np.array([metric in one.get("never", ()) for one in data.tried])
+    if infinite.any():
         words = (data.stored.get("never") or {}).get(metric, NEVER)
-        axes.plot(x[lost], np.ones(lost.sum()), "x", markersize=4, label=words, **beyond(axes))
+        axes.plot(
+            x[infinite], np.ones(infinite.sum()), "x", markersize=4, label=words, **beyond(axes)
+        )
     feasible = np.array([one["feasible"] for one in data.tried])
     status = np.array([one["status"] for one in data.tried])
     for kind, mark in MARKS.items():
@@ -174,10 +176,10 @@ def importance(positions: FloatArray, values: FloatArray) -> float:
     The correlation ratio over at most five bins of equal counts, less what chance alone explains
     (epsilon squared; Kelley, 1935).
     """
-    known = np.isfinite(values) & np.isfinite(positions)
-    ranks = np.argsort(np.argsort(values[known])).astype(float)
+    finite = np.isfinite(values) & np.isfinite(positions)
+    ranks = np.argsort(np.argsort(values[finite])).astype(float)
     n = len(ranks)
-    places = np.unique(positions[known], return_inverse=True)[1]
+    places = np.unique(positions[finite], return_inverse=True)[1]
     order = np.argsort(np.argsort(places, kind="stable"), kind="stable")
     bins = places if places.max(initial=0) < BINS else order * BINS // max(n, 1)
     groups = [ranks[bins == b] for b in np.unique(bins)]

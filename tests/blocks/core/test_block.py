@@ -199,7 +199,7 @@ class Odd(Block):
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
-        ({}, ["Odd.needed: missing; expected a text: needed"]),
+        ({}, ["Odd.needed: missing; expected a string: needed"]),
         ({"needed": "x", "hihg": 2}, ["Odd.hihg: unknown parameter, did you mean 'high'?"]),
         (
             {"needed": "x", "qq": 2},
@@ -216,7 +216,7 @@ class Odd(Block):
                 "Odd.zz: unknown parameter; it has low, high, table, rows, needed",
                 "Odd.low: expected a number, got the text 'a'",
                 "Odd.high: expected a number at most 9, got 10",
-                "Odd.needed: missing; expected a text: needed",
+                "Odd.needed: missing; expected a string: needed",
             ],
         ),
     ],

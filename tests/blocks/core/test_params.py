@@ -6,6 +6,7 @@ import difflib
 import math
 from decimal import Decimal
 from fractions import Fraction
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,16 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 import blocks
-from blocks.core.params import Param, ParamKind, hint, param, show
+from blocks.core.params import (
+    Param,
+    ParamKind,
+    hint,
+    in_radians,
+    maybe_degrees,
+    param,
+    plain,
+    show,
+)
 from blocks.core.signals import FloatArray
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
@@ -237,7 +247,7 @@ def test_choices() -> None:
         (declared("int", at_least=1), "an integer at least 1"),
         (declared("float", at_least=0.0, below=1.0), "a number at least 0 and below 1"),
         (declared("bool"), "true or false"),
-        (declared("str"), "a text"),
+        (declared("str"), "a string"),
         (declared("array"), "an array of numbers"),
         (declared("array", shape=[(3,), (None, 2)], unit="m"), "an array of 3 or nx2 numbers m"),
         (declared("str", choices=("a", "b")), "one of a, b"),
@@ -311,6 +321,76 @@ def test_a_hint_among_many_names_is_the_closest_of_all(name: str, seed: int) -> 
 def test_a_number_with_its_unit_is_answered(value: str, unit: str, advice: str) -> None:
     message = refused(declared("float", unit=unit), value)
     assert message == f"expected {f'a number {unit}'.strip()}, got the text '{value}'{advice}"
+
+
+def test_texts_are_one_or_several() -> None:
+    texts = declared("texts")
+    assert texts.convert("u[0]") == ("u[0]",)
+    assert texts.convert(["a", 2]) == texts.convert(("a", 2)) == ("a", "2")
+    for value in ([], None, [[]], True):
+        assert refused(texts, value).startswith("expected a text or a list of texts, got ")
+
+
+def test_numbers_have_names() -> None:
+    numbers = declared("numbers")
+    assert numbers.convert({"a": 1, "b": 2.5}) == {"a": 1.0, "b": 2.5}
+    for value in ({1: 2.0}, {"a": "x"}, [1.0], 1.0):
+        assert refused(numbers, value).startswith("expected a mapping of names to numbers")
+
+
+@pytest.mark.parametrize(
+    ("value", "units", "expected"),
+    [
+        ("90deg", ("rad",), math.pi / 2),
+        (" 180 deg/s ", ("rad/s",), math.pi),
+        ("90deg", ("rad/s",), "90deg"),
+        ("90deg", ("m",), "90deg"),
+        ("north", ("rad",), "north"),
+        (["90deg", 1.0], ("rad",), [math.pi / 2, 1.0]),
+        ([1.0, "90deg"], ("m", "rad"), [1.0, math.pi / 2]),
+        (["90deg", 1.0], ("m", "rad"), ["90deg", 1.0]),
+        ([[1.0, "90deg"], [2.0, 0.5]], ("m", "rad"), [[1.0, math.pi / 2], [2.0, 0.5]]),
+    ],
+)
+def test_degrees_become_radians_where_these_are_the_unit(
+    value: Any, units: tuple[str, ...], expected: Any
+) -> None:
+    assert in_radians(value, units) == expected
+
+
+@pytest.mark.parametrize(
+    ("value", "units", "expected"),
+    [
+        (6.28, ("rad",), []),
+        (-6.29, ("rad",), [(-6.29, "rad")]),
+        (18.8, ("rad/s",), []),
+        (18.9, ("rad/s",), [(18.9, "rad/s")]),
+        (90, ("m",), []),
+        (math.inf, ("rad",), []),
+        (True, ("rad",), []),
+        ([90, 90], ("m", "rad"), [(90.0, "rad")]),
+        ([[0, 90], [0, 45]], ("m", "rad"), [(90.0, "rad"), (45.0, "rad")]),
+        ([90, 1], ("rad",), [(90.0, "rad")]),
+    ],
+)
+def test_large_angles_may_be_degrees(
+    value: Any, units: tuple[str, ...], expected: list[tuple[float, str]]
+) -> None:
+    assert maybe_degrees(value, units) == expected
+
+
+def test_a_plain_value_is_what_graphs_write() -> None:
+    for value, expected in (
+        (np.array([[1.0, 2.0]]), [[1.0, 2.0]]),
+        ((1, "a"), [1, "a"]),
+        (MappingProxyType({"a": 1.0}), {"a": 1.0}),
+        (blocks.Pose, "Pose"),
+        (blocks.Vector(3), "Vector(3)"),
+        (1.5, 1.5),
+        ("text", "text"),
+    ):
+        assert plain(value) == expected
+        assert type(plain(value)) is type(expected)
 
 
 def test_an_error_lists_every_problem() -> None:

@@ -47,8 +47,8 @@ def test_one_to_many_components_without_inputs() -> None:
         ({"expression": "1", "constants": {"2a": 1}}, "'2a' is not a valid name"),
         ({"expression": "1", "constants": [1]}, "expected a mapping of names to numbers"),
         ({"expression": ["1", "2"], "signal": "Pose"}, "expected a type of 2 components"),
-        ({"expression": []}, "expected a text or a list of texts"),
-        ({"expression": {"a": 1}}, "expected a text or a list of texts"),
+        ({"expression": []}, "expected a string or a list of strings"),
+        ({"expression": {"a": 1}}, "expected a string or a list of strings"),
     ],
 )
 def test_a_wrong_function_is_refused(entry: dict[str, Any], part: str) -> None:

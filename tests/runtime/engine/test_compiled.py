@@ -23,6 +23,7 @@ from tests.compilers import needs_compiler
 
 pytestmark = needs_compiler
 
+QUICK = ("line_actuator_failure_robust", "sine_estimation_error_robust")
 GRAPHS = sorted(path.stem for path in Path("graphs").glob("*.yaml"))
 MUJOCO = "mujoco"
 
@@ -100,7 +101,7 @@ def assert_equal(a: runtime.Result, b: runtime.Result) -> None:
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=[] if name.endswith("_robust") else [pytest.mark.slow])
+        pytest.param(name, marks=[] if name in QUICK else [pytest.mark.slow])
         for name in GRAPHS
         if MUJOCO not in name
     ],

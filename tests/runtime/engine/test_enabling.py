@@ -226,3 +226,24 @@ def test_a_loop_through_what_switches_a_part_is_reported(tmp_path: Path) -> None
     graph = graph.wire("back.input", "part.out").wire("part.enable", "back.out")
     with pytest.raises(GraphError, match=r"algebraic loop.*part\.enable\.on ▸ part\.twice"):
         graph.program()
+
+
+def test_such_a_loop_is_reported_at_its_first_wire(tmp_path: Path) -> None:
+    """Between what switches and what is switched there is no wire, and so no place."""
+    (tmp_path / "g.yaml").write_text(
+        "blocks:\n"
+        "  a:\n"
+        "    inputs: {switch: Scalar}\n"
+        "    outputs: {out: twice.out}\n"
+        "    blocks: {enable: {type: Enable}, twice: {type: Gain, gain: 2.0}, t: {type: Clock}}\n"
+        "    wires: {enable: {input: inputs.switch}, twice: {input: t.time}}\n"
+        "  z: {type: Compare, value: 1.0}\n"
+        "wires:\n"
+        "  a: {switch: z.out}\n"
+        "  z: {input: a.out}\n"
+    )
+    graph = runtime.load(tmp_path / "g.yaml")
+    with pytest.raises(
+        GraphError, match=r"g\.yaml:10:14: algebraic loop: a\.enable\.on ▸ a\.twice"
+    ):
+        graph.program()

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 import blocks
 import runtime
 from blocks.core.signals import Same
+from runtime.cli.explain import explain_json
 
 
 class Clock(blocks.Block):
@@ -113,6 +114,18 @@ def test_any_acyclic_wiring_computes_what_numpy_does(
     expected = np.linalg.solve(np.eye(6) - adjacency, np.ones(6))
     result = graph.run()
     assert [result[f"p{j}"][0] for j in range(6)] == pytest.approx(expected.tolist())
+
+
+@given(order=st.permutations(range(5)), every=st.lists(st.integers(1, 3), min_size=5, max_size=5))
+@settings(max_examples=20)
+def test_blocks_run_by_rate_and_then_by_name_however_they_are_written(
+    order: list[int], every: list[int]
+) -> None:
+    graph = runtime.Graph(dt=0.5, until=3.0)
+    for i in order:
+        graph = graph.add(f"clock{i}", blocks.Clock(), dt=0.5 * every[i])
+    names = [step["block"] for step in explain_json(graph)["order"]]
+    assert names == [f"clock{i}" for _, i in sorted(zip(every, range(5), strict=True))]
 
 
 def test_loops_through_state_run_and_algebraic_loops_are_refused() -> None:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 
+import runtime
 from runtime.engine.rosenbrock import (
-    SPARE,
     factor,
     factor_loops,
     implicit,
@@ -17,6 +19,8 @@ from runtime.engine.rosenbrock import (
     solve_loops,
 )
 from runtime.engine.solvers import method_of
+from runtime.plan import make_plan
+from runtime.plan.coupling import Coupling
 
 
 def banded(n: int, band: int, seed: int) -> np.ndarray:
@@ -26,12 +30,19 @@ def banded(n: int, band: int, seed: int) -> np.ndarray:
     return np.where(abs(r - c) <= band, matrix, 0.0)
 
 
-def stored(matrix: np.ndarray) -> np.ndarray:
-    """The slopes of a step whose matrix M is this one: its columns are rows 1 to n."""
-    n = len(matrix)
-    slopes = np.zeros((method_of("rodas4", n).slope_rows, n))
-    slopes[1 : n + 1] = matrix.T
-    return slopes
+def stored(matrix: np.ndarray) -> tuple[np.ndarray, int]:
+    """The slopes of a step with this matrix M, and the row at which its columns begin."""
+    n, method = len(matrix), method_of("rodas4", len(matrix))
+    slopes = np.zeros((method.slope_rows(n), n))
+    slopes[method.stages : method.stages + n] = matrix.T
+    r, c = np.nonzero(matrix)
+    slopes[-1, 0] = abs(r - c).max(initial=0)
+    return slopes, method.stages
+
+
+def coupling(matrix: np.ndarray) -> Coupling:
+    """Each rate depends on the states whose entries are not zero."""
+    return Coupling.of([sum(1 << int(c) for c in np.flatnonzero(row)) for row in matrix])
 
 
 @given(st.integers(1, 40), st.integers(0, 40), st.integers(0, 2**32))
@@ -39,8 +50,7 @@ def test_both_forms_solve_what_numpy_solves(n: int, band: int, seed: int) -> Non
     matrix, right = banded(n, band, seed), np.random.default_rng(seed + 1).normal(size=n)
     forms = []
     for factored, solved in ((factor, solve), (factor_loops, solve_loops)):
-        slopes, x = stored(matrix), right.copy()
-        rows = len(slopes) - SPARE
+        (slopes, rows), x = stored(matrix), right.copy()
         factored(slopes, rows)
         solved(slopes, rows, x)
         forms.append(x)
@@ -52,25 +62,94 @@ def test_both_forms_solve_what_numpy_solves(n: int, band: int, seed: int) -> Non
         np.testing.assert_allclose(forms[0], expected, rtol=0.0, atol=1e-13 * condition * scale)
 
 
-@pytest.mark.parametrize("n", [1, 3, 12])
-def test_both_forms_take_the_same_step(n: int) -> None:
-    # x' = A x + sin(9 t), a full matrix; every stage of one step in each form.
-    system, method = np.random.default_rng(n).normal(size=(n, n)), method_of("rodas4", n)
+@given(st.integers(1, 30), st.integers(0, 30), st.integers(0, 2**32))
+def test_both_forms_take_the_same_step(n: int, band: int, seed: int) -> None:
+    # x' = A x + sin(9 t); every stage of one step in each form.
+    system = banded(n, band, seed)
+    structure = coupling(system)
+    method = method_of("rodas4", structure.count)
     ends = []
     for form in (implicit, implicit_loops):
         start = np.linspace(1.0, 2.0, n)
-        states, slopes = start.copy(), np.zeros((method.slope_rows, n))
+        states, slopes = start.copy(), np.zeros((method.slope_rows(n), n))
         for stage in range(method.stages):
             slopes[stage] = system @ states + np.sin(9.0 * 0.1 * method.nodes[stage])
-            form(states, start, slopes, method.table, stage, 0.1)
-        ends.append((states, slopes[method.stages - 1]))
-    assert np.array_equal(ends[0][0], ends[1][0])
-    assert np.array_equal(ends[0][1], ends[1][1])
+            arrays = states, start, slopes, method.table
+            form(*arrays, stage, 0.1, structure.colours, structure.pattern)
+        ends.append((states, slopes[method.stages - 1], slopes[method.stages :]))
+    for python, loops in zip(*ends, strict=True):
+        assert np.array_equal(python, loops)
+
+
+@given(st.integers(1, 60), st.floats(0.0, 1.0), st.integers(0, 2**32))
+def test_no_row_contains_two_columns_of_one_colour(n: int, share: float, seed: int) -> None:
+    matrix = np.random.default_rng(seed).random((n, n)) < share
+    structure = coupling(matrix)
+    assert np.array_equal(structure.pattern, np.argwhere(matrix))
+    for colour in range(structure.count):
+        assert matrix[:, structure.colours == colour].sum(axis=1).max() <= 1
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 100])
+def test_a_diffusion_of_any_length_has_three_colours(n: int) -> None:
+    assert coupling(banded(n, 1, 0)).count == min(n, 3)
 
 
 def test_a_step_with_a_singular_matrix_is_rejected_and_not_an_error() -> None:
-    slopes, right = stored(np.zeros((2, 2))), np.ones(2)
-    rows = len(slopes) - SPARE
+    (slopes, rows), right = stored(np.zeros((2, 2))), np.ones(2)
     factor(slopes, rows)
     solve(slopes, rows, right)
     assert np.all(np.abs(right) > 1e20)
+
+
+GRAPH = """
+graph: coupled
+run: {dt: 0.01, until: 0.05, solver: rodas4, rtol: 1.0e-9, atol: 1.0e-12}
+blocks:
+  chain:
+    type: DynamicSystem
+    states: [a, b, c]
+    derivative: [b - a, "-2*b + a*c", "u[0]"]
+    initial: [1.0, 0.5, 0.2]
+  sum: {type: Sum, signs: [1, -1]}
+  out: {type: Integrator, initial: 0.3}
+  alone: {type: TransferFunction, numerator: [1.0], denominator: [1.0, 3.0, 2.0]}
+  wave: {type: Sine}
+wires:
+  sum: {terms: [chain.out.1, out.out]}
+  out: {input: sum.out}
+  chain: {u: [out.out]}
+  alone: {input: wave.out}
+probes: {chain: chain.out, out: out.out, alone: alone.out}
+"""
+
+
+def test_what_depends_on_what_is_read_from_wires_and_blocks() -> None:
+    graph = runtime.load(yaml.safe_load(GRAPH))
+    part = make_plan(graph.network, graph.observation).integration
+    assert part is not None
+    states = [f"{slot.block}[{i}]" for slot in part.row.slots for i in range(slot.size)]
+    read = {(states[int(r)], states[int(c)]) for r, c in part.coupling.pattern}
+    a, b, c, out = "chain[0]", "chain[1]", "chain[2]", "out[0]"
+    assert {pair for pair in read if "alone" not in pair[0]} == {
+        *((a, a), (a, b), (b, a), (b, b), (b, c)),
+        # Inputs and outputs are whole signals: each component may depend on all.
+        *((a, out), (b, out), (c, out)),
+        *((out, a), (out, b), (out, c), (out, out)),
+    }
+    assert all("alone" in column for row, column in read if "alone" in row)
+
+
+@pytest.mark.parametrize("engine", ["python", "compiled"])
+def test_coloured_differences_solve_what_scipy_solves(engine: str) -> None:
+    result = runtime.load(yaml.safe_load(GRAPH)).run(engine=engine)
+
+    def rates(t: float, x: np.ndarray) -> list[float]:
+        a, b, c, out = x
+        return [b - a, -2.0 * b + a * c, out, b - out]
+
+    start, times = [1.0, 0.5, 0.2, 0.3], np.linspace(0.0, 0.05, 6)
+    exact = solve_ivp(rates, (0.0, 0.05), start, "Radau", times, rtol=1e-11, atol=1e-13).y.T
+    rows = len(result["out"])
+    np.testing.assert_allclose(result["chain"], exact[:rows, :3], rtol=1e-8)
+    np.testing.assert_allclose(result["out"], exact[:rows, 3], rtol=1e-8)

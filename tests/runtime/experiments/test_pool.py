@@ -131,7 +131,10 @@ def pool(
 
 
 # What holds however workers are started, so that it holds under Windows, too.
-EITHER = pytest.mark.parametrize("pool", [ForkServer, Spawner], indirect=True)
+# The second is for systems that cannot fork.
+EITHER = pytest.mark.parametrize(
+    "pool", [ForkServer, pytest.param(Spawner, marks=pytest.mark.slow)], indirect=True
+)
 
 
 def both(pool: ProcessExecutor, meeting: Meeting) -> set[int]:

@@ -248,6 +248,7 @@ def test_folders_of_other_names_are_kept(here: Run, draw: Path, tmp_path: Path) 
     assert (done.returncode, stray.exists()) == (0, True), done.stderr
 
 
+@pytest.mark.slow
 def test_a_sweep_needs_little_of_the_system(cli: Run, draw: Path, tmp_path: Path) -> None:
     deep = tmp_path / ("d" * 100)
     deep.mkdir()
@@ -390,7 +391,7 @@ def test_a_folder_of_schema_1_is_continued_and_reported(
     plan = (folder / "plan.yaml").read_text()
     for new, old in (
         *(("schema_version: 2", "schema_version: 1"), ("\ntotal:", "\npoints:")),
-        ("\nprovenance:", "\nmade:"),
+        *(("\nprovenance:", "\nmade:"), ("\nchecks:", "\n# checks:")),
     ):
         assert new in plan
         plan = plan.replace(new, old)
@@ -411,6 +412,23 @@ def test_a_folder_of_schema_1_is_continued_and_reported(
     assert [line.rpartition(",")[0] for line in sorted(found[1:])] == sorted(without_duration[1:])
     assert len(list((folder / "points").iterdir())) == 3 and not (folder / "trials").exists()
     assert here("sweep", "sweeps/draw/plan.yaml", "--name", "again", *sweep[2:]).returncode == 0
+
+
+def test_a_damaged_plan_is_written_again_by_its_own_command(
+    here: Run, draw: Path, tmp_path: Path
+) -> None:
+    sweep = (*TWO, "--vary", "draw.level=[1, 2]", "--no-plots")
+    assert here(*sweep).returncode == 0
+    plan = tmp_path / "sweeps" / "draw" / "plan.yaml"
+    whole = plan.read_text()
+    plan.write_text(whole.replace("\ntotal: 2", "\ntotal: 3"))
+    refused = here("report", "sweeps/draw")
+    assert refused.returncode == 2
+    assert "plan.yaml' is damaged: its entry 'total' was changed after it was" in refused.stderr
+    assert here(*sweep, "--resume").returncode == 0
+    found, expected = (parse_yaml(text, "plan").plain() for text in (plan.read_text(), whole))
+    assert {**found, "provenance": 0, "checks": 0} == {**expected, "provenance": 0, "checks": 0}
+    assert here("report", "sweeps/draw").returncode == 0
 
 
 def test_the_index_of_another_plan_is_refused(here: Run, draw: Path, tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from blocks.world.world import World
 from runtime.errors import GraphError, UsageError
 from runtime.observation.reader import PlotSpec
 from runtime.observation.run_data import Recording
-from runtime.plots import animate, animated, film, scans
+from runtime.plots import animate, animated_plot, film, scans
 from runtime.plots import map as maps
 from runtime.plots.figures import draw
 from runtime.plots.style import run_end
@@ -385,11 +385,11 @@ class TestAnimation:
     def test_scans_come_before_a_map_and_a_map_before_a_trajectory(self, run: Result) -> None:
         way = PlotSpec("way", "trajectory", ("pose",), "Way")
         plots = [way, *run.plots]
-        assert animated(plots, run.world).kind == "scans"
-        assert animated(plots[:2], run.world).kind == "map"
-        assert animated(plots, None) is way
+        assert animated_plot(plots, run.world).kind == "scans"
+        assert animated_plot(plots[:2], run.world).kind == "map"
+        assert animated_plot(plots, None) is way
         with pytest.raises(UsageError, match=r"add one, as in 'plots: \{way: \{kind: trajectory"):
-            animated(run.plots, None)
+            animated_plot(run.plots, None)
 
     def test_refused_before_the_run(
         self, tmp_path: Path, capsys: pytest.CaptureFixture[str]

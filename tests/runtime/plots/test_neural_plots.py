@@ -14,7 +14,7 @@ from blocks import Decoder, Ensemble, Function, WhiteNoise
 from blocks.neural import LIF, PLACES
 from runtime.errors import GraphError
 from runtime.plots.figures import draw
-from runtime.plots.tuning import tuned
+from runtime.plots.tuning import tuning_of
 from tests.conftest import Run
 
 N = 30
@@ -49,7 +49,7 @@ def test_response_curves_are_the_models_rates(d: int) -> None:
 def test_tuning_curves_are_rates_over_each_dimension() -> None:
     result = population(2).plot("p", "tuning_curves", "a.spikes").run()
     first, second = draw(result.plots[0], result).axes
-    found = tuned(result.probes["a.spikes.tuning"])
+    found = tuning_of(result.probes["a.spikes.tuning"])
     gain, bias = result.states["a.gain"], result.states["a.bias"]
     np.testing.assert_allclose(np.linalg.norm(found.encoders, axis=1), 1.0, rtol=1e-12)
     for axis, axes in enumerate((first, second)):
@@ -96,7 +96,7 @@ def test_a_sorted_raster_in_one_dimension_is_a_fan() -> None:
     """Neurons of one encoder are together, the most easily driven of both kinds in the middle."""
     graph = population(encoders="choice([-1, 1])").plot("p", "raster", "a.fired", sort="direction")
     result = graph.run()
-    found = tuned(result.probes["a.fired.tuning"])
+    found = tuning_of(result.probes["a.fired.tuning"])
     order = found.order()
     signs, intercepts = np.sign(found.encoders[order, 0]), found.intercepts[order]
     assert np.array_equal(signs, np.sort(signs))
