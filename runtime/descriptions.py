@@ -1,4 +1,10 @@
-"""Descriptions of blocks and options, from their own declarations: as text, Markdown and data."""
+"""Descriptions of blocks and options, from their own declarations: as text, Markdown and data.
+
+In: a block's class. Out: its ports, parameters and states for a terminal, for docs/blocks.md or as
+plain data; nothing is written down twice::
+
+    param_row("dt", LQR.spec.params["dt"])    # name, what is expected, default, documentation
+"""
 
 from __future__ import annotations
 
@@ -43,9 +49,12 @@ def families(known: Mapping[str, type[Block]]) -> dict[str, list[str]]:
     families_by_room: dict[str, list[str]] = {}
     for name, cls in known.items():
         top, *rest = cls.__module__.split(".")
+        # The first sentence of a room's docstring is its title. A class exists, so its room is
+        # imported.
         room = sys.modules.get(f"blocks.{rest[0]}") if top == "blocks" and rest else None
         about = _first_line(room.__doc__).rstrip(".") if room is not None else ""
         family = f"{rest[0]}: {about}" if about else top
+        # Modules of a user's files get hidden names (blocks.registry).
         families_by_room.setdefault("your own" if family.startswith("_") else family, []).append(
             name
         )
@@ -65,6 +74,7 @@ def describe_text(cls: type[Block]) -> str:
     """The description of a block for a terminal."""
     lines = [cls.__name__, "", inspect.getdoc(cls) or "", ""]
     for title, rows in _tables(cls):
+        # Without columns that are empty throughout, as the defaults of ports are.
         columns = [i for i in range(len(rows[0])) if any(row[i] for row in rows)]
         lines += [title, table([[row[i] for i in columns] for row in rows]), ""]
     through = cls.spec.through
@@ -148,6 +158,7 @@ def param_row(name: str, declared: Param) -> TableRow:
 
 def _plain(value: Any) -> Any:
     value = list(value) if isinstance(value, (tuple, np.ndarray)) else value
+    # JSON has no infinity; this is how a graph writes it.
     return ".inf" if isinstance(value, float) and math.isinf(value) else value
 
 

@@ -1,4 +1,11 @@
-"""Changes to a graph's document: an entry set, a wire moved, a block added or left out."""
+"""Changes to a graph's document: an entry set, a wire moved, a block added or left out.
+
+In: a tree and a change. Out: a new tree, in which only the nodes on the way to the entry are new::
+
+    set_entry(document, "lqr.q", [1, 1])            # --set lqr.q=[1, 1]
+    set_wire(document, "lqr.error", "error.state")  # --wire lqr.error=error.state
+    add_names(document, "without", ("adaptive",))   # --without adaptive
+"""
 
 from __future__ import annotations
 
@@ -69,6 +76,7 @@ def set_entry(document: Node, path: str, value: Any, origin: str = "") -> Node:
         )
     if names in (["blocks"], ["wires"]):
         raise GraphError([Problem(where, path, f"name an entry, as in {names[0]}.NAME.KEY")])
+    # lqr=PID would put a word where a block's mapping is; what is meant is another type.
     if isinstance(value, str) and names[-1] in blocks and names[:-1] in ([], ["blocks"]):
         message = f"expected a parameter, as in {names[-1]}.KEY; a block of another type takes the "
         message += f"place of this one with --replace {names[-1]}={value}"
@@ -127,6 +135,7 @@ def _set(node: Node, names: list[str], value: Node | None, path: str, where: Whe
         raise GraphError([Problem(where, path, message)])
     below = node.get(name)
     if not rest:
+        # The position of the key stays that in the file: messages about a block point there.
         key = where if below is None else below.key
         return node.with_item(name, None if value is None else Node(value.value, value.where, key))
     if below is None:
@@ -137,6 +146,7 @@ def _set(node: Node, names: list[str], value: Node | None, path: str, where: Whe
             known = [key for key, _ in node.items()]
             suggestion = hint(name, known) or f"; there are {', '.join(known) or 'none'}"
             raise GraphError([Problem(where, path, f"there is no '{name}'{suggestion}")])
+        # params.new=1 in a graph without params.
         below = Node({}, where, where)
     return node.with_item(name, _set(below, rest, value, path, where))
 
@@ -163,6 +173,7 @@ def set_wire(document: Node, consumer: str, source: Any, origin: str = "") -> No
         )
     path: list[str] = []
     scope: Node | None = document
+    # part.block.input: each name but the last two is a part, whose wires are its own.
     while len(names) > 2 and scope is not None:
         blocks = scope.get("blocks")
         scope = blocks.get(names[0]) if blocks is not None else None

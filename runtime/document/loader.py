@@ -1,4 +1,13 @@
-"""From files to one complete document: finds graphs, merges ``extends``, inlines parts."""
+"""From files to one complete document: finds graphs, merges ``extends``, inlines parts.
+
+In: a file, a shipped graph's name or a dict. Out: one tree, and the bytes of each file read::
+
+    own.yaml:   extends: line          line.yaml:  blocks: {lqr: {type: LQR, q: 1, r: 1}}
+                blocks: {lqr: {q: 2}}
+    read_graph("own.yaml")[0]:         blocks: {lqr: {type: LQR, q: 2, r: 1}}
+
+Each value keeps the position in the file that it comes from.
+"""
 
 from __future__ import annotations
 
@@ -50,8 +59,8 @@ def read_graph(
     """Read a graph as :func:`load_document` does; returns also the content of every file read.
 
     The keys are the files' resolved paths. Each file is read once, so that a run stores exactly
-    what it ran, even if the files change meanwhile. ``unsaved`` are texts that replace the content
-    of files, by resolved path.
+    what it ran, even if the files change meanwhile. ``unsaved`` replaces the content of files, by
+    resolved path.
     """
     loader = _Loader(unsaved)
     if isinstance(source, Mapping):
@@ -73,7 +82,7 @@ def complete_document(
     Parameters
     ----------
     document : the parsed text; path : its file, which need not exist.
-    unsaved : texts that replace the content of files, by resolved path.
+    unsaved : what replaces the content of files, by resolved path.
     parse : reads a file's text; the default, or one that remembers.
 
     Returns
@@ -124,6 +133,7 @@ def _merge_entries(base: Node, top: Node, key: str, charge: Callable[[int], None
         if below is None:
             entries[name] = node
         elif node.value is None:
+            # Removed, not set to null: below it may be given again by a file that extends this one.
             del entries[name]
         else:
             entries[name] = merge(below, node, key, name, charge)
@@ -133,6 +143,7 @@ def _merge_entries(base: Node, top: Node, key: str, charge: Callable[[int], None
 def _is_another(base: Node, top: Node) -> bool:
     for name in ("type", "kind", "part"):
         above, below = top.get(name), base.get(name)
+        # An entry that names no type changes the one below, whatever its type.
         if above is not None and (below is None or below.value != above.value):
             return True
     return False
@@ -176,6 +187,7 @@ def find_file(name: str, at: Location, folder: Path, noun: str = "graph") -> Pat
     GraphError : there is none.
     """
     path = Path(name)
+    # The own folder first: a user's file may have the name of a shipped graph.
     places = [folder / path, folder / f"{name}{SUFFIX}"]
     if not path.is_absolute():
         places += [SHIPPED / path, SHIPPED / f"{name}{SUFFIX}"]
@@ -192,6 +204,7 @@ def find_file(name: str, at: Location, folder: Path, noun: str = "graph") -> Pat
     worlds = sorted(str(path.relative_to(SHIPPED)) for path in SHIPPED.glob(f"worlds/*{SUFFIX}"))
     shipped_names = shipped_graphs() if noun == "graph" else worlds
     everywhere = _names(SHIPPED.rglob(f"*{SUFFIX}")) if noun == "graph" else worlds
+    # The file in which the name is written is not the one that is meant.
     near = [file for file in near if file != Path(at[0].file).name]
     candidates = [str(path / n) for n in inside]
     candidates = candidates or _similar(path, near, beside or everywhere)
@@ -244,7 +257,7 @@ class _Loader:
     """Reads files, and continues after a problem, so that all problems are found.
 
     ``above`` holds the files that are being read, the outermost first; ``contents`` the content
-    of each file read; ``unsaved`` texts take the place of files, and ``parse`` reads them.
+    of each file read; ``unsaved`` takes the place of files, and ``parse`` reads both.
     """
 
     def __init__(
@@ -263,6 +276,7 @@ class _Loader:
         except GraphError as error:
             self.problems.items += error.problems
             return None
+        # Two names of one file, as through a link, are a circle as well.
         if path.resolve() in above:
             chain = " ▸ ".join(p.name for p in (*above, path))
             message = f"graphs refer to each other in a circle: {chain}"
@@ -272,6 +286,7 @@ class _Loader:
             message = f"graphs extend or contain each other more than {MAX_LEVELS} levels deep"
             self.work.stop(*at, message)
         key = str(path)
+        # Once: ten blocks of one part share its tree, and Measure counts it once.
         if key not in self.done:
             self.done[key] = self.read(path, at, (*above, path.resolve()))
         document = self.done[key]
@@ -307,7 +322,7 @@ class _Loader:
     def referenced_graph(
         self, node: Node, address: str, what: str, above: tuple[Path, ...]
     ) -> Node | None:
-        """The graph that a text in a graph names."""
+        """The graph whose file or name is written in another."""
         if not is_path(node):
             self.problems.add(node.where, address, f"expected {what}, got {node.describe()}")
             return None
@@ -316,6 +331,8 @@ class _Loader:
     def complete(self, document: Node, above: tuple[Path, ...]) -> Node:
         """Merge what the document extends, and inline the parts that its blocks name."""
         extends = document.get("extends")
+        # Parts are inlined before the merge, since it asks whether an entry is the same part as the
+        # one below (`part` is set by inlining).
         document = self.parts(document.with_item("extends", None), "blocks", above)
         document = self.runs(self.world(self.own_kinds(document)))
         if extends is None:
@@ -324,6 +341,8 @@ class _Loader:
         for node in extends.value if extends.is_list else [extends]:
             below = self.referenced_graph(node, "extends", "a graph's file or name", above)
             if below is not None:
+                # Of several, a later file lies above the earlier ones, and the graph itself above
+                # all.
                 base = below if base is None else self.merge_charged(base, below, node)
         return document if base is None else self.merge_charged(base, document, extends)
 
@@ -392,6 +411,8 @@ class _Loader:
             if node is not None and is_path(node):
                 entry = entry.with_item(key, _absolute(node))
             elif node is not None and isinstance(node.value, str) and node.value[:1] == "$":
+                # Files are read before params are filled in, so that a part's params are known by
+                # then.
                 message = "write the path itself, which is relative to this file, not a $param"
                 self.problems.add(node.where, f"{address}.{key}", message)
         for key, node in entry.items():

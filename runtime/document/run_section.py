@@ -1,4 +1,11 @@
-"""The ``run`` section of a graph: base step, length, seed, engine and solver."""
+"""The ``run`` section of a graph: base step, length, seed, engine and solver.
+
+In: a document. Out: a :class:`RunSection` with defaults for what is missing or wrong, so that the
+rest of the graph can be checked as well::
+
+    run: {dt: 0.001, until: 5, solver: dopri5, rtol: 1e-8}
+    RunSection(dt=0.001, until=5.0, ..., solver=Solver("dopri5", rtol=1e-8))
+"""
 
 from __future__ import annotations
 
@@ -106,6 +113,7 @@ def read_run(document: Node, problems: Problems) -> RunSection:
         message = f"{until:g} {unit} are {until / dt:.3g} ticks of dt = {dt:g} {unit}"
         message += "; expected one or more" if until < dt else f"; at most {MAX_TICKS:.0e} can run"
         problems.add(where, "run.until", message)
+        # One tick: what follows needs a length, and the problem is reported.
         until = dt
     seed, engine = _seed(run, problems), _choice(run, "engine", ENGINES, ENGINES[0], problems)
     states = _choice(run, "states", STATE_CHOICES, STATE_CHOICES[0], problems)
@@ -144,6 +152,7 @@ def _solver(run: dict[str, Node], problems: Problems) -> Solver:
             continue
         node = run[key]
         value = node.value
+        # In Python true is an int.
         good = isinstance(value, (int, float)) and not isinstance(value, bool)
         if name not in ADAPTIVE:
             message = f"solver: {name} takes one step per tick; {key} is for dopri5 and rodas4"
@@ -170,6 +179,7 @@ def _stop(run: dict[str, Node], problems: Problems) -> Stop | None:
         where = node.where if when is None else when.where
         problems.add(where, "run.stop.when", f"expected the address of a number, {example}")
         return None
+    # Two levels would need a rule for which of them ends the run.
     if len(kinds) != 1:
         message = f"expected one of {', '.join(STOPS)}, {example}"
         problems.add(node.where, "run.stop", message)

@@ -1,4 +1,11 @@
-"""The sections of a graph: what each contains, and how it is read."""
+"""The sections of a graph: what each contains, and how it is read.
+
+In: a document and a section's name. Out: its entries, with a problem for each key that does not
+exist and a suggestion::
+
+    check_keys(node, RUN_KEYS, "run", problems, "key", RUN_OTHER_NAMES)
+    # line.yaml:2:6: run.duration: unknown key, did you mean 'until'?
+"""
 
 from __future__ import annotations
 
@@ -120,6 +127,7 @@ def _rename_files_of(entry: dict[str, Any], new_name: Callable[[str, str], str])
     for key, value in entry.items():
         if key in FILE_KEYS and isinstance(value, str):
             result[key] = new_name(key, value)
+        # A setting of a block, such as a neuron model of a user's file.
         elif isinstance(value, dict) and isinstance(value.get("module"), str):
             result[key] = {**value, "module": new_name("module", value["module"])}
     return result
@@ -175,7 +183,7 @@ def section(
 def strings(
     node: Node | None, address: str, what: str, problems: Problems
 ) -> list[tuple[Node, str]]:
-    """The nodes of a text or a list of texts, each with its address."""
+    """The nodes of a string or a list of strings, each with its address."""
     if node is None:
         return []
     items = node.value if node.is_list else [node]
@@ -198,6 +206,7 @@ def closest(name: str, known: Iterable[str]) -> str:
 def misspelt_keys(node: Node, known: Iterable[str]) -> set[str]:
     """Known keys that are missing because they are misspelt."""
     names = {name for name, _ in node.items()}
+    # 'block:' is reported as unknown; without this, 'blocks' would be reported as missing as well.
     return {closest(name, known) for name in names.difference(known)} - names
 
 

@@ -1,4 +1,10 @@
-"""Substitution of ``$names`` by the values of ``params``."""
+"""Substitution of ``$names`` by the values of ``params``; nothing is evaluated.
+
+In: a graph or part and its params. Out: the same tree with values in place of names, each with the
+position of the param, where a wrong value has to be corrected::
+
+    params: {v: 1.5}   blocks: {lqr: {v_r: $v}}    ->    blocks: {lqr: {v_r: 1.5}}
+"""
 
 from __future__ import annotations
 
@@ -25,6 +31,7 @@ def fill_sections(
     address : of the graph in the document: '' or ``blocks.adaptive``.
     """
     prefix = f"{address}." if address else ""
+    # With 'param:' for 'params:' every name would be unknown; the misspelling is reported alone.
     params: dict[str, Node] | None = None if "params" in misspelt_keys(document, SECTIONS) else {}
     if declared is not None and declared.value is not None:
         params = dict(declared.items()) if declared.is_map else None
@@ -39,6 +46,7 @@ def fill_sections(
             fill = filler.blocks if name == "blocks" else filler.fill
             document = document.with_item(name, fill(node, f"{prefix}{name or repr(name)}"))
     for name, node in (params or {}).items():
+        # An unused 'gain' and an unknown '$gian' are one mistake, reported at the name.
         if name not in filler.used and not hint(name, filler.missing):
             suggestion = hint(name, filler.used) or "; remove it, or write it as a value"
             problems.add(node.key, f"{prefix}params.{name}", f"${name} is not used{suggestion}")
@@ -122,6 +130,8 @@ class _Filler:
             self._known[id(node.value)] = entry
         return entry[1]
 
+    # Params in params would need an order, and could be circular; a part's params may name those of
+    # the graph around it, which are filled in before the part is opened.
     def refuse_nested(self) -> None:
         for name, node in (self.params or {}).items():
             for bad in _references(node):
@@ -162,6 +172,7 @@ class _Filler:
         if param is not None and param.value is not None:
             self.used.add(name)
             self.work.substitute(name, param, node.where, address)
+            # Reported by refuse_nested: what the value does to its block is no news.
             if self._has_references(param):
                 self.problems.silence(param.where, address)
             return Node(param.value, param.where, node.key)

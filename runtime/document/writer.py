@@ -1,4 +1,11 @@
-"""Plain values as YAML text that gives equal values under YAML 1.2 and 1.1."""
+"""Plain values as YAML text that gives equal values under YAML 1.2 and 1.1.
+
+In: dicts, lists and scalars. Out: text that :func:`runtime.document.node.parse_yaml` and other
+tools read alike::
+
+    dump_yaml({"seed": 7, "title": "on", "rate": 1e-05})
+    # {seed: 7, title: 'on', rate: 1.0e-05}
+"""
 
 from __future__ import annotations
 
@@ -57,6 +64,7 @@ class _YamlDumper(_DUMPER):  # type: ignore[misc, valid-type]
         return text
 
     def ignore_aliases(self, data: Any) -> bool:
+        # yaml would write an anchor where a list occurs twice; people edit this text.
         return True
 
 
@@ -75,6 +83,7 @@ def _float_text(number: float) -> str:
         return ".nan"
     if math.isinf(number):
         return ".inf" if number > 0 else "-.inf"
+    # YAML 1.1 reads 1e-05 as a string: its floats need a dot.
     mantissa, e, exponent = repr(number).partition("e")
     return mantissa + (".0" if "." not in mantissa else "") + e + exponent
 

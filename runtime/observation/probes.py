@@ -26,8 +26,8 @@ PROBE_KEYS = {
     "of": "an address, or several side by side",
     "every": "base ticks between two rows",
     "synapse": "filter of the values: a time constant in s, or alpha(tau), second_order(...)",
-    "label": "what figures call it: a text for each signal, or for each column",
-    "unit": "of signals that have none: a text for each signal, or for each column",
+    "label": "what figures call it: a string for each signal, or for each column",
+    "unit": "of signals that have none: a string for each signal, or for each column",
 }
 
 
@@ -174,7 +174,7 @@ def describe_signals(
     """
     if node is None:
         return signals
-    words = [item.value for item, _ in strings(node, address, "a text", problems)]
+    words = [item.value for item, _ in strings(node, address, "a string", problems)]
     if not words or (None in signals and len(words) != len(signals)):
         return signals
     present = [signal for signal in signals if signal is not None]
@@ -218,12 +218,12 @@ def with_units(signals: Sequence[Signal], units: Sequence[str]) -> list[Signal]:
 
 
 def _by_column(signals: Sequence[Signal], words: Sequence[str]) -> list[tuple[str, ...]]:
-    """The texts of each signal's columns."""
+    """The words for each signal's columns."""
     counts = [len(signal.labels) for signal in signals]
     if len(words) != sum(counts):
         each = f"each of the {len(signals)} signals" if len(signals) > 1 else "the signal"
         columns = f", or for each of the {sum(counts)} columns" if sum(counts) > len(counts) else ""
-        raise ValueError(f"expected a text for {each}{columns}; got {len(words)}")
+        raise ValueError(f"expected a string for {each}{columns}; got {len(words)}")
     rest = iter(words)
     return [tuple(islice(rest, count)) for count in counts]
 

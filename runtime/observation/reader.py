@@ -324,7 +324,7 @@ class _Reader:
         return names
 
     def no_probe(self, name: str) -> str:
-        """Why a text can be neither a probe's name nor an address; '' if it may be one."""
+        """Why a name can be neither a probe's name nor an address; '' if it may be one."""
         head, dot, rest = name.partition(".")
         scope = self.network.scope
         if not dot and (head in scope.blocks or head in scope.broken):
@@ -351,13 +351,13 @@ class _Reader:
         of = read(node, "of", keys, f"{address}.of")
         title = node.get("title")
         if title is not None and not isinstance(title.value, (str, int, float)):
-            message = f"expected a text, got {title.describe()}"
+            message = f"expected a string, got {title.describe()}"
             self.problems.add(title.where, f"{address}.title", message)
         options = {key: item.plain() for key, item in node.items() if key not in COMMON}
         if definition is not None:
             self.report(node, keys, address, check_options(definition, options, self.has_world))
         if node.get("labels") is not None:
-            what = "a text for each line, as in [position, heading]"
+            what = "a string for each line, as in [position, heading]"
             labels = strings(node.get("labels"), f"{address}.labels", what, self.problems)
             options["labels"] = [str(item.value) for item, _ in labels]
         for key in () if definition is None else definition.signals:

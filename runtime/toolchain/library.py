@@ -92,7 +92,7 @@ class Builder:
 
     Parameters
     ----------
-    checked : define ``SPIKEBLOCKS_CHECKED``, under which a text checks its indices.
+    checked : define ``SPIKEBLOCKS_CHECKED``, under which generated code checks its indices.
 
     Raises
     ------
@@ -152,7 +152,7 @@ class Builder:
 
         Parameters
         ----------
-        units : their texts include all that they need, and no symbol is defined twice.
+        units : each includes all that it needs, and no symbol is defined twice.
         note : called with the names of units that are not in the cache.
 
         Raises
