@@ -39,28 +39,26 @@ def shipped_graphs() -> list[str]:
     return sorted(path.stem for path in SHIPPED.glob(f"*{SUFFIX}"))
 
 
-def load_document(source: Source) -> Node:
-    """Read a graph with all that it extends and all its parts.
+def read_graph(
+    source: Source, unsaved: Mapping[Path, str] | None = None
+) -> tuple[Node, dict[str, bytes]]:
+    """Read a graph with all that it extends and all its parts, and the content of each file.
+
+    Each file is read once, so that a run stores exactly what it ran, even if the files change
+    meanwhile.
 
     Parameters
     ----------
     source : a file, the name of a shipped graph, or the graph as a dict.
+    unsaved : what replaces the content of files, by resolved path.
+
+    Returns
+    -------
+    tuple : the document, and the bytes of each file, by resolved path.
 
     Raises
     ------
     GraphError : files, or files that they name, cannot be read; it lists all of them.
-    """
-    return read_graph(source)[0]
-
-
-def read_graph(
-    source: Source, unsaved: Mapping[Path, str] | None = None
-) -> tuple[Node, dict[str, bytes]]:
-    """Read a graph as :func:`load_document` does; returns also the content of every file read.
-
-    The keys are the files' resolved paths. Each file is read once, so that a run stores exactly
-    what it ran, even if the files change meanwhile. ``unsaved`` replaces the content of files, by
-    resolved path.
     """
     loader = _Loader(unsaved)
     if isinstance(source, Mapping):

@@ -1,4 +1,11 @@
-"""Addresses in a graph: ``plant.pose.theta``, ``adaptive.command``, ``snn.spikes``."""
+"""Addresses in a graph: ``plant.pose.theta``, ``adaptive.command``, ``snn.spikes``.
+
+In: an address and the scope in which it is written. Out: the block, port and component at its end,
+followed through the ports of parts::
+
+    adaptive.command             with outputs: {command: join.out} in the part 'adaptive'
+    -> Endpoint("adaptive.join", "out")
+"""
 
 from __future__ import annotations
 
@@ -10,8 +17,10 @@ from runtime.document import Node
 from runtime.errors import Location
 from runtime.network.scope import Scope
 
+# More than an address can pass: parts nest up to 50 deep, each with an input and an output.
 MAX_HOPS = 100
 _BRACKETS = re.compile(r"([^\[\]]+)\[([^\[\]]*)\]")
+# What is meant as a component, and the ranges that are one: 0:2 and :2, but not 00:2.
 _RANGE = re.compile(r"(0|[1-9][0-9]{0,8})?:(0|[1-9][0-9]{0,8})?")
 _INDEX = re.compile(r"[0-9]+|[0-9]*:[0-9]*", re.ASCII)
 
@@ -83,6 +92,7 @@ def find(scope: Scope, text: str, depth: int = 0) -> ResolvedAddress:
     if head in scope.blocks and not (is_output and all(map(_INDEX.fullmatch, rest))):
         target = ResolvedAddress(Endpoint(scope.prefix + head, rest[0] if rest else ""))
         return _component(target, rest[1:], text)
+    # Reported where the block is written; what the address would be is not known.
     if head in scope.broken:
         raise ReportedError
     if head == "inputs" and scope is start and scope.parent is not None:
@@ -90,6 +100,7 @@ def find(scope: Scope, text: str, depth: int = 0) -> ResolvedAddress:
     if is_output:
         address = scope.path("outputs", head)
         return _component(_hop(scope, scope.outputs[head], address, depth), rest, text)
+    # The name may well be in a section that could not be read.
     if "blocks" in scope.unread or (scope is not start and "outputs" in scope.unread):
         raise ReportedError
     raise AddressError(_missing(start, scope, head))
@@ -133,7 +144,10 @@ def bounds(component: str) -> tuple[int, int | None] | None:
 
 
 def within(outer: str, inner: str) -> str:
-    """The component of a signal that ``inner`` is of its component ``outer``."""
+    """The component of a signal that ``inner`` is of its component ``outer``.
+
+    ``within("2:6", "1:3")`` is ``3:5``, and ``within("2:6", "1")`` is ``3``.
+    """
     if not outer or not inner:
         return outer or inner
     ends = bounds(outer)
@@ -148,7 +162,7 @@ def within(outer: str, inner: str) -> str:
 
 
 def relative(outer: str, component: str) -> str:
-    """The inverse of :func:`within`: what is to be taken of ``outer`` to have a component."""
+    """The inverse of :func:`within`: ``relative("2:6", "3:5")`` is ``1:3``."""
     ends = bounds(outer)
     if not outer or component == outer or ends is None:
         return component if not outer else ""

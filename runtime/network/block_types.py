@@ -1,4 +1,9 @@
-"""Block types: from a name in a graph to a class of the library or of the user."""
+"""Block types: from a name in a graph to a class of the library or of the user.
+
+In: an entry such as ``{type: Mine, module: mine.py}``. Out: its class; None, and a problem with a
+suggestion, if there is none. Importing a user's file may run anything, so each failure of it is a
+problem at the entry, and ``modules`` says whether files are imported at all.
+"""
 
 from __future__ import annotations
 
@@ -56,6 +61,7 @@ def block_class(
         own = _import_file(module, address, problems, _reader(modules).blocks)
     if own is None:
         return None
+    # The nearest first; the library and packages come last, so that installing one changes no graph.
     for library in (own, classes):
         if type_node.value in library:
             return library[type_node.value]

@@ -1,4 +1,11 @@
-"""From names to a checked network: blocks constructed, wires resolved, types inferred."""
+"""From names to a checked network: blocks constructed, wires resolved, types inferred.
+
+In: a complete document. Out: a :class:`Network` and, in ``problems``, everything wrong with it. It
+goes on after a problem as far as the rest can be judged: a block that cannot be constructed is in
+the network without an object, so that the wires to it are still checked::
+
+    blocks: {lqr: {type: LQR, q: -1}}   ->   entries["lqr"].block_or_none is None, one problem
+"""
 
 from __future__ import annotations
 
@@ -63,12 +70,23 @@ def build(
     Returns
     -------
     tuple : the network, and the extra that one of its blocks needs and that is not installed.
+
+    Notes
+    -----
+    The order of the steps decides what can be reported:
+
+    * Blocks are removed after all wires are resolved, so that a message can say which input
+      ``without`` leaves open, and before types are inferred, on which they must have no influence.
+    * Units are compared only where all types are right: a component's unit comes from its type.
+    * Open types are reported only where nothing else is wrong, which is usually their reason.
+    * States of earlier runs come last: their shapes are compared with those that types determine.
     """
     scope, document = expand(document, problems)
     before = len(problems.items)
     run, title = read_run(document, problems), _title(document.get("graph"), problems)
     world = _world(document, problems)
     network = Network(title, **vars(run), scope=scope, document=document, world=world)
+    # A wrong dt or world would be reported again by each block that asks its context for it.
     can_run = len(problems.items) == before
     network = _with_blocks(network, classes or {}, kinds or {}, problems, modules, block_cache)
     wiring = Wiring(network, problems)
@@ -178,6 +196,7 @@ def _with_blocks(
             cls = block_class(node, scope.path("blocks", name), classes, problems, modules)
             if cls is not None:
                 definitions.append(_Definition(scope, name, node, cls))
+    # All classes first: a parameter may name a signal type that another block's module defines.
     own = _signal_types(definitions, kinds, problems, modules)
     entries, notes = {}, []
     for definition in definitions:
@@ -235,9 +254,11 @@ def _construct(
         if not _take_variants(parameters, definition, problems, modules):
             return None, []
         block = _cached_block(cls, parameters, block_cache)
+        # A user's methods, called here so that what they raise is reported with the block.
         dict(block.variables), dict(block.sizes())
         return block, _large_angles(cls, address, values)
     except ParameterError as error:
+        # A required parameter that is missing because its key is misspelt is one mistake.
         misspelt = {closest(key, params) for key in unknown}
         for parameter, text in error.problems:
             if parameter in values or parameter not in misspelt:
@@ -351,6 +372,7 @@ def _ticks(node: Node | None, network: Network, address: str, problems: Problems
         return 1
     base, unit = network.dt, network.time_unit
     ratio = value / base
+    # 0.3 / 0.1 is 2.9999999999999996: whole numbers up to rounding count.
     whole = round(ratio) if ratio < MAX_TICKS else 0
     if whole < 1 or abs(ratio - whole) > 1e-6:
         near = max(1, whole) * base
@@ -370,6 +392,7 @@ def _shape_problem(network: Network, name: str) -> str:
         if any(n < 0 for n in shape):
             return f"state '{key}' has a negative length"
         if size > MAX_BYTES:
+            # A product of integers has no limit, and a float has.
             return f"'{key}' would take {min(size, 10**300) / 1024**3:.4g} GiB; make it smaller"
     return ""
 

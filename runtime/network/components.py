@@ -1,4 +1,10 @@
-"""Components of signals, by name, number or range: ``pose.theta``, ``out.1``, ``out[0:2]``."""
+"""Components of signals, by name, number or range: ``pose.theta``, ``out.1``, ``out[0:2]``.
+
+In: a signal type and an address. Out: the type, the columns or the names of the component::
+
+    component_type(Pose, Endpoint("plant", "pose", "theta"))      # Scalar
+    columns(Vector(6), "2:4")                                     # slice(2, 4)
+"""
 
 from __future__ import annotations
 
@@ -16,6 +22,7 @@ def component_type(kind: SignalType, end: Endpoint) -> SignalType | None:
         return kind
     if is_range(end.component):
         return _range_type(kind, end.component)
+    # Not '01', nor digits of other scripts: one component has one name.
     if end.component.isdigit() and end.component != str(_number(end.component)):
         return None
     return Scalar if kind.column(end.component) is not None else None
@@ -24,6 +31,7 @@ def component_type(kind: SignalType, end: Endpoint) -> SignalType | None:
 def _range_type(kind: SignalType, component: str) -> SignalType | None:
     if kind.form == "scalar" or (kind.form == "array" and kind.components):
         return None
+    # The length is open as yet; the range is checked once it is known.
     if kind.symbol:
         return kind
     indices = columns(kind, component)

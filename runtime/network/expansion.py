@@ -1,4 +1,10 @@
-"""Opens a document: its sections checked, and a scope made for the graph and for each part."""
+"""Opens a document: its sections checked, and a scope made for the graph and for each part.
+
+In: a document in which files are merged. Out: the top :class:`Scope` and, below it, one for each
+part, in which ``$names`` have their values::
+
+    blocks: {a: {graph: part.yaml, params: {k: 2}}}   ->   top.parts["a"].blocks, with $k = 2
+"""
 
 from __future__ import annotations
 
@@ -45,6 +51,7 @@ def _unread(document: Node, known: Iterable[str]) -> set[str]:
     """Sections that cannot be read because their names are misspelt."""
     names = misspelt_keys(document, known)
     strange = any(name not in known for name, _ in document.items())
+    # An unknown section may be the wires, in a word that no spelling suggests ('connections').
     return names | {"wires"} if strange and document.get("wires") is None else names
 
 
@@ -60,6 +67,7 @@ def _scope(document: Node, scope: Scope, problems: Problems, work: Work) -> Scop
         message = _name_problem(name)
         if message:
             problems.add(entry.key, address, message)
+            # 'a{type: Sum}' lacks a colon; the wires still name 'a'.
             scope.broken.add(name.partition("{")[0].strip())
         elif not entry.is_map:
             message = f"expected {{type: ...}}, got {entry.describe()}"
@@ -106,6 +114,7 @@ def _open_part(
 
     def copy(one: Node, inside: Scope, own: str) -> Scope:
         work.charge(work.measure.of(one)[0], one.where, address)
+        # All copies have the address of the part, so that a mistake in it is reported once.
         return _part(one, inside, own, address, problems, work)
 
     scope = Scope(f"{above.prefix}{name}.", address, above, name, where=entry.key)

@@ -1,4 +1,13 @@
-"""Signal types of generic ports, and lengths of arrays, inferred along the wires."""
+"""Signal types of generic ports, and lengths of arrays, inferred along the wires.
+
+In: a network with its wires. Out: the type of each port and the lengths of each block, as far as
+blocks and wires determine them; wires that contradict them are reported::
+
+    wires: {total: {terms: [lqr.command]}}      lqr.command is a Twist, total.terms a Same("T")
+    ->  total.terms and total.out are Twists; so is what total.out is wired to, and so on
+
+A type variable or length is bound once and never changed, so the propagation ends.
+"""
 
 from __future__ import annotations
 
@@ -154,6 +163,8 @@ class _Inference:
         if not wire.via or wire.via[0] not in self.outer:
             kind = _resolve(self.out(wire), self.bindings[wire.source.block])
             return None if kind is None else component_type(kind, wire.source)
+        # Through a part's input: what the part declares for it counts, not what the source is, so
+        # that a wrong wire to the part is reported there and not at each block inside.
         outer = self.outer[wire.via[0]]
         kind = self.network.part_inputs.get(outer.target) or self.arriving(outer)
         inner = relative(outer.source.component, wire.source.component)
@@ -163,11 +174,13 @@ class _Inference:
     def infer(self) -> None:
         for name in self.bindings:
             self.derive(name)
+        # Before the propagation, in which the first wire to arrive would decide.
         self.vote()
         touching: dict[str, list[Wire]] = defaultdict(list)
         for wire in self.wires:
             touching[wire.block].append(wire)
             touching[wire.source.block].append(wire)
+        # A wire is looked at again only after a block at one of its ends has learned something.
         queue = deque(self.wires)
         while queue:
             wire = queue.popleft()
@@ -179,6 +192,7 @@ class _Inference:
 
         A single wrong wire is then the one that is reported, wherever it is written.
         """
+        # Union-find: variables that are wired to each other have one type, and vote together.
         groups: dict[Variable, Variable] = {}
 
         def root(variable: Variable) -> Variable:

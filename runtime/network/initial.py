@@ -1,4 +1,11 @@
-"""States with which a run begins: those that earlier runs ended with."""
+"""States with which a run begins: those that earlier runs ended with.
+
+In: the entries ``from`` and ``initial``, and the folders of runs that they name. Out: arrays by
+block and state, each of the shape that the block declares::
+
+    from: runs/line/latest                        all blocks of the same names and shapes
+    initial: {snn.weights: runs/trained/latest}   this state alone, after `from`
+"""
 
 from __future__ import annotations
 
@@ -22,6 +29,7 @@ ANEW = (
     "noise it differs from a longer run"
 )
 Initial = dict[str, dict[str, FloatArray]]
+# What numpy and zipfile raise for archives that are damaged.
 _BROKEN = (OSError, ValueError, TypeError, EOFError, KeyError, RuntimeError, zipfile.BadZipFile)
 
 
@@ -81,6 +89,7 @@ def _states(
         problems.add(
             node.where, address, f"'{folder / STATES}' is damaged: {error}; run that graph again"
         )
+    # None as well, so that a run that cannot be read is reported once.
     files[node.value] = arrays
     return arrays
 
@@ -101,6 +110,8 @@ def _take_all(
         else:
             fit.add(block)
             initial.setdefault(block, {})[state] = array
+    # A block takes all of its states or none: with half of them it would begin in a state in which
+    # it never was.
     for block in differing:
         initial.pop(block, None)
     if not fit - differing:

@@ -1,4 +1,12 @@
-"""The network: blocks, wires and types of a graph that was checked."""
+"""The network: blocks, wires and types of a graph that was checked.
+
+In: what :func:`runtime.network.build` found. Out: one frozen description that plan, diagram, probes
+and reports read::
+
+    network.entries["lqr"].block          # the block; names in parts are 'adaptive.snn_v'
+    network.types["lqr", "command"]       # Twist
+    network.context("lqr").dt             # 0.01
+"""
 
 from __future__ import annotations
 
@@ -185,6 +193,8 @@ class Network:
             if entry.block_or_none is None or not (spec.continuous or entry.is_memoryless):
                 continue
             for call in entry.evaluations:
+                # An output moves with an input that its method needs; what it does not read cannot
+                # move it.
                 ports = [(name, port) for port in call.outputs]
                 if spec.is_constant(call):
                     continue
@@ -193,6 +203,8 @@ class Network:
                 for port in call.needs:
                     for read in sources.get((name, port), [(name, port)]):
                         readers.setdefault(read, []).extend(ports)
+        # All outputs that can be reached from those that move by themselves, along the wires and
+        # through the memoryless blocks that read them.
         result: set[Port] = set()
         while waiting:
             port_now = waiting.pop()
@@ -249,6 +261,7 @@ class Network:
         widths = Counter(
             wire.term for wire in self.driving if (wire.block, wire.port) == (name, port)
         )
+        # A wire of three columns into an input that spreads counts as three terms.
         return tuple(flag for i, flag in enumerate(flags) for _ in range(widths[i] if flag else 1))
 
     @cached_property

@@ -1,4 +1,10 @@
-"""Required inputs that are not connected, each with outputs that fit."""
+"""Required inputs that are not connected, each with outputs that fit.
+
+In: a network after removal and inference. Out: problems and notes::
+
+    line.yaml:23:3: input 'lqr.error' (TrackingState) is not connected; outputs of that type:
+    error.state
+"""
 
 from __future__ import annotations
 
@@ -40,6 +46,7 @@ def report_open_inputs(network: Network, wiring: Wiring, problems: Problems) -> 
     """Report every open input, after removal and type inference."""
     removed = {(wire.block, wire.port): wire for wire in network.removed_wires}
     for open_input in (*_of_blocks(network), *_of_parts(network)):
+        # First: 'not connected without adaptive' tells more than 'not connected'.
         if open_input.at in removed:
             _report_removed(network, open_input, removed[open_input.at], problems)
         elif open_input.at not in wiring.connected and "wires" not in open_input.scope.unread:

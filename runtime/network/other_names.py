@@ -1,4 +1,7 @@
-"""What block types of other tools are called here."""
+"""What block types of other tools are called here.
+
+In: a type that does not exist here, ``Saturation``. Out: ``; here: Clip``, for the error message.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""Removing blocks: ``without`` drops a block with its wires, ``bypass`` connects through it."""
+"""Removing blocks: ``without`` drops a block with its wires, ``bypass`` connects through it.
+
+In: a network with all of its wires. Out: one without the named blocks, which it still lists::
+
+    lqr.command -> limit -> plant.command       bypass: [limit]   ->   lqr.command -> plant.command
+                                                without: [limit]  ->   plant.command is open
+"""
 
 from __future__ import annotations
 
@@ -25,6 +31,7 @@ def remove(network: Network, problems: Problems) -> Network:
     for node, address in bypassed:
         for name in _blocks_named(network, node, address, problems):
             wire = _bypass_wire(network, removed, name, node.value)
+            # The reason why there is no such wire.
             if isinstance(wire, str):
                 problems.add(node.where, address, wire)
             else:
@@ -32,6 +39,7 @@ def remove(network: Network, problems: Problems) -> Network:
                 sources[f"{name}.{_output(network, name)}"] = wire.source
     network = replace(network, removed=removed, removed_by=removed_by, bypass_sources=sources)
     for node, address in bypassed:
+        # Once all are known: a circle needs every block of it to be bypassed.
         _check_circle(network, node, address, problems)
     if network.entries and removed.keys() >= network.entries.keys():
         document = network.document
@@ -60,6 +68,7 @@ def _rewire(network: Network) -> Network:
         if source is not None:
             wires.append(replace(wire, source=source))
         elif wire.term is not None and wire.block not in network.removed:
+            # The term is open, and the others keep their places: a Sum's signs go by position.
             flags = list(terms[wire.block, wire.port])
             flags[wire.term] = False
             terms[wire.block, wire.port] = tuple(flags)
@@ -79,6 +88,7 @@ def _rewire(network: Network) -> Network:
 def _chain(network: Network, end: Endpoint) -> Iterator[Endpoint]:
     """An address and, bypass by bypass, the addresses that take its place."""
     seen = set()
+    # A circle of bypassed blocks has no end; _check_circle reports it.
     while end.block not in seen:
         yield end
         seen.add(end.block)

@@ -1,7 +1,12 @@
 """Parts that are repeated: the ports of the copies are joined to those of one part.
 
-An input of the copies becomes one vector, of which each copy gets its share, and an output the
-vector of all copies' values. ``share`` names the inputs of which every copy gets the whole.
+In: a part's entry with ``repeat``. Out: the scope of a part around the copies. An input becomes one
+vector, of which each copy gets its share, and an output the vector of all copies' values; ``share``
+names the inputs of which every copy gets the whole::
+
+    arms: {graph: arm.yaml, repeat: 3}     arm.yaml: inputs {u: Vector(2)}, outputs {y: gain.out}
+    ->  inputs:  {u: Vector(6)}            copy_1: {u: 'inputs.u[2:4]'}
+        outputs: {y: gathered_y.out}       gathered_y: Concatenate of copy_0.y, copy_1.y, copy_2.y
 """
 
 from __future__ import annotations
@@ -34,6 +39,7 @@ def repeat_part(entry: Node, scope: Scope, problems: Problems, open_part: OpenPa
             number = Node(i, params.where, params.key)
             one = one.with_item("params", params.with_item(INDEX, number))
         scope.parts[copy_name(i)] = open_part(one, scope, copy_name(i))
+    # All copies have the same ports.
     first = scope.parts[copy_name(0)]
     scope.unread |= first.unread & {"inputs", "outputs"}
     wires: list[dict[str, Node]] = [{} for _ in range(count)]
@@ -46,6 +52,7 @@ def repeat_part(entry: Node, scope: Scope, problems: Problems, open_part: OpenPa
             shared = {*shared, port}
         scope.inputs[port] = _with_length(node, width * count) if width else node
         for i, wire in enumerate(wires):
+            # One number is a component; a range of one would be a vector.
             part = f"[{i * width}:{(i + 1) * width}]" if width > 1 else f"[{i}]"
             whole = count == 1 or port in shared
             wire[port] = _at(entry, f"inputs.{port}{'' if whole else part}")

@@ -1,4 +1,13 @@
-"""Replacing a block by one of another type: what fits stays, the rest is dropped with a note."""
+"""Replacing a block by one of another type: what fits stays, the rest is dropped with a note.
+
+In: a document, a block's name and a type. Out: the changed document and the notes::
+
+    --replace lqr=PID     lqr: {type: LQR, q: 1, dt: 0.01}  ->  lqr: {type: PID, dt: 0.01}
+    "'lqr' is now a PID, which has no q: dropped"
+
+A replacement is for experiments with one word: where dropping were an error, it would take three
+more options to try another controller.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +21,7 @@ from runtime.document import Node, is_part
 from runtime.errors import GraphError, Problem, Problems, UsageError, Where
 from runtime.network.block_types import block_class
 
+# Entries of probes, plots and metrics whose strings are no addresses.
 SIGNAL_FREE = ("kind", "title", "label", "labels", "unit")
 IsLost = Callable[[str], bool]
 
@@ -94,6 +104,7 @@ class _Replacement:
     def apply(self, scopes: list[Node], names: list[str], entry: dict[str, Node]) -> Node:
         """Change the innermost scope, and all that refers to the block in those around it."""
         scope = self.block(scopes[-1], names[-1], entry)
+        # From the inside out: a wire of each graph around the block may name one of its outputs.
         for depth in range(len(names) - 1, -1, -1):
             if depth < len(names) - 1:
                 blocks = scopes[depth].get("blocks") or Node({})
@@ -104,6 +115,7 @@ class _Replacement:
     def lost_test(self, name: str, with_states: bool) -> IsLost:
         """A test for addresses of the block that the new type does not have."""
         spec = self.cls.spec
+        # Probes may record states, wires may not start at them.
         known = {*spec.outputs, *(spec.states if with_states else ())}
 
         def is_lost(address: str) -> bool:
@@ -174,6 +186,8 @@ class _Replacement:
                 rest = self.entry(entry, lambda text: is_lost(text) or text in lost)
                 if rest is not entry:
                     entries = entries.with_item(name, rest)
+                # Plots and metrics of a probe that is dropped are dropped with it: probes come
+                # first.
                 if rest is None and section == "probes":
                     lost.add(name)
             document = document.with_item(section, entries)

@@ -1,4 +1,9 @@
-"""Units along the wires: units that contradict each other are refused."""
+"""Units along the wires: units that contradict each other are refused.
+
+In: a network with types. Out: problems and notes::
+
+    total: {terms: [pose.theta, clock.t]}    expected rad as 'pose.theta' has, got s from 'clock.t'
+"""
 
 from __future__ import annotations
 
@@ -43,6 +48,8 @@ class _Units:
                 key = (wire.block, port_type.variable)
                 self.joined[key].append(wire)
                 following[wire.source.block].append((key, wire))
+        # A chain of generic blocks passes a unit on, so each wire is looked at again when a block
+        # before it has learned its unit; a unit is never changed, so this ends.
         queue = deque((key, wire) for key, wires in self.joined.items() for wire in wires)
         while queue:
             key, wire = queue.popleft()
@@ -58,6 +65,8 @@ class _Units:
         for wires in self.joined.values():
             pairs = [(wire, unit) for wire in wires if (unit := self.of(wire.source))]
             for wire, unit in pairs[1:]:
+                # All are compared with the first: which of two units is the wrong one cannot be
+                # known.
                 first, expected = pairs[0]
                 if differ(unit, expected):
                     message = f"expected {expected} as '{first.source_text}' has, "

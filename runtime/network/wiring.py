@@ -1,4 +1,10 @@
-"""Wires: from the text to the blocks and ports that they connect."""
+"""Wires: from the text to the blocks and ports that they connect.
+
+In: scopes with their sections ``wires``, and the blocks' ports. Out: a :class:`Wire` for each::
+
+    wires: {total: {terms: [lqr.command, adaptive.command]}}
+    ->  Wire(lqr.command, "total", "terms", term=0), Wire(adaptive.join.out, "total", "terms", 1)
+"""
 
 from __future__ import annotations
 
@@ -22,7 +28,7 @@ Input = tuple[str, str]
 class Wiring:
     """Resolves the wires of a network; reports those that lead to or from nothing.
 
-    ``wires``, ``part_wires``, ``part_inputs`` and ``terms`` are the network's. ``settled`` holds
+    ``wires``, ``part_wires``, ``part_inputs`` and ``terms`` are the network's. ``connected`` holds
     the inputs of blocks and parts that need no further message: something is wired to them, even
     if it is wrong. ``open_for`` says why the wire that is written to an input leads to nothing.
     """
@@ -38,6 +44,7 @@ class Wiring:
         self.open_for: dict[Input, str] = {}
         for scope in network.scope.walk():
             for name, node in scope.outputs.items():
+                # Also where nothing reads the output.
                 self.check_source(scope, node, scope.path("outputs", name))
             for name, node in scope.inputs.items():
                 address = scope.path("inputs", name)
@@ -74,6 +81,7 @@ class Wiring:
             self.problems.add(ports.key, address, f"there is no block '{name}'{suggestion}", True)
             if not near:
                 return
+            # The wires are meant for the block of the similar name: it is not reported as open.
             self.mark_connected(scope, near)
         if not ports.is_map:
             message = f"expected {{input: producer.output}}, got {ports.describe()}"
@@ -129,6 +137,8 @@ class Wiring:
         try:
             target = self.source(entry.scope, node, address)
         except UnwiredError as error:
+            # A part's input that must be wired is reported itself; one that may be open leaves this
+            # input without a source, which is then what has to be reported.
             self.open_for[entry.name, port] = str(error)
             if not is_optional(error.scope.inputs[error.port]):
                 self.connected.add((entry.name, port))

@@ -1,4 +1,8 @@
-"""Metrics of control: what a controller spends, how smooth it is, and how it recovers."""
+"""Metrics of control: what a controller spends, how smooth it is, and how it recovers.
+
+In: recorded commands or errors, (rows,) or (rows, columns). Out: one number, as the root mean
+square of ``[lqr.command.v, lqr.command.omega]``, each divided by its limit.
+"""
 
 from __future__ import annotations
 
@@ -78,6 +82,7 @@ def smoothness(series: Mapping[str, Series], options: Mapping[str, Any]) -> floa
 
 def saturation(series: Mapping[str, Series], options: Mapping[str, Any]) -> float:
     """Share of the rows in which a column is at its limit or beyond."""
+    # A clipped command equals its limit up to rounding.
     reached = np.abs(_columns(series)) >= np.atleast_1d(options["limit"]) * (1.0 - 1e-9)
     return float(reached.any(axis=1).mean())
 
@@ -91,6 +96,7 @@ def recovery_time(series: Mapping[str, Series], options: Mapping[str, Any]) -> f
     last = t[-1] if options["until"] is None else options["until"]
     first, end = np.searchsorted(t, (options["at"] - 1e-9, last - 1e-9)).tolist()
     end = len(t) if options["until"] is None else end
+    # Not `>`: a comparison with NaN is false, and NaN is outside.
     outside = ~(np.abs(_columns(series)[first:end]) <= np.atleast_1d(options["band"]))
     late = np.flatnonzero(outside.any(axis=1))
     first_inside = first + (int(late[-1]) + 1 if len(late) else 0)

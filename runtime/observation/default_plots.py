@@ -1,4 +1,7 @@
-"""The plots of a graph that has no section ``plots``: one for each probe."""
+"""The plots of a graph that has no section ``plots``: one for each probe.
+
+In: the probes. Out: a plot of the kind that suits each: spikes as a raster, a pose as a trajectory.
+"""
 
 from __future__ import annotations
 

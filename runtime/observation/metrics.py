@@ -1,4 +1,11 @@
-"""Metrics: one number from recorded signals; METRIC_KINDS is the registry of their kinds."""
+"""Metrics: one number from recorded signals; METRIC_KINDS is the registry of their kinds.
+
+In: a metric of a graph and the recorded probes. Out: its value, None if it has none::
+
+    miss: {kind: rms, of: error.lateral, after: 2, below: 0.05}
+    metric = Metric("miss", "rms", {"of": "error.lateral"}, {"after": 2, "below": 0.05})
+    metric.value(probes)    # 0.021
+"""
 
 from __future__ import annotations
 
@@ -76,6 +83,8 @@ class Metric:
         if any(not len(s.t) for s in series.values()):
             return None
         if "engaged" in series:
+            # From the first row in which the switch is on, with which a robot's wandering before is
+            # left out.
             engaged = first_time({"of": series["engaged"]}, {"level": ENGAGED})
             series["of"] = series["of"].between(math.inf if engaged is None else engaged)
         number = self.definition.value(series, self.options, world)
@@ -97,6 +106,7 @@ class Metric:
         first, *rest = unit_of_kind.split() or [""]
         own = columns[0] if columns else ""
         if first == "of²":
+            # The square of m/s is (m/s)², of m is m².
             first = f"({own})²" if re.search(r"\W", own) else f"{own}²" if own else ""
         else:
             first = own if first == "of" else in_time(first, time_unit)
@@ -187,6 +197,7 @@ def settling_time(series: Mapping[str, Series], options: Mapping[str, Any]) -> f
     s = response_metrics.deviation(series, options)
     band = np.broadcast_to(np.atleast_1d(options["band"]), (1, *s.values.shape[1:]))
     first = 0
+    # In blocks, since the recording may be larger than memory; the last row outside decides.
     for rows, (values,) in row_blocks(s.values):
         outside = ~(np.abs(values) <= band)  # NaN is outside, too
         late = np.flatnonzero(outside.reshape(len(values), -1).any(axis=1))

@@ -1,4 +1,7 @@
-"""Metrics of populations of neurons: errors of decoded values, rates, events of synapses."""
+"""Metrics of populations of neurons: errors of decoded values, rates, events of synapses.
+
+In: recorded spikes (rows, neurons), of 1/dt each, or decoded values. Out: one number, as 23.4 Hz.
+"""
 
 from __future__ import annotations
 
@@ -41,6 +44,7 @@ def rmse(series: Mapping[str, Series], options: Mapping[str, Any]) -> float | No
         target = _lowpass(target, -math.expm1(-step / options["tau"]))
     lag = round(options["delay"] / step)
     if lag:
+        # Row k is compared with the reference `delay` earlier; the first rows have none.
         values, target = values[lag:], target[:-lag]
     if not len(values):
         return None

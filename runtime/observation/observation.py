@@ -1,4 +1,8 @@
-"""What the sections probes, plots and metrics of a graph amount to."""
+"""What the sections probes, plots and metrics of a graph amount to.
+
+In: probes, plots and metrics, as the reader makes them. Out: questions about all of them: the
+metrics' units, the plots to draw, or what of it a sweep needs that draws no plots.
+"""
 
 from __future__ import annotations
 

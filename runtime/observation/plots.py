@@ -1,4 +1,11 @@
-"""Plots: PLOT_KINDS is the registry of their kinds, each with its options and its signals."""
+"""Plots: PLOT_KINDS is the registry of their kinds, each with its options and its signals.
+
+In: the entries of a plot and the probes that it shows. Out: a :class:`PlotSpec`, or why such a plot
+cannot show them, which is known before the run::
+
+    path: {kind: trajectory, of: plant.pose}
+    PlotSpec("path", "trajectory", ("plant.pose",), "Path", {"body_radius": 0.17})
+"""
 
 from __future__ import annotations
 
@@ -145,6 +152,7 @@ def source_options(kind: PlotKind, probes: Sequence[Probe], network: Network) ->
         block = network.entries[signal.end.block].block_or_none
         if signal.kind == "Scan" and "angles" in takes and hasattr(block, "angle_min"):
             low, high = getattr(block, "angle_min", -math.pi), getattr(block, "angle_max", math.pi)
+            # The first of them, if a plot shows several; what the graph says replaces it.
             options.setdefault("angles", [float(low), float(high)])
         radius = getattr(block, "body_radius", None)
         if signal.kind == "Pose" and "body_radius" in takes and radius:
@@ -178,6 +186,7 @@ def unfit(
     items = [written] if isinstance(written, str) else written
     message = kind.together(probes)
     is_short = len(plot.of) < len(items)
+    # Without a removed block, a comparison of two signals has one left: no mistake, but no plot.
     if is_short and (message or (kind.has_lead and plot.of[0] != items[0])):
         return None
     return [*faults, ("of", message)] if message else faults

@@ -1,4 +1,10 @@
-"""Probes: the recorded signals, with the name and unit of each column."""
+"""Probes: the recorded signals, with the name and unit of each column.
+
+In: an address and the network. Out: a :class:`Signal`, and a :class:`Probe` of one or several::
+
+    probes: {errors: {of: [error.position, error.heading], every: 10}}
+    labels ("error.position.x", "error.position.y", "error.heading"), units ("m", "m", "rad")
+"""
 
 from __future__ import annotations
 
@@ -102,6 +108,7 @@ class Probe:
         """Shape of one row."""
         if len(self.signals) == 1:
             return self.signals[0].shape
+        # Side by side; a signal alone keeps its own shape, so that a scalar is (rows,).
         return (sum(signal.width for signal in self.signals),)
 
     @property
@@ -144,6 +151,7 @@ class Probe:
         return ""
 
     def rows(self, ticks: int) -> int:
+        # Rounded up: the first row is that of tick 0.
         return 1 if self.constant else -(-ticks // self.every)
 
     @property

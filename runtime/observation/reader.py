@@ -1,4 +1,10 @@
-"""Reading the sections probes, plots and metrics into what a run records, draws and measures."""
+"""Reading the sections probes, plots and metrics into what a run records, draws and measures.
+
+In: a network with its document. Out: an :class:`Observation`. A plot or metric may name a probe or
+an address, which is then recorded by itself::
+
+    metrics: {miss: {kind: rms, of: error.lateral}}    ->    probes["error.lateral"], auto=True
+"""
 
 from __future__ import annotations
 
@@ -100,6 +106,7 @@ class _Reader:
     def read(self, document: Node) -> None:
         probes = section(document, "probes", "probes", self.problems, self.unread)
         self.unread |= misspelt_keys(document, SECTIONS)
+        # Names first: a plot of a probe that has an error must not say that there is none.
         self.declared = set(probes)
         for name, node in probes.items():
             self.check_name(name, node, f"probes.{name}")
@@ -125,6 +132,7 @@ class _Reader:
             return None
         notes_before = len(self.observation.notes)
         signal = self.signal(stop.node, "run.stop.when")
+        # The note of a signal of a removed block, in words that fit here.
         self.observation.notes[notes_before:] = [
             note.replace("is not recorded", "cannot end the run (run.stop)")
             for note in self.observation.notes[notes_before:]
@@ -242,6 +250,7 @@ class _Reader:
             if shape is None or 8 * math.prod(shape) > MAX_BYTES:
                 return None  # reported with the block
             columns = shape[0] if shape and not real.component else 1
+            # A path has few points, each of several columns: it is recorded whole.
             is_path = len(shape) > 1 and (real.block, real.port) in self.network.types
             if columns <= MAX_COLUMNS or is_path:
                 signal = make_signal(self.network, real, node.value)

@@ -1,4 +1,8 @@
-"""Metrics of a response: how a signal approaches a target, and integrals of what is left."""
+"""Metrics of a response: how a signal approaches a target, and integrals of what is left.
+
+In: a signal and its target or reference. Out: one number. A step from 0 to a target of 2 whose
+largest value is 2.3 has an overshoot of 0.15.
+"""
 
 from __future__ import annotations
 
@@ -112,6 +116,7 @@ def rise_time(series: Mapping[str, Series], options: Mapping[str, Any]) -> float
         k = int(np.argmax(progress >= share))
         if not progress[k] >= share:
             return None
+        # Between the rows before and after the crossing; row 0 has none before.
         part = (share - progress[k - 1]) / (progress[k] - progress[k - 1]) if k else 1.0
         at.append(s.t[k] if not k else s.t[k - 1] + part * (s.t[k] - s.t[k - 1]))
     return float(at[1] - at[0])

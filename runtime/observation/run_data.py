@@ -1,4 +1,11 @@
-"""The data of a run: recorded signals with times and units, metrics, and their origin."""
+"""The data of a run: recorded signals with times and units, metrics, and their origin.
+
+In: recordings and metrics. Out: what a user asks of a finished run::
+
+    result["plant.pose"]                     # array (rows, 3)
+    result["plant.pose.theta"]               # array (rows,), a column of that recording
+    result.time("plant.pose"), result.metrics["miss"]
+"""
 
 from __future__ import annotations
 
@@ -105,6 +112,8 @@ class RunData:
         return self.origin()[1]
 
     def __getstate__(self) -> dict[str, Any]:
+        # `origin` refers to the graph and its blocks, which a worker cannot send; its results it
+        # can.
         texts, files = self.texts, self.files
         return {**self.__dict__, "origin": partial(_constant_origin, texts, files)}
 

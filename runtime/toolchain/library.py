@@ -1,4 +1,8 @@
-"""Compiles units of C, links them into one shared library, and loads it."""
+"""Compiles units of C, links them into one shared library, and loads it.
+
+In: translation units and the flags for this compiler. Out: a :class:`Library`. Objects and library
+are named by a hash of text, flags and compiler, so that a second build starts no process.
+"""
 
 from __future__ import annotations
 

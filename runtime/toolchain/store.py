@@ -1,5 +1,10 @@
 """The cache folder: files named by a hash of what they were made from, kept with their own hash.
 
+In: a name and bytes. Out: the same bytes, or None::
+
+    write("unit_3f2a.o", content)        # and unit_3f2a.o.sha256
+    read("unit_3f2a.o")                  # None if a bit of either has changed
+
 An entry's name says what it was made from, so no entry is ever out of date, and two processes that
 write the same entry write equally good files. An entry counts only if its content has the hash that
 was stored with it. Only the user may write to the folder, since its content is executed.

@@ -107,8 +107,8 @@ REFUSED = {
     ),
     "a: {u: b.out[0]}": "f:1:13: not valid YAML: inside of braces, a string with brackets needs "
     'quotes: "b.out[0]"',
-    "a: {f: 2*u[0] + u[1], c: 1}": "f:1:11: not valid YAML: inside of braces, a string with brackets "
-    'needs quotes: "2*u[0] + u[1]"',
+    "a: {f: 2*u[0] + u[1], c: 1}": "f:1:11: not valid YAML: inside of braces, a string with "
+    'brackets needs quotes: "2*u[0] + u[1]"',
     "a: b: c": "f:1:5: not valid YAML: a string that contains ': ' needs quotes: a: \"b: c\"",
     "a:\n  b c\n  d: e": (
         "f:3:4: not valid YAML: an unexpected ':'; quote a string that contains ': ', or check the "
