@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import final
 
-from blocks.control.tracking import Tracker, offsets, wrap
-from blocks.core import BlockState, ParameterError, PoseValue, State, TwistValue, param
+from blocks.control.tracking import Tracker, offsets
+from blocks.core import BlockState, ParameterError, PoseValue, State, TwistValue, param, wrap
 from blocks.core.portable import share_of
 
 QUARTER = 0.5 * math.pi

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -141,7 +141,8 @@ class Engine:
     def prepare(self) -> Runner:
         """Initialise the states and make the runner, without running a tick."""
         self._start()
-        self.state.held = self._held()
+        # Zero, as outputs of a part that is off are.
+        self.state.held = tuple(signal.kind.zero() for signal in self.plan.held)
         if self.make_runner is None:
             self.runner = PythonRunner(list(self.program.held), self._python())
             return self.runner
@@ -207,14 +208,25 @@ class Engine:
         """Run the first tick in Python, which checks the form of every value."""
         try:
             self.prepare()
-            first = self._compile(checked=True, held=self.runner.held)
-            held = self.state.held = self.runner.adopt(first(0, 1, self._held()))
+            held = self.state.held = self.runner.adopt(self._checked_tick())
         except (SimulationError, KeyboardInterrupt):
             raise
         except BaseException as error:  # an exception of a block must not end the process
             raise self._failed(error) from error
         self.state.tick = 1
         return held
+
+    def _checked_tick(self) -> Held:
+        """Run the first tick; returns the variables that outlive it."""
+        names = self.program.held
+        held = dict(zip(names, self.state.held, strict=True))
+        scope = {**self.namespace, **held, "k": 0, "t": 0.0}
+        lines, self.lines = self.lines, self.program.first.lines
+        for piece in self.program.first.pieces:
+            if not self.state.stop[FOUND]:
+                exec(piece, scope)
+        self.lines = lines  # of the other ticks; in a failure, those of this one remain
+        return tuple(scope[name] for name in names)
 
     def _loop(self, held: Held, progress: Progress | None) -> None:
         total, chunk = self.network.ticks, 16
@@ -380,19 +392,12 @@ class Engine:
             raise SimulationError(block, 0, 0.0, _described(error)) from error
 
     def _python(self) -> Run:
-        return self._compile(checked=False)
-
-    def _compile(self, checked: bool, held: Sequence[str] | None = None) -> Run:
-        made = self.program.code(checked, held)
-        # The same for all texts: checks are on the lines of the calls that they check.
-        self.lines = made.lines
-        exec(made.code, self.namespace)
+        """The function of the Python plan."""
+        code = self.program.code
+        self.lines = code.lines
+        exec(code.pieces[0], self.namespace)
         run: Run = self.namespace["run"]
         return run
-
-    def _held(self) -> Held:
-        """The variables before the first tick: zero, as outputs of a part that is off are."""
-        return tuple(signal.kind.zero() for signal in self.plan.held)
 
     def locate(self, error: BaseException) -> str:
         """Set the tick to the one that raised an exception; returns the block."""

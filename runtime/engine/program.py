@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from types import CodeType, MappingProxyType
+from types import CodeType
 
 from blocks.core import BlockContext
 from runtime.engine.naming import Names, names_of
@@ -20,9 +20,9 @@ FILENAME = "<the plan>"
 
 @dataclass(frozen=True)
 class Code:
-    """The function's bytecode, and the block that each of its lines calls."""
+    """Bytecode in pieces, and the block that each of its lines calls."""
 
-    code: CodeType
+    pieces: tuple[CodeType, ...]
     lines: Mapping[int, str]
 
 
@@ -50,9 +50,6 @@ class Program:
     plan: Plan = field(init=False)
     gathered: Mapping[str, int] = field(init=False)
     names: Names = field(init=False)
-    _codes: dict[tuple[bool, tuple[str, ...] | None], Code] = field(
-        init=False, default_factory=dict
-    )
 
     def __post_init__(self) -> None:
         network, probes = self.network, self.observation.probes
@@ -81,18 +78,16 @@ class Program:
         """The text of the plan's function, as it is executed."""
         return self.printer().function(self.plan.operations, self.held, self.held)
 
-    def code(self, checked: bool, held: Sequence[str] | None = None) -> Code:
-        """The function's text, compiled to Python's bytecode.
+    @cached_property
+    def code(self) -> Code:
+        """The function's bytecode."""
+        printer = self.printer()
+        text = printer.function(self.plan.operations, self.held, self.held)
+        return Code((compile(text, FILENAME, "exec"),), printer.lines)
 
-        ``held`` are the variables that it returns, by default those that it takes.
-
-        Two threads may compile the same text; the results are equal.
-        """
-        key = (checked, None if held is None else tuple(held))
-        made = self._codes.get(key)
-        if made is None:
-            printer, outgoing = self.printer(checked), self.held if held is None else held
-            text = printer.function(self.plan.operations, self.held, outgoing)
-            code = compile(text, FILENAME, "exec")
-            made = self._codes[key] = Code(code, MappingProxyType(printer.lines))
-        return made
+    @cached_property
+    def first(self) -> Code:
+        """The first tick, with checks of every value's form, as statements in pieces."""
+        printer = self.printer(checked=True)
+        pieces = printer.pieces(self.plan.operations)
+        return Code(tuple(compile(each, FILENAME, "exec") for each in pieces), printer.lines)

@@ -11,7 +11,7 @@ In go operations and the names of their values, out comes text, and which block 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from blocks.core import SignalType
@@ -35,6 +35,8 @@ from runtime.plan import (
 )
 
 INDENT = "    "
+# The operations of a piece at least: Python's compiler takes a hundred times a text's memory.
+PIECE = 1000
 # When a run stops: conditions on the distance ``beyond`` of a signal from the level. The compiled
 # plan has the same, in C.
 CONDITIONS = {
@@ -91,6 +93,22 @@ class PythonText:
         self.operations(operations)
         self.line(1, self.leave)
         return "\n".join(self.text) + "\n"
+
+    def pieces(self, operations: Sequence[Operation]) -> Iterator[str]:
+        """The statements of one tick as texts that are executed one after the other.
+
+        A piece ends where the run may. Lines are numbered through all of them.
+        """
+        self.depth, self.leave = 0, "pass"
+        first, last = 0, len(operations) - 1
+        for i, each in enumerate(operations):
+            if i - first < PIECE and i < last and not isinstance(each, (Stop, Integrate)):
+                continue
+            begin = len(self.text)
+            self.rate = 0
+            self.operations(operations[first : i + 1])
+            yield "\n" * begin + "\n".join(self.text[begin:]) + "\n"
+            first = i + 1
 
     def line(self, depth: int, text: str, block: str = "") -> None:
         self.text.append(INDENT * depth + text)

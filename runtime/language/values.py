@@ -170,9 +170,8 @@ def _of_kind(
     model: Model, scope: Scope | None, section: str, key: str, cursor: Cursor
 ) -> Iterator[Offer]:
     """Values of a plot's or a metric's key."""
-    kinds: dict[str, PlotKind | MetricKind] = dict(
-        PLOT_KINDS if section == "plots" else METRIC_KINDS
-    )
+    kinds: dict[str, PlotKind | MetricKind] = {}
+    kinds |= PLOT_KINDS.usable() if section == "plots" else METRIC_KINDS.usable()
     kind_item = cursor.holder.get("kind") or cursor.holder.parent
     if kind_item is not None and kind_item.key != "kind" and cursor.holder.parent is not None:
         kind_item = cursor.holder.parent.get("kind")

@@ -73,8 +73,7 @@ class _Builder:
             self.wires[wire.block, wire.port].append(wire)
         # One object per signal: what is equal is found by its key, and shares memory.
         self.signals = {key: Signal(*key, kind) for key, kind in network.types.items()}
-        contexts = {name: network.context(name) for name in network.entries}
-        self.states = {name: declared_states(network, name, contexts[name]) for name in contexts}
+        self.states = {name: declared_states(network, name) for name in network.entries}
         self.switches = {
             name: tuple(self.signals[switch, "on"] for switch in switches)
             for name, switches in enables_of(network).items()

@@ -10,16 +10,18 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterable, Sequence
 
-from blocks.core import BlockContext
 from runtime.network import Network, state_shape
 from runtime.plan.operations import Call, Operation, Port, Row, Slot, StateArray
 
 Evaluated = tuple[Call, tuple[Operation, ...]]  # a call, and what belongs to it
 
 
-def declared_states(network: Network, name: str, context: BlockContext) -> tuple[StateArray, ...]:
+def declared_states(network: Network, name: str) -> tuple[StateArray, ...]:
     """The states of a block."""
     entry, spec = network.entries[name], network.entries[name].cls.spec
+    if not spec.states:
+        return ()
+    context = network.context(name)
     return tuple(
         StateArray(name, state, state_shape(entry.block, declared, context, spec))
         for state, declared in spec.states.items()
@@ -31,7 +33,7 @@ def continuous_row(network: Network) -> Row:
     slots: list[Slot] = []
     for name, entry in sorted(network.entries.items()):
         continuous = entry.cls.spec.continuous
-        states = declared_states(network, name, network.context(name)) if continuous else ()
+        states = declared_states(network, name) if continuous else ()
         for state in states:
             if state.name in continuous:
                 start = slots[-1].stop if slots else 0

@@ -172,11 +172,11 @@ class Call:
     takes_time: bool = True
     is_own: bool = False
 
-    @property
+    @cached_property
     def outputs(self) -> tuple[Signal, ...]:
         return tuple(each for each in self.writes if isinstance(each, Signal))
 
-    @property
+    @cached_property
     def rates(self) -> tuple[Slot, ...]:
         """The states whose rates of change it returns."""
         return tuple(each for each in self.writes if isinstance(each, Slot))
@@ -413,7 +413,7 @@ class Plan:
         """The continuous part of the plan; None without continuous states."""
         return next((each for each in self.operations if isinstance(each, Integrate)), None)
 
-    @property
+    @cached_property
     def row(self) -> Row:
         return Row() if self.integration is None else self.integration.row
 

@@ -7,12 +7,15 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import runtime
 from runtime import plan as plans  # pytest would collect Test
+from runtime.engine import python_text
+from runtime.errors import SimulationError
 from runtime.graph import Graph
 from runtime.plan import (
     Call,
@@ -188,3 +191,27 @@ def test_what_python_exchanges_with_compiled_code() -> None:
     assert list(map(str, load.signals)) == ["part.twice.out", "part.enable.on", "part.slow.out"]
     assert list(map(str, store.signals)) == ["part.slow.out"]
     assert load.gate == store.gate == Gate(2)
+
+
+@pytest.mark.parametrize("stop", [None, {"when": "wave.out", "above": 0.5}])
+def test_the_first_tick_in_pieces(monkeypatch: pytest.MonkeyPatch, stop: Any) -> None:
+    """Each operation is a text of its own, under the gate that it would be under among others."""
+    graph = switched(engine="python", **({} if stop is None else {"stop": stop}))
+    whole = graph.run()
+    monkeypatch.setattr(python_text, "PIECE", 1)
+    pieces = graph.set("run.until", 1.0).run()
+    assert pieces.status == whole.status
+    assert pieces.manifest["ticks"] == whole.manifest["ticks"]
+    np.testing.assert_array_equal(pieces["seen"], whole["seen"])
+
+
+def test_a_failure_of_the_first_tick_names_its_block_in_any_piece(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    graph = runtime.load(SMALL).set("run.engine", "python")
+    bad = {"type": "Function", "expression": "1 / u[0]"}  # the plant begins at zero
+    graph = graph.overlay({"blocks": {"bad": bad}, "wires": {"bad": {"u": "plant.out"}}})
+    for size in (1, 3, 1000):
+        monkeypatch.setattr(python_text, "PIECE", size)
+        with pytest.raises(SimulationError, match="bad.*ZeroDivisionError"):
+            graph.set("run.until", 1.0).run()
