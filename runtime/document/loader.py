@@ -1,12 +1,11 @@
 """From files to one complete document: finds graphs, merges ``extends``, inlines parts.
 
-In: a file, a shipped graph's name or a dict. Out: one tree, and the bytes of each file read::
+In: a file, a shipped graph's name or a dict. Out: one tree, whose values keep their positions in
+the files that they come from, and the bytes of each file read::
 
     own.yaml:   extends: line          line.yaml:  blocks: {lqr: {type: LQR, q: 1, r: 1}}
                 blocks: {lqr: {q: 2}}
     read_graph("own.yaml")[0]:         blocks: {lqr: {type: LQR, q: 2, r: 1}}
-
-Each value keeps the position in the file that it comes from.
 """
 
 from __future__ import annotations

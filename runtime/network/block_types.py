@@ -61,7 +61,7 @@ def block_class(
         own = _import_file(module, address, problems, _reader(modules).blocks)
     if own is None:
         return None
-    # The nearest first; the library and packages come last, so that installing one changes no graph.
+    # The nearest first; the library and packages come last: to install one changes no graph.
     for library in (own, classes):
         if type_node.value in library:
             return library[type_node.value]

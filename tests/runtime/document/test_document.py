@@ -228,7 +228,7 @@ PYTHON = {
     "object": (object(), "a.b: expected a number, string, list or mapping, got object"),
     "key": ({1: 2}, "a.b: expected a string as key, got 1"),
     "too large": (10**400, "a.b: too large for a float; infinity is written .inf"),
-    "surrogate": ("\ud800", "a.b: a text with a lone surrogate, which is no character"),
+    "surrogate": ("\ud800", "a.b: a string with a lone surrogate, which is not a character"),
 }
 
 
