@@ -158,6 +158,22 @@ def _stored(node: ast.AST) -> list[str]:
     ]
 
 
+class Failures:
+    """The failures of a unit, by number: exception, message, file and line."""
+
+    def __init__(self) -> None:
+        self.listed: list[tuple[str, str, str, int]] = []
+        self.numbers: dict[tuple[str, str, str, int], int] = {}
+
+    def number(self, kind: str, message: str, file: str, line: int) -> int:
+        """The number of a failure."""
+        entry = (kind, message, file, line)
+        if entry not in self.numbers:
+            self.numbers[entry] = len(self.listed)
+            self.listed.append(entry)
+        return self.numbers[entry]
+
+
 @dataclass(frozen=True)
 class Source:
     """All functions of a unit by name, and the types of the entries that bound ones read."""

@@ -98,6 +98,7 @@ Type = Number | Array | Tuple | Maybe | Known | Draws
 BOOL, INT, FLOAT = Number("bool"), Number("int"), Number("float")
 EITHER = Number("either")
 NONE = Known(None)
+NUMBERS = {"bool": BOOL, "int": INT, "float": FLOAT}
 
 
 def leaves(kind: Type) -> Iterator[tuple[str, str]]:
