@@ -1,4 +1,8 @@
-"""Which values may be written for a key: outputs, types, kinds, names, files."""
+"""Which values may be written for a key: outputs, types, kinds, names, files.
+
+In: a model and the cursor. Out: offers, ranked: at ``wires: {lqr: {error: |`` the outputs of the
+input's type come first (rank 0), then their components, then all others.
+"""
 
 from __future__ import annotations
 
@@ -150,6 +154,7 @@ def _own_outputs(model: Model, scope: Scope | None, consumer: str) -> Iterator[W
 def _addresses(outputs: Iterable[WireSource], input_type: SignalType | None) -> Iterator[Offer]:
     for output in outputs:
         is_component = output.address.count(".") > 1
+        # Others are offered as well, at the end: a type may be wrong at the other end of the wire.
         rank = 1 + is_component
         if input_type is not None:
             rank = int(is_component) if is_fitting(output, input_type) else 3 + is_component
@@ -210,10 +215,11 @@ def _package_files(folder: str) -> list[str]:
 def _files(
     model: Model, suffixes: tuple[str, ...], package_files: Iterable[str], under: str = ""
 ) -> Iterator[Offer]:
-    """Files beside the text and in the folders below, and those that come with the package."""
+    """Files beside this one and in the folders below, and those that come with the package."""
     names: set[str] = set()
     folder = model.path.parent
     try:
+        # Two levels: a search of the whole tree would read a home folder at each key that is typed.
         for path in sorted([*folder.glob("*"), *folder.glob("*/*")])[: 10 * MAX_FILES]:
             if path.suffix in suffixes and path != model.path and not path.name.startswith("."):
                 name = path.relative_to(folder).as_posix()
