@@ -17,6 +17,7 @@ from blocks.core.elementwise import (
     check_ascending,
     check_flat,
     check_sized,
+    piece,
     spread_to,
 )
 from blocks.core.expression_reader import ExpressionError, parsed
@@ -150,6 +151,7 @@ __all__ = [
     "nearest",
     "param",
     "parsed",
+    "piece",
     "pip_line",
     "plain",
     "portable",

@@ -1,4 +1,8 @@
-"""From a sheet to shapes: wires coloured by signal type, boxes by rate, removed blocks grey."""
+"""From a picture to shapes: wires coloured by signal type, boxes by rate, removed blocks grey.
+
+In: a :class:`Picture`. Out: a :class:`Drawing`. The net u.out ─▶ g.input becomes a line, an arrow
+head and the label "Scalar", all in the colour of scalars.
+"""
 
 from __future__ import annotations
 

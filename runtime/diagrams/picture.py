@@ -1,4 +1,8 @@
-"""The block diagram of a network as data, independent of the format in which it is drawn."""
+"""The block diagram of a network as data, independent of the format in which it is drawn.
+
+In: a checked network. Out: a :class:`Picture`. The graph ``wires: {g: {input: u.out}}`` has the
+boxes "u" and "g" and one net from ("u", "out") to ("g", "input"); nothing has a position yet.
+"""
 
 from __future__ import annotations
 
@@ -118,6 +122,8 @@ def picture_of(network: Network) -> Picture:
     """Collect what a network's diagram shows; removed blocks keep their position in the order."""
     entries = {**network.entries, **network.removed_entries}
     scopes = list(network.scope.walk())
+    # In the order in which the author wrote the blocks, removed ones included: the layout breaks
+    # ties by this order, so that a diagram with and without a block looks alike.
     names = [scope.prefix + name for scope in scopes for name in scope.blocks]
     boxes = {name: _box(network, entries[name]) for name in names if name in entries}
     parts = {

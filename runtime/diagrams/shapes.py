@@ -1,4 +1,8 @@
-"""Shapes of a drawing, the same for all picture formats, and the lines of wires."""
+"""Shapes of a drawing, the same for all picture formats, and the lines of wires.
+
+In: corners of wires. Out: shapes in points (1/72 inch), y downwards. The corners (0, 0), (20, 0),
+(20, 30) become a line with one rounded corner: M 0 0, L 15 0, Q 20 0 20 5, L 20 30.
+"""
 
 from __future__ import annotations
 
@@ -88,6 +92,8 @@ class Drawing:
     top: float = 0.0
 
 
+# Estimated from classes of letters: a font's real widths need the font, which the viewer of an SVG
+# chooses. Too wide rather than too narrow: text must not cross the border of its box.
 def text_width(text: str, size: float, bold: bool = False) -> float:
     """The approximate width of a text in a wide font."""
     ems = 0.0

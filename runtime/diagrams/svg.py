@@ -1,4 +1,8 @@
-"""A drawing as self-contained SVG text, for pages, notebooks and files."""
+"""A drawing as self-contained SVG text, for pages, notebooks and files.
+
+In: a :class:`Drawing`. Out: one string; a dot is ``<circle cx="10" cy="4" r="2.4"
+fill="#475569"/>``. Numbers have two decimals: a hundredth of a point cannot be seen.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""Diagnostics: all that ``runtime validate`` says, each with its part of the text."""
+"""Diagnostics: all that ``runtime validate`` says, each with its part of the text.
+
+In: a model. Out: :class:`Diagnostic` objects, problems first. A message has a line and a column; an
+editor underlines a range, which is the key or value that begins there::
+
+    g.yaml:3:8: blocks.u.value: expected a number     underlines the value in line 3
+"""
 
 from __future__ import annotations
 
@@ -49,6 +55,8 @@ def diagnose(model: Model) -> list[Diagnostic]:
 def _of_problem(model: Model, problem: Problem) -> Diagnostic:
     where, text = problem.where, problem.text
     related: tuple[Related, ...] = ()
+    # A problem of another file is shown where this text brings that file in, with a link to the
+    # problem itself: an editor shows no diagnostics of files that are not open.
     if where.file and Path(where.file) != model.path:
         span = _span_of_file_name(model, problem)
         related = (Related(where, text),)

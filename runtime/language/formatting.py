@@ -1,7 +1,9 @@
 """Formatting: one way to space what stands in braces and brackets; comments keep their columns.
 
-Entries whose values are written in one column stay so when a key gets longer; all others have one
-space after the colon. A text that does not parse, or that would not mean the same, is left alone.
+In: a model. Out: edits, line by line, from ``{type: Gain,  gain : 2}`` to ``{type: Gain, gain:
+2}``. Entries whose values are written in one column stay so when a key gets longer; all others
+have one space after the colon. A text that does not parse, or that would not mean the same, is
+left alone.
 """
 
 from __future__ import annotations
@@ -40,6 +42,8 @@ def apply_edits(source: str, edits: list[tuple[Span, str]]) -> str:
     return source
 
 
+# The edits are made from the tolerant tree. Whether they keep the meaning is left to the loader's
+# own parser, and to no argument about this module.
 def _is_same(model: Model, edits: list[tuple[Span, str]]) -> bool:
     try:
         after = parse_yaml(apply_edits(model.text.source, edits), model.file)

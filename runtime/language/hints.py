@@ -1,4 +1,8 @@
-"""What editors show between the lines: types and rates at wires, values of params, and commands."""
+"""What editors show between the lines: types and rates at wires, values of params, and commands.
+
+In: a model and a part of the text. Out: hints as in ``error: sum.out : Scalar, 100 Hz`` or
+``gain: $k = 2.0``, and commands above the title and the blocks.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Hover cards: what a name in the text stands for, as Markdown."""
+"""Hover cards: what a name in the text stands for, as Markdown.
+
+In: a model and an offset. Out: a :class:`Card` or None. On "lqr.command" in a wire::
+
+    **lqr.command**: Twist, 100 Hz, m/s, rad/s
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""Edits of the text that add and remove entries where and as a person would write them."""
+"""Edits of the text that add and remove entries where and as a person would write them.
+
+In: a model, the path of a mapping, a key and a value. Out: edits. Adding "pid: {error: sum.out}" to
+("wires",) writes a line in the style of the section: a new line in a section of lines, ", pid: ..."
+before the closing brace of one in braces, and "wires:" first where there is none. The text is not
+printed again from the tree, which would lose comments and the author's layout.
+"""
 
 from __future__ import annotations
 
@@ -78,6 +84,7 @@ def added_name(model: Model, section: str, name: str) -> list[Edit]:
     """The edits that add a name to ``without`` or ``bypass``."""
     item = model.root.get(section)
     if item is None:
+        # Beside the sections that say what is run, above those that say what is recorded.
         before = model.root.get("probes") or model.root.get("plots") or model.root.get("metrics")
         if before is None:
             return [_section(model, f"{section}: [{name}]\n")]
@@ -105,6 +112,7 @@ def removed_entry(model: Model, item: YamlItem) -> Edit:
             before = siblings[place - 1]
             return Edit(Span(max(before.end, before.key_end, before.colon), end), "")
         return Edit(Span(begin, end), "")
+    # An item of a list over several lines: its dash goes, too.
     if item.key_start < 0 and item.parent is not None and item.parent.parent is not None:
         begin = source.rfind("-", 0, begin) if "-" in source[:begin] else begin
     start = text.starts[text.line_of(begin)]

@@ -1,4 +1,8 @@
-"""Which keys may be written in a mapping, from the declarations that the loader checks against."""
+"""Which keys may be written in a mapping, from the declarations that the loader checks against.
+
+In: a model and the cursor. Out: offers. At ``blocks: {u: {type: Gain, |}}`` these are Gain's
+parameters, required ones first, then "dt" and "module".
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,10 @@
-"""Where a text mentions blocks, params, probes, ports, types and files, by its words alone."""
+"""Where a text mentions blocks, params, probes, ports, types and files, by its words alone.
+
+In: a model. Out: :class:`Mention` objects, from which definitions, references and renames follow::
+
+    wires: {sum: {terms: [arm.pid.u]}}   block sum; block arm; block pid in the scope ("arm",)
+    blocks: {sum: {gain: $k}}            block sum (defines it); param k
+"""
 
 from __future__ import annotations
 
@@ -183,6 +189,9 @@ class _MentionReader:
                 return
             scope = (*scope, name)
 
+    # "arm.theta" may name an output of the part "arm", an input, or a block inside it, which only
+    # the part's file knows. So all three are mentioned; ``names`` takes the one that some file
+    # defines.
     def inside(
         self, name: str, span: Span, text: str, start: int, scope: PartPath
     ) -> Iterator[Mention]:

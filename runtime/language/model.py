@@ -1,7 +1,14 @@
-"""What a text says: scanned, read, and checked as far as that goes, each when first asked for.
+"""What a file's text means: scanned, parsed and checked, each when it is first needed.
 
-A :class:`Model` belongs to one version of one text and never changes. Everything else in this room
-is a function of a model and an offset.
+In: the text, its path, and its :class:`Surroundings` (unsaved files, how modules are read). Out: a
+:class:`Model`, which belongs to one version of the text and never changes, so that every stage is
+computed at most once::
+
+    source ─▶ root      tolerant tree, always there
+           ─▶ tree      the loader's tree; repaired from ``root`` where the text does not parse
+           ─▶ document  with all that it extends ─▶ checked_graph ─▶ problems
+
+Everything else in this room is a function of a model and an offset.
 """
 
 from __future__ import annotations
@@ -38,6 +45,7 @@ from runtime.language.text import SourceText
 from runtime.network import Network
 from runtime.observation import Observation
 
+# overlay: a file that changes a graph below it ("extends", "--with") and is incomplete alone.
 Kind = Literal["graph", "part", "overlay", "experiment", "world"]
 Change = Callable[[Graph], Graph]
 PORTS = ("inputs", "outputs")
@@ -110,6 +118,8 @@ class Surroundings:
             f"characters, more than {self.longest:,}; 'runtime validate' checks it"
         )
 
+    # Files that many texts extend are parsed once for all of them; the limit is the editor's, so it
+    # is checked here and not in the cache.
     def _parse(self, text: str, file: str) -> Node:
         if reason := self.refusal(text):
             raise GraphError([Problem(Where(file), "", reason)])
@@ -213,6 +223,11 @@ class Model:
         """The text as the loader sees it; where it cannot be read, what was scanned of it."""
         return self._strict if isinstance(self._strict, Node) else self._repair(self.root, 0)
 
+    # Completion needs the types of a graph that does not parse. So what was scanned goes to the
+    # same loader and checks, as if the rest had been written:
+    #     wires: {sum: {terms: [a.out,      becomes     {"wires": {"sum": {"terms": ["a.out"]}}}
+    # A key without a colon is left out: as an entry with the value null it would delete what
+    # "extends" brings. Of two equal keys the first counts; the second is probably being renamed.
     def _repair(self, item: YamlItem, depth: int) -> Node:
         where = self.text.where(item.start, self.file)
         key = where if item.key_start < 0 else self.text.where(item.key_start, self.file)
@@ -234,6 +249,8 @@ class Model:
     @property
     def is_ours(self) -> bool:
         """Whether the text is one of a graph, or may become one, and not some other YAML."""
+        # Other YAML files are open in the same editor, and must not get hundreds of errors. A file
+        # of a few known keys only may become a graph; one with a key of ours alone is one.
         names = set(_TOP.findall(self.text.source))
         names_of_ours = {*SECTIONS, *PORTS, *KEYS, "extends", "room", "obstacles", "circles"}
         return bool(names & OWN) or names <= names_of_ours

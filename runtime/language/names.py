@@ -1,8 +1,17 @@
 """Definitions, references and renames of the names in a text, across the files that share them.
 
-A file that extends another, an experiment and its graph, and a part and the graphs that use it
-share names. So does an overlay with the graphs that an experiment lays it over; one that no
+In: a model, an offset and a :class:`Project` (the models of a folder). Out: places, or edits by
+file. A file that extends another, an experiment and its graph, and a part and the graphs that use
+it share names. So does an overlay with the graphs that an experiment lays it over; one that no
 experiment names shares those of the only graph that has all blocks that it needs, if there is one.
+
+    base.yaml  blocks: {pid: ...}        rename pid here, and all three files change:
+    my.yaml    extends: base.yaml        wires: {pid: ...}
+    sweep.yaml graph: my.yaml            vary: {pid.kp: ...}
+
+A symbol is looked for first upwards (:meth:`Project.roots`: who defines it?), then downwards from
+there (:meth:`Project.family`: who means the same?), since two files may extend one base and share
+its names without naming each other.
 """
 
 from __future__ import annotations
@@ -64,6 +73,8 @@ class Project:
         for model in self.models.values():
             for path, base in overlays(model):
                 graphs_of.setdefault(path, []).append(base)
+        # An overlay that no experiment names: guessed only where a single graph can be meant, since
+        # a wrong guess would rename blocks of an unrelated graph.
         graphs = [m for m in self.models.values() if is_whole(m)]
         for path, model in self.models.items():
             blocks = needed_by(model) if path not in graphs_of else set()
@@ -104,6 +115,8 @@ class Project:
 
     def _replaces(self, path: Path, base: Path, scope: tuple[str, ...], symbol: Symbol) -> bool:
         """Whether a file has another part in place of the one that defines a symbol of its base."""
+        # A graph that puts another part in the place of its base's: names inside of it are no
+        # longer shared.
         inner = (*scope, *symbol.scope)
         own = self._parts_over(path, base) - {scope}
         return any(inner[: len(part)] == part for part in own)

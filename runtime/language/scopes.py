@@ -1,4 +1,9 @@
-"""The names that a place in the text can use: of the graph, or of the part that it is inside of."""
+"""The names that a place in the text can use: of the graph, or of the part that it is inside of.
+
+In: a path of keys. Out: the scope that it leads into, and from there blocks, ports, outputs,
+params. ("blocks", "arm", "wires", "pid") in a graph with the inline part "arm" leads into the
+scope of "arm", with ("wires", "pid") left: the rest of this room need not know about parts.
+"""
 
 from __future__ import annotations
 
@@ -55,6 +60,7 @@ def class_of(model: Model, scope: Scope | None, name: str) -> type[Block] | None
         return entry.cls
     node = scope.blocks.get(name) if scope is not None else None
     type_node = None if node is None else node.get("type")
+    # A block that could not be constructed, as while its parameters are typed, still has a class.
     return BUILTIN.get(str(type_node.value)) if type_node is not None else None
 
 

@@ -1,4 +1,8 @@
-"""Parameters with a structure of their own: ``neuron: {type: LIF, ...}``, ``uniform(200, 400)``."""
+"""Parameters with a structure of their own: ``neuron: {type: LIF, ...}``, ``uniform(200, 400)``.
+
+In: a block's class and a path of keys. Out: the declaration at its end. For ("neuron", "tau_rc")
+the class is that of the model which the mapping names, or of the default if it names none.
+"""
 
 from __future__ import annotations
 
@@ -54,6 +58,7 @@ def forms_of(param: Param, in_flow: bool) -> Iterator[Offer]:
         if not parenthesis:
             yield Offer(form, "value", doc, rank=0)
             continue
+        # In braces, a comma would end the value: uniform(200, 400) needs quotes there.
         quote = "'" if in_flow and "," in form else ""
         yield Offer(form, "snippet", doc, "", f"{quote}{_with_places(form, name)}{quote}", True, 0)
     root = root_of(param)

@@ -1,8 +1,9 @@
-"""A text with its lines: offsets, the positions of editors, and those of messages.
+"""Source text with its lines: offsets, the positions of editors, and those of messages.
 
 An offset counts characters from 0. Editors send a line and a number of UTF-16 code units in it;
 messages have lines and columns from 1, in lines as YAML breaks them, which knows more line
-breaks than editors do.
+breaks than editors do. In "é😀x", "x" has offset 2, the editor's character 3 and the message's
+column 3.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ from typing import NamedTuple
 from runtime.errors import Where
 
 _EDITOR_BREAK = re.compile("\r\n|[\n\r]")
+# YAML also breaks lines at NEL, LS and PS, which editors show as characters: the numbers of lines
+# in messages and in editors differ after one of these, so the two kinds are converted separately.
 _YAML_BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 
 
@@ -78,6 +81,7 @@ class SourceText:
             return len(self.source)
         start, end = self.line_span(line)
         line_text = self.source[start:end]
+        # Nearly all lines: units are characters, and nothing has to be counted.
         if line_text.isascii():
             return start + min(max(0, units), end - start)
         count = 0

@@ -1,4 +1,8 @@
-"""Which values may be written for a key: outputs, types, kinds, names, files."""
+"""Which values may be written for a key: outputs, types, kinds, names, files.
+
+In: a model and the cursor. Out: offers, ranked: at ``wires: {lqr: {error: |`` the outputs of the
+input's type come first (rank 0), then their components, then all others.
+"""
 
 from __future__ import annotations
 
@@ -150,6 +154,7 @@ def _own_outputs(model: Model, scope: Scope | None, consumer: str) -> Iterator[W
 def _addresses(outputs: Iterable[WireSource], input_type: SignalType | None) -> Iterator[Offer]:
     for output in outputs:
         is_component = output.address.count(".") > 1
+        # Others are offered as well, at the end: a type may be wrong at the other end of the wire.
         rank = 1 + is_component
         if input_type is not None:
             rank = int(is_component) if is_fitting(output, input_type) else 3 + is_component

@@ -59,6 +59,7 @@ def disable_math(figure: Figure) -> None:
         if type(axis.get_major_formatter()) is ScalarFormatter:
             axis.set_major_formatter(PlainNumbers())
     for text in figure.findobj(Text):
+        # matplotlib takes two dollar signs for a formula, and stops at one that it cannot parse.
         text.set_parse_math(is_formula(text.get_text()))
     for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
         if isinstance(axis.get_major_formatter(), LogFormatter):

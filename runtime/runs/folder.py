@@ -1,6 +1,12 @@
 """The format of a run folder: how a run is written to its files and read back from them.
 
-Whatever can be wrong with the files is reported in one line.
+In: a run and an empty folder, or a folder that anyone may have sent. Out: files, or a run whose
+every field was checked; whatever can be wrong with the files is reported in one line::
+
+    manifest.json        what ran, with the SHA-256 of the other files; written last
+    graph.yaml           as written        graph.resolved.yaml   as run
+    probes.npz           per probe "name" (rows, ...) and "name.time" (rows,)
+    metrics.json, states.npz, diagram.json, files that blocks name
 """
 
 from __future__ import annotations
@@ -69,6 +75,8 @@ def portable(plain: dict[str, Any], read: Container[str]) -> tuple[dict[str, Any
         if key != "module" and str(source.resolve()) not in read:
             return path
         name = source.name
+        # Two files of one name, from different folders, and names of our own files:
+        #     a/table.csv, b/table.csv     become     table.csv, _table.csv
         while files.get(name, source) != source or name in WRITES:
             name = f"_{name}"
         files[name] = source
@@ -131,6 +139,7 @@ def write(result: RunData, folder: Path, commit: str | None) -> None:
         save_arrays(folder / STATES, result.states)
     _write_texts(result, folder)
     write_whole(folder / METRICS, json_text(result.metrics, indent=2) + "\n")
+    # The manifest is written last: a folder that has one is complete.
     hashes = {path.name: sha256(path) for path in sorted(folder.iterdir())}
     details = json_text(manifest(result, hashes, commit), indent=2)
     write_whole(folder / MANIFEST, details + "\n")
@@ -190,6 +199,7 @@ def run_folder(path: str | Path) -> Path:
         raise UsageError(f"{text}: {getattr(error, 'strerror', None) or error}") from None
     if not is_folder:
         raise UsageError(f"'{path}' is a file; expected a run folder, as in runs/<graph>/latest")
+    # The folder of a graph holds many runs, and "runs/<graph>" is what one types first.
     latest = folder / "latest"
     newest = latest if latest in inside else inside[-1] if inside else None
     suggestion = f"; did you mean '{newest}'?" if newest else ", as in runs/<graph>/latest"
@@ -370,6 +380,7 @@ def _mapping(path: Path) -> dict[str, Any]:
 def _arrays(path: Path) -> dict[str, FloatArray]:
     try:
         with warnings.catch_warnings():
+            # NumPy only warns about some headers that it cannot be sure of.
             warnings.simplefilter("error")
             arrays = open_arrays(path)
     except FileNotFoundError:
@@ -400,6 +411,7 @@ def _changed_files(folder: Path, manifest: dict[str, Any]) -> list[str]:
         with system_errors(f"read '{path}'"):
             if path.is_file() and not path.is_symlink() and sha256(path) == digest:
                 continue
+        # An edited graph.yaml is worth a note; edited numbers would be results that no run gave.
         if name in (METRICS, PROBES):
             raise _damage_error(path, f"it is not the file that was saved (SHA-256 in {MANIFEST})")
         message = "was changed after" if path.is_file() else "was removed after"

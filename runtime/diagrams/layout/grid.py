@@ -1,4 +1,10 @@
-"""The grid of a layered layout: feedback wires, cells in columns, long wires cut into hops."""
+"""Steps 1 to 3 of the layered layout: feedback wires, columns, long wires cut into hops.
+
+In: cells and links. Out: a :class:`Grid`. With a ─▶ b ─▶ c, a ─▶ c and the feedback c ─▶ a::
+
+    columns: [a] [b, "1@1"] [c]      "1@1" is the gap where link 1, a ─▶ c, passes column 1
+    feedback: c ─▶ a                 is routed below the boxes and does not count for the columns
+"""
 
 from __future__ import annotations
 
@@ -8,6 +14,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 Pin = tuple[str, str]
+# Cuts that are tried per loop: each costs a search for components, and graphs have thousands of
+# wires.
 CANDIDATES = 40
 
 
@@ -127,6 +135,9 @@ def find_feedback(names: Sequence[str], links: Sequence[Link]) -> set[tuple[int,
     back = {(i, v) for u, v, i in graph.edges(keys=True) if u == v}
     graph.remove_edges_from([(v, v, i) for i, v in back])
     cuts: list[tuple[int, str]] = []
+    # A greedy cut. The smallest set of feedback wires is NP-hard to find, and not even wanted:
+    # engineers draw a loop as going back where a state breaks it, and not where the cut is
+    # cheapest.
     while components := [k for k in nx.strongly_connected_components(graph) if len(k) > 1]:
         for component in sorted(components, key=lambda k: min(map(order.__getitem__, k))):
             inside = graph.subgraph(component).copy()
@@ -137,6 +148,7 @@ def find_feedback(names: Sequence[str], links: Sequence[Link]) -> set[tuple[int,
     # Sorted, since the edges of a subgraph are listed in no particular order.
     for i, name in sorted(cuts, key=lambda o: (o[0], order[o[1]])):
         source = links[i].source[0]
+        # A wire whose loop was opened by a later cut runs forward again.
         if nx.has_path(graph, name, source):
             back.add((i, name))
         else:
@@ -234,6 +246,7 @@ def _add_link(grid: Grid, i: int, link: Link, back: set[tuple[int, str]]) -> Non
         hop = Hop(i, channel, left, forward[channel])
         grid.hops[channel].append(hop)
         if channel < max(forward):
+            # A dummy cell, so that orders and heights treat a passing wire like a box of height 0.
             name = f"{i}@{channel}"
             grid.cells[name] = Cell(name, 0.0, 0.0, [""], [""], [0.0], [0.0], passing=True)
             grid.columns[channel].append(name)

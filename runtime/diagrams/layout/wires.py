@@ -1,4 +1,9 @@
-"""The wires of a layout: tracks in the channels, feedback below the boxes, and their corners."""
+"""Step 6 of the layered layout: tracks in the channels, feedback below the boxes, corners of wires.
+
+In: a :class:`Grid` and the top of each cell. Out: the x of each column and the corners of each
+wire, as [(100, 20), (130, 20), (130, 60), (160, 60)] for one that goes down from one box to the
+next.
+"""
 
 from __future__ import annotations
 
@@ -93,6 +98,7 @@ class WireRouter:
         ]
         ys: dict[int, float] = {}
         earlier: list[tuple[int, int, float]] = []
+        # Short ones first: a loop within another is drawn within it.
         for wire in sorted(self.grid.feedback, key=lambda o: (o.column - o.first, o.link)):
             first, last = wire.first, wire.column
             y = max(bottoms[max(first - 1, 0) : last + 2]) + FEEDBACK_GAP

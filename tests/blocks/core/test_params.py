@@ -336,6 +336,14 @@ def test_texts_are_one_or_several() -> None:
         assert refused(texts, value).startswith("expected a string or a list of strings, got ")
 
 
+def test_signal_types_have_names() -> None:
+    signals = declared("signal")
+    assert signals.convert("Pose") is signals.convert(blocks.Pose) is blocks.Pose
+    assert signals.convert("Vector(3)") == blocks.Vector(3)
+    assert refused(signals, "Poze").endswith(", did you mean 'Pose'?")
+    assert refused(signals, 3).startswith("expected a signal type such as Scalar")
+
+
 def test_numbers_have_names() -> None:
     numbers = declared("numbers")
     assert numbers.convert({"a": 1, "b": 2.5}) == {"a": 1.0, "b": 2.5}
