@@ -99,6 +99,8 @@ class Picture:
         """
         if not part:
             return not net.needs
+        # Backwards from the output, through what each output needs in the same tick, until a wire
+        # comes from outside of the part.
         visited = {net.source}
         waiting = [net]
         while waiting:
@@ -145,6 +147,7 @@ def picture_of(network: Network) -> Picture:
         spec = entries[name].cls.spec
         if not box.fate:
             defaults = [name for name, port in spec.inputs.items() if port.default is not None]
+            # An input that keeps its default is drawn, since one could wire it.
             box.open = [port for port in defaults if port not in box.inputs]
             box.inputs += box.open
         box.inputs.sort(key=_declaration_order(spec.inputs))
@@ -177,6 +180,7 @@ def _is_continuous(network: Network, entry: NetworkEntry) -> bool:
     """Whether a solver evaluates a block between ticks."""
     if entry.cls.spec.continuous:
         return True
+    # Memoryless blocks between integrators are evaluated at the solver's stages, too.
     is_solved = any(each.cls.spec.continuous for each in network.entries.values())
     return is_solved and any(
         (entry.name, port) in network.moving for port in entry.cls.spec.outputs

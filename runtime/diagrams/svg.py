@@ -25,7 +25,7 @@ class SvgText(str):
 
 
 def to_svg(drawing: Drawing) -> SvgText:
-    """The drawing as the text of an SVG file."""
+    """The drawing as SVG."""
     width, height = _number(drawing.width), _number(drawing.height)
     margin, top = _number(drawing.margin), _number(drawing.margin + drawing.top)
     lines = [

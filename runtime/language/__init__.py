@@ -6,7 +6,7 @@ in it. Out: plain data (diagnostics, completions, edits). No protocol is known h
     model = Model("blocks:\n  u: {type: Constnt}\n", Path("g.yaml"))
     diagnose(model)[0].message      # no block type 'Constnt', did you mean 'Constant'?
 
-A text that is being typed hardly ever parses. So there are two readings of it: ``scan`` accepts
+A file that is being typed hardly ever parses. So there are two readings of it: ``scan`` accepts
 anything and says where things stand; ``parse_yaml`` is the loader's own and says what is wrong.
 """
 

@@ -1,6 +1,6 @@
 """Code actions: the suggestions that messages make, as edits, and changes to a block.
 
-In: a model and a part of the text. Out: :class:`Action` objects with edits, such as "Replace by
+In: a model and a part of the file. Out: :class:`Action` objects with edits, such as "Replace by
 'q'" for "unknown parameter 'Q', did you mean 'q'?".
 
 A message is the one place that says what to do about a problem; its wording is read here, and
@@ -48,7 +48,7 @@ class Action:
 
 
 def actions(model: Model, span: Span) -> list[Action]:
-    """The actions for a part of the text: fixes first, then changes to the block there."""
+    """The actions for a part of the file: fixes first, then changes to the block there."""
     fixes: list[Action] = []
     for diagnostic in diagnose(model):
         if diagnostic.span.start <= span.end and span.start <= diagnostic.span.end:
@@ -151,6 +151,8 @@ def _values(model: Model, diagnostic: Diagnostic) -> Iterator[Action]:
     match = _DEGREES.search(diagnostic.message)
     if match is not None:
         item = deepest(model.root, diagnostic.span.start)
+        # The message quotes the number, and the item may be a list: the scalar of that value is
+        # meant.
         for scalar in [item, *item.walk()]:
             if scalar.kind == "scalar" and _is_number(scalar.value, float(match[1])):
                 edit = Edit(scalar.span, f"{scalar.value}deg")
@@ -177,6 +179,7 @@ def _removals(model: Model, diagnostic: Diagnostic) -> Iterator[Action]:
         edits = [*added_name(model, "bypass", match[1])]
         without = model.root.get("without")
         names = without.scalars() if without is not None else []
+        # A block stands in one of the two lists only.
         edits += [removed_entry(model, each) for each in names if each.value == match[1]]
         yield Action(f"Bypass '{match[1]}' instead", tuple(edits), diagnostic, True)
 

@@ -1,4 +1,4 @@
-"""What an address in the text refers to: a block, an output with its type and rate, a state.
+"""What an address in the file refers to: a block, an output with its type and rate, a state.
 
 In: a scope and "pid.command". Out: an :class:`AddressTarget`: Scalar, 100 Hz, written in line 12.
 """

@@ -41,6 +41,8 @@ def complete(model: Model, offset: int) -> Completion:
     else:
         offers = [_as_value(offer, cursor) for offer in values_at(model, cursor)]
     matching = [o for o in offers if o.label and matches(cursor.prefix, o.label)]
+    # The sort is stable: within a rank, declarations keep the order in which their authors wrote
+    # them.
     matching.sort(key=lambda offer: (offer.rank, not offer.label.startswith(cursor.prefix)))
     best = tuple(matching[:MAX_OFFERED])
     return Completion(best, cursor.span, len(best) == len(matching))

@@ -21,7 +21,7 @@ ITEM = "[]"  # stands in a path for any item of a list
 
 @dataclass(frozen=True)
 class Cursor:
-    """A place in the text, for completion.
+    """A place in the file, for completion.
 
     role : whether a key of ``holder`` is written here, or a value.
     path : of the mapping whose key it is, or of the entry whose value it is.

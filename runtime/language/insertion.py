@@ -1,8 +1,8 @@
-"""Edits of the text that add and remove entries where and as a person would write them.
+"""Edits of the file that add and remove entries where and as a person would write them.
 
 In: a model, the path of a mapping, a key and a value. Out: edits. Adding "pid: {error: sum.out}" to
 ("wires",) writes a line in the style of the section: a new line in a section of lines, ", pid: ..."
-before the closing brace of one in braces, and "wires:" first where there is none. The text is not
+before the closing brace of one in braces, and "wires:" first where there is none. The file is not
 printed again from the tree, which would lose comments and the author's layout.
 """
 
@@ -16,7 +16,7 @@ from runtime.language.text import Span
 
 
 class Edit(NamedTuple):
-    """A part of the text, and what takes its place."""
+    """A part of the file, and what takes its place."""
 
     span: Span
     new: str
@@ -42,6 +42,7 @@ def _into(model: Model, holder: YamlItem, text: str) -> Edit:
     """A new last entry of a mapping that has a place for it."""
     if holder.flow:
         end = holder.end - 1 if holder.closed else holder.end
+        # Behind the last entry, and before the space and the comma that may end the list.
         while end > holder.start + 1 and model.text.source[end - 1] in " \t\r\n,":
             end -= 1
         lead = ", " if holder.items else ""
@@ -74,7 +75,7 @@ def _new_mappings(
 
 
 def _section(model: Model, text: str) -> Edit:
-    """A new section at the end of the text."""
+    """A new section at the end of the file."""
     source = model.text.source
     lead = "" if not source or source.endswith("\n") else "\n"
     return Edit(Span(len(source), len(source)), lead + text)

@@ -86,7 +86,7 @@ class YamlItem:
         return entry
 
     def walk(self) -> Iterator[YamlItem]:
-        """This item and all below it, in the order of the text."""
+        """This item and all below it, in the order of the file."""
         stack = [self]
         while stack:
             item = stack.pop()
@@ -103,7 +103,7 @@ def deepest(root: YamlItem, offset: int) -> YamlItem:
     """The innermost item whose key or value is at an offset."""
     item = root
     while True:
-        # Items begin in the order of the text, so the one at an offset is the last that begins by
+        # Items begin in the order of the file, so the one at an offset is the last that begins by
         # it.
         begins = [child.begin for child in item.items]
         i = bisect_right(begins, offset) - 1

@@ -1,11 +1,11 @@
 """What a file's text means: scanned, parsed and checked, each when it is first needed.
 
-In: the text, its path, and its :class:`Surroundings` (unsaved files, how modules are read). Out: a
-:class:`Model`, which belongs to one version of the text and never changes, so that every stage is
-computed at most once::
+In: the file's text, its path, and its :class:`Surroundings` (unsaved files, how modules are read).
+Out: a :class:`Model`, which belongs to one version of the file and never changes, so that every
+stage is computed at most once::
 
     source ─▶ root      tolerant tree, always there
-           ─▶ tree      the loader's tree; repaired from ``root`` where the text does not parse
+           ─▶ tree      the loader's tree; repaired from ``root`` where the file does not parse
            ─▶ document  with all that it extends ─▶ checked_graph ─▶ problems
 
 Everything else in this room is a function of a model and an offset.
@@ -96,12 +96,12 @@ def _scan_once(text: str) -> YamlItem:
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What a text's meaning depends on besides itself.
+    """What a file's meaning depends on besides itself.
 
     unsaved : texts that editors hold, by resolved path; they take the place of the files.
     modules : whether, or how, Python files that graphs name are read.
     block_cache : blocks of earlier versions, by type and parameters.
-    longest : characters of a text that is read; None for any number.
+    longest : characters of a file that is read; None for any number.
     """
 
     unsaved: Mapping[Path, str] = field(default_factory=dict)
@@ -110,7 +110,7 @@ class Surroundings:
     longest: int | None = None
 
     def refusal(self, source: str) -> str:
-        """Why a text is not read; empty if it is."""
+        """Why a file is not read; empty if it is."""
         if self.longest is None or len(source) <= self.longest:
             return ""
         return (
@@ -126,7 +126,7 @@ class Surroundings:
         return _parse_once(text, file)
 
     def reusable_blocks(self) -> dict[tuple[type[Block], str], Block]:
-        """The blocks that were constructed for earlier versions of texts; blocks never change."""
+        """The blocks that were constructed for earlier versions of files; blocks never change."""
         if len(self.block_cache) > MAX_BLOCKS:
             self.block_cache.clear()
         return self.block_cache
@@ -164,8 +164,8 @@ class Model:
 
     Parameters
     ----------
-    source : the text. path : its file, as messages name it; it need not exist.
-    change : makes of the text's graph the one that is checked, as options of a command do.
+    source : the file's text. path : of the file, as messages name it; it need not exist.
+    change : makes of the file's graph the one that is checked, as options of a command do.
     """
 
     def __init__(
@@ -178,7 +178,7 @@ class Model:
         self.text = SourceText(source)
         self.path, self.file = path, str(path)
         self.surroundings, self.change = surroundings, change
-        self.memo: dict[str, Any] = {}  # what other modules derive from the text, by their keys
+        self.memo: dict[str, Any] = {}  # what other modules derive from the file, by their keys
 
     @classmethod
     def of_file(
@@ -188,19 +188,19 @@ class Model:
 
         Raises
         ------
-        GraphError : there is no such file, or it is not a text.
+        GraphError : there is no such file, or it is not text.
         """
         path = find_file(name, (NOWHERE, ""), Path())
         return cls(decode(read_file(path, (NOWHERE, "")), path), path, surroundings, change)
 
     @cached_property
     def root(self) -> YamlItem:
-        """The tree of what is written; empty if the text is too large to be read."""
+        """The tree of what is written; empty if the file is too large to be read."""
         return YamlItem() if self.refusal else _scan_once(self.text.source)
 
     @property
     def refusal(self) -> str:
-        """Why the text is not read; empty if it is."""
+        """Why the file is not read; empty if it is."""
         return self.surroundings.refusal(self.text.source)
 
     @cached_property
@@ -215,12 +215,12 @@ class Model:
 
     @property
     def syntax(self) -> list[Problem]:
-        """Why the text cannot be read as YAML; empty if it can."""
+        """Why the file cannot be read as YAML; empty if it can."""
         return self._strict if isinstance(self._strict, list) else []
 
     @cached_property
     def tree(self) -> Node:
-        """The text as the loader sees it; where it cannot be read, what was scanned of it."""
+        """The file as the loader sees it; where it cannot be read, what was scanned of it."""
         return self._strict if isinstance(self._strict, Node) else self._repair(self.root, 0)
 
     # Completion needs the types of a graph that does not parse. So what was scanned goes to the
@@ -248,7 +248,7 @@ class Model:
 
     @property
     def is_ours(self) -> bool:
-        """Whether the text is one of a graph, or may become one, and not some other YAML."""
+        """Whether the file is one of a graph, or may become one, and not some other YAML."""
         # Other YAML files are open in the same editor, and must not get hundreds of errors. A file
         # of a few known keys only may become a graph; one with a key of ours alone is one.
         names = set(_TOP.findall(self.text.source))
@@ -257,7 +257,7 @@ class Model:
 
     @cached_property
     def kind(self) -> Kind:
-        """What the text describes."""
+        """What the file describes."""
         tree = self.tree
         names = {name for name, _ in tree.items()}
         if is_experiment(tree):
@@ -307,7 +307,7 @@ class Model:
 
     @property
     def prefix(self) -> str:
-        """Put before names of the text to form those in the network."""
+        """Put before names of the file to form those in the network."""
         return f"{self._part}." if self.kind == "part" else ""
 
     @property
@@ -317,6 +317,11 @@ class Model:
 
     def _wrap_part(self, part: Node) -> Node:
         """A graph with the part as its only block, and a source at each of its inputs."""
+        # A part alone has open inputs, and a graph may not have any. So it is checked in a graph
+        # made for it:     inputs: {error: Scalar}     becomes     blocks: {pid: {...},
+        # _outside_error: {...}}     (parts/pid.yaml)                        wires:  {pid: {error:
+        # _outside_error.out}} ``_with_own_names`` takes the name of the part out of its messages
+        # again.
         inner = {name: node for name, node in part.items() if name in PART_SECTIONS}
         inner |= {"part": Node(self.file)}
         inner.pop("graph", None)
@@ -395,9 +400,10 @@ class Model:
 
     @cached_property
     def problems(self) -> list[Problem]:
-        """Everything that is wrong, in the order of the text, as ``runtime validate`` has it."""
+        """Everything that is wrong, in the order of the file, as ``runtime validate`` has it."""
         if self.syntax:
             return self.syntax
+        # Where "extends" failed, half a graph would be checked, and every wire would be an error.
         loading = [] if self.kind in ("experiment", "world") else self._loading[1]
         problems = loading or [*map(self._with_own_names, self.checked_graph.problems)]
         if self.kind == "part":
@@ -431,4 +437,6 @@ def _needs_base(problem: Problem) -> bool:
         *("there is no param", "is not used", "is open;", "nothing (null)", "has no value"),
         *("missing; expected", "needs a world", "null only deletes"),
     )
+    # By the wording, as in ``actions``: which of the checks' messages depend on the graph below is
+    # a matter of overlays alone, and is not worth a field in every problem.
     return any(phrase in problem.text for phrase in phrases)

@@ -134,6 +134,7 @@ def answer(file: Path, question: tuple[Any, ...]) -> tuple[str, Any]:
         return "failed", (type(error).__name__, str(error))
 
 
+# A file in an endless loop never reads its input again, and would outlive a server that was killed.
 def _end_with(parent: int) -> None:
     """End this process when the one that started it has ended, even while the file runs."""
     while os.getppid() == parent:

@@ -1,4 +1,4 @@
-"""Definitions, references and renames of the names in a text, across the files that share them.
+"""Definitions, references and renames of the names in a file, across the files that share them.
 
 In: a model, an offset and a :class:`Project` (the models of a folder). Out: places, or edits by
 file. A file that extends another, an experiment and its graph, and a part and the graphs that use
@@ -48,7 +48,7 @@ class Place:
 
 
 class Project:
-    """The files that may share names with a text: models by resolved path."""
+    """The files that may share names with a file: models by resolved path."""
 
     def __init__(self, models: Iterable[Model]) -> None:
         self.models = {model.path.resolve(): model for model in models}
@@ -62,7 +62,7 @@ class Project:
         return links
 
     def bases(self, model: Model) -> list[tuple[Path, tuple[str, ...]]]:
-        """The files that a text builds on, each with the part that it is used as, or ()."""
+        """The files that another builds on, each with the part that it is used as, or ()."""
         below = self._graphs_below.get(model.path.resolve(), ())
         return [*bases(model), *((path, ()) for path in below)]
 
@@ -180,7 +180,7 @@ class Project:
 
 
 def is_whole(model: Model) -> bool:
-    """Whether a text is a graph with blocks of its own, that no other completes."""
+    """Whether a file is a graph with blocks of its own, that no other completes."""
     return model.kind == "graph" and model.root.get("blocks") is not None
 
 
@@ -203,7 +203,7 @@ def needed_by(model: Model) -> set[str]:
 
 
 def mention_at(model: Model, offset: int) -> Mention | None:
-    """What is mentioned at an offset; what a text defines goes before what it may mean."""
+    """What is mentioned at an offset; what a file defines goes before what it may mean."""
     here = [m for m in mentions(model) if m.span.start <= offset <= m.span.end]
     if len(here) < 2:
         return here[0] if here else None
@@ -256,6 +256,7 @@ def _class_place(cls: type[Block] | None) -> list[Place]:
         text = path.read_text(encoding="utf-8")
     except (OSError, TypeError, ValueError):
         return []
+    # Searched, and not asked of inspect: an own class lives in another process.
     match = re.search(rf"^class\s+({re.escape(name)})\b", text, re.MULTILINE)
     span = Span(*match.span(1)) if match else Span(0, 0)
     return [Place(path.resolve(), span)]
@@ -302,7 +303,7 @@ def rename(
 ) -> Mapping[Path, list[tuple[Span, str]]]:
     """The edits that rename what an offset names, by file.
 
-    ``within`` are the files that may change, besides the text itself; none given, all may.
+    ``within`` are the files that may change, besides this one; without them, all may.
 
     Raises
     ------
@@ -320,6 +321,7 @@ def rename(
     for place in references(model, offset, project):
         path = place.path.resolve()
         if may_change and path != model.path.resolve() and path not in may_change:
+            # Half a rename would break that file.
             raise UsageError(f"'{symbol.name}' is also in '{path}', which is not in this folder")
         edits.setdefault(place.path, []).append((place.span, name))
     return edits
@@ -354,6 +356,8 @@ def _rename_class(
     text = SourceText(path.read_text(encoding="utf-8"))
     edits = {path: [(span, name) for span in _python_names(text, old)]}
     for other in {model.path.resolve(): model, **project.models}.values():
+        # Only graphs that name the class's file: another file may define another class of that
+        # name.
         if path in modules(other) or other is model:
             spans = [m.span for m in mentions(other) if m.symbol.noun == "type"]
             same = [s for s in spans if other.text.source[s.start : s.end].strip("'\"") == old]

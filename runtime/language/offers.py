@@ -36,7 +36,7 @@ class Offer:
 
 
 def escape_snippet(text: str) -> str:
-    """A text inside a snippet."""
+    """A string as it stands inside a snippet."""
     return re.sub(r"([$}\\])", r"\\\1", text)
 
 

@@ -43,7 +43,7 @@ _PROPERTY = re.compile(r"[&!]\S*[^\S\r\n]*")
 
 
 def scan(source: str) -> YamlItem:
-    """The tree of a text; its root is a mapping."""
+    """The tree of a file; its root is a mapping."""
     return _Scanner(source).root
 
 
@@ -168,7 +168,7 @@ class _Scanner:
         return self.read_value(item, column, after, end)
 
     def read_without_colon(self, start: int, column: int, end: int) -> int:
-        """A line without a colon: a key that is being typed, or more of a text above."""
+        """A line without a colon: a key that is being typed, or more of a scalar above."""
         # The line goes on with the plain scalar above, as YAML folds lines.
         if self.last is not None and column > self.pending_column:
             match = _PLAIN.match(self.source, start, end)
@@ -240,7 +240,7 @@ class _Scanner:
         return end
 
     def read_quoted(self, item: YamlItem, start: int, column: int) -> int:
-        """A text in quotes; one that is never closed ends with its line."""
+        """A scalar in quotes; one that is never closed ends with its line."""
         quote = self.source[start]
         end = closing_quote(self.source, start)
         # The closing quote may be that of a later string: "a: 'x" above "b: 'y'" pairs the wrong
@@ -312,7 +312,7 @@ class _FlowScanner:
         return bool(text) and text[0] not in "#}]" and len(line) - len(text) <= self.column
 
     def stop(self, position: int) -> int:
-        """End all that is open where the text goes on with something else."""
+        """End all that is open where the source goes on with something else."""
         end = len(self.source[:position].rstrip())
         for item in self.open:
             item.end, item.closed = max(item.start + 1, end), False

@@ -26,6 +26,8 @@ def param_at(cls: type[Block] | None, keys: Sequence[str], holder: YamlItem | No
     """
     param = cls.spec.params.get(keys[0]) if cls is not None else None
     for depth, key in enumerate(keys[1:], 1):
+        # The class depends on the mapping that is written around each level, so it is looked up
+        # from outside inwards.
         inside = variant_at(param, _above(holder, len(keys) - 1 - depth))
         param = inside.declared.get(key) if inside is not None else None
     return param

@@ -31,7 +31,7 @@ def _width(character: str, encoding: str) -> int:
 
 
 class Span(NamedTuple):
-    """A part of a text: offsets of its first character and of the one after its last."""
+    """A part of a source: offsets of its first character and of the one after its last."""
 
     start: int
     end: int
@@ -71,7 +71,7 @@ class SourceText:
         return bisect_right(self.starts, max(0, offset)) - 1
 
     def offset(self, line: int, units: int, encoding: str = "utf-16") -> int:
-        """The offset of an editor's position, moved into the text where it is outside.
+        """The offset of an editor's position, moved into the source where it is outside.
 
         ``encoding`` says what the editor counts: utf-8, utf-16 or utf-32 units.
         """

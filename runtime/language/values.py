@@ -215,10 +215,11 @@ def _package_files(folder: str) -> list[str]:
 def _files(
     model: Model, suffixes: tuple[str, ...], package_files: Iterable[str], under: str = ""
 ) -> Iterator[Offer]:
-    """Files beside the text and in the folders below, and those that come with the package."""
+    """Files beside this one and in the folders below, and those that come with the package."""
     names: set[str] = set()
     folder = model.path.parent
     try:
+        # Two levels: a search of the whole tree would read a home folder at each key that is typed.
         for path in sorted([*folder.glob("*"), *folder.glob("*/*")])[: 10 * MAX_FILES]:
             if path.suffix in suffixes and path != model.path and not path.name.startswith("."):
                 name = path.relative_to(folder).as_posix()

@@ -21,7 +21,7 @@ _FORMULA = re.compile(r"\$[^$\s]+\$")
 
 
 def is_formula(text: str) -> bool:
-    """Whether a text has formulas as $e_p$, without spaces, that matplotlib can draw."""
+    """Whether a string has formulas as $e_p$, without spaces, that matplotlib can draw."""
     formulas_in = _FORMULA.findall(text)
     if not formulas_in or text.count("$") != 2 * len(formulas_in):
         return False

@@ -131,6 +131,8 @@ def save(result: RunData, folder: Path) -> Path:
         draft.close()
 
 
+# A simulation of hours must not be lost to a disk that is full or a folder that was removed
+# meanwhile.
 def save_elsewhere(result: RunData, name: str) -> Path:
     """Write a result into a fresh temporary folder, for when its own folder cannot be written.
 

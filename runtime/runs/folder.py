@@ -103,7 +103,7 @@ def contents(files: Mapping[str, Path], texts: Mapping[str, bytes]) -> dict[str,
 
 
 def begin(result: RunData, probes: Mapping[str, Probe], folder: Path) -> None:
-    """Write the texts and the manifest that a recording needs to be recovered.
+    """Write the graph's files and the manifest that a recording needs to be recovered.
 
     Raises
     ------
@@ -209,16 +209,7 @@ def run_folder(path: str | Path) -> Path:
 
 
 def read_run(path: str | Path) -> RunData:
-    """Read a run.
-
-    Parameters
-    ----------
-    path : the run's folder, a link to it, or its manifest.json.
-
-    Raises
-    ------
-    UsageError : there is no run, or one of its files is missing, damaged, or of a newer version.
-    """
+    """The data of a run; ``path`` and the errors are those of :func:`runtime.runs.open_run`."""
     folder = run_folder(path)
     manifest = read_manifest(folder)
     metrics = _mapping(folder / METRICS)
@@ -266,11 +257,11 @@ def run_from_manifest(
     arrays: dict[str, FloatArray],
     metrics: dict[str, float | None],
 ) -> RunData:
-    """The run that a manifest describes, with its arrays and the texts in its folder.
+    """The run that a manifest describes, with its arrays and the graph's files in its folder.
 
     Raises
     ------
-    UsageError : manifest and arrays do not match, or a text cannot be read.
+    UsageError : manifest and arrays do not match, or a file cannot be read.
     """
     texts = {name: _text(folder / name) for name in (WRITTEN, RESOLVED)}
     if (folder / DIAGRAM).is_file():
@@ -327,6 +318,7 @@ def _recording(
     addresses = {str(a): (int(span[0]), int(span[1])) for a, span in info["addresses"].items()}
     if values.ndim <= 2 and len(labels) != (values.shape[1] if values.ndim == 2 else 1):
         raise ValueError(f"probe '{name}': {len(labels)} labels for values of {values.shape}")
+    # Slices beyond the end are empty in Python, and a plot of them would be, too, without a word.
     if any(not 0 <= start <= stop <= len(labels) for start, stop in addresses.values()):
         raise ValueError(f"probe '{name}': its addresses name columns that it does not have")
     names = tuple(map(str, info.get("names", ())))
@@ -341,6 +333,7 @@ def _recording(
     return Recording(name, t, values, labels, units, kinds, addresses, auto, names, held, time_unit)
 
 
+# Reports and comparisons compute with these: a NaN or a string here would fail far from the file.
 def _check_facts(manifest: dict[str, Any]) -> None:
     """What everything that reads a run relies on."""
     check_form(manifest, _FACTS)

@@ -107,6 +107,8 @@ def linearize(
     flow = flow_at(engine, tick, offsets, watches)
     x = engine.state.continuous
 
+    # One function of (x, u) whose value is x' above y: its two Jacobians are A above C, and B
+    # above D.
     def at_point(state: FloatArray, offset: FloatArray) -> FloatArray:
         x[:] = state
         slopes, y = flow(offset.tolist())

@@ -53,7 +53,7 @@ class Link:
     """One output and all inputs that it drives.
 
     ``breaks_loop`` is true for an output without direct feedthrough, where a loop is best opened;
-    ``label`` is the width of the text at the start of the wire.
+    ``label`` is the width of the label at the start of the wire.
     """
 
     source: Pin
@@ -164,6 +164,8 @@ def _best_cut(component: Any, links: Sequence[Link], order: dict[str, int]) -> i
     for u, v, i in component.edges(keys=True):
         wires[i].append((u, v, i))
 
+    # Ties: an output without feedthrough, then the wire that leads furthest back in the author's
+    # order.
     def forwardness(i: int) -> tuple[bool, int, int]:
         leap = min(order[v] for _, v, _ in wires[i]) - order[links[i].source[0]]
         return not links[i].breaks_loop, leap, i
@@ -177,6 +179,9 @@ def _best_cut(component: Any, links: Sequence[Link], order: dict[str, int]) -> i
     return min(sorted(wires, key=forwardness)[:CANDIDATES], key=left_over)
 
 
+# Each wire u ─▶ v demands column(v) >= column(u) + 1; the sum of the lengths is minimised. The
+# longest path from a source, the usual shortcut, puts every source into the first column, far from
+# what it drives.
 def _ranks(names: Sequence[str], wires: Sequence[tuple[str, str]]) -> dict[str, int]:
     """The columns that minimise the total length of the wires; each leads to a later column.
 
@@ -214,6 +219,8 @@ def build_grid(cells: Sequence[Cell], links: Sequence[Link]) -> Grid:
         for name, _ in link.targets
         if (i, name) not in back and not by_name[link.source[0]].edge and not by_name[name].edge
     )
+    # Ends of wires at a frame are left out: they belong to the first and the last column in any
+    # case.
     ranks = _ranks(inner, list(wires))
     first = 1 if any(cell.edge == "left" for cell in cells) else 0
     last = max(ranks.values(), default=-1) + 1 + first

@@ -71,6 +71,7 @@ def arrange(cells: Sequence[Cell], links: Sequence[Link]) -> DiagramLayout:
     return DiagramLayout(router.width, router.height, positions, routes, feedback)
 
 
+# Before the heights and the wires, which both depend on the width of the columns.
 def _stretch(grid: Grid) -> None:
     for column in grid.columns:
         elastic = [grid.cells[name] for name in column if grid.cells[name].stretch]
@@ -134,6 +135,8 @@ def _pulls(grid: Grid) -> list[tuple[str, str, float, float]]:
         for name, pin in hop.rights:
             right = grid.cells[name]
             weight = grid.links[hop.link].weight
+            # A bend in the middle of a long wire is the hardest to follow (Gansner et al. weigh it
+            # by 8, too).
             if left.passing and right.passing:
                 weight *= PASSING_WEIGHT
             rise = left.output_y(hop.left[1]) - right.input_y(pin)

@@ -113,6 +113,8 @@ def _free_height(track: Track, heights: Sequence[float]) -> float:
     candidates = [middle]
     for step in range(1, int(reach) + 1):
         candidates += [middle + step, middle - step]
+    # Clear is clear: of all heights with enough room, the one nearest to the middle (the first) is
+    # taken.
     room = {y: min(CLEAR, min(abs(y - other) for other in heights)) for y in candidates}
     return max(candidates, key=room.__getitem__)
 
@@ -124,6 +126,9 @@ def _crossings(left: Track, right: Track) -> int:
     )
 
 
+# A topological order by the rules, in which the wire that crosses the others least as the leftmost
+# is taken first; neighbours are swapped afterwards, since a greedy choice can be wrong by one
+# place.
 def _in_order(tracks: Sequence[Track], rules: set[tuple[int, int]]) -> list[int]:
     """Indices of tracks from left to right, by the rules and so that few wires cross."""
     count = range(len(tracks))

@@ -110,10 +110,11 @@ class WireRouter:
         return ys
 
     def _label_widths(self) -> list[float]:
-        """The width of the texts at the starts of wires in each channel."""
+        """The width of the labels at the starts of wires in each channel."""
         widths = [0.0] * (len(self.grid.columns) + 1)
         for link in self.grid.links:
             column = self.grid.column_of[link.source[0]]
+            # A narrow cell, centred in its column, leaves room beside it for a part of its label.
             spare = (self.widths[column] - self.grid.cells[link.source[0]].width) / 2
             widths[column + 1] = max(widths[column + 1], link.label - spare)
         return widths
@@ -133,8 +134,12 @@ class WireRouter:
                 rights = [self._input_y(pin) for pin in wire.targets[c]]
                 tracks[wire.link] = Track(lefts, [*rights, y])
         slots = assign_slots(list(tracks.values()))
+        # The first part of a wire is straight, so that the label above it stays clear of all
+        # tracks.
         lead = max(LEAD, self.labels[c])
         room = max(slots - 1, 0) * TRACK_PITCH
+        # Left of the first column and right of the last there are feedback wires only; without any,
+        # nothing.
         if c in (0, len(self.grid.columns)):
             return Channel(tracks, LEAD if c == 0 else lead, room + LEAD + lead if slots else 0.0)
         return Channel(tracks, lead, lead + room + ARROW)
