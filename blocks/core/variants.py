@@ -77,11 +77,11 @@ class Variant(Setting):
             return name(**values)
         where = cls.key if isinstance(written, dict) else ""
         try:
-            found: Any = cls.members.find(name) if isinstance(name, str) else None
+            member: Any = cls.members.find(name) if isinstance(name, str) else None
         except BrokenPackageError as error:
             raise SettingError([(where, str(error))]) from None
-        if found is not None:
-            return found(**values)  # type: ignore[no-any-return]
+        if member is not None:
+            return member(**values)  # type: ignore[no-any-return]
         known = cls.members.names()
         got = "nothing" if name is None else show(name)
         suggestion = hint(name, known) or (OWN if cls.members.name else "")

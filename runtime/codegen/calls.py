@@ -66,7 +66,9 @@ def _named(body: Body, node: ast.Call, name: str) -> Value:
         values, options = _arguments(body, own, node)
         return body.caller.call(body, target, values, options)
     if name == "isinstance" and len(node.args) == 2:
-        return number(is_instance(value_of(body, node.args[0]), node.args[1]))
+        # Known while compiling, but an error of the operand comes all the same.
+        value = body.reached(value_of(body, node.args[0]))
+        return number(is_instance(value, node.args[1]))
     if name == "tuple" and len(node.args) == 1:
         return _as_tuple(body, node.args[0])
     function = builtins.BUILTINS.get(name)

@@ -201,6 +201,8 @@ def compared(body: Body, op: ast.cmpop, a: Value, b: Value) -> Value:
     if isinstance(op, (ast.Is, ast.IsNot, ast.Eq, ast.NotEq)):
         same = identical(a, b)
         if same is not None:
+            # Known while compiling, but an error of an operand comes all the same.
+            a, b = body.reached(a), body.reached(b)
             return scalars.inverted(same) if isinstance(op, (ast.IsNot, ast.NotEq)) else same
     if isinstance(op, (ast.In, ast.NotIn)):
         a = body.kept(a)

@@ -170,3 +170,12 @@ def test_a_call_reads_memory_before_another_target_changes_it() -> None:
     scope: dict[str, Any] = {"np": np}
     exec(compile(ORDER, "order", "exec"), scope)
     assert compiled({"f": ORDER}, False)("f", 3.0, 0.0, 0.0) == scope["f"](3.0, 0.0, 0.0) == 30.0
+
+
+@needs_compiler
+@pytest.mark.parametrize("test", ["isinstance(math.fmod(x, y), float)", "math.fmod(x, y) is None"])
+def test_an_operand_fails_although_the_test_is_decided_while_compiling(test: str) -> None:
+    call = compiled({"f": f"def f(x, y, z):\n    return 1.0 if {test} else 2.0\n"}, False)
+    # math.fmod(1.0, 0.0) raises ValueError, so that C leaves the call to Python.
+    assert call("f", 1.0, 0.0, 0.0) is None
+    assert call("f", 1.0, 2.0, 0.0) == (1.0 if "isinstance" in test else 2.0)
