@@ -79,6 +79,8 @@ class Registry(dict[str, T]):
         self.lazy = dict(lazy or {})
         self._loaded: dict[str, T | BrokenPackageError] = {}
         self._read: _Installed | None = None
+        # All that was ever imported, which graphs in memory may use after sys.path has changed.
+        self._named: list[tuple[str, T]] = []
 
     def accepts(self, value: object) -> bool:
         """Whether an object is of the kind."""
@@ -146,7 +148,7 @@ class Registry(dict[str, T]):
 
     def name_of(self, value: T) -> str:
         """The name under which a package's entry was found; '' if it is no package's."""
-        return next((name for name, found in self._loaded.items() if found is value), "")
+        return next((name for name, found in self._named if found is value), "")
 
     def usable(self) -> dict[str, T]:
         """All entries that can be used; the packages are imported."""
@@ -190,6 +192,7 @@ class Registry(dict[str, T]):
         else:
             if self.accepts(found):
                 entry: T = found
+                self._named.append((offer.point.name, entry))
                 return entry
             reason = f"is not {self.wanted}"
         return BrokenPackageError(f"{offer}: {offer.point.value} {reason}")

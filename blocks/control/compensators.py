@@ -9,7 +9,7 @@ from typing import final
 import numpy as np
 
 from blocks.control.lqr import feedback_gain, linearised, riccati
-from blocks.control.tracking import Tracker, offsets, wrap
+from blocks.control.tracking import Tracker, offsets
 from blocks.core import (
     BlockContext,
     BlockState,
@@ -21,6 +21,7 @@ from blocks.core import (
     State,
     TwistValue,
     param,
+    wrap,
 )
 from blocks.core.portable import flush, flush_due, share_of
 

@@ -25,7 +25,7 @@ from blocks.core import (
     solve,
 )
 
-SLACK = 1e-9
+SLACK = 1e-9  # by which rounding may pass a bound
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,7 @@ class QuadraticProgram:
         weighted = product(forced.T, weight)
         h = product(weighted, forced) + np.kron(np.eye(steps), r)
         f = product(weighted, np.concatenate(powers[1:]))
+        # Symmetric but for rounding, here and before the Cholesky factor.
         inverse = solve(0.5 * (h + h.T), np.eye(m * steps))
         eye = np.eye(m * steps)
         change = eye - np.eye(m * steps, k=-m)
@@ -83,6 +84,7 @@ class QuadraticProgram:
         active = np.isfinite(bounds)
         rows = self.rows[active]
         room = bounds[active] - product(rows, free[:, None])[:, 0]
+        # In nearly all ticks: no limit is reached, and scipy is not called.
         if not len(room) or room.min() >= -SLACK:
             return free
         from scipy.optimize import nnls  # scipy stays off the start-up path
@@ -92,6 +94,7 @@ class QuadraticProgram:
         target[-1] = 1.0
         multipliers, _ = nnls(system, target, maxiter=100 * len(room))
         residual = product(system, multipliers[:, None])[:, 0] - target
+        # The residual of an infeasible problem is zero.
         if residual[-1] > -1e-14:
             raise ValueError("no command satisfies the limits")
         moved = product(self.root, residual[:-1, None])[:, 0]

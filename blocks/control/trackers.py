@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import final
 
-from blocks.control.tracking import Tracker, offsets, wrap
-from blocks.core import BlockState, ParameterError, PoseValue, State, TwistValue, param
+from blocks.control.tracking import Tracker, offsets
+from blocks.core import BlockState, ParameterError, PoseValue, State, TwistValue, param, wrap
 from blocks.core.portable import share_of
 
 QUARTER = 0.5 * math.pi
@@ -73,6 +73,8 @@ class PathPID(Tracker):
     def update(self, state: BlockState, t: float, error: PoseValue, reference: PoseValue) -> None:
         epsilon, past = self._course(state, error, reference)
         wanted = self._wanted(state, epsilon, past)
+        # At the limit, only what leads away from it is integrated (conditional integration): the
+        # turn rate is minus the sum, so that an error of the same sign reduces it.
         if abs(wanted) <= self.limit or wanted * epsilon > 0.0:
             state.integral[0] += epsilon * state.dt
         state.smooth[0] = epsilon - (1.0 - state.share) * past
@@ -107,6 +109,7 @@ class PurePursuit(Tracker):
         if distance == 0.0:
             return 0.0, 0.0
         alpha = wrap(math.atan2(-lateral, ahead) - error[2])
+        # Beyond a right angle the sine falls again, and a robot that faces away would turn slowly.
         sine = math.sin(alpha) if abs(alpha) < QUARTER else math.copysign(1.0, alpha)
         return 0.0, self.v_r * 2.0 * sine / distance
 
@@ -144,6 +147,7 @@ class Stanley(Tracker):
         length = 0.5 * self.v_r / self.k if self.wheel_base is None else self.wheel_base
         _, lateral = offsets(error, reference[2])
         front = lateral + length * math.sin(error[2])
+        # Limited after wrapping: a robot that faces back turns as fast as it may, one way.
         delta = wrap(-error[2] - math.atan2(self.k * front, self.v_r))
         delta = max(-self.delta_max, min(self.delta_max, delta))
         return self.v_r * (math.cos(delta) - 1.0), self.v_r * math.sin(delta) / length

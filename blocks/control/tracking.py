@@ -1,4 +1,10 @@
-"""The point of a path to follow, and how far the robot is from it, to which side."""
+"""The point of a path to follow, and how far the robot is from it, to which side.
+
+A pose and a path (samples of x, y, theta, kappa) go in; the reference, its feedforward and the
+error come out, which a tracker corrects::
+
+    match: {type: MatchingPoint, window: 2.0, v_r: 0.2, alpha: 0.2}
+"""
 
 from __future__ import annotations
 
@@ -22,13 +28,8 @@ from blocks.core import (
     TwistValue,
     kernel_of,
     param,
+    wrap,
 )
-
-
-def wrap(angle: float) -> float:
-    """The same angle in (-pi, pi]."""
-    rest = math.remainder(angle, math.tau)
-    return math.pi if rest == -math.pi else rest
 
 
 def offsets(error: PoseValue, heading: float) -> tuple[float, float]:
@@ -162,6 +163,8 @@ class MatchingPoint(Block):
     def output(
         self, state: BlockState, t: float, pose: PoseValue, path: FloatArray
     ) -> tuple[PoseValue, TwistValue, float, float, float]:
+        # Only near the last match: a path that passes a place twice has two nearest points there,
+        # and the robot must not jump from one to the other.
         n = len(path)
         closed, spacing = _geometry(path)
         begin = self._begin(state, pose, path)
@@ -217,6 +220,8 @@ class MatchingPoint(Block):
         if math.isnan(x):
             return _nearest(path, pose[0], pose[1])
         last = int(state.last_index[0])
+        # The same sample at the same place: the path is the one of the last tick. Otherwise the
+        # numbers of its samples mean other places, as with a path that is fitted anew.
         if last < len(path) and path[last, 0] == x and path[last, 1] == y:
             return last
         return _nearest(path, x, y)
@@ -230,6 +235,7 @@ class MatchingPoint(Block):
 
 
 def _nearest(path: FloatArray, x: float, y: float) -> int:
+    # In place, and without the root, which does not change the order.
     dx = path[:, 0] - x
     dy = path[:, 1] - y
     dx *= dx

@@ -17,6 +17,7 @@ from blocks.core.elementwise import (
     check_ascending,
     check_flat,
     check_sized,
+    piece,
     spread_to,
 )
 from blocks.core.expression_reader import ExpressionError, parsed
@@ -28,6 +29,7 @@ from blocks.core.expressions import (
     read_expression,
 )
 from blocks.core.extras import MissingPackageError, pip_line, require
+from blocks.core.hints import hint
 from blocks.core.kernels import function_kernel, has_kernels, kernel_for, kernel_of
 from blocks.core.matrices import (
     covariance_fault,
@@ -47,7 +49,6 @@ from blocks.core.params import (
     Param,
     ParameterError,
     as_matrix,
-    hint,
     maybe_degrees,
     param,
     plain,
@@ -56,7 +57,7 @@ from blocks.core.params import (
 )
 from blocks.core.part_enable import PartEnable
 from blocks.core.portable import arctan2, cos, directions, sin
-from blocks.core.scalar_functions import RESERVED, modulo, nearest
+from blocks.core.scalar_functions import RESERVED, modulo, nearest, wrap
 from blocks.core.settings import Setting, SettingError
 from blocks.core.signals import (
     TYPES,
@@ -150,6 +151,7 @@ __all__ = [
     "nearest",
     "param",
     "parsed",
+    "piece",
     "pip_line",
     "plain",
     "portable",
@@ -166,4 +168,5 @@ __all__ = [
     "spread_to",
     "times",
     "transposed",
+    "wrap",
 ]

@@ -59,7 +59,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from blocks.core.declarations import BlockSpec, DeclarationError, Evaluation, Input, Output, State
-from blocks.core.params import ParameterError, as_matrix, hint, plain, show
+from blocks.core.hints import alternatives, hint
+from blocks.core.params import ParameterError, as_matrix, plain, show
 from blocks.core.reading import STATED, read_declarations
 from blocks.core.settings import SettingError
 from blocks.core.signals import PortType, SignalType
@@ -171,7 +172,7 @@ class Block:
             problems.append((name or "value", text))
         # All at once, the unknown ones included: a user mends a graph in one go.
         problems += [
-            (name, f"unknown parameter{hint(name, known) or _listed(known)}")
+            (name, f"unknown parameter{hint(name, known) or alternatives(known)}")
             for name in sorted(values.keys() - known.keys())
         ]
         for name, declared in known.items():
@@ -356,7 +357,3 @@ class Block:
     def __repr__(self) -> str:
         inside = ", ".join(f"{k}={v!r}" for k, v in self.parameters().items())
         return f"{type(self).__name__}({inside})"
-
-
-def _listed(names: Mapping[str, Any]) -> str:
-    return f"; it has {', '.join(names)}" if names else "; it has none"

@@ -100,3 +100,15 @@ def check_ascending(points: FloatArray, name: str, what: str = "numbers", unit: 
         i, unit = int(wrong[0]), f" {unit}" if unit else ""
         pair = f"got {points[i]:g}{unit} before {points[i + 1]:g}{unit}"
         raise ParameterError([(name, f"expected {what} in ascending order, {pair}")])
+
+
+def piece(points: FloatArray, x: float) -> int:
+    """The piece between ascending points that holds x, by bisection; outside: the outermost."""
+    low, high = 0, len(points) - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if x < points[middle]:
+            high = middle
+        else:
+            low = middle
+    return low

@@ -10,7 +10,7 @@ import threading
 from collections.abc import Callable, Mapping, Sequence
 from typing import NoReturn
 
-from blocks.core.params import hint
+from blocks.core.hints import hint
 from blocks.core.scalar_functions import ALIASES, CONSTANTS, FUNCTIONS, VECTORS
 
 MAX_LENGTH, MAX_DEPTH, MAX_WRITTEN = 2000, 40, 5000

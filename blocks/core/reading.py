@@ -10,7 +10,8 @@ from dataclasses import replace
 from typing import Any
 
 from blocks.core.declarations import BlockSpec, DeclarationError, Evaluation, Input, Output, State
-from blocks.core.params import KINDS, Param, ParamKind, hint, param
+from blocks.core.hints import hint
+from blocks.core.params import KINDS, Param, ParamKind, param
 from blocks.core.settings import Setting
 from blocks.core.signals import Same, Scalar, SignalType
 

@@ -7,10 +7,14 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
-from blocks.core.params import hint, plain, show
+from blocks.core.hints import alternatives, hint
+from blocks.core.params import plain, show
 from blocks.core.reading import read_params
 from blocks.core.settings import Setting, SettingError
 from blocks.extensions import BrokenPackageError, Registry
+
+# How a graph names a class that is not the library's.
+OWN = "; your own needs its file, as in {type: Mine, module: mine.py}"
 
 
 class Variant(Setting):
@@ -22,7 +26,6 @@ class Variant(Setting):
     """
 
     key: ClassVar[str] = "type"
-    of_ones_own: ClassVar[str] = ""  # how a graph names one that is not the library's
     members: ClassVar[Registry[type[Variant]]]
     label: ClassVar[str] = ""
 
@@ -45,7 +48,7 @@ class Variant(Setting):
 
     def __init__(self, **values: Any) -> None:
         problems = [
-            (name, f"unknown{hint(name, self.declared) or _listed(self.declared)}")
+            (name, f"unknown{hint(name, self.declared) or alternatives(self.declared)}")
             for name in sorted(values.keys() - self.declared.keys())
         ]
         for name, declared in self.declared.items():
@@ -74,14 +77,14 @@ class Variant(Setting):
             return name(**values)
         where = cls.key if isinstance(written, dict) else ""
         try:
-            found: Any = cls.members.find(name) if isinstance(name, str) else None
+            member: Any = cls.members.find(name) if isinstance(name, str) else None
         except BrokenPackageError as error:
             raise SettingError([(where, str(error))]) from None
-        if found is not None:
-            return found(**values)  # type: ignore[no-any-return]
+        if member is not None:
+            return member(**values)  # type: ignore[no-any-return]
         known = cls.members.names()
         got = "nothing" if name is None else show(name)
-        suggestion = hint(name, known) or cls.of_ones_own
+        suggestion = hint(name, known) or (OWN if cls.members.name else "")
         text = f"expected {cls.expected} ({', '.join(known)}), got {got}{suggestion}"
         raise SettingError([(where, text)])
 
@@ -117,7 +120,3 @@ def _own_file(cls: type[Variant]) -> dict[str, str]:
         return {"module": str(Path(inspect.getfile(cls)).resolve())}
     except (OSError, TypeError):
         return {}
-
-
-def _listed(names: Mapping[str, Any]) -> str:
-    return f"; it has {', '.join(names)}" if names else "; it has none"

@@ -103,6 +103,8 @@ class Delay(_Ring):
     head = State(1, doc="the row that the next input goes to")
 
     def sizes_in(self, context: BlockContext) -> dict[str, int]:
+        # Two more than whole steps: the earlier row that interpolation needs, and the one that is
+        # written in this tick.
         return {"rows": int(self.delay / context.dt + WHOLE) + 2}
 
     def validate_in(self, context: BlockContext) -> None:

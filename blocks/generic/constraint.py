@@ -109,8 +109,10 @@ class AlgebraicConstraint(Block):
             return high
         if not (below < 0.0 < above or above < 0.0 < below):
             return math.nan
+        # Bisection, not Newton's method: it needs no slope, cannot leave the interval, and ends at
+        # the same bits whatever the last solution was.
         for _ in range(MAX_HALVINGS):
-            middle = 0.5 * low + 0.5 * high
+            middle = 0.5 * low + 0.5 * high  # the sum of the two may overflow
             if middle <= low or middle >= high:
                 break
             rest = state.rest(middle, t, u, state.constants)

@@ -20,6 +20,7 @@ from blocks.core import (
     Scalar,
     modulo,
     param,
+    wrap,
 )
 
 COMPARISONS = ("<", "<=", ">", ">=", "==", "!=")
@@ -84,6 +85,7 @@ class Product(Block):
 
     def times(self, total: float, factor: float, power: float) -> float:
         """A product times one more factor, or divided by it."""
+        # A division and not a product with the reciprocal, which rounds twice.
         if power > 0.0:
             return float(total) * float(factor)
         return float(total) / float(factor)
@@ -131,8 +133,7 @@ class Wrap(Elementwise):
 
     def of(self, state: BlockState, x: float, i: int) -> float:
         if self.low is None:
-            angle = math.remainder(x, 2.0 * math.pi)
-            return math.pi if angle == -math.pi else angle
+            return wrap(x)
         # Rounding may lift a small negative part to a whole turn.
         part = modulo(x - self.low, 2.0 * math.pi)
         return self.low + (0.0 if part >= 2.0 * math.pi else part)

@@ -39,6 +39,7 @@ class _Memory(Block, ABC):
         state.pack = state.context.types["out"].pack
 
     def output(self, state: BlockState, t: float) -> Any:
+        # A copy for arrays: consumers of this tick must not see what `update` writes.
         return state.pack(state.memory)
 
 

@@ -58,6 +58,7 @@ class Select(Block):
 
     def output(self, state: BlockState, t: float, inputs: tuple[float, ...]) -> FloatArray:
         out = np.zeros(state.count)
+        # Compiled, an index into an empty tuple has no type; `validate_in` refuses it anyway.
         if len(inputs) == 0:
             return out
         for i in range(state.count):

@@ -143,8 +143,9 @@ class _Leaky(NeuronModel, abstract=True):
 
     @property
     def slowest(self) -> float:
-        # Below the rate of the least current above 1, gains would round to 0.
-        return float(self.rates(np.array(ABOVE_ONE)))
+        # Below the rate of the least current above 1, gains would round to 0. By math, since
+        # a graph is checked without SciPy, which the rates take log1p from.
+        return 1.0 / (self.tau_ref + self.tau_rc * math.log1p(1.0 / (ABOVE_ONE - 1.0)))
 
     def rates(self, current: FloatArray) -> FloatArray:
         return lif_rates(current, self.tau_rc, self.tau_ref)

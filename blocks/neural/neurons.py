@@ -37,7 +37,6 @@ class NeuronModel(Variant, root=True, registry="neurons"):
     """
 
     expected: ClassVar[str] = "a neuron model"
-    of_ones_own = "; your own needs its file, as in {type: Mine, module: mine.py}"
     spiking: ClassVar[bool] = True
     initial_voltage: ClassVar[str] = "uniform(0, 1)"
     initial_recovery: ClassVar[float] = 0.0

@@ -19,6 +19,7 @@ from blocks.core import (
     Scalar,
     check_ascending,
     param,
+    piece,
 )
 
 OUTSIDE = ("hold", "extrapolate", "error")
@@ -75,10 +76,13 @@ class LookupTable(Elementwise):
     def of(self, state: BlockState, x: float, i: int) -> float:
         last = len(state.x) - 1
         if x < state.x[0] or x > state.x[last]:
+            # Not an exception: the engine finds the NaN, adds block, tick and time, and asks
+            # `why_not_finite`, under both engines alike.
             if self.outside == "error":
                 return math.nan
             if self.outside == "hold" or self.method == "hold":
                 return float(state.y[0]) if x < state.x[0] else float(state.y[last])
+        # The last point belongs to no piece of a table that holds.
         if x == state.x[last]:
             return float(state.y[last])
         k = piece(state.x, x)
@@ -146,15 +150,3 @@ def _outside(outside: str, message: str) -> str:
     if outside != "error":
         return ""
     return f"the {message}; give more points, or choose 'outside: hold' or 'extrapolate'"
-
-
-def piece(points: FloatArray, x: float) -> int:
-    """The piece between ascending points that holds x, by bisection; outside: the outermost."""
-    low, high = 0, len(points) - 1
-    while high - low > 1:
-        middle = (low + high) // 2
-        if x < points[middle]:
-            high = middle
-        else:
-            low = middle
-    return low

@@ -61,6 +61,7 @@ class RateLimiter(_Stepped):
         state.up, state.down = self.rising * state.dt, falling * state.dt
 
     def of(self, state: BlockState, x: float, i: int) -> float:
+        # x itself where it is within the limits: the last output plus the change would round.
         change = x - state.cells[i]
         if change > state.up:
             return float(state.cells[i] + state.up)
@@ -110,5 +111,6 @@ class Relay(_Stepped):
             return self.high
         if x <= self.switch_off:
             return self.low
+        # By distance, since ``initial`` need not be one of the two.
         near_high = abs(state.cells[i] - self.high) < abs(state.cells[i] - self.low)
         return self.high if near_high else self.low

@@ -48,6 +48,7 @@ class TwoLinkArm(Block):
         state.x[:2], state.x[2:] = self.q0, self.rates0
         (l1, l2), (m1, m2) = self.lengths.tolist(), self.masses.tolist()
         c1, c2 = (0.5 * self.lengths if self.centers is None else self.centers).tolist()
+        # Once: the derivative is called several times per tick.
         rods = self.masses * self.lengths**2 / 12.0
         i1, i2 = (rods if self.inertias is None else self.inertias).tolist()
         state.l1, state.l2 = l1, l2
@@ -83,6 +84,7 @@ class TwoLinkArm(Block):
         near = state.weight1 * math.cos(q1)
         push1 = torque[0] - state.b1 * r1 + h * (2.0 * r1 * r2 + r2 * r2) - near - far
         push2 = torque[1] - state.b2 * r2 - h * r1 * r1 - far
+        # Of a mass matrix, which is positive definite: never 0.
         determinant = m11 * m22 - m12 * m12
         rates = np.empty(4)
         rates[0] = r1

@@ -20,6 +20,7 @@ from blocks.core import (
     Vector,
     check_ascending,
     param,
+    piece,
 )
 
 METHODS = ("hold", "linear", "cubic")
@@ -95,6 +96,7 @@ class Table(Block, ABC):
         state.size = kind.shape[0] if kind.shape else 1
         state.times, state.last = times.copy(), values.reshape(len(times), -1)[-1].copy()
         state.table = self.coefficients.copy()
+        # Ticks are k * dt with rounding: a value that changes at a tick must not come a tick late.
         state.early = 1e-9 * state.dt
 
     def output(self, state: BlockState, t: float) -> Any:
@@ -103,6 +105,7 @@ class Table(Block, ABC):
     def at(self, state: BlockState, t: float) -> Any:
         """The value at a time."""
         i = self.segment(state, t + state.early)
+        # Before the first time, and for the rounding above, the value is that of the row itself.
         x = max(0.0, t - state.times[i])
         if state.form == "scalar":
             return self.column(state, i, 0, x)
@@ -115,16 +118,8 @@ class Table(Block, ABC):
 
     def segment(self, state: BlockState, t: float) -> int:
         """The row before t, by bisection; the first one before all, the last one after."""
-        low, high = 0, len(state.times) - 1
-        if t >= state.times[high]:
-            return high
-        while high - low > 1:
-            middle = (low + high) // 2
-            if t < state.times[middle]:
-                high = middle
-            else:
-                low = middle
-        return low
+        last = len(state.times) - 1
+        return last if t >= state.times[last] else piece(state.times, t)
 
     def column(self, state: BlockState, i: int, j: int, x: float) -> float:
         """One component, x seconds after row i."""

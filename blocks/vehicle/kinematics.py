@@ -91,6 +91,7 @@ class Bicycle(_ContinuousVehicle):
     x = State(3, name="x", continuous=True, signal=Pose, doc="the pose")
 
     def derivative(self, state: BlockState, t: float, v: float, steering: float) -> FloatArray:
+        # Limited here and not by a block ahead: whatever commands it, a car steers no farther.
         speed = max(-self.v_max, min(self.v_max, v))
         delta = max(-self.steering_max, min(self.steering_max, steering))
         return self.pose_rates(state, speed, speed * math.tan(delta) / self.wheel_base)

@@ -14,9 +14,9 @@ import numpy.typing as npt
 
 from blocks.core import BoolArray, FloatArray, IntArray, arctan2, directions, sin
 
-LONGEST_LINK = 0.25
-MEDIAN = 9
-FARTHEST = 1e4
+LONGEST_LINK = 0.25  # m
+MEDIAN = 9  # returns, over which ranges are filtered before lengths are measured
+FARTHEST = 1e4  # m
 
 
 def wrapped(angle: npt.NDArray[np.floating], low: float) -> FloatArray:
@@ -52,6 +52,7 @@ class Beams:
         spacing = (last - first) / beams
         bearing = first + np.arange(beams) * spacing
         bearing = wrapped(-bearing if mirror else bearing, window[0])
+        # Once per run. A scan's own order begins where the sensor begins, often inside a wall.
         order = np.argsort(bearing, kind="stable")
         order = order[bearing[order] <= window[1]]
         bearing = bearing[order]
@@ -171,6 +172,7 @@ def chain(
     -------
     None if nothing is left.
     """
+    # Twice: without the noise between them, the two sides of a wall link to each other.
     broken = _broken(returns, sigma, incidence)
     linked = ~(broken[:-1] & broken[1:])
     if not linked.all():

@@ -45,7 +45,9 @@ def level_set(shapes: WorldShapes, gap_at: Gap, d: float) -> list[LineOrArc]:
     middles = np.array([complex(p.shifted(away).at(np.array(0.5 * p.length))) for p in pieces])
     gap, solid = gap_at(middles.real, middles.imag)
     on = ~solid & (np.abs(gap - d - away) < TOLERANCE)
-    return _distinct([p for p, kept in zip(pieces, on.tolist(), strict=True) if kept], middles[on])
+    return _distinct(
+        [p for p, is_on in zip(pieces, on.tolist(), strict=True) if is_on], middles[on]
+    )
 
 
 def _distinct(pieces: list[LineOrArc], middles: ComplexArray) -> list[LineOrArc]:
@@ -84,8 +86,8 @@ def _cut(curves: list[LineOrArc]) -> list[LineOrArc]:
         places[j] += [b.locate(p) for p in points]
     return [
         curve.cut(begin, end)
-        for curve, found in zip(curves, places, strict=True)
-        for begin, end in _intervals(found, curve.length)
+        for curve, cuts in zip(curves, places, strict=True)
+        for begin, end in _intervals(cuts, curve.length)
     ]
 
 

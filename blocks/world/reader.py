@@ -128,6 +128,7 @@ def _polygon(address: str, value: Any, problems: WorldProblems) -> FloatArray:
         message = f"expected a list of corners [x, y], got {show(value)}"
         problems.append((address, message))
         return nothing
+    # Shapes are judged only where all numbers are right: one mistake, one message.
     before = len(problems)
     points = [_numbers(f"{address}[{i}]", p, "x, y", problems) for i, p in enumerate(value)]
     if len(problems) > before:
@@ -137,6 +138,7 @@ def _polygon(address: str, value: Any, problems: WorldProblems) -> FloatArray:
         return nothing
     corners = np.array(points, dtype=float)
     problems += _misdrawn(address, corners)
+    # The order of corners is the user's; free space is on the left of every edge from here on.
     area = _doubled_area(corners)
     if len(problems) == before and abs(area) <= 1e-12 * float(np.ptp(corners)) ** 2:
         problems.append((address, "the polygon encloses no area"))

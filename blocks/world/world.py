@@ -72,6 +72,7 @@ class World:
         polygons = [np.empty((0, 2)), *room, *shapes.obstacles]
         corners = np.vstack(polygons)
         edges = np.vstack([np.roll(p, -1, axis=0) - p for p in polygons])
+        # Corners and edges as (2, n, 1), against which points (m,) broadcast.
         self.__dict__.update(
             vars(shapes),
             _shapes=shapes,
@@ -111,6 +112,7 @@ class World:
         gap, solid = self.gap(x, y)
         if solid.any():
             z = x[solid] + 1j * y[solid]
+            # Inside a solid the nearest edge may lie inside another one: only true surfaces count.
             feet = np.stack([foot(curve, z) for curve in self.surfaces])
             gap[solid] = -np.abs(feet - z).min(axis=0)
         return gap
@@ -158,11 +160,13 @@ class World:
         Where several surfaces meet, the normal is the bisector of the widest free sector between
         them, see :func:`blocks.world.surfaces.outward`.
         """
+        # Plain floats: for one point, NumPy's calls would cost more than the arithmetic.
         square, bx, by, solid = math.inf, 0.0, 0.0, False
         for is_room, edges, _, _ in self._polygons:
             inside = False
             for ax, ay, ex, ey, inverse, end in edges:
                 px, py = x - ax, y - ay
+                # The even-odd rule; > on one side and not on the other counts a corner once.
                 if (ay > y) != (end > y) and (px * ey < py * ex) == (end > ay):
                     inside = not inside
                 s = (px * ex + py * ey) * inverse
@@ -178,6 +182,7 @@ class World:
             from_centre = math.hypot(px, py)
             if from_centre - r < gap:
                 gap, span, bx, by = from_centre - r, from_centre, px, py
+        # On a surface the difference to the nearest point is rounding and has no direction.
         if solid or gap < TOUCHING:
             return from_surface(self.arrays[3], x, y, solid or gap < 0.0)
         return gap, bx / span, by / span

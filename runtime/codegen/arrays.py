@@ -1,27 +1,54 @@
-"""Elements, views and elementwise expressions of arrays."""
+"""Elements, views and elementwise expressions of arrays.
+
+In go arrays and indices, out come elements, views or array expressions that are not stored yet:
+
+    a[i]            Item(a, i), the index checked where it may be outside
+    a[1:, 2]        a view: pointer, sizes and strides; nothing is copied
+    a * b + 1.0     a value with ``each``: the element at some indices, stored by ``body.fill``
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from runtime.codegen.body import Body, offset
-from runtime.codegen.types import BOOL, EITHER, FLOAT, INT, Array, NotTypedError, Number
+from runtime.codegen.body import Body
+from runtime.codegen.form import (
+    CTX,
+    Call,
+    Declare,
+    Expr,
+    Literal,
+    Name,
+    Operator,
+    Set,
+    product,
+)
+from runtime.codegen.types import (
+    BOOL,
+    C_NAMES,
+    EITHER,
+    FLOAT,
+    INT,
+    NUMBERS,
+    Array,
+    NotTypedError,
+    Number,
+    leaves,
+)
 from runtime.codegen.values import (
-    ATOM,
-    LOOSE,
-    SUM,
     UNKNOWN,
     Value,
     array_type,
     converted,
     number,
-    product_text,
-    size_text,
-    stride_text,
+    offset,
+    size_expr,
+    sizes_of,
+    stride_expr,
 )
 
-NUMBERS = {"bool": BOOL, "int": INT, "float": FLOAT}
+FROZEN = "writes into an input or a stored output; write to a copy"
 
 
 @dataclass(frozen=True)
@@ -55,34 +82,35 @@ def _number(value: Value) -> Number:
     return value.type
 
 
-def index_text(body: Body, array: Value, axis: int, index: Value) -> str:
-    """An index as C text: negative ones count from the end, checked if asked for."""
+def index_expr(body: Body, array: Value, axis: int, index: Value) -> Expr:
+    """An index: negative ones count from the end, checked if asked for."""
     if index.type != INT:
         # A bool is a mask to NumPy.
         raise NotTypedError(f"uses a {index.type} as an index; use int(...)")
-    size = size_text(array, axis)
+    size = size_expr(array, axis)
     known = array_type(array).dims[axis]
     if index.const is not UNKNOWN:
         inside = known is not None and -known <= index.const < known
         if inside or not body.check:
             at = int(index.const)
             if at >= 0:
-                return str(at)
-            return str(known + at) if known is not None else f"{size} - {-at}"
+                return Literal(at)
+            return Literal(known + at) if known is not None else Operator("-", size, Literal(-at))
     elif index.low is not None and index.low >= 0:
         if _below(index.high, known, size) or not body.check:
-            return index.texts[0]
+            return index.expr
     elif not body.check:
-        return f"wrapped({index.text}, {size})"
+        return Call("wrapped", (index.expr, size))
     message = "index {index} is out of bounds for axis {axis} with size {size}"
-    if not array.text.startswith("array_") and array.text.isidentifier():
-        message += f" of '{array.text}'"
+    if isinstance(array.expr, Name) and not array.expr.is_temporary:
+        message += f" of '{array.expr.name}'"
     failure = body.fail("IndexError", message)
     # In a statement of its own: without jumps, nothing is read or written after a failure.
-    return _held(body, f"checked(ctx, {index.text}, {size}, {axis}, {failure})")
+    checked = Call("checked", (CTX, index.expr, size, Literal(axis), failure))
+    return body.held("at", "int64_t", checked)
 
 
-def _below(high: int | str | None, known: int | None, size: str) -> bool:
+def _below(high: int | Expr | None, known: int | None, size: Expr) -> bool:
     if isinstance(high, int):
         return known is not None and high <= known
     return high is not None and high == size
@@ -102,87 +130,72 @@ def subscript(body: Body, array: Value, indices: Sequence[Index]) -> Value:
         array = body.stored(array)
     full = [*indices, *[Cut()] * (len(kind.dims) - len(indices))]
     if all(isinstance(part, Value) for part in full):
-        texts = [index_text(body, array, k, v) for k, v in enumerate(full) if isinstance(v, Value)]
-        return Value(NUMBERS[kind.kind], (body.place(array, texts),))
+        at = [index_expr(body, array, k, v) for k, v in enumerate(full) if isinstance(v, Value)]
+        return Value(NUMBERS[kind.kind], (body.place(array, at),))
     return _view(body, array, full)
 
 
 def _view(body: Body, array: Value, indices: Sequence[Index]) -> Value:
     kind = array_type(array)
-    starts: list[str] = []
+    starts: list[Expr] = []
     dims: list[int | None] = []
-    sizes: list[str] = []
-    strides: list[str] = []
+    sizes: list[Expr] = []
+    strides: list[Expr] = []
     for axis, part in enumerate(indices):
         if isinstance(part, Value):
-            text = index_text(body, array, axis, part)
-            starts.append(text if _simple(text) else _held(body, text))
+            starts.append(_simple(body, index_expr(body, array, axis, part)))
             continue
         start, size, known = _cut(body, array, axis, part)
         starts.append(start)
         dims.append(known)
         sizes.append(size)
-        step = stride_text(array, axis)
-        strides.append(step if part.step == 1 else product_text([str(part.step), step]))
+        step = stride_expr(array, axis)
+        strides.append(step if part.step == 1 else product([Literal(part.step), step]))
     packed = kind.packed and _is_packed(array, indices)
     place = offset(array, starts)
-    pointer = array.text if place == "0" else f"{array.text} + {place}"
     made = Array(kind.kind, tuple(dims), packed, kind.frozen)
     dynamic = [size for size, known in zip(sizes, dims, strict=True) if known is None]
-    texts = (pointer, *dynamic, *([] if packed else strides))
-    if pointer != array.text:
-        name = body.fresh("part")
-        const = "const " if kind.frozen else ""
-        c_type = {"bool": "bool", "int": "int64_t", "float": "double"}[kind.kind]
-        body.put(f"{const}{c_type} *const {name} = {pointer};")
-        body.stable.add(name)
-        texts = (name, *texts[1:])
-    return Value(made, texts)
+    pointer = array.expr
+    if place != Literal(0):
+        pointer = body.held("part", next(leaves(kind))[1], Operator("+", pointer, place))
+    return Value(made, (pointer, *dynamic, *([] if packed else strides)))
 
 
-def _held(body: Body, text: str) -> str:
-    name = body.fresh("at")
-    body.put(f"const int64_t {name} = {text};")
-    body.stable.add(name)
-    return name
+def _simple(body: Body, expr: Expr) -> Expr:
+    """A number or a variable."""
+    return expr if isinstance(expr, (Name, Literal)) else body.held("at", "int64_t", expr)
 
 
-def _simple(text: str) -> bool:
-    return text.isidentifier() or text.isdigit()
-
-
-def _cut(body: Body, array: Value, axis: int, cut: Cut) -> tuple[str, str, int | None]:
+def _cut(body: Body, array: Value, axis: int, cut: Cut) -> tuple[Expr, Expr, int | None]:
     """The first index, the size, and the size where it is known, of one axis of a view."""
-    size, known = size_text(array, axis), array_type(array).dims[axis]
+    size, known = size_expr(array, axis), array_type(array).dims[axis]
     if cut.step < 1:
         raise NotTypedError("uses a slice with a step below one; write the loop")
     if cut.start is None and cut.stop is None:
         if cut.step == 1:
-            return "0", size, known
+            return Literal(0), size, known
         if known is not None:
-            return "0", str(-(-known // cut.step)), -(-known // cut.step)
+            return Literal(0), Literal(-(-known // cut.step)), -(-known // cut.step)
     bounds = [cut.start or number(0), cut.stop]
     if known is not None and all(b is None or b.const is not UNKNOWN for b in bounds):
         first, last = (None if b is None else int(b.const) for b in bounds)
         taken = range(known)[first : last : cut.step]
-        return str(taken.start if len(taken) else 0), str(len(taken)), len(taken)
+        return Literal(taken.start if len(taken) else 0), Literal(len(taken)), len(taken)
     low = _bound(body, bounds[0], size)
-    high = size if bounds[1] is None else _bound(body, bounds[1], size)
-    text = high if low == "0" else f"{high} - {low}"
-    if low != "0":
-        text = f"not_negative({text})"
+    length = size if bounds[1] is None else _bound(body, bounds[1], size)
+    if low != Literal(0):
+        length = Call("not_negative", (Operator("-", length, low),))
     if cut.step != 1:
-        text = f"({text} + {cut.step - 1}) / {cut.step}"
-    return low, text if _simple(text) else _held(body, text), None
+        length = Operator("/", Operator("+", length, Literal(cut.step - 1)), Literal(cut.step))
+    return low, _simple(body, length), None
 
 
-def _bound(body: Body, bound: Value | None, size: str) -> str:
+def _bound(body: Body, bound: Value | None, size: Expr) -> Expr:
     if bound is None or bound.const == 0:
-        return "0"
+        return Literal(0)
     if bound.type != INT:
         raise NotTypedError(f"uses a {bound.type} as the bound of a slice; use int(...)")
-    text = f"clamped({bound.text}, {size})"
-    return _held(body, text)
+    return body.held("at", "int64_t", Call("clamped", (bound.expr, size)))
 
 
 def _is_packed(array: Value, indices: Sequence[Index]) -> bool:
@@ -201,10 +214,10 @@ def transposed(array: Value) -> Value:
     axes = range(len(kind.dims) - 1, -1, -1)
     if len(kind.dims) < 2:
         return array
-    sizes = [size_text(array, k) for k in axes if kind.dims[k] is None]
-    strides = [stride_text(array, k) for k in axes]
+    sizes = [size_expr(array, k) for k in axes if kind.dims[k] is None]
+    strides = [stride_expr(array, k) for k in axes]
     made = replace(kind, dims=tuple(kind.dims[k] for k in axes), packed=False)
-    return Value(made, (array.text, *sizes, *strides))
+    return Value(made, (array.expr, *sizes, *strides))
 
 
 def flat(body: Body, array: Value) -> Value:
@@ -212,18 +225,16 @@ def flat(body: Body, array: Value) -> Value:
     array = body.stored(array)
     if not array_type(array).packed:
         array = copied(body, array)
-    kind = array_type(array)
-    size = product_text([size_text(array, k) for k in range(len(kind.dims))])
-    known = int(size) if size.isdigit() else None
-    dynamic = [] if known is not None else [size if _simple(size) else _held(body, size)]
-    return Value(replace(kind, dims=(known,)), (array.text, *dynamic))
+    size = product(sizes_of(array))
+    known = int(size.value) if isinstance(size, Literal) else None
+    dynamic = [] if known is not None else [_simple(body, size)]
+    return Value(replace(array_type(array), dims=(known,)), (array.expr, *dynamic))
 
 
 def copied(body: Body, array: Value) -> Value:
     """A new array with the same elements."""
     kind = array_type(array)
-    axes = range(len(kind.dims))
-    made = body.new(kind.kind, [size_text(array, k) for k in axes], kind.dims)
+    made = body.new(kind.kind, sizes_of(array), kind.dims)
     body.fill(made, array)
     return made
 
@@ -244,7 +255,7 @@ def write(body: Body, target: Value, value: Value) -> None:
     """
     kind = array_type(target)
     if kind.frozen:
-        raise NotTypedError("writes into an input or a stored output; write to a copy")
+        raise NotTypedError(FROZEN)
     if isinstance(value.type, Array):
         if len(value.type.dims) > len(kind.dims):
             raise NotTypedError(f"copies an {value.type} into an {kind}")
@@ -272,16 +283,16 @@ def elementwise(
         # NumPy gives a number, not an array without axes.
         return converted(function(*[body.at(value, []) for value in ready]), kind)
 
-    def each(indices: Sequence[str]) -> Value:
+    def each(indices: Sequence[Expr]) -> Value:
         return converted(function(*[body.at(value, indices) for value in ready]), kind)
 
     made = Array(kind.kind, tuple(dims))
-    return Value(made, (), LOOSE, each=each, sizes=tuple(sizes[:axes]))
+    return Value(made, each=each, sizes=tuple(sizes[:axes]))
 
 
 def _shared(
     body: Body, values: Sequence[Value], exact: bool = False
-) -> tuple[list[int | None], list[str]]:
+) -> tuple[list[int | None], list[Expr]]:
     """The shape that arrays have together; sizes known only while running are checked.
 
     ``exact`` : the result has the first one's shape.
@@ -289,65 +300,43 @@ def _shared(
     arrays = [v for v in values if isinstance(v.type, Array)]
     axes = max(len(array_type(v).dims) for v in arrays)
     dims: list[int | None] = []
-    sizes: list[str] = []
+    sizes: list[Expr] = []
     for axis in range(axes):
-        found: list[tuple[int | None, str]] = []
+        found: list[tuple[int | None, Expr]] = []
         for value in arrays:
             own = axis - axes + len(array_type(value).dims)
             if own >= 0 and (array_type(value).dims[own] != 1 or (exact and value is arrays[0])):
-                found.append((array_type(value).dims[own], size_text(value, own)))
+                found.append((array_type(value).dims[own], size_expr(value, own)))
         dim, size = _one_size(body, found)
         dims.append(dim)
         sizes.append(size)
     return dims, sizes
 
 
-def _one_size(body: Body, found: list[tuple[int | None, str]]) -> tuple[int | None, str]:
+def _one_size(body: Body, found: list[tuple[int | None, Expr]]) -> tuple[int | None, Expr]:
     if not found:
-        return 1, "1"
+        return 1, Literal(1)
     fixed = sorted({dim for dim, _ in found if dim is not None})
     if len(fixed) > 1:
         raise NotTypedError(f"combines arrays with {fixed[0]} and {fixed[1]} elements on one axis")
-    texts = list(dict.fromkeys(text for _, text in found))
-    for other in texts[1:]:
+    sizes = list(dict.fromkeys(size for _, size in found))
+    for other in sizes[1:]:
         message = "operands could not be broadcast together: sizes {index} and {size}"
-        failure = body.fail("ValueError", message)
-        body.act(f"same_size(ctx, {texts[0]}, {other}, {failure});")
-    return (fixed[0], str(fixed[0])) if fixed else (None, texts[0])
+        body.same_size(sizes[0], other, "ValueError", message)
+    return (fixed[0], Literal(fixed[0])) if fixed else (None, sizes[0])
 
 
 def reduced(body: Body, value: Value, start: Value, step: Callable[[Value, Value], Value]) -> Value:
     """A loop over all elements that changes one number."""
-    kind = array_type(value)
     if not isinstance(start.type, Number):
         raise NotTypedError(f"reduces to a {start.type}")
     name = body.fresh("result")
-    c_type = {"bool": "bool", "int": "int64_t", "float": "double"}[start.type.kind]
-    body.put(f"{c_type} {name} = {start.text};")
-    indices = loops(body, [size_text(value, k) for k in range(len(kind.dims))])
-    so_far = Value(start.type, (name,))
-    found = converted(step(so_far, body.at(value, indices)), start.type)
-    body.put(f"{name} = {found.text};")
-    close(body, len(indices))
+    body.add(Declare(C_NAMES[start.type.kind], name, start.expr, const=False))
+    so_far = Value(start.type, (Name(name),))
+    with body.loops(sizes_of(value)) as indices:
+        found = converted(step(so_far, body.at(value, indices)), start.type)
+        body.add(Set(so_far.expr, found.expr))
     return so_far
 
 
-def loops(body: Body, sizes: Sequence[str]) -> list[str]:
-    """Open one loop per axis; returns the names of the indices."""
-    indices = []
-    for size in sizes:
-        index = body.fresh("i")
-        body.put(f"for (int64_t {index} = 0; {index} < {size}; {index}++) {{")
-        body.depth += 1
-        indices.append(index)
-    return indices
-
-
-def close(body: Body, count: int) -> None:
-    """Close loops."""
-    for _ in range(count):
-        body.depth -= 1
-        body.put("}")
-
-
-__all__ = ["ATOM", "SUM", "Cut", "Index", "copied", "elementwise", "flat", "subscript", "write"]
+__all__ = ["FROZEN", "Cut", "Index", "copied", "elementwise", "flat", "subscript", "write"]

@@ -1,19 +1,48 @@
-"""The C text of one function while it is written: lines, local variables, temporaries, failures."""
+"""One function while its form is built: statements, local variables, temporaries, failures.
+
+In go values, in Python's order; out come statements of the form, and the type of each variable.
+
+    body.assign("y", x + 1.0)             Declare("double", "y", x + 1.0)
+    body.read("y")                        Value(FLOAT, (Name("y"),))
+    body.kept(value)                      Declare("double", "value_1_", ...), then its name
+"""
 
 from __future__ import annotations
 
-import ast
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Protocol
 
+from runtime.codegen.form import (
+    CTX,
+    SELF,
+    Call,
+    Declare,
+    Do,
+    Expr,
+    Fail,
+    For,
+    If,
+    Item,
+    Literal,
+    Member,
+    Name,
+    Prefix,
+    Set,
+    Statement,
+    names,
+    product,
+)
 from runtime.codegen.names import local_name
-from runtime.codegen.source import Function, Source
+from runtime.codegen.source import Failures, Function, Source
 from runtime.codegen.types import (
     BOOL,
     EITHER,
     FLOAT,
     INT,
+    NONE,
+    NUMBERS,
     Array,
     NotTypedError,
     Type,
@@ -21,110 +50,96 @@ from runtime.codegen.types import (
     leaves,
 )
 from runtime.codegen.values import (
-    ATOM,
-    LOOSE,
     Value,
     array_type,
+    axes_of,
     converted,
-    product_text,
-    size_text,
+    offset,
+    size_expr,
+    zero,
 )
 
 C_SIZES = {"bool": 1, "int": 8, "float": 8}
 
 
-class Failures:
-    """The failures of a unit, by number: exception, message, file and line."""
-
-    def __init__(self) -> None:
-        self.listed: list[tuple[str, str, str, int]] = []
-        self.numbers: dict[tuple[str, str, str, int], int] = {}
-
-    def number(self, kind: str, message: str, file: str, line: int) -> int:
-        """The number of a failure."""
-        entry = (kind, message, file, line)
-        if entry not in self.numbers:
-            self.numbers[entry] = len(self.listed)
-            self.listed.append(entry)
-        return self.numbers[entry]
-
-
 class Caller(Protocol):
-    """What a function's text needs of its unit."""
+    """What a function's form needs of its unit."""
 
     source: Source
     check: bool
-    leaving: str
+    failures: Failures
 
     def call(
         self, body: Body, target: Function, given: Sequence[Value], named: Mapping[str, Value]
     ) -> Value:
         """A call of a function of the source."""
 
-    def returning(self, value: Value) -> str:
-        """The statement that returns a value."""
-
 
 class Body:
-    """One function's C text, and what is known about its variables.
+    """One function's form, and what is known about its variables.
 
     Variables are C variables named after those of the source. A variable's type is the join of
-    all values assigned to it; :attr:`widened` tells that a text used a type that was too narrow,
-    and the function is written again with the types found.
+    all values assigned to it; :attr:`widened` tells that something was built with a type that was
+    too narrow, and the function is built again with the types found.
 
-    A :class:`Value` is a text that is evaluated where it is put, which may be after the values of
-    later operands. So whoever evaluates several operands goes through :meth:`in_order`, which
-    keeps those that read memory in temporaries where a later one changes memory or draws a number:
+    A :class:`Value` is computed where it is put, which may be after the values of later operands.
+    So whoever evaluates several operands goes through :meth:`in_order`, which keeps those that
+    read memory in temporaries where a later one changes memory or draws a number:
 
         state.h[0] + self.f(state)   ->   const double value_1_ = h[0];
                                           const double f_1_ = f(ctx, self);
                                           value_1_ + f_1_
 
-    ``effects`` counts lines that must stay, as those that may fail; ``changes`` those after which
-    memory or a generator is not what it was.
+    ``effects`` counts statements that must stay, as those that may fail; ``changes`` those after
+    which memory or a generator is not what it was.
 
     Parameters
     ----------
+    caller : the unit.
     function : the source.
-    failures : of the unit.
     types : of variables, from an earlier pass.
-    check : the source is not ours: indexes and integers that may be too large are checked.
+    returned : the type of what it returns, from an earlier pass.
     """
 
     def __init__(
-        self, function: Function, failures: Failures, types: dict[str, Type], check: bool
+        self,
+        caller: Caller,
+        function: Function,
+        types: dict[str, Type],
+        returned: Type | None = None,
     ) -> None:
-        self.function, self.failures, self.check = function, failures, check
-        self.types = types
+        self.caller, self.function, self.types = caller, function, types
+        self.returned = returned
+        # The source is not ours: indexes, and integers that may be too large, are checked.
+        self.check = caller.check
         self.values: dict[str, Value] = {}
         self.versions: dict[str, int] = {}
         self.declared: dict[str, Type] = {}
-        self.lines: list[str] = []
-        self.depth = 1
+        self.statements: list[Statement] = []
+        # Entries of the struct, and variables that are first assigned inside of a branch or loop.
+        self.heads: dict[str, Declare] = {}
+        self.tops: dict[str, Type] = {}
+        self.temporaries: dict[str, int] = {}
         self.nested = 0
         self.effects = 0
         self.changes = 0
         self.widened = False
-        self.uses_entries = False
-        self.stable: set[str] = set()
-        self.tops: dict[str, Type] = {}
-        self.temporaries: dict[str, int] = {}
         self.line = function.line
 
-    # Text
+    # Statements
 
-    def expr(self, node: ast.expr) -> Value:
-        """The value of an expression; defined by :class:`Expressions`."""
-        raise NotImplementedError
+    def add(self, statement: Statement) -> None:
+        """Add a statement."""
+        self.statements.append(statement)
 
-    def put(self, text: str) -> None:
-        """Add a line."""
-        self.lines.append("    " * self.depth + text)
-
-    def act(self, text: str) -> None:
-        """Add a line that changes memory, draws a number, or may fail."""
+    def act(self, statement: Statement) -> None:
+        """Add a statement that changes memory, draws a number, or may fail."""
         self.effects += 1
-        self.put(text)
+        self.add(statement)
+
+    def do(self, function: str, *arguments: Expr) -> None:
+        """Add a call of a function that may fail."""
+        self.act(Do(Call(function, (CTX, *arguments))))
 
     def change(self) -> None:
         """What follows changes memory that others see, or draws a number."""
@@ -132,36 +147,50 @@ class Body:
         self.changes += 1
 
     @contextmanager
-    def block(self, head: str, end: str = "}") -> Iterator[None]:
-        """Lines in braces."""
-        self.put(f"{head} {{")
-        self.depth += 1
-        self.nested += 1
+    def captured(self) -> Iterator[list[Statement]]:
+        """Statements that are kept aside."""
+        whole, self.statements = self.statements, []
         try:
-            yield
+            yield self.statements
         finally:
-            self.depth -= 1
-            self.nested -= 1
-        self.put(end)
+            self.statements = whole
 
     @contextmanager
-    def captured(self) -> Iterator[list[str]]:
-        """Lines that are kept aside."""
-        whole, self.lines = self.lines, []
+    def branch(self) -> Iterator[list[Statement]]:
+        """Statements of a branch or a loop, which may be reached never or again."""
+        self.nested += 1
         try:
-            yield self.lines
+            with self.captured() as statements:
+                yield statements
         finally:
-            self.lines = whole
+            self.nested -= 1
+
+    @contextmanager
+    def loops(self, sizes: Sequence[Expr]) -> Iterator[list[Expr]]:
+        """One loop per axis around the statements that are added meanwhile, with their indices."""
+        names = [self.fresh("i") for _ in sizes]
+        # What is first declared in them is theirs: such loops assign to no variable of the source.
+        with self.captured() as statements:
+            yield [Name(name) for name in names]
+        for name, size in zip(reversed(names), reversed(sizes), strict=True):
+            statements = [For(name, Literal(0), size, 1, statements)]
+        self.statements += statements
 
     def fresh(self, stem: str) -> str:
         """A new name for a temporary."""
         self.temporaries[stem] = self.temporaries.get(stem, 0) + 1
         return f"{stem}_{self.temporaries[stem]}_"
 
-    def fail(self, kind: str, message: str) -> int:
+    def fail(self, kind: str, message: str) -> Expr:
         """The number of a failure at the present line."""
         self.effects += 1
-        return self.failures.number(kind, message, self.function.file, self.line)
+        function = self.function
+        return Literal(self.caller.failures.number(kind, message, function.file, self.line))
+
+    def same_size(self, a: Expr, b: Expr, kind: str, message: str) -> None:
+        """Fail while running where two sizes differ that are not known to be equal."""
+        if a != b:
+            self.do("same_size", a, b, self.fail(kind, message))
 
     # Values
 
@@ -170,17 +199,17 @@ class Body:
         values: list[Value] = []
         for evaluate in evaluations:
             before = self.changes
-            with self.captured() as lines:
+            with self.captured() as statements:
                 value = evaluate()
             if self.changes > before:
-                values = [self.kept(v) if _reads_memory(v) else v for v in values]
-            self.lines += lines
+                values = [self.kept(v) if v.reads else v for v in values]
+            self.statements += statements
             values.append(value)
         return values
 
     def reached(self, value: Value) -> Value:
         """A value whose failure comes now, even if nothing reads it."""
-        return self.kept(value) if any("(ctx" in text for text in value.texts) else value
+        return self.kept(value) if value.fails else value
 
     def as_type(self, value: Value, kind: Type) -> Value:
         """A value as one of a wider type; an int that a float cannot hold fails."""
@@ -190,28 +219,33 @@ class Body:
         """An integer as a float of the same value, or a failure; other values as they are."""
         if value.type != INT or value.is_known or not self.check or _is_index(value):
             return value
-        return Value(FLOAT, (f"exact(ctx, {value.text}, {self.too_large()})",))
+        return Value(FLOAT, (Call("exact", (CTX, value.expr, self.too_large())),))
 
-    def too_large(self) -> str:
+    def too_large(self) -> Expr:
         """The number of the failure of an integer that Python holds and C does not."""
-        return str(self.fail("OverflowError", "an integer has more digits than are compiled"))
+        return self.fail("OverflowError", "an integer has more digits than are compiled")
+
+    def held(self, stem: str, c_type: str, expr: Expr) -> Name:
+        """An expression in a temporary, computed once and here."""
+        name = self.fresh(stem)
+        self.add(Declare(c_type, name, expr))
+        return Name(name, True)
 
     def kept(self, value: Value, stem: str = "value") -> Value:
         """The value in temporaries, so that it is computed once and here."""
         if value.each is not None:
             return self.stored(value)
-        if value.is_known or not value.texts:
+        if value.is_known or not value.leaves:
             return value
         name = self.fresh(stem)
-        texts = []
-        for text, (suffix, kind) in zip(value.texts, leaves(value.type), strict=True):
-            if text.isidentifier() and text in self.stable:
-                texts.append(text)
+        found: list[Expr] = []
+        for leaf, (suffix, c_type) in zip(value.leaves, leaves(value.type), strict=True):
+            if leaf.is_stable:
+                found.append(leaf)
                 continue
-            self.put(f"{_constant(kind)}{name}{suffix} = {text};")
-            self.stable.add(f"{name}{suffix}")
-            texts.append(f"{name}{suffix}")
-        return Value(value.type, tuple(texts), ATOM, value.const, value.low, value.high)
+            self.add(Declare(c_type, f"{name}{suffix}", leaf))
+            found.append(Name(f"{name}{suffix}", True))
+        return replace(value, leaves=tuple(found))
 
     def stored(self, value: Value) -> Value:
         """An array expression as a new array, or the array as it is."""
@@ -221,44 +255,31 @@ class Body:
         self.fill(made, value)
         return made
 
-    def new(self, kind: str, sizes: Sequence[str], dims: tuple[int | None, ...]) -> Value:
+    def new(self, kind: str, sizes: Sequence[Expr], dims: tuple[int | None, ...]) -> Value:
         """A new array in the arena, not yet filled."""
         made = Array(kind, dims)
         name = self.fresh("array")
-        texts = [name]
-        held = []
+        held: list[Expr] = []
         for axis, size in enumerate(sizes):
             if dims[axis] is None:
-                self.put(f"const int64_t {name}n{axis} = {size};")
-                texts.append(f"{name}n{axis}")
-                held.append(f"{name}n{axis}")
+                self.add(Declare("int64_t", f"{name}n{axis}", size))
+                held.append(Name(f"{name}n{axis}", True))
             else:
                 held.append(size)
-        self.stable.update(texts)
-        total = product_text([str(C_SIZES[kind]), *held]) if held else str(C_SIZES[kind])
+        total = product([Literal(C_SIZES[kind]), *held])
         number = self.fail("MemoryError", "local arrays need more memory than the arena has")
         c_type = next(leaves(made))[1]
-        self.act(f"{c_type}const {name} = take(ctx, {total}, {number});")
-        return Value(made, tuple(texts))
+        self.act(Declare(c_type, name, Call("take", (CTX, total, number))))
+        dynamic = [size for size, dim in zip(held, dims, strict=True) if dim is None]
+        return Value(made, (Name(name, True), *dynamic))
 
     def fill(self, target: Value, value: Value) -> None:
         """Copy a number, an array or an array expression into an array, element by element."""
-        axes = len(array_type(target).dims)
-        indices = [self.fresh("i") for _ in range(axes)]
-        opened = 0
-        for axis, index in enumerate(indices):
-            size = size_text(target, axis)
-            self.put(f"for (int64_t {index} = 0; {index} < {size}; {index}++) {{")
-            self.depth += 1
-            opened += 1
-        source = self.at(value, indices)
-        wanted = converted(source, self.element_type(target))
-        self.act(f"{self.place(target, indices)} = {wanted.text};")
-        for _ in range(opened):
-            self.depth -= 1
-            self.put("}")
+        with self.loops([size_expr(target, axis) for axis in range(axes_of(target))]) as indices:
+            wanted = converted(self.at(value, indices), NUMBERS[array_type(target).kind])
+            self.act(Set(self.place(target, indices), wanted.expr))
 
-    def at(self, value: Value, indices: Sequence[str]) -> Value:
+    def at(self, value: Value, indices: Sequence[Expr]) -> Value:
         """The element of an array, an array expression or a number at the indices of a result.
 
         Axes of size one, and missing first axes, are repeated.
@@ -267,21 +288,27 @@ class Body:
             return value
         dims = value.type.dims
         own = list(indices[len(indices) - len(dims) :])
-        own = ["0" if size == 1 else index for size, index in zip(dims, own, strict=True)]
+        own = [Literal(0) if size == 1 else index for size, index in zip(dims, own, strict=True)]
         if value.each is not None:
             return value.each(own)
-        return Value(self.element_type(value), (self.place(value, own),))
+        return Value(NUMBERS[value.type.kind], (self.place(value, own),))
 
-    def element_type(self, value: Value) -> Type:
-        """The type of an array's elements."""
-        kind = array_type(value).kind
-        return {"int": INT, "float": FLOAT}.get(kind, BOOL)
-
-    def place(self, array: Value, indices: Sequence[str]) -> str:
-        """The C text of an element's place."""
-        return f"{array.text}[{offset(array, indices)}]"
+    def place(self, array: Value, indices: Sequence[Expr]) -> Item:
+        """An element."""
+        return Item(array.expr, offset(array, indices))
 
     # Variables
+
+    def entry(self, name: str) -> Value:
+        """An entry of the unit, read once at the top of the function."""
+        kind = self.caller.source.entries[name]
+        target = local_name(name)
+        found: list[Expr] = []
+        for suffix, c_type in leaves(kind):
+            own = f"{target}{suffix}"
+            self.heads[own] = Declare(c_type, own, Member(SELF, f"->{own}"))
+            found.append(Name(own, True))
+        return Value(kind, tuple(found))
 
     def assign(self, name: str, value: Value) -> None:
         """Assign to a local variable; its type becomes the join of all its values."""
@@ -316,25 +343,18 @@ class Body:
         self.types.setdefault(key, kind)
         self.types[key] = join(self.types[key], kind)
         self.declared[key] = kind
-        target = self.c_name(name)
-        texts = tuple(f"{target}{suffix}" for suffix, _ in leaves(kind))
         if name in self.function.once:
-            self.stable.update(texts)
+            self.values[name] = self.variable(name, kind, stable=True)
         elif self.types[key] != kind:
-            self.move(name, key, kind)
-
-    def move(self, name: str, key: str, kind: Type) -> None:
-        """Continue with a parameter of a narrow type in a variable of a wider one."""
-        source = self.c_name(name)
-        texts = tuple(f"{source}{suffix}" for suffix, _ in leaves(kind))
-        wide = converted(Value(kind, texts), self.types[key])
-        self.versions[name] = 1
-        self.types.setdefault(f"{name}@1", self.types[key])
-        self.types[key] = kind
-        self.assign(name, wide)
+            # Continue with a parameter of a narrow type in a variable of a wider one.
+            wide = converted(self.variable(name, kind), self.types[key])
+            self.versions[name] = 1
+            self.types.setdefault(f"{name}@1", self.types[key])
+            self.types[key] = kind
+            self.assign(name, wide)
 
     def write(self, name: str, key: str, value: Value) -> None:
-        """Write the assignment of a value of the variable's own type."""
+        """Assign a value of the variable's own type."""
         target = self.c_name(name)
         is_new = key not in self.declared
         self.declared[key] = value.type
@@ -342,18 +362,18 @@ class Body:
         fixed = here and name in self.function.once
         if is_new and not here:
             self.tops[target] = value.type
-        for text, (suffix, c_type) in zip(value.texts, leaves(value.type), strict=True):
+        for leaf, (suffix, c_type) in zip(value.leaves, leaves(value.type), strict=True):
+            place = Name(f"{target}{suffix}")
             if here:
-                self.put(f"{_constant(c_type, fixed)}{target}{suffix} = {text};")
-            elif text != f"{target}{suffix}":
-                self.put(f"{target}{suffix} = {text};")
+                self.add(Declare(c_type, place.name, leaf, const=fixed))
+            elif leaf != place:
+                self.add(Set(place, leaf))
         if name in self.function.uncertain:
             self.tops[f"{target}_set_"] = BOOL
-            self.put(f"{target}_set_ = true;")
+            self.add(Set(Name(f"{target}_set_"), Literal(True)))
         if fixed:
-            texts = tuple(f"{target}{suffix}" for suffix, _ in leaves(value.type))
-            self.stable.update(texts)
-            self.values[name] = Value(value.type, texts, ATOM, value.const, value.low, value.high)
+            found = self.variable(name, value.type, stable=True).leaves
+            self.values[name] = replace(value, leaves=found)
         else:
             self.values.pop(name, None)
 
@@ -362,6 +382,29 @@ class Body:
         version = self.versions.get(name, 0)
         return local_name(name) + (f"_v{version}" if version else "")
 
+    def variable(self, name: str, kind: Type, stable: bool = False) -> Value:
+        """A variable of this type."""
+        target = self.c_name(name)
+        return Value(kind, tuple(Name(f"{target}{suffix}", stable) for suffix, _ in leaves(kind)))
+
+    def places_of(self, name: str) -> tuple[Expr, ...]:
+        """The leaves of a variable as they are assigned to; none before it is assigned."""
+        key = f"{name}@{self.versions.get(name, 0)}"
+        declared = key in self.declared or name in self.function.parameters
+        return self.variable(name, self.types[key]).leaves if declared else ()
+
+    def names_of(self, name: str) -> set[str]:
+        """The C variables that a value of a variable reads."""
+        key = f"{name}@{self.versions.get(name, 0)}"
+        known = self.values.get(name)
+        kind = self.types.get(key)
+        found = known or (None if kind is None else self.variable(name, kind))
+        return set() if found is None else {n for leaf in found.leaves for n in names(leaf)}
+
+    def is_local(self, name: str) -> bool:
+        """Whether a name is a variable or a parameter of the function."""
+        return f"{name}@{self.versions.get(name, 0)}" in self.types or name in self.function.counts
+
     def read(self, name: str) -> Value:
         """A local variable's value."""
         if name in self.values:
@@ -369,62 +412,35 @@ class Body:
         kind = self.types.get(f"{name}@{self.versions.get(name, 0)}")
         if kind is None:
             raise NotTypedError(f"uses '{name}' before it is assigned")
-        target = self.c_name(name)
         if name in self.function.uncertain:
-            self.tops[f"{target}_set_"] = BOOL
+            is_set = f"{self.c_name(name)}_set_"
+            self.tops[is_set] = BOOL
             failure = self.fail("UnboundLocalError", f"'{name}' is used before it is assigned")
-            self.put(f"if (!{target}_set_) fail(ctx, {failure});")
-        return Value(kind, tuple(f"{target}{suffix}" for suffix, _ in leaves(kind)))
+            self.add(If(Prefix("!", Name(is_set)), [Fail(failure)]))
+        return self.variable(name, kind)
 
+    def returns(self, value: Value) -> Value:
+        """A value as the function returns it; the type becomes the join of all such values."""
+        known = self.returned
+        if known is None:
+            self.returned = value.type
+        elif known != value.type:
+            self.returned = join(known, value.type)
+            self.widened = self.widened or self.returned != known
+        return self.as_type(value, self.returned or NONE)
 
-def _reads_memory(value: Value) -> bool:
-    """Whether a value that is not evaluated yet depends on what memory holds."""
-    return value.each is not None or any("[" in t or "(" in t for t in value.texts)
+    def whole(self) -> list[Statement]:
+        """All statements, after the declarations that come first."""
+        tops = [
+            Declare(c_type, name + suffix, leaf, const=False)
+            for name, kind in self.tops.items()
+            for (suffix, c_type), leaf in zip(leaves(kind), zero(kind), strict=True)
+        ]
+        return [*self.heads.values(), *tops, *self.statements]
 
 
 def _is_index(value: Value) -> bool:
     """Whether an integer is certainly exact as a float: a count, an index, or a small number."""
     if value.low is None or value.low < -(2**53) or value.high is None:
         return False
-    return isinstance(value.high, str) or value.high <= 2**53
-
-
-def offset(array: Value, indices: Sequence[str]) -> str:
-    """The C text of an element's distance from an array's start."""
-    kind = array_type(array)
-    if kind.packed:
-        text = indices[0] if indices else "0"
-        for axis in range(1, len(indices)):
-            size = size_text(array, axis)
-            scaled = product_text([_operand(text), size])
-            text = indices[axis] if scaled == "0" else _sum(scaled, indices[axis])
-        return text
-    at = 1 + sum(n is None for n in kind.dims)
-    terms = [product_text([_operand(i), array.texts[at + k]]) for k, i in enumerate(indices)]
-    terms = [term for term in terms if term != "0"]
-    return " + ".join(terms) or "0"
-
-
-def _sum(a: str, b: str) -> str:
-    return a if b == "0" else f"{a} + {b}"
-
-
-def _operand(text: str) -> str:
-    plain = all(c.isalnum() or c in "_." for c in text)
-    return text if plain else f"({text})"
-
-
-def _constant(c_type: str, fixed: bool = True) -> str:
-    """The start of a declaration of a variable that is never assigned again."""
-    space = "" if c_type.endswith("*") else " "
-    if not fixed:
-        return f"{c_type}{space}"
-    return f"{c_type}const " if c_type.endswith("*") else f"const {c_type} "
-
-
-def line_of(node: ast.AST) -> int:
-    """A node's line, 0 if it has none."""
-    return int(getattr(node, "lineno", 0) or 0)
-
-
-__all__ = ["ATOM", "LOOSE", "Body", "Failures", "line_of", "offset"]
+    return isinstance(value.high, Expr) or value.high <= 2**53

@@ -1,15 +1,37 @@
-"""Python's own functions on numbers, tuples and arrays; indexing by an array."""
+"""Python's own functions on numbers, tuples and arrays; indexing by an array.
+
+In go the arguments of a call, by Python's names; out comes the value of the result:
+
+    max(x, 0.0)     greatest(x, 0.0)
+    len(a)          the size of a's first axis
+    a[mask]         a new array, filled in a loop
+"""
 
 from __future__ import annotations
 
 import ast
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 
 from runtime.codegen import arrays, library, scalars
 from runtime.codegen.body import Body
-from runtime.codegen.types import BOOL, FLOAT, INT, NONE, Array, NotTypedError, Tuple, join
+from runtime.codegen.form import (
+    CTX,
+    Append,
+    Call,
+    Choice,
+    Declare,
+    Expr,
+    If,
+    Literal,
+    Logic,
+    Name,
+    Operator,
+    Set,
+    Statement,
+)
+from runtime.codegen.types import BOOL, FLOAT, INT, NONE, Array, NotTypedError, Tuple, count, join
 from runtime.codegen.values import (
     UNKNOWN,
     Value,
@@ -18,8 +40,8 @@ from runtime.codegen.values import (
     group,
     number,
     parts_of,
+    size_expr,
     size_of,
-    size_text,
 )
 
 ZERO, NOTHING = number(0.0), number(0)
@@ -113,9 +135,8 @@ def _divmod(body: Body, x: Value, y: Value, /) -> Value:
 def _tests(sign: str, body: Body, iterable: Value, /) -> Value:
     if isinstance(iterable.type, Array):
         return library.tests_all("all" if sign == "&&" else "any", body, _vector(body, iterable))
-    tests = [scalars.truth(part) for part in parts_of(iterable)]
-    text = f" {sign} ".join(f"({t.text})" for t in tests)
-    return Value(BOOL, (f"({text})",)) if tests else number(sign == "&&")
+    tests = [scalars.truth(part).expr for part in parts_of(iterable)]
+    return Value(BOOL, (Logic(sign, tuple(tests)),)) if tests else number(sign == "&&")
 
 
 # The parameters have Python's names, or are by position as there.
@@ -136,15 +157,18 @@ def picked(body: Body, parts: list[Value], index: Value) -> Value:
         raise NotTypedError("takes a part of a tuple by a variable; use a literal number")
     ready = [body.kept(converted(part, kind)) for part in parts]
     failure = body.fail("IndexError", "tuple index out of range")
-    at = body.fresh("at")
-    body.act(f"const int64_t {at} = checked(ctx, {index.text}, {len(parts)}, 0, {failure});")
-    texts = []
-    for leaf in range(len(ready[0].texts)):
-        choice = ready[-1].texts[leaf]
-        for k in range(len(ready) - 2, -1, -1):
-            choice = f"({at} == {k} ? {ready[k].texts[leaf]} : {choice})"
-        texts.append(choice)
-    return body.kept(Value(kind, tuple(texts)), "part")
+    checked = Call("checked", (CTX, index.expr, Literal(len(parts)), Literal(0), failure))
+    at = body.held("at", "int64_t", checked)
+    found = [chosen(at, [part.leaves[leaf] for part in ready]) for leaf in range(count(kind))]
+    return body.kept(Value(kind, tuple(found)), "part")
+
+
+def chosen(index: Expr, values: Sequence[Expr]) -> Expr:
+    """One of some expressions by its index."""
+    made = values[-1]
+    for k in range(len(values) - 2, -1, -1):
+        made = Choice(Operator("==", index, Literal(k)), values[k], made)
+    return made
 
 
 def selected(body: Body, array: Value, chosen: Value) -> Value:
@@ -152,30 +176,34 @@ def selected(body: Body, array: Value, chosen: Value) -> Value:
     array, chosen = body.stored(array), body.stored(chosen)
     if len(array_type(array).dims) != 1 or len(array_type(chosen).dims) != 1:
         raise NotTypedError("selects by an array in more than one axis; write the loop")
-    size = size_text(chosen, 0)
+    size = size_expr(chosen, 0)
     if arrays.elements(chosen) == BOOL:
         _same_length(body, array, chosen)
         count = library.numpy(body, "count_nonzero", [chosen], {})
-        made = body.new(array_type(array).kind, [count.text], (None,))
-        at = body.fresh("at")
-        body.put(f"int64_t {at} = 0;")
-        (i,) = arrays.loops(body, [size])
-        test = body.at(chosen, [i]).text
-        body.act(f"if ({test}) {made.text}[{at}++] = {body.at(array, [i]).text};")
-        arrays.close(body, 1)
+        made = body.new(array_type(array).kind, [count.expr], (None,))
+        at = _from_zero(body)
+        with body.loops([size]) as (i,):
+            append = Append(made.expr, at, body.at(array, [i]).expr)
+            body.act(If(body.at(chosen, [i]).expr, [append]))
         return made
     made = body.new(array_type(array).kind, [size], array_type(chosen).dims)
-    (i,) = arrays.loops(body, [size])
-    found = arrays.subscript(body, array, [body.at(chosen, [i])])
-    body.act(f"{body.place(made, [i])} = {found.text};")
-    arrays.close(body, 1)
+    with body.loops([size]) as (i,):
+        found = arrays.subscript(body, array, [body.at(chosen, [i])])
+        body.act(Set(body.place(made, [i]), found.expr))
     return made
+
+
+def _from_zero(body: Body) -> Name:
+    """A counter."""
+    name = body.fresh("at")
+    body.add(Declare("int64_t", name, Literal(0), const=False))
+    return Name(name)
 
 
 def select_and_write(body: Body, array: Value, chosen: Value, value: Value) -> None:
     """``a[mask] = value`` and ``a[indices] = value`` of an array with one axis."""
     if array_type(array).frozen:
-        raise NotTypedError("writes into an input or a stored output; write to a copy")
+        raise NotTypedError(arrays.FROZEN)
     chosen = body.stored(chosen)
     value = arrays.copied(body, value) if isinstance(value.type, Array) else body.kept(value)
     if len(array_type(array).dims) != 1 or len(array_type(chosen).dims) != 1:
@@ -185,21 +213,22 @@ def select_and_write(body: Body, array: Value, chosen: Value, value: Value) -> N
     if mask:
         _same_length(body, array, chosen)
     repeated = _fits(body, chosen, value, mask)
-    at = body.fresh("at")
-    if mask:
-        body.put(f"int64_t {at} = 0;")
-    (i,) = arrays.loops(body, [size_text(chosen, 0)])
-    source = value
-    if isinstance(value.type, Array):
-        index = "0" if repeated else f"{at}++" if mask else i
-        source = Value(arrays.elements(value), (body.place(value, [index]),))
-    text = converted(scalars.as_number(source), arrays.elements(array)).text
-    if mask:
-        body.act(f"if ({body.at(chosen, [i]).text}) {body.place(array, [i])} = {text};")
-    else:
-        place = arrays.subscript(body, array, [body.at(chosen, [i])])
-        body.act(f"{place.text} = {text};")
-    arrays.close(body, 1)
+    # With a mask, the values are taken one after the other.
+    in_turn = mask and isinstance(value.type, Array) and not repeated
+    at = _from_zero(body) if in_turn else None
+    with body.loops([size_expr(chosen, 0)]) as (i,):
+        source = value
+        if isinstance(value.type, Array):
+            index = Literal(0) if repeated else at or i
+            source = Value(arrays.elements(value), (body.place(value, [index]),))
+        expr = converted(scalars.as_number(source), arrays.elements(array)).expr
+        if mask:
+            steps: list[Statement] = [Set(body.place(array, [i]), expr)]
+            steps += [Set(at, Literal(1), "+=")] if at is not None else []
+            body.act(If(body.at(chosen, [i]).expr, steps))
+        else:
+            place = arrays.subscript(body, array, [body.at(chosen, [i])])
+            body.act(Set(place.expr, expr))
 
 
 def _fits(body: Body, chosen: Value, value: Value, mask: bool) -> bool:
@@ -210,18 +239,14 @@ def _fits(body: Body, chosen: Value, value: Value, mask: bool) -> bool:
         raise NotTypedError("assigns more than one axis to selected elements; write the loop")
     if value.type.dims[0] == 1:
         return True
-    wanted = size_text(chosen, 0)
+    wanted = size_expr(chosen, 0)
     if mask:
-        wanted = body.kept(library.numpy(body, "count_nonzero", [chosen], {})).text
+        wanted = body.kept(library.numpy(body, "count_nonzero", [chosen], {})).expr
     message = "cannot assign {size} values to {index} selected elements"
-    failure = body.fail("ValueError", message)
-    body.act(f"same_size(ctx, {wanted}, {size_text(value, 0)}, {failure});")
+    body.same_size(wanted, size_expr(value, 0), "ValueError", message)
     return False
 
 
 def _same_length(body: Body, array: Value, chosen: Value) -> None:
-    sizes = size_text(array, 0), size_text(chosen, 0)
-    if sizes[0] != sizes[1]:
-        message = "boolean index did not match: sizes {index} and {size}"
-        failure = body.fail("IndexError", message)
-        body.act(f"same_size(ctx, {sizes[0]}, {sizes[1]}, {failure});")
+    message = "boolean index did not match: sizes {index} and {size}"
+    body.same_size(size_expr(array, 0), size_expr(chosen, 0), "IndexError", message)

@@ -1,4 +1,10 @@
-"""New arrays: zeros, copies, and arrays of numbers."""
+"""New arrays: zeros, copies, and arrays of numbers.
+
+In go the arguments of a call of NumPy, by NumPy's names; out comes a new array in the arena:
+
+    np.full(n, 2.0)     double *const array_1_ = take(ctx, 8 * n, failure);
+                        for (...) array_1_[i] = 2.0;
+"""
 
 from __future__ import annotations
 
@@ -6,6 +12,7 @@ from collections.abc import Sequence
 
 from runtime.codegen import arrays
 from runtime.codegen.body import Body
+from runtime.codegen.form import CTX, Call, Choice, Item, Literal, Operator, Set
 from runtime.codegen.types import (
     BOOL,
     FLOAT,
@@ -25,7 +32,7 @@ from runtime.codegen.values import (
     number,
     parts_of,
     size_of,
-    size_text,
+    sizes_of,
 )
 
 KINDS = {"float64": FLOAT, "float": FLOAT, "int64": INT, "int": INT, "bool_": BOOL, "bool": BOOL}
@@ -50,15 +57,15 @@ def kind_of(dtype: Value | None, default: Number) -> Number:
 
 
 def new_array(body: Body, sizes: Sequence[Value], kind: Number) -> Value:
-    texts = []
+    found = []
     for size in sizes:
-        text = size.text
+        expr = size.expr
         if size.const is UNKNOWN and (size.low is None or size.low < 0):
             failure = body.fail("ValueError", "negative dimensions are not allowed")
-            text = f"array_size(ctx, {text}, {failure})"
-        texts.append(text)
+            expr = Call("array_size", (CTX, expr, failure))
+        found.append(expr)
     dims = tuple(int(s.const) if s.const is not UNKNOWN else None for s in sizes)
-    return body.new(kind.kind, texts, dims)
+    return body.new(kind.kind, found, dims)
 
 
 def filled(fill: float | None, body: Body, shape: Value, dtype: Value | None = None) -> Value:
@@ -93,10 +100,10 @@ def eye(body: Body, N: Value, M: Value | None = None, k: Value | None = None) ->
     columns = N if M is None or M.type == NONE else M
     (offset,) = shape_of(number(0) if k is None else body.kept(k))
     made = new_array(body, [*shape_of(N), *shape_of(columns)], FLOAT)
-    i, j = arrays.loops(body, [size_text(made, 0), size_text(made, 1)])
-    shifted = i if offset.const == 0 else f"{i} + {offset.text}"
-    body.act(f"{body.place(made, [i, j])} = {j} == {shifted} ? 1.0 : 0.0;")
-    arrays.close(body, 2)
+    with body.loops(sizes_of(made)) as (i, j):
+        shifted = i if offset.const == 0 else Operator("+", i, offset.expr)
+        one = Choice(Operator("==", j, shifted), Literal(1.0), Literal(0.0))
+        body.act(Set(body.place(made, [i, j]), one))
     return made
 
 
@@ -110,9 +117,8 @@ def arange(body: Body, stop: Value, /) -> Value:
     if stop.type != INT:
         raise NotTypedError("calls np.arange with a number that is no integer; write the loop")
     made = new_array(body, [stop], INT)
-    (i,) = arrays.loops(body, [size_text(made, 0)])
-    body.act(f"{body.place(made, [i])} = {i};")
-    arrays.close(body, 1)
+    with body.loops(sizes_of(made)) as (i,):
+        body.act(Set(body.place(made, [i]), i))
     return made
 
 
@@ -146,9 +152,9 @@ def as_array(body: Body, object: Value, dtype: Value | None = None) -> Value:
         if lengths or width is None:
             raise NotTypedError("makes an array of rows of different lengths")
         dims = (len(rows), width)
-    made = body.new(kind.kind, [str(d) for d in dims], dims)
+    made = body.new(kind.kind, [Literal(d) for d in dims], dims)
     for at, entry in enumerate(numbers):
-        body.act(f"{made.text}[{at}] = {converted(entry, kind).text};")
+        body.act(Set(Item(made.expr, Literal(at)), converted(entry, kind).expr))
     return made
 
 

@@ -1,14 +1,21 @@
-"""Random numbers: NumPy's own functions, so that the numbers are the same."""
+"""Random numbers: NumPy's own functions, so that the numbers are the same.
+
+In go a generator and the arguments of one of its methods, out comes a draw that is stored at once:
+
+    state.random.normal(0.0, s)     if (!(!signbit(s))) fail
+                                    const double drawn_1_ = 0.0 + s * random->normal(random->bits);
+"""
 
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
-from runtime.codegen import arrays, creation, scalars
+from runtime.codegen import creation, scalars
 from runtime.codegen.body import Body
+from runtime.codegen.form import Call, Draw, Expr, Fail, If, Literal, Logic, Operator, Prefix, Set
 from runtime.codegen.types import FLOAT, NONE
-from runtime.codegen.values import Value, array_type, number, size_text
+from runtime.codegen.values import Value, number, sizes_of
 
 Size = Value | None
 ZERO, ONE = number(0.0), number(1.0)
@@ -31,7 +38,8 @@ def _uniform(
 ) -> Value:
     low, high = _numbers(body, low, high)
     width = body.kept(scalars.binary(body, ast.Sub(), high, low), "width")
-    _sound(body, f"isfinite({width.text}) && {width.within(2)} >= 0.0")
+    finite = Call("isfinite", (width.expr,))
+    _sound(body, Logic("&&", (finite, Operator(">=", width.expr, Literal(0.0)))))
     return _drawn(body, generator, size, "uniform", lambda draw: _moved(body, low, width, draw))
 
 
@@ -39,13 +47,13 @@ def _normal(
     body: Body, generator: Value, loc: Value = ZERO, scale: Value = ONE, size: Size = None
 ) -> Value:
     loc, scale = _numbers(body, loc, scale)
-    _sound(body, f"!signbit({scale.text})")
+    _sound(body, Prefix("!", Call("signbit", (scale.expr,))))
     return _drawn(body, generator, size, "normal", lambda draw: _moved(body, loc, scale, draw))
 
 
 def _exponential(body: Body, generator: Value, scale: Value = ONE, size: Size = None) -> Value:
     (scale,) = _numbers(body, scale)
-    _sound(body, f"!signbit({scale.text})")
+    _sound(body, Prefix("!", Call("signbit", (scale.expr,))))
     times = ast.Mult()
     of = lambda draw: scalars.binary(body, times, scale, draw)  # noqa: E731
     return _drawn(body, generator, size, "exponential", of)
@@ -63,10 +71,10 @@ def _numbers(body: Body, *values: Value) -> list[Value]:
     return [body.kept(scalars.as_float(value)) for value in values]
 
 
-def _sound(body: Body, test: str) -> None:
+def _sound(body: Body, test: Expr) -> None:
     """Fail where NumPy refuses the parameters of a distribution."""
     failure = body.fail("ValueError", "parameters of a distribution are not valid")
-    body.act(f"if (!LIKELY({test})) fail(ctx, {failure});")
+    body.act(If(Prefix("!", Call("LIKELY", (test,))), [Fail(failure)]))
 
 
 def _moved(body: Body, start: Value, width: Value, draw: Value) -> Value:
@@ -78,12 +86,10 @@ def _drawn(
 ) -> Value:
     """One draw, or an array of draws in the order in which NumPy takes them."""
     body.change()
-    draw = Value(FLOAT, (f"{generator.text}->{function}({generator.text}->bits)",))
+    draw = Value(FLOAT, (Draw(generator.expr, function),))
     if size is None or size.type == NONE:
         return body.kept(of(draw), "drawn")
     made = creation.new_array(body, creation.shape_of(size), FLOAT)
-    axes: Sequence[int] = range(len(array_type(made).dims))
-    indices = arrays.loops(body, [size_text(made, k) for k in axes])
-    body.act(f"{body.place(made, indices)} = {of(draw).text};")
-    arrays.close(body, len(indices))
+    with body.loops(sizes_of(made)) as indices:
+        body.act(Set(body.place(made, indices), of(draw).expr))
     return made

@@ -1,24 +1,27 @@
-"""Expressions of the source as C text."""
+"""Expressions of the source as values: names, operators, comparisons, subscripts.
+
+In go nodes of Python's syntax tree, out come typed values; what they need done before them is added
+to the body. ``READERS`` has a function for each type of node, calls and comprehensions included
+(``calls``); a node without one is refused.
+
+    x if x > 0.0 else self.gain     Value(FLOAT, (Choice(x > 0.0, x, gain),))
+    a[i] + b                        Value(FLOAT, (Operator("+", Item(a, i), b),))
+"""
 
 from __future__ import annotations
 
 import ast
 from collections.abc import Callable, Sequence
 from functools import partial
+from typing import Any, TypeVar
 
 from runtime.codegen import arrays, builtins, creation, library, scalars
-from runtime.codegen.body import Body, Caller, Failures
-from runtime.codegen.knowing import (
-    both,
-    calls,
-    constant,
-    identical,
-    lowest,
-)
-from runtime.codegen.names import local_name
-from runtime.codegen.source import Function
+from runtime.codegen.body import Body
+from runtime.codegen.deciding import both, calls, constant, identical, lowest
+from runtime.codegen.form import Choice, Declare, If, Name, Set, Statement, Table
 from runtime.codegen.types import (
     BOOL,
+    C_NAMES,
     INT,
     NONE,
     Array,
@@ -27,13 +30,13 @@ from runtime.codegen.types import (
     NotTypedError,
     Number,
     Tuple,
-    Type,
     join,
     leaves,
 )
 from runtime.codegen.values import (
     UNKNOWN,
     Value,
+    given,
     group,
     known,
     none,
@@ -42,329 +45,327 @@ from runtime.codegen.values import (
     size_of,
 )
 
+READERS: dict[type[ast.expr], Callable[[Body, Any], Value]] = {}
 
-class Expressions(Body, ast.NodeVisitor):
-    """Writes the expressions of one function.
 
-    Parameters
-    ----------
-    writer : of the unit; it writes the functions that are called.
+Reader = TypeVar("Reader", bound=Callable[[Body, Any], Value])
+
+
+def reads(*kinds: type[ast.expr]) -> Callable[[Reader], Reader]:
+    """The function below reads these nodes."""
+
+    def register(function: Reader) -> Reader:
+        READERS.update(dict.fromkeys(kinds, function))
+        return function
+
+    return register
+
+
+def value_of(body: Body, node: ast.expr) -> Value:
+    """The value of an expression.
+
+    Raises
+    ------
+    NotTypedError : it is outside the compiled subset.
     """
+    line = getattr(node, "lineno", None)
+    body.line = body.function.line + line if line else body.line
+    reader = READERS.get(type(node))
+    if reader is None:
+        raise NotTypedError(f"holds a {type(node).__name__}, which is not compiled")
+    return reader(body, node)
 
-    def __init__(
-        self,
-        writer: Caller,
-        function: Function,
-        failures: Failures,
-        types: dict[str, Type],
-    ) -> None:
-        super().__init__(function, failures, types, writer.check)
-        self.writer = writer
-        self.heads: dict[str, str] = {}
 
-    def expr(self, node: ast.expr) -> Value:
-        """The value of an expression.
+def each(body: Body, nodes: Sequence[ast.expr]) -> list[Value]:
+    """The values of expressions that are evaluated from left to right."""
+    inner = [node.value if isinstance(node, ast.Starred) else node for node in nodes]
+    values = body.in_order(partial(value_of, body, node) for node in inner)
+    found: list[Value] = []
+    for node, value in zip(nodes, values, strict=True):
+        found += parts_of(value) if isinstance(node, ast.Starred) else [value]
+    return found
 
-        Raises
-        ------
-        NotTypedError : it is outside the compiled subset.
-        """
-        line = getattr(node, "lineno", None)
-        self.line = self.function.line + line if line else self.line
-        visit = getattr(self, f"visit_{type(node).__name__}", None)
-        if visit is None:
-            raise NotTypedError(f"holds a {type(node).__name__}, which is not compiled")
-        value: Value = visit(node)
+
+# Names and constants
+
+
+@reads(ast.Constant)
+def _constant(body: Body, node: ast.Constant) -> Value:
+    if node.value is None:
+        return none()
+    if isinstance(node.value, (bool, int, float)):
+        return number(node.value)
+    if isinstance(node.value, str):
+        return known(node.value)
+    raise NotTypedError(f"uses {node.value!r}")
+
+
+@reads(ast.Name)
+def _name(body: Body, node: ast.Name) -> Value:
+    name = node.id
+    if body.is_local(name):
+        return body.read(name)
+    if body.function.bound and name in body.caller.source.entries:
+        return body.entry(name)
+    if name in ("float", "int", "bool"):
+        return known(name)
+    raise NotTypedError(f"uses '{name}'")
+
+
+@reads(ast.Attribute)
+def _attribute(body: Body, node: ast.Attribute) -> Value:
+    if isinstance(node.value, ast.Name) and node.value.id in ("math", "np"):
+        return constant(node.value.id, node.attr)
+    value = value_of(body, node.value)
+    if isinstance(value.type, Array):
+        axes = range(len(value.type.dims))
+        if node.attr == "shape":
+            return group([size_of(value, k) for k in axes])
+        if node.attr == "ndim":
+            return number(len(axes))
+        if node.attr == "size":
+            return library.size(value)
+        if node.attr == "T":
+            return arrays.transposed(body.stored(value))
+        if node.attr == "flat":
+            return library.ravel(body, value)
+    raise NotTypedError(f"reads '{ast.unparse(node)}'")
+
+
+@reads(ast.Tuple, ast.List)
+def _tuple(body: Body, node: ast.Tuple | ast.List) -> Value:
+    return group([body.reached(body.stored(v)) for v in each(body, node.elts)])
+
+
+# Operators
+
+
+@reads(ast.UnaryOp)
+def _unary(body: Body, node: ast.UnaryOp) -> Value:
+    value = value_of(body, node.operand)
+    if isinstance(node.op, ast.Not):
+        return scalars.inverted(truth(body, value))
+    if isinstance(node.op, ast.USub):
+        return library.negated(body, value)
+    is_bool = arrays.elements(value) == BOOL
+    if isinstance(node.op, ast.UAdd) and not is_bool:
         return value
+    if isinstance(node.op, ast.Invert) and is_bool and isinstance(value.type, Array):
+        return library.lifted(body, [value], scalars.inverted, BOOL)
+    raise NotTypedError("inverts bits, or gives a bool a sign; use 'not' or int(...)")
 
-    def each(self, nodes: Sequence[ast.expr]) -> list[Value]:
-        """The values of expressions that are evaluated from left to right."""
-        inner = [node.value if isinstance(node, ast.Starred) else node for node in nodes]
-        values = self.in_order(partial(self.expr, node) for node in inner)
-        found: list[Value] = []
-        for node, value in zip(nodes, values, strict=True):
-            found += parts_of(value) if isinstance(node, ast.Starred) else [value]
-        return found
 
-    # Names and constants
+@reads(ast.BinOp)
+def _binary(body: Body, node: ast.BinOp) -> Value:
+    a, b = each(body, [node.left, node.right])
+    return operated(body, node.op, a, b)
 
-    def visit_Constant(self, node: ast.Constant) -> Value:
-        if node.value is None:
-            return none()
-        if isinstance(node.value, (bool, int, float)):
-            return number(node.value)
-        if isinstance(node.value, str):
-            return known(node.value)
-        raise NotTypedError(f"uses {node.value!r}")
 
-    def visit_Name(self, node: ast.Name) -> Value:
-        name = node.id
-        if f"{name}@{self.versions.get(name, 0)}" in self.types or name in self.function.counts:
-            return self.read(name)
-        if self.function.bound and name in self.writer.source.entries:
-            return self.entry(name)
-        if name in ("float", "int", "bool"):
-            return known(name)
-        raise NotTypedError(f"uses '{name}'")
+def operated(body: Body, op: ast.operator, a: Value, b: Value) -> Value:
+    """A binary operator."""
+    if isinstance(a.type, Tuple) and isinstance(b.type, Tuple) and isinstance(op, ast.Add):
+        return group([*parts_of(a), *parts_of(b)])
+    if isinstance(a.type, Tuple) and isinstance(op, ast.Mult) and b.type == INT and b.is_known:
+        return group(parts_of(a) * int(b.const))
+    if isinstance(op, ast.MatMult):
+        return library.matmul(body, a, b)
+    if isinstance(a.type, Array) or isinstance(b.type, Array):
+        # A tuple that is combined with an array is one.
+        a, b = (creation.as_array(body, v) if isinstance(v.type, Tuple) else v for v in (a, b))
+    return library.operator(body, op, [a, b])
 
-    def entry(self, name: str) -> Value:
-        """An entry of the unit, read once at the top of the function."""
-        kind = self.writer.source.entries[name]
-        target = local_name(name)
-        for suffix, c_type in leaves(kind):
-            space = "" if c_type.endswith("*") else " "
-            const = "const" if c_type.endswith("*") else ""
-            head = f"{c_type}{const} " if const else f"const {c_type}{space}"
-            self.heads[f"{target}{suffix}"] = f"{head}{target}{suffix} = self->{target}{suffix};"
-        texts = tuple(f"{target}{suffix}" for suffix, _ in leaves(kind))
-        self.stable.update(texts)
-        return Value(kind, texts)
 
-    def visit_Attribute(self, node: ast.Attribute) -> Value:
-        if isinstance(node.value, ast.Name) and node.value.id in ("math", "np"):
-            return constant(node.value.id, node.attr)
-        value = self.expr(node.value)
-        if isinstance(value.type, Array):
-            axes = range(len(value.type.dims))
-            if node.attr == "shape":
-                return group([size_of(value, k) for k in axes])
-            if node.attr == "ndim":
-                return number(len(axes))
-            if node.attr == "size":
-                return library.size(value)
-            if node.attr == "T":
-                return arrays.transposed(self.stored(value))
-            if node.attr == "flat":
-                return library.ravel(self, value)
-        raise NotTypedError(f"reads '{ast.unparse(node)}'")
+@reads(ast.Compare)
+def _compare(body: Body, node: ast.Compare) -> Value:
+    a, b = each(body, [node.left, node.comparators[0]])
+    return _compared_on(body, node.ops, a, b, node.comparators[1:])
 
-    def visit_Tuple(self, node: ast.Tuple | ast.List) -> Value:
-        return group([self.reached(self.stored(v)) for v in self.each(node.elts)])
 
-    def visit_List(self, node: ast.List) -> Value:
-        return self.visit_Tuple(node)
+def _compared_on(
+    body: Body, ops: Sequence[ast.cmpop], a: Value, b: Value, nodes: Sequence[ast.expr]
+) -> Value:
+    """``a < b < ...``: what follows is evaluated only if the first comparison holds."""
+    if not nodes:
+        return compared(body, ops[0], a, b)
+    b = body.kept(b)
+    first = compared(body, ops[0], a, b)
 
-    # Operators
+    def rest() -> Value:
+        return _compared_on(body, ops[1:], b, value_of(body, nodes[0]), nodes[1:])
 
-    def visit_UnaryOp(self, node: ast.UnaryOp) -> Value:
-        value = self.expr(node.operand)
-        if isinstance(node.op, ast.Not):
-            return scalars.inverted(self.truth(value))
-        if isinstance(node.op, ast.USub):
-            return library.negated(self, value)
-        is_bool = arrays.elements(value) == BOOL
-        if isinstance(node.op, ast.UAdd) and not is_bool:
-            return value
-        if isinstance(node.op, ast.Invert) and is_bool and isinstance(value.type, Array):
-            return library.lifted(self, [value], scalars.inverted, BOOL)
-        raise NotTypedError("inverts bits, or gives a bool a sign; use 'not' or int(...)")
+    return _decided(body, first, rest, "&&")
 
-    def visit_BinOp(self, node: ast.BinOp) -> Value:
-        a, b = self.each([node.left, node.right])
-        return self.operated(node.op, a, b)
 
-    def operated(self, op: ast.operator, a: Value, b: Value) -> Value:
-        """A binary operator."""
-        if isinstance(a.type, Tuple) and isinstance(b.type, Tuple) and isinstance(op, ast.Add):
-            return group([*parts_of(a), *parts_of(b)])
-        if isinstance(a.type, Tuple) and isinstance(op, ast.Mult) and b.type == INT and b.is_known:
-            return group(parts_of(a) * int(b.const))
-        if isinstance(op, ast.MatMult):
-            return library.matmul(self, a, b)
-        a, b = (creation.as_array(self, v) if self._mixed(v, a, b) else v for v in (a, b))
-        return library.operator(self, op, [a, b])
+def compared(body: Body, op: ast.cmpop, a: Value, b: Value) -> Value:
+    """One comparison."""
+    if isinstance(op, (ast.Is, ast.IsNot, ast.Eq, ast.NotEq)):
+        same = identical(a, b)
+        if same is not None:
+            # Known while compiling, but an error of an operand comes all the same.
+            a, b = body.reached(a), body.reached(b)
+            return scalars.inverted(same) if isinstance(op, (ast.IsNot, ast.NotEq)) else same
+    if isinstance(op, (ast.In, ast.NotIn)):
+        a = body.kept(a)
+        found = both([compared(body, ast.Eq(), a, part) for part in parts_of(b)], "||")
+        return scalars.inverted(found) if isinstance(op, ast.NotIn) else found
+    if isinstance(a.type, Tuple) and isinstance(b.type, Tuple):
+        pairs = zip(parts_of(a), parts_of(b), strict=False)
+        if isinstance(op, (ast.Eq, ast.NotEq)) and len(a.type.parts) == len(b.type.parts):
+            found = both([compared(body, ast.Eq(), x, y) for x, y in pairs], "&&")
+            return scalars.inverted(found) if isinstance(op, ast.NotEq) else found
+    return library.compared(body, op, [a, b])
 
-    @staticmethod
-    def _mixed(value: Value, a: Value, b: Value) -> bool:
-        """Whether a tuple is combined with an array."""
-        arrays_too = any(isinstance(v.type, Array) for v in (a, b))
-        return arrays_too and isinstance(value.type, Tuple)
 
-    def visit_Compare(self, node: ast.Compare) -> Value:
-        a, b = self.each([node.left, node.comparators[0]])
-        return self.compared_on(node.ops, a, b, node.comparators[1:])
+def truth(body: Body, value: Value) -> Value:
+    """Whether a value counts as true."""
+    if isinstance(value.type, Known):
+        return number(bool(value.type.value))
+    if isinstance(value.type, Tuple):
+        return number(bool(value.type.parts))
+    if isinstance(value.type, Maybe):
+        return Value(BOOL, value.leaves[:1])
+    if isinstance(value.type, Array):
+        value = library.item(body, value)
+    return scalars.truth(value)
 
-    def compared_on(
-        self, ops: Sequence[ast.cmpop], a: Value, b: Value, nodes: Sequence[ast.expr]
-    ) -> Value:
-        """``a < b < ...``: what follows is evaluated only if the first comparison holds."""
-        if not nodes:
-            return self.compared(ops[0], a, b)
-        b = self.kept(b)
-        first = self.compared(ops[0], a, b)
 
-        def rest() -> Value:
-            return self.compared_on(ops[1:], b, self.expr(nodes[0]), nodes[1:])
+@reads(ast.BoolOp)
+def _bool_op(body: Body, node: ast.BoolOp) -> Value:
+    return _chained(body, node.values, "&&" if isinstance(node.op, ast.And) else "||")
 
-        return self.decided(first, rest, "&&")
 
-    def compared(self, op: ast.cmpop, a: Value, b: Value) -> Value:
-        """One comparison."""
-        if isinstance(op, (ast.Is, ast.IsNot, ast.Eq, ast.NotEq)):
-            same = identical(a, b)
-            if same is not None:
-                return scalars.inverted(same) if isinstance(op, (ast.IsNot, ast.NotEq)) else same
-        if isinstance(op, (ast.In, ast.NotIn)):
-            a = self.kept(a)
-            found = both([self.compared(ast.Eq(), a, part) for part in parts_of(b)], "||")
-            return scalars.inverted(found) if isinstance(op, ast.NotIn) else found
-        if isinstance(a.type, Tuple) and isinstance(b.type, Tuple):
-            pairs = zip(parts_of(a), parts_of(b), strict=False)
-            if isinstance(op, (ast.Eq, ast.NotEq)) and len(a.type.parts) == len(b.type.parts):
-                found = both([self.compared(ast.Eq(), x, y) for x, y in pairs], "&&")
-                return scalars.inverted(found) if isinstance(op, ast.NotEq) else found
-        return library.compared(self, op, [a, b])
+def _chained(body: Body, nodes: Sequence[ast.expr], sign: str) -> Value:
+    """``and`` and ``or``: the right side is evaluated only if the left does not decide."""
+    first = value_of(body, nodes[0])
+    if len(nodes) == 1:
+        return first
+    tested = truth(body, first)
+    if tested.const is not UNKNOWN:
+        decides = bool(tested.const) == (sign == "||")
+        return first if decides else _chained(body, nodes[1:], sign)
+    first = first if first.type == BOOL else body.kept(first)
+    return _decided(body, first, partial(_chained, body, nodes[1:], sign), sign)
 
-    def truth(self, value: Value) -> Value:
-        """Whether a value counts as true."""
-        if isinstance(value.type, Known):
-            return number(bool(value.type.value))
-        if isinstance(value.type, Tuple):
-            return number(bool(value.type.parts))
-        if isinstance(value.type, Maybe):
-            return Value(BOOL, value.texts[:1])
-        if isinstance(value.type, Array):
-            value = library.item(self, value)
-        return scalars.truth(value)
 
-    def visit_BoolOp(self, node: ast.BoolOp) -> Value:
-        sign = "&&" if isinstance(node.op, ast.And) else "||"
-        return self.chained(node.values, sign)
+def _decided(body: Body, first: Value, following: Callable[[], Value], sign: str) -> Value:
+    """The first value if it decides, or else what follows, which is evaluated only then."""
+    tested = truth(body, first)
+    with body.branch() as statements:
+        rest = following()
+    if first.type == BOOL and rest.type == BOOL and not statements:
+        return both([tested, rest], sign)
+    branches = [(statements, rest), ([], first)]
+    return _chosen(body, tested, *(branches if sign == "&&" else branches[::-1]))
 
-    def chained(self, nodes: Sequence[ast.expr], sign: str) -> Value:
-        """``and`` and ``or``: the right side is evaluated only if the left does not decide."""
-        first = self.expr(nodes[0])
-        if len(nodes) == 1:
-            return first
-        tested = self.truth(first)
-        if tested.const is not UNKNOWN:
-            decides = bool(tested.const) == (sign == "||")
-            return first if decides else self.chained(nodes[1:], sign)
-        first = first if first.type == BOOL else self.kept(first)
-        return self.decided(first, partial(self.chained, nodes[1:], sign), sign)
 
-    def decided(self, first: Value, following: Callable[[], Value], sign: str) -> Value:
-        """The first value if it decides, or else what follows, which is evaluated only then."""
-        tested = self.truth(first)
-        with self.captured() as lines:
-            self.depth += 1
-            self.nested += 1
-            rest = following()
-            self.depth -= 1
-            self.nested -= 1
-        if first.type == BOOL and rest.type == BOOL and not lines:
-            return both([tested, rest], sign)
-        return self.chosen(tested, (lines, rest), ([], first), sign == "||")
+@reads(ast.IfExp)
+def _if_exp(body: Body, node: ast.IfExp) -> Value:
+    test = truth(body, value_of(body, node.test))
+    if test.const is not UNKNOWN:
+        return value_of(body, node.body if test.const else node.orelse)
+    branches = []
+    for part in (node.body, node.orelse):
+        with body.branch() as statements:
+            value = body.stored(value_of(body, part))
+        branches.append((statements, value))
+    return _chosen(body, test, *branches)
 
-    def visit_IfExp(self, node: ast.IfExp) -> Value:
-        test = self.truth(self.expr(node.test))
-        if test.const is not UNKNOWN:
-            return self.expr(node.body if test.const else node.orelse)
-        branches = []
-        for part in (node.body, node.orelse):
-            with self.captured() as lines:
-                self.depth += 1
-                self.nested += 1
-                value = self.stored(self.expr(part))
-                self.depth -= 1
-                self.nested -= 1
-            branches.append((lines, value))
-        return self.chosen(test, branches[0], branches[1], False)
 
-    def chosen(
-        self,
-        test: Value,
-        yes: tuple[list[str], Value],
-        no: tuple[list[str], Value],
-        swapped: bool,
-    ) -> Value:
-        """One of two values, each with the lines that compute it."""
-        if swapped:
-            yes, no = no, yes
-        kind = join(yes[1].type, no[1].type)
-        a, b = self.as_type(yes[1], kind), self.as_type(no[1], kind)
-        if not yes[0] and not no[0] and len(a.texts) == 1 and isinstance(kind, Number):
-            text = f"{test.within(3)} ? {a.within(1)} : {b.within(1)}"
-            return Value(kind, (f"({text})",), low=lowest(a, b))
-        name = self.fresh("chosen")
-        targets = [f"{name}{suffix}" for suffix, _ in leaves(kind)]
-        for target, (_, c_type) in zip(targets, leaves(kind), strict=True):
-            self.put(f"{c_type}{'' if c_type.endswith('*') else ' '}{target};")
-        for head, lines, value in ((f"if ({test.text}) {{", yes[0], a), ("} else {", no[0], b)):
-            self.put(head)
-            self.lines += lines
-            for target, text in zip(targets, value.texts, strict=True):
-                self.put(f"    {target} = {text};")
-        self.put("}")
-        return Value(kind, tuple(targets))
+Branch = tuple[list[Statement], Value]
 
-    # Subscripts
 
-    def visit_Subscript(self, node: ast.Subscript) -> Value:
-        value = self.expr(node.value)
-        if isinstance(value.type, Maybe):
-            value = Value(value.type.part, value.texts[1:])
-        if isinstance(value.type, Tuple):
-            return self.part(self.kept(value) if calls(node.slice) else value, node.slice)
-        if not isinstance(value.type, Array):
-            raise NotTypedError(f"takes an element of a {value.type}")
-        whole = isinstance(node.slice, ast.Constant) and node.slice.value is Ellipsis
-        if whole and not value.type.dims:
-            return value
-        indices = self.indices(node.slice, value)
-        if len(indices) == 1 and isinstance(indices[0], Value):
-            chosen = indices[0]
-            if isinstance(chosen.type, Array):
-                return builtins.selected(self, value, chosen)
-        return arrays.subscript(self, value, indices)
+def _chosen(body: Body, test: Value, yes: Branch, no: Branch) -> Value:
+    """One of two values, each with the statements that compute it."""
+    kind = join(yes[1].type, no[1].type)
+    a, b = body.as_type(yes[1], kind), body.as_type(no[1], kind)
+    if not yes[0] and not no[0] and isinstance(kind, Number):
+        return Value(kind, (Choice(test.expr, a.expr, b.expr),), low=lowest(a, b))
+    name = body.fresh("chosen")
+    targets = [Name(f"{name}{suffix}") for suffix, _ in leaves(kind)]
+    for target, (_, c_type) in zip(targets, leaves(kind), strict=True):
+        body.add(Declare(c_type, target.name, const=False))
+    first, second = (
+        [*branch[0], *(Set(place, leaf) for place, leaf in zip(targets, value.leaves, strict=True))]
+        for branch, value in ((yes, a), (no, b))
+    )
+    body.add(If(test.expr, first, second))
+    return Value(kind, tuple(targets))
 
-    def part(self, value: Value, node: ast.expr) -> Value:
-        """A part of a tuple, or some of them."""
-        parts = parts_of(value)
-        if isinstance(node, ast.Slice):
-            bounds = [self.expr(b) if b else None for b in (node.lower, node.upper, node.step)]
-            if any(b is not None and b.const is UNKNOWN for b in bounds):
-                raise NotTypedError("slices a tuple with bounds that are not literal numbers")
-            first, last, step = (None if b is None else int(b.const) for b in bounds)
-            return group(parts[first:last:step])
-        index = self.expr(node)
-        if index.const is not UNKNOWN:
-            if not -len(parts) <= int(index.const) < len(parts):
-                raise NotTypedError(f"takes part {index.const} of {len(parts)}")
-            return parts[int(index.const)]
-        kind = parts[0].type if parts else NONE
-        if not isinstance(kind, Number) or any(p.type != kind for p in parts):
-            return builtins.picked(self, parts, index)
-        name = self.fresh("array")
-        entries = ", ".join(part.text for part in parts)
-        self.put(f"const {next(leaves(kind))[1]} {name}[{len(parts)}] = {{{entries}}};")
-        held = Value(Array(kind.kind, (len(parts),), frozen=True), (name,))
-        return arrays.subscript(self, held, [index])
 
-    def indices(self, node: ast.expr, array: Value, stored: bool = False) -> list[arrays.Index]:
-        """The indices of a subscript, ``stored`` to or read; ``...`` stands for whole axes."""
-        nodes = node.elts if isinstance(node, ast.Tuple) else [node]
-        found: list[arrays.Index] = []
-        before = self.changes
-        axes = len(array.type.dims) if isinstance(array.type, Array) else 0
-        for part in nodes:
-            if isinstance(part, ast.Constant) and part.value is Ellipsis:
-                found += [arrays.Cut()] * (axes - len(nodes) + 1)
-                if axes < len(nodes) and axes and not stored:
-                    raise NotTypedError("takes an element with '...', which is an array of one")
-            elif isinstance(part, ast.Slice):
-                found.append(self.cut(part))
-            else:
-                value = self.expr(part)
-                found += parts_of(value) if isinstance(value.type, Tuple) else [value]
-        if self.changes > before and len(nodes) > 1:
-            raise NotTypedError("changes something in one of several indices; assign it before")
-        return found
+# Subscripts
 
-    def cut(self, node: ast.Slice) -> arrays.Cut:
-        bounds = [self.expr(b) if b else None for b in (node.lower, node.upper)]
-        bounds = [None if b is None or b.type == NONE else b for b in bounds]
-        step = self.expr(node.step) if node.step else number(1)
-        if step.const is UNKNOWN or not isinstance(step.const, int):
-            raise NotTypedError("uses a slice with a step that is not a literal number")
-        return arrays.Cut(bounds[0], bounds[1], step.const)
+
+@reads(ast.Subscript)
+def _subscript(body: Body, node: ast.Subscript) -> Value:
+    value = given(value_of(body, node.value))
+    if isinstance(value.type, Tuple):
+        return _part(body, body.kept(value) if calls(node.slice) else value, node.slice)
+    if not isinstance(value.type, Array):
+        raise NotTypedError(f"takes an element of a {value.type}")
+    whole = isinstance(node.slice, ast.Constant) and node.slice.value is Ellipsis
+    if whole and not value.type.dims:
+        return value
+    indices = indices_of(body, node.slice, value)
+    if len(indices) == 1 and isinstance(indices[0], Value):
+        chosen = indices[0]
+        if isinstance(chosen.type, Array):
+            return builtins.selected(body, value, chosen)
+    return arrays.subscript(body, value, indices)
+
+
+def _part(body: Body, value: Value, node: ast.expr) -> Value:
+    """A part of a tuple, or some of them."""
+    parts = parts_of(value)
+    if isinstance(node, ast.Slice):
+        bounds = [value_of(body, b) if b else None for b in (node.lower, node.upper, node.step)]
+        if any(b is not None and b.const is UNKNOWN for b in bounds):
+            raise NotTypedError("slices a tuple with bounds that are not literal numbers")
+        first, last, step = (None if b is None else int(b.const) for b in bounds)
+        return group(parts[first:last:step])
+    index = value_of(body, node)
+    if index.const is not UNKNOWN:
+        if not -len(parts) <= int(index.const) < len(parts):
+            raise NotTypedError(f"takes part {index.const} of {len(parts)}")
+        return parts[int(index.const)]
+    kind = parts[0].type if parts else NONE
+    if not isinstance(kind, Number) or any(p.type != kind for p in parts):
+        return builtins.picked(body, parts, index)
+    name = body.fresh("array")
+    body.add(Table(C_NAMES[kind.kind], name, tuple(part.expr for part in parts)))
+    held = Value(Array(kind.kind, (len(parts),), frozen=True), (Name(name, True),))
+    return arrays.subscript(body, held, [index])
+
+
+def indices_of(
+    body: Body, node: ast.expr, array: Value, stored: bool = False
+) -> list[arrays.Index]:
+    """The indices of a subscript, ``stored`` to or read; ``...`` stands for whole axes."""
+    nodes = node.elts if isinstance(node, ast.Tuple) else [node]
+    found: list[arrays.Index] = []
+    before = body.changes
+    axes = len(array.type.dims) if isinstance(array.type, Array) else 0
+    for part in nodes:
+        if isinstance(part, ast.Constant) and part.value is Ellipsis:
+            found += [arrays.Cut()] * (axes - len(nodes) + 1)
+            if axes < len(nodes) and axes and not stored:
+                raise NotTypedError("takes an element with '...', which is an array of one")
+        elif isinstance(part, ast.Slice):
+            found.append(_cut(body, part))
+        else:
+            value = value_of(body, part)
+            found += parts_of(value) if isinstance(value.type, Tuple) else [value]
+    if body.changes > before and len(nodes) > 1:
+        raise NotTypedError("changes something in one of several indices; assign it before")
+    return found
+
+
+def _cut(body: Body, node: ast.Slice) -> arrays.Cut:
+    bounds = [value_of(body, b) if b else None for b in (node.lower, node.upper)]
+    bounds = [None if b is None or b.type == NONE else b for b in bounds]
+    step = value_of(body, node.step) if node.step else number(1)
+    if step.const is UNKNOWN or not isinstance(step.const, int):
+        raise NotTypedError("uses a slice with a step that is not a literal number")
+    return arrays.Cut(bounds[0], bounds[1], step.const)
+
+
+__all__ = ["each", "indices_of", "operated", "reads", "truth", "value_of"]

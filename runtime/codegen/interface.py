@@ -1,8 +1,15 @@
-"""How other units call a method: numbers by value, everything else by pointers to numbers."""
+"""How other units call a method: numbers by value, everything else by pointers to numbers.
+
+In go the arguments and results of an entry, out come its C parameters and copies of its outputs:
+
+    [("pose", Tuple((FLOAT, FLOAT)))], [FLOAT]     (..., const double *pose, double *out0)
+                                                   out0[0] = output(pose[0], pose[1]);
+"""
 
 from __future__ import annotations
 
 from runtime.codegen.body import Body
+from runtime.codegen.form import Call, Do, Expr, Item, Literal, Name, Set, product
 from runtime.codegen.names import local_name
 from runtime.codegen.source import Entry
 from runtime.codegen.types import C_NAMES, FLOAT, Array, NotTypedError, Number, Tuple, Type
@@ -12,38 +19,40 @@ from runtime.codegen.values import (
     converted,
     group,
     parts_of,
-    product_text,
-    size_text,
+    size_expr,
+    sizes_of,
 )
 
+Parameter = tuple[str, str]  # the C type, and the name
 
-def given(name: str, kind: Type, parameters: list[str]) -> Value:
+
+def given(name: str, kind: Type, parameters: list[Parameter]) -> Value:
     """An argument from another unit; adds its C parameters."""
     plain = local_name(name)
     if isinstance(kind, Number):
-        parameters.append(f"{C_NAMES[kind.kind]} {plain}")
-        return Value(kind, (plain,))
+        parameters.append((C_NAMES[kind.kind], plain))
+        return Value(kind, (Name(plain),))
     if isinstance(kind, Array):
-        parameters.append(f"{'const ' if kind.frozen else ''}double *{plain}")
-        return Value(kind, (plain, *_sizes(plain, kind, parameters)))
+        parameters.append((f"{'const ' if kind.frozen else ''}double *", plain))
+        return Value(kind, (Name(plain), *_sizes(plain, kind, parameters)))
     if isinstance(kind, Tuple):
         if kind.parts and all(part == FLOAT for part in kind.parts) and not name.endswith("..."):
-            parameters.append(f"const double *{plain}")
-            return Value(kind, tuple(f"{plain}[{i}]" for i in range(len(kind.parts))))
+            parameters.append(("const double *", plain))
+            return Value(kind, tuple(Item(Name(plain), Literal(i)) for i in range(len(kind.parts))))
         stem = name.removesuffix("...")
         made = [given(f"{stem}_{i}", part, parameters) for i, part in enumerate(kind.parts)]
         return group(made)
     raise NotTypedError(f"takes a {kind} as an argument")
 
 
-def _sizes(name: str, kind: Array, parameters: list[str]) -> list[str]:
+def _sizes(name: str, kind: Array, parameters: list[Parameter]) -> list[Expr]:
     """The parameters with the sizes of an array that are known only while running."""
     names = [f"{name}_n{axis}" for axis, size in enumerate(kind.dims) if size is None]
-    parameters += [f"int64_t {each}" for each in names]
-    return names
+    parameters += [("int64_t", each) for each in names]
+    return [Name(each) for each in names]
 
 
-def results(body: Body, entry: Entry, found: Value, parameters: list[str]) -> None:
+def results(body: Body, entry: Entry, found: Value, parameters: list[Parameter]) -> None:
     """Copy what a method returns to its outputs."""
     if not entry.results:
         return
@@ -54,17 +63,18 @@ def results(body: Body, entry: Entry, found: Value, parameters: list[str]) -> No
             raise NotTypedError(message)
         parts = parts_of(found)
     for i, (part, kind) in enumerate(zip(parts, entry.results, strict=True)):
-        parameters.append(f"double *out{i}")
+        out = Name(f"out{i}")
+        parameters.append(("double *", out.name))
         if isinstance(kind, Array):
-            sizes = _sizes(f"out{i}", kind, parameters)
-            _array_result(body, part, Value(kind, (f"out{i}", *sizes)))
+            sizes = _sizes(out.name, kind, parameters)
+            _array_result(body, part, Value(kind, (out, *sizes)))
             continue
         try:
             numbers = converted(part, kind)
         except NotTypedError:
             raise NotTypedError(f"returns a {part.type}, expected a {kind}") from None
-        for at, text in enumerate(numbers.texts):
-            body.put(f"out{i}[{at}] = {text};")
+        for at, leaf in enumerate(numbers.leaves):
+            body.add(Set(Item(out, Literal(at)), leaf))
 
 
 def _array_result(body: Body, part: Value, target: Value) -> None:
@@ -72,7 +82,7 @@ def _array_result(body: Body, part: Value, target: Value) -> None:
     kind = array_type(target)
     if isinstance(part.type, Tuple) and kind.dims == (len(part.type.parts),):
         for at, entry in enumerate(parts_of(part)):
-            body.put(f"{target.text}[{at}] = {converted(entry, FLOAT).text};")
+            body.add(Set(Item(target.expr, Literal(at)), converted(entry, FLOAT).expr))
         return
     if not isinstance(part.type, Array) or len(part.type.dims) != len(kind.dims):
         raise NotTypedError(f"returns a {part.type}, expected an array of shape {kind.dims}")
@@ -80,13 +90,10 @@ def _array_result(body: Body, part: Value, target: Value) -> None:
         have = part.type.dims[axis]
         if have is not None and size is not None and have != size:
             raise NotTypedError(f"returns an array of shape {part.type.dims}, expected {kind.dims}")
-        if have is None or size is None:
-            message = "an output has {index} elements along an axis, expected {size}"
-            failure = body.fail("ValueError", message)
-            sizes = f"{size_text(part, axis)}, {size_text(target, axis)}"
-            body.put(f"same_size(ctx, {sizes}, {failure});")
+        message = "an output has {index} elements along an axis, expected {size}"
+        body.same_size(size_expr(part, axis), size_expr(target, axis), "ValueError", message)
     if part.type.packed and part.type.kind == "float":
-        count = product_text([size_text(target, k) for k in range(len(kind.dims))])
-        body.put(f"copy_numbers({target.text}, {part.text}, {count});")
+        count = product(sizes_of(target))
+        body.add(Do(Call("copy_numbers", (target.expr, part.expr, count))))
         return
     body.fill(target, part)

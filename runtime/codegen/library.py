@@ -1,4 +1,13 @@
-"""The functions of NumPy, and the methods of arrays and generators, that are compiled."""
+"""The functions of NumPy, and the methods of arrays and generators, that are compiled.
+
+In go the arguments of a call, by NumPy's names; out comes the value of the result. A function is
+added in one place: its form here, as a function of (body, values...), and its name in ``FUNCTIONS``
+or ``OF_ARRAYS``. Types, statements and refusals all follow from that form:
+
+    def _square(body, x, /):                         np.square(a)    each: a[i] * a[i]
+        x = x if isinstance(x.type, Array) else body.kept(x)
+        return operator(body, ast.Mult(), [x, x])    np.square(a, out=b)     refused: no such name
+"""
 
 from __future__ import annotations
 
@@ -10,19 +19,42 @@ from inspect import signature
 
 from runtime.codegen import arrays, creation, draws, scalars
 from runtime.codegen.body import Body
-from runtime.codegen.types import BOOL, FLOAT, INT, Array, Draws, NotTypedError, Number, Tuple
+from runtime.codegen.form import (
+    Choice,
+    Declare,
+    Expr,
+    Fail,
+    If,
+    Literal,
+    Logic,
+    Name,
+    Operator,
+    Set,
+    product,
+)
+from runtime.codegen.types import (
+    BOOL,
+    C_NAMES,
+    FLOAT,
+    INT,
+    Array,
+    Draws,
+    NotTypedError,
+    Number,
+    Tuple,
+)
 from runtime.codegen.values import (
     UNKNOWN,
     Value,
     array_type,
+    axes_of,
     converted,
     group,
     none,
     number,
     parts_of,
-    product_text,
-    size_of,
-    size_text,
+    size_expr,
+    sizes_of,
 )
 
 Given = Sequence[Value]
@@ -52,31 +84,11 @@ def applied(
 
 
 # Elementwise functions of floats: NumPy's name, and that of C.
+HYPERBOLIC = ("sinh", "cosh", "tanh")
+LOGS = ("exp", "expm1", "exp2", "log", "log1p", "log2", "log10", "sqrt", "cbrt")
+ROUNDING = ("floor", "ceil", "trunc", "rint", "fabs")
 FLOATS = {
-    name: name
-    for name in [
-        "sin",
-        "cos",
-        "tan",
-        "sinh",
-        "cosh",
-        "tanh",
-        "exp",
-        "expm1",
-        "exp2",
-        "log",
-        "log1p",
-        "log2",
-        "log10",
-        "sqrt",
-        "cbrt",
-        "floor",
-        "ceil",
-        "trunc",
-        "rint",
-        "fabs",
-    ]
-} | {
+    **{name: name for name in ("sin", "cos", "tan", *HYPERBOLIC, *LOGS, *ROUNDING)},
     **{"arcsin": "asin", "arccos": "acos", "arctan": "atan", "arcsinh": "asinh"},
     **{"arccosh": "acosh", "arctanh": "atanh"},
 }
@@ -123,7 +135,7 @@ def negated(body: Body, value: Value) -> Value:
 
 
 def _c_function(name: str, *values: Value) -> Value:
-    return scalars.call(name, *[scalars.as_float(v).text for v in values])
+    return scalars.call(name, *[scalars.as_float(v).expr for v in values])
 
 
 def _of_floats(name: str, c_name: str, *values: Value) -> Value:
@@ -147,7 +159,7 @@ def _operator(op: ast.operator, body: Body, x1: Value, x2: Value, /) -> Value:
 
 
 def _test(name: str, body: Body, x: Value, /) -> Value:
-    of = lambda v: scalars.tested(name, scalars.as_float(v).text)  # noqa: E731
+    of = lambda v: scalars.tested(name, scalars.as_float(v))  # noqa: E731
     return lifted(body, [x], of, BOOL)
 
 
@@ -189,7 +201,7 @@ def _where(body: Body, condition: Value, x: Value, y: Value, /) -> Value:
 
     def of(test: Value, a: Value, b: Value) -> Value:
         a, b = converted(a, kind), converted(b, kind)
-        return Value(kind, (f"({scalars.truth(test).within(3)} ? {a.text} : {b.text})",))
+        return Value(kind, (Choice(scalars.truth(test).expr, a.expr, b.expr),))
 
     return lifted(body, [condition, x, y], of, kind)
 
@@ -202,8 +214,7 @@ def _sum(body: Body, a: Value) -> Value:
     kind = arrays.common([value])
     if kind == FLOAT:
         flat = arrays.flat(body, value)
-        text = f"sum_of({flat.text}, {size_text(flat, 0)})"
-        return body.kept(Value(FLOAT, (text,)), "sum")
+        return body.kept(scalars.call("sum_of", flat.expr, size_expr(flat, 0)), "sum")
     add = ast.Add()
     return arrays.reduced(body, value, number(0), lambda a, b: scalars.binary(body, add, a, b))
 
@@ -212,17 +223,15 @@ def _mean(body: Body, a: Value) -> Value:
     a = body.stored(a)
     total = converted(_sum(body, a), FLOAT)
     count = converted(size(a), FLOAT)
-    return Value(FLOAT, (f"{total.within(2)} / {count.within(3)}",), 2)
+    return Value(FLOAT, (Operator("/", total.expr, count.expr),))
 
 
 def size(value: Value) -> Value:
-    sizes = [size_of(value, k) for k in range(len(array_type(value).dims))]
-    if all(size.const is not UNKNOWN for size in sizes):
-        found = 1
-        for size in sizes:
-            found *= int(size.const)
-        return number(found)
-    return Value(INT, (" * ".join(f"({size.text})" for size in sizes),), 2, low=0)
+    """How many elements an array has."""
+    count = product(sizes_of(value))
+    if isinstance(count, Literal):
+        return number(int(count.value))
+    return Value(INT, (count,), low=0)
 
 
 def _ends(name: str, body: Body, a: Value) -> Value:
@@ -234,11 +243,11 @@ def _ends(name: str, body: Body, a: Value) -> Value:
 
 def first(body: Body, value: Value, message: str) -> Value:
     """An array's first element; an array without elements fails."""
-    flat = size_text(arrays.flat(body, value), 0)
-    if not flat.isdigit() or int(flat) == 0:
+    count = size_expr(arrays.flat(body, value), 0)
+    if not isinstance(count, Literal) or count.value == 0:
         failure = body.fail("ValueError", message)
-        body.act(f"if ({flat} == 0) fail(ctx, {failure});")
-    zeros = ["0"] * len(array_type(value).dims)
+        body.act(If(Operator("==", count, Literal(0)), [Fail(failure)]))
+    zeros = [Literal(0)] * axes_of(value)
     return Value(arrays.elements(value), (body.place(value, zeros),))
 
 
@@ -246,26 +255,24 @@ def _place_of(name: str, body: Body, a: Value) -> Value:
     """``argmin`` and ``argmax`` in the flat array: the first of equals, or the first NaN."""
     value = arrays.flat(body, body.stored(a))
     start = first(body, value, f"attempt to get {name} of an empty sequence")
-    best, at = body.fresh("best"), body.fresh("at")
-    c_type = {"bool": "bool", "int": "int64_t", "float": "double"}[start.type.kind]  # type: ignore[union-attr]
-    body.put(f"{c_type} {best} = {start.text};")
-    body.put(f"int64_t {at} = 0;")
-    (index,) = arrays.loops(body, [size_text(value, 0)])
-    element = body.at(value, [index]).text
-    sign = "<" if name == "argmin" else ">"
-    nan = f" || ({element} != {element} && {best} == {best})" if start.type == FLOAT else ""
-    body.put(f"if ({element} {sign} {best}{nan}) {{")
-    body.put(f"    {best} = {element};")
-    body.put(f"    {at} = {index};")
-    body.put("}")
-    arrays.close(body, 1)
-    return Value(INT, (at,), low=0, high=size_text(value, 0))
+    best, at = Name(body.fresh("best")), Name(body.fresh("at"))
+    kind = arrays.elements(start)
+    body.add(Declare(C_NAMES[kind.kind], best.name, start.expr, const=False))
+    body.add(Declare("int64_t", at.name, Literal(0), const=False))
+    with body.loops([size_expr(value, 0)]) as (index,):
+        element = body.at(value, [index]).expr
+        better: Expr = Operator("<" if name == "argmin" else ">", element, best)
+        if kind == FLOAT:
+            is_nan = (Operator("!=", element, element), Operator("==", best, best))
+            better = Logic("||", (better, Logic("&&", is_nan)))
+        body.add(If(better, [Set(best, element), Set(at, index)]))
+    return Value(INT, (at,), low=0, high=size_expr(value, 0))
 
 
 def tests_all(name: str, body: Body, a: Value) -> Value:
     value = body.stored(a)
     sign = "&&" if name == "all" else "||"
-    join = lambda a, b: Value(BOOL, (f"{a.text} {sign} ({scalars.truth(b).text})",), 0)  # noqa: E731
+    join = lambda a, b: Value(BOOL, (Logic(sign, (a.expr, scalars.truth(b).expr)),))  # noqa: E731
     return arrays.reduced(body, value, number(name == "all"), join)
 
 
@@ -282,7 +289,7 @@ def _dot(body: Body, a: Value, b: Value) -> Value:
 
 
 def _vdot(body: Body, a: Value, b: Value, /) -> Value:
-    if any(len(array_type(v).dims) != 1 for v in (a, b)):
+    if any(axes_of(v) != 1 for v in (a, b)):
         raise NotTypedError("calls np.vdot of something else than vectors; write the loop")
     return matmul(body, a, b)
 
@@ -292,28 +299,24 @@ def matmul(body: Body, x1: Value, x2: Value, /) -> Value:
     a, b = body.stored(x1), body.stored(x2)
     if any(arrays.elements(v) != FLOAT or not array_type(v).dims for v in (a, b)):
         raise NotTypedError("multiplies something else than arrays of floats; write the loop")
-    left, right = len(array_type(a).dims), len(array_type(b).dims)
+    left, right = axes_of(a), axes_of(b)
     if left > 2 or right > 2:
         raise NotTypedError("multiplies arrays with more than two axes; write the loop")
-    inner = (size_text(a, left - 1), size_text(b, 0))
-    if inner[0] != inner[1]:
-        failure = body.fail("ValueError", "shapes not aligned: {index} and {size}")
-        body.act(f"same_size(ctx, {inner[0]}, {inner[1]}, {failure});")
+    inner = size_expr(a, left - 1)
+    body.same_size(inner, size_expr(b, 0), "ValueError", "shapes not aligned: {index} and {size}")
     outer = [(a, 0)] * (left == 2) + [(b, 1)] * (right == 2)
     dims = tuple(array_type(v).dims[k] for v, k in outer)
-    sizes = [size_text(v, k) for v, k in outer]
+    sizes = [size_expr(v, k) for v, k in outer]
     made = body.new("float", sizes, dims) if outer else None
-    indices = arrays.loops(body, sizes)
-    total = body.fresh("total")
-    body.put(f"double {total} = 0.0;")
-    (k,) = arrays.loops(body, [inner[0]])
-    x = body.at(a, [*indices[: left - 1], k])
-    y = body.at(b, [k, *indices[left - 1 :]])
-    body.put(f"{total} += {scalars.binary(body, ast.Mult(), x, y).text};")
-    arrays.close(body, 1)
-    if made is not None:
-        body.act(f"{body.place(made, indices)} = {total};")
-    arrays.close(body, len(indices))
+    with body.loops(sizes) as indices:
+        total = Name(body.fresh("total"))
+        body.add(Declare("double", total.name, Literal(0.0), const=False))
+        with body.loops([inner]) as (k,):
+            x = body.at(a, [*indices[: left - 1], k])
+            y = body.at(b, [k, *indices[left - 1 :]])
+            body.add(Set(total, scalars.binary(body, ast.Mult(), x, y).expr, "+="))
+        if made is not None:
+            body.act(Set(body.place(made, indices), total))
     return made or Value(FLOAT, (total,))
 
 
@@ -372,19 +375,14 @@ def item(body: Body, value: Value, *given: Value) -> Value:
         count = size(value)
         if count.const != 1:
             message = "can only convert an array of size 1 to a Python scalar"
-            failure = body.fail("ValueError", message)
-            body.act(f"same_size(ctx, {count.text}, 1, {failure});")
-        return Value(arrays.elements(value), (body.place(value, ["0"] * _axes(value)),))
+            body.same_size(count.expr, Literal(1), "ValueError", message)
+        return Value(arrays.elements(value), (body.place(value, [Literal(0)] * axes_of(value)),))
     indices = parts_of(given[0]) if isinstance(given[0].type, Tuple) else list(given)
-    if len(indices) == 1 and _axes(value) != 1:
+    if len(indices) == 1 and axes_of(value) != 1:
         value = arrays.flat(body, value)
-    if len(indices) != _axes(value):
+    if len(indices) != axes_of(value):
         raise NotTypedError(f"takes an item by {len(indices)} indices")
     return arrays.subscript(body, value, indices)
-
-
-def _axes(value: Value) -> int:
-    return len(array_type(value).dims)
 
 
 def _fill(body: Body, a: Value, value: Value) -> Value:
@@ -417,13 +415,11 @@ def _reshape(body: Body, a: Value, *shape: Value) -> Value:
         raise NotTypedError("reshapes to a size of -1; write the size")
     flat = ravel(body, a)
     dims = tuple(None if size.const is UNKNOWN else int(size.const) for size in sizes)
-    total = product_text([size.text for size in sizes])
-    if size_text(flat, 0) != total:
-        failure = body.fail("ValueError", "cannot reshape an array of size {index} into {size}")
-        body.act(f"same_size(ctx, {size_text(flat, 0)}, {total}, {failure});")
-    kind = array_type(flat)
-    held = [size.text for size in sizes if size.const is UNKNOWN]
-    return Value(replace(kind, dims=dims), (flat.text, *held))
+    message = "cannot reshape an array of size {index} into {size}"
+    total = product([size.expr for size in sizes])
+    body.same_size(size_expr(flat, 0), total, "ValueError", message)
+    held = [size.expr for size in sizes if size.const is UNKNOWN]
+    return Value(replace(array_type(flat), dims=dims), (flat.expr, *held))
 
 
 def _to_list(body: Body, a: Value) -> Value:

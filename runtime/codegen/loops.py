@@ -1,233 +1,242 @@
-"""Loops of the source as C text."""
+"""Loops of the source.
+
+In go a ``for`` or ``while`` of the source, out comes a loop of the form, or its rounds one by one:
+
+    for i in range(n):          For("i", 0, n, 1, [...])
+    for x, y in zip(a, b):      For("i_1_", 0, int_least(a_n0, b_n0), 1, [x = a[i_1_]; ...])
+    for x in (1.0, 2.0):        Block([x = 1.0; ...]), Block([x = 2.0; ...])
+"""
 
 from __future__ import annotations
 
 import ast
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from runtime.codegen import arrays, scalars
-from runtime.codegen.calls import Calls
-from runtime.codegen.knowing import is_strict
+from runtime.codegen.assigning import assign_to
+from runtime.codegen.body import Body
+from runtime.codegen.builtins import chosen
+from runtime.codegen.calls import combined, items_in, items_of
+from runtime.codegen.deciding import is_strict
+from runtime.codegen.expressions import each, truth, value_of
+from runtime.codegen.form import (
+    Block,
+    Call,
+    Declare,
+    Expr,
+    For,
+    If,
+    Jump,
+    Literal,
+    Name,
+    Prefix,
+    While,
+)
 from runtime.codegen.types import INT, Array, NotTypedError, Tuple, join, leaves
 from runtime.codegen.values import (
-    SUM,
     UNKNOWN,
     Value,
     converted,
     group,
     number,
     parts_of,
-    size_text,
+    size_expr,
 )
 
+Rounds = Callable[[Sequence[ast.stmt]], object]
 
-class Loops(Calls, ast.NodeVisitor):
-    """Writes the loops of one function."""
 
-    def all(self, statements: Sequence[ast.stmt]) -> bool:
-        """Write statements; defined by :class:`Statements`."""
-        raise NotImplementedError
-
-    def visit_While(self, node: ast.While) -> None:
-        if node.orelse:
-            raise NotTypedError("uses 'else' after a loop")
-        with self.captured() as lines:
-            self.depth += 1
-            self.nested += 1
-            test = self.truth(self.expr(node.test))
-            self.depth -= 1
-            self.nested -= 1
+def while_loop(body: Body, node: ast.While, rounds: Rounds) -> None:
+    """``while``; ``rounds`` builds the statements inside."""
+    if node.orelse:
+        raise NotTypedError("uses 'else' after a loop")
+    with body.branch() as statements:
+        test = truth(body, value_of(body, node.test))
         if test.const is not UNKNOWN and not test.const:
             return
-        if lines:
-            with self.block("while (true)"):
-                self.lines += lines
-                self.put(f"if (!({test.text})) break;")
-                self.all(node.body)
-            return
-        text = test.text[1:-1] if in_parentheses(test.text) else test.text
-        with self.block(f"while ({text})"):
-            self.all(node.body)
+        before = list(statements)
+        if before:
+            body.add(If(Prefix("!", test.expr), [Jump("break")]))
+        rounds(node.body)
+    body.add(While(None if before else test.expr, statements))
 
-    def visit_For(self, node: ast.For) -> None:
-        if node.orelse:
-            raise NotTypedError("uses 'else' after a loop")
-        source = node.iter
-        if isinstance(source, ast.Call) and isinstance(source.func, ast.Name):
-            name = source.func.id if source.func.id not in self.function.counts else ""
-            if name == "range" and not source.keywords:
-                self.counted(node, self.each(source.args))
-                return
-            if name in ("enumerate", "zip", "reversed") and self.walks_arrays(node, name, source):
-                return
-        value = None
-        if not isinstance(source, ast.Call) or not isinstance(source.func, ast.Name):
-            value = self.expr(source)
-        if value is not None and isinstance(value.type, Array):
-            self.walked(node, [value], lambda items, i: items[0])
-            return
-        items = self.items(source) if value is None else parts_of(value)
-        self.over(node, items)
 
-    def walks_arrays(self, node: ast.For, name: str, call: ast.Call) -> bool:
-        """Write ``for`` over ``enumerate``, ``zip`` or ``reversed`` of arrays, if they are."""
-        if any(isinstance(a, ast.Call) and isinstance(a.func, ast.Name) for a in call.args):
-            return False
-        values = [self.stored(self.expr(a)) for a in call.args]
-        if not values or not any(isinstance(v.type, Array) for v in values):
-            return False
-        if name == "enumerate" and isinstance(values[0].type, Tuple):
-            return False
-        if name != "enumerate" and not all(isinstance(v.type, Array) for v in values):
-            if all(_length(v) is not None for v in values):
-                return False
-            raise NotTypedError("walks along arrays and tuples at once; write the loop")
-        if name == "enumerate":
-            if call.keywords or len(values) > 2:
-                raise NotTypedError("calls enumerate with a keyword; write enumerate(x, start)")
-            start = self.kept(values[1]) if len(values) > 1 else number(0)
-            self.walked(
-                node,
-                values[:1],
-                lambda items, i: group(
-                    [i if start.const == 0 else scalars.binary(self, ast.Add(), i, start), items[0]]
-                ),
-            )
-            return True
-        if name == "reversed":
-            raise NotTypedError("walks along an array from its end; write the loop over its index")
+def for_loop(body: Body, node: ast.For, rounds: Rounds) -> None:
+    """``for``; ``rounds`` builds the statements inside."""
+    if node.orelse:
+        raise NotTypedError("uses 'else' after a loop")
+    source = node.iter
+    if isinstance(source, ast.Call) and isinstance(source.func, ast.Name):
+        name = source.func.id if source.func.id not in body.function.counts else ""
+        if name == "range" and not source.keywords:
+            _counted(body, node, each(body, source.args), rounds)
+            return
+        nested = any(isinstance(a, ast.Call) and isinstance(a.func, ast.Name) for a in source.args)
+        if name in ("enumerate", "zip", "reversed") and not nested:
+            _along(body, node, name, source, rounds)
+            return
+        _over(body, node, items_of(body, source), rounds)
+        return
+    value = value_of(body, source)
+    if isinstance(value.type, Array):
+        _walked(body, node, [value], lambda items, i: items[0], rounds)
+        return
+    _over(body, node, parts_of(value), rounds)
+
+
+def _along(body: Body, node: ast.For, name: str, call: ast.Call, rounds: Rounds) -> None:
+    """``for`` over ``enumerate``, ``zip`` or ``reversed`` of arrays or tuples."""
+    values = [body.stored(value) for value in each(body, call.args)]
+    arrays_ = [isinstance(value.type, Array) for value in values]
+    if name == "enumerate" and arrays_[:1] == [True]:
+        if call.keywords or len(values) > 2:
+            raise NotTypedError("calls enumerate with a keyword; write enumerate(x, start)")
+        start = body.kept(values[1]) if len(values) > 1 else number(0)
+
+        def numbered(items: list[Value], i: Value) -> Value:
+            count = i if start.const == 0 else scalars.binary(body, ast.Add(), i, start)
+            return group([count, items[0]])
+
+        _walked(body, node, values[:1], numbered, rounds)
+    elif name == "zip" and values and all(arrays_):
         if is_strict(call):
-            sizes = [size_text(value, 0) for value in values]
+            sizes = [size_expr(value, 0) for value in values]
             for other in dict.fromkeys(sizes[1:]):
-                if other != sizes[0]:
-                    failure = self.fail("ValueError", "zip() arguments are of different lengths")
-                    self.act(f"same_size(ctx, {sizes[0]}, {other}, {failure});")
-        self.walked(node, values, lambda items, i: group(items))
-        return True
+                message = "zip() arguments are of different lengths"
+                body.same_size(sizes[0], other, "ValueError", message)
+        _walked(body, node, values, lambda items, i: group(items), rounds)
+    elif name == "zip" and any(arrays_) and any(_length(v) is None for v in values):
+        raise NotTypedError("walks along arrays and tuples at once; write the loop")
+    elif name == "reversed" and any(arrays_):
+        raise NotTypedError("walks along an array from its end; write the loop over its index")
+    else:
+        # The arguments are not evaluated again: one of them may draw a random number.
+        columns = [items_in(body, value) for value in values]
+        _over(body, node, combined(name, call, columns), rounds)
 
-    def walked(self, node: ast.For, arrays_: Sequence[Value], make: object) -> None:
-        """A loop along the first axis of arrays."""
-        values = [self.kept(self.stored(v)) for v in arrays_]
-        sizes = list(dict.fromkeys(size_text(v, 0) for v in values))
-        size = sizes[0]
-        for other in sizes[1:]:
-            size = f"int_least({size}, {other})"
-        index = self.fresh("i")
-        with self.block(f"for (int64_t {index} = 0; {index} < {size}; {index}++)"):
-            at = Value(INT, (index,), low=0, high=int(size) if size.isdigit() else size)
-            items = [arrays.subscript(self, v, [at]) for v in values]
-            self.unpack(node.target, make(items, at))  # type: ignore[operator]
-            self.all(node.body)
 
-    def counted(self, node: ast.For, bounds: Sequence[Value]) -> None:
-        """``for i in range(...)``."""
-        if any(b.type != INT for b in bounds):
-            raise NotTypedError("counts with numbers that are no integers; use int(...)")
-        start = bounds[0] if len(bounds) > 1 else number(0)
-        stop = bounds[1] if len(bounds) > 1 else bounds[0]
-        step = bounds[2] if len(bounds) > 2 else number(1)
-        if step.const is UNKNOWN or step.const == 0:
-            raise NotTypedError("counts with a step that is not a literal number")
-        changed = _assigned(node.body)
-        if not _is_fixed(stop, changed, self):
-            stop = self.kept(stop, "stop")
-        up = step.const > 0
-        target = node.target
-        own = isinstance(target, ast.Name) and target.id not in changed
-        name = self.loop_name(target.id) if own and isinstance(target, ast.Name) else ""
-        index = name or self.fresh("k")
-        change = {1: f"{index}++", -1: f"{index}--"}.get(step.const, f"{index} += {step.const}")
-        sign = "<" if up else ">"
-        low = start.low if up else (stop.low + 1 if stop.low is not None else None)
-        limit = stop if up else start
-        high: int | str | None = (
-            limit.high - (1 if up else 0)
-            if isinstance(limit.high, int)
-            else (limit.text if up and limit.text in self.stable else None)
-        )
-        head = f"for (int64_t {index} = {start.text}; {index} {sign} {stop.within(SUM)}; {change})"
-        with self.block(head):
-            value = Value(INT, (index,), low=low, high=high)
-            if name and isinstance(target, ast.Name):
-                self.loop(target.id, value, node)
-            else:
-                self.unpack(target, value)
-                self.all(node.body)
+def _walked(
+    body: Body,
+    node: ast.For,
+    arrays_: Sequence[Value],
+    make: Callable[[list[Value], Value], Value],
+    rounds: Rounds,
+) -> None:
+    """A loop along the first axis of arrays."""
+    values = [body.kept(body.stored(v)) for v in arrays_]
+    sizes = list(dict.fromkeys(size_expr(v, 0) for v in values))
+    size = sizes[0]
+    for other in sizes[1:]:
+        size = Call("int_least", (size, other))
+    index = body.fresh("i")
+    with body.branch() as statements:
+        high = int(size.value) if isinstance(size, Literal) else size
+        at = Value(INT, (Name(index),), low=0, high=high)
+        items = [arrays.subscript(body, v, [at]) for v in values]
+        assign_to(body, node.target, make(items, at))
+        rounds(node.body)
+    body.add(For(index, Literal(0), size, 1, statements))
 
-    def loop_name(self, name: str) -> str:
-        """A C variable for a loop's index, if the source does not use it after the loop."""
-        if name in self.function.loops_read_later:
-            return ""
-        plain = self.c_name(name)
-        around = name in self.values and self.values[name].text == plain
-        hides = around or name not in self.function.indices
-        return self.fresh(plain) if hides else plain
 
-    def loop(self, name: str, value: Value, node: ast.For) -> None:
-        """A loop's body with its index as a C variable of the loop."""
-        before = self.values.get(name)
-        key = f"{name}@{self.versions.get(name, 0)}"
-        known = self.types.get(key)
-        self.types[key] = INT
-        self.values[name] = value
-        self.all(node.body)
-        if before is None:
-            self.values.pop(name, None)
+def _counted(body: Body, node: ast.For, bounds: Sequence[Value], rounds: Rounds) -> None:
+    """``for i in range(...)``."""
+    if any(b.type != INT for b in bounds):
+        raise NotTypedError("counts with numbers that are no integers; use int(...)")
+    start = bounds[0] if len(bounds) > 1 else number(0)
+    stop = bounds[1] if len(bounds) > 1 else bounds[0]
+    step = bounds[2] if len(bounds) > 2 else number(1)
+    if step.const is UNKNOWN or step.const == 0:
+        raise NotTypedError("counts with a step that is not a literal number")
+    changed = _assigned(node.body)
+    if not _is_fixed(body, stop, changed):
+        stop = body.kept(stop, "stop")
+    target = node.target
+    own = isinstance(target, ast.Name) and target.id not in changed
+    name = _loop_name(body, target.id) if own and isinstance(target, ast.Name) else ""
+    index = name or body.fresh("k")
+    low, high = _range_bounds(start, stop, step.const > 0)
+    with body.branch() as statements:
+        value = Value(INT, (Name(index),), low=low, high=high)
+        if name and isinstance(target, ast.Name):
+            _with_index(body, target.id, value, node, rounds)
         else:
-            self.values[name] = before
-        if known is None:
-            self.types.pop(key, None)
-        else:
-            self.types[key] = known
+            assign_to(body, target, value)
+            rounds(node.body)
+    body.add(For(index, start.expr, stop.expr, int(step.const), statements))
 
-    def over(self, node: ast.For, items: Sequence[Value]) -> None:
-        """``for`` over a tuple: written out, or a loop that selects the item."""
-        leaves_loop = any(
-            isinstance(n, (ast.Break, ast.Continue)) for s in node.body for n in ast.walk(s)
-        )
-        small = len(node.body) <= 3 and not leaves_loop
-        if not items:
-            return
-        if small or (len({item.type for item in items}) > 1 and not leaves_loop):
-            for item in [self.kept(item) for item in items]:
-                with self.block(""):
-                    self.unpack(node.target, item)
-                    self.all(node.body)
-            return
-        kind = items[0].type
-        for item in items[1:]:
-            kind = join(kind, item.type)
-        ready = [self.kept(converted(item, kind)) for item in items]
-        index, name = self.fresh("k"), self.fresh("item")
-        with self.block(f"for (int {index} = 0; {index} < {len(items)}; {index}++)"):
-            texts = []
-            for at, (suffix, c_type) in enumerate(leaves(kind)):
-                choice = ready[-1].texts[at]
-                for k in range(len(ready) - 2, -1, -1):
-                    choice = f"{index} == {k} ? {ready[k].texts[at]} : {choice}"
-                space = "" if c_type.endswith("*") else " "
-                self.put(f"{c_type}{space}{name}{suffix} = {choice};")
-                texts.append(f"{name}{suffix}")
-            self.unpack(node.target, Value(kind, tuple(texts)))
-            self.all(node.body)
+
+def _range_bounds(start: Value, stop: Value, up: bool) -> tuple[int | None, int | Expr | None]:
+    """The bounds of the index of a ``range``."""
+    limit = stop if up else start
+    low = start.low if up else (stop.low + 1 if stop.low is not None else None)
+    if isinstance(limit.high, int):
+        return low, limit.high - (1 if up else 0)
+    return low, limit.expr if up and limit.expr.is_stable else None
+
+
+def _loop_name(body: Body, name: str) -> str:
+    """A C variable for a loop's index, if the source does not use it after the loop."""
+    if name in body.function.loops_read_later:
+        return ""
+    plain = body.c_name(name)
+    around = name in body.values and body.values[name].leaves == (Name(plain),)
+    hides = around or name not in body.function.indices
+    return body.fresh(plain) if hides else plain
+
+
+def _with_index(body: Body, name: str, value: Value, node: ast.For, rounds: Rounds) -> None:
+    """A loop's body with its index as a C variable of the loop."""
+    before = body.values.get(name)
+    key = f"{name}@{body.versions.get(name, 0)}"
+    known = body.types.get(key)
+    body.types[key] = INT
+    body.values[name] = value
+    rounds(node.body)
+    if before is None:
+        body.values.pop(name, None)
+    else:
+        body.values[name] = before
+    if known is None:
+        body.types.pop(key, None)
+    else:
+        body.types[key] = known
+
+
+def _over(body: Body, node: ast.For, items: Sequence[Value], rounds: Rounds) -> None:
+    """``for`` over a tuple: written out, or a loop that selects the item."""
+    leaves_loop = any(
+        isinstance(n, (ast.Break, ast.Continue)) for s in node.body for n in ast.walk(s)
+    )
+    small = len(node.body) <= 3 and not leaves_loop
+    if not items:
+        return
+    if small or (len({item.type for item in items}) > 1 and not leaves_loop):
+        for item in [body.kept(item) for item in items]:
+            with body.branch() as statements:
+                assign_to(body, node.target, item)
+                rounds(node.body)
+            body.add(Block(statements))
+        return
+    kind = items[0].type
+    for item in items[1:]:
+        kind = join(kind, item.type)
+    ready = [body.kept(converted(item, kind)) for item in items]
+    index, name = Name(body.fresh("k")), body.fresh("item")
+    with body.branch() as statements:
+        found: list[Expr] = []
+        for at, (suffix, c_type) in enumerate(leaves(kind)):
+            choice = chosen(index, [item.leaves[at] for item in ready])
+            body.add(Declare(c_type, f"{name}{suffix}", choice, const=False))
+            found.append(Name(f"{name}{suffix}"))
+        assign_to(body, node.target, Value(kind, tuple(found)))
+        rounds(node.body)
+    body.add(For(index.name, Literal(0), Literal(len(items)), 1, statements))
 
 
 def _length(value: Value) -> int | None:
     if isinstance(value.type, Tuple):
         return len(value.type.parts)
     return value.type.dims[0] if isinstance(value.type, Array) else None
-
-
-def in_parentheses(text: str) -> bool:
-    """Whether one pair of parentheses encloses a text."""
-    if not text.startswith("("):
-        return False
-    depth = 0
-    for i, c in enumerate(text):
-        depth += (c == "(") - (c == ")")
-        if depth == 0:
-            return i == len(text) - 1
-    return False
 
 
 def _assigned(statements: Sequence[ast.stmt]) -> set[str]:
@@ -239,8 +248,8 @@ def _assigned(statements: Sequence[ast.stmt]) -> set[str]:
     }
 
 
-def _is_fixed(value: Value, changed: set[str], body: Loops) -> bool:
+def _is_fixed(body: Body, value: Value, changed: set[str]) -> bool:
     """Whether a loop's bound is a number or a variable that the loop does not change."""
-    if value.const is not UNKNOWN or value.text in body.stable:
+    if value.const is not UNKNOWN or value.expr.is_stable:
         return True
-    return value.text.isidentifier() and value.text not in {body.c_name(n) for n in changed}
+    return isinstance(value.expr, Name) and value.expr.name not in {body.c_name(n) for n in changed}

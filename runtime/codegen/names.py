@@ -1,4 +1,10 @@
-"""C names for names of the source."""
+"""C names for names of the source.
+
+In go names of Python, out come names that C accepts and that hide nothing of support.h:
+
+    local_name("double")    double_v
+    local_name("x_1")       x_1_v, since x_1 is the second leaf of a tuple ``x``
+"""
 
 from __future__ import annotations
 
@@ -7,133 +13,21 @@ from functools import cache
 
 from runtime.codegen.source import support
 
-C_WORDS = [
-    "auto",
-    "break",
-    "case",
-    "char",
-    "const",
-    "continue",
-    "default",
-    "do",
-    "double",
-    "else",
-    "enum",
-    "extern",
-    "float",
-    "for",
-    "goto",
-    "if",
-    "inline",
-    "int",
-    "long",
-    "register",
-    "restrict",
-    "return",
-    "short",
-    "signed",
-    "sizeof",
-    "static",
-    "struct",
-    "switch",
-    "typedef",
-    "union",
-    "unsigned",
-    "void",
-    "volatile",
-    "while",
-    "bool",
-    "true",
-    "false",
-    "NULL",
-    "_Bool",
-    "INFINITY",
-    "NAN",
-    "main",
-    "ctx",
-    "self",
-    "draws",
-    "context",
-]
+WORD = re.compile(r"\w+")
+C_WORDS = WORD.findall("""
+    auto break case char const continue default do double else enum extern float for goto if
+    inline int long register restrict return short signed sizeof static struct switch typedef
+    union unsigned void volatile while bool true false NULL _Bool INFINITY NAN main ctx self
+    draws context
+""")
 # Functions of the C library, which a variable or function of the source must not hide.
-FUNCTIONS = [
-    "acos",
-    "acosh",
-    "asin",
-    "asinh",
-    "atan",
-    "atan2",
-    "atanh",
-    "cbrt",
-    "ceil",
-    "copysign",
-    "cos",
-    "cosh",
-    "erf",
-    "erfc",
-    "exp",
-    "exp2",
-    "expm1",
-    "fabs",
-    "floor",
-    "fmod",
-    "frexp",
-    "gamma",
-    "hypot",
-    "isfinite",
-    "isinf",
-    "isnan",
-    "j0",
-    "j1",
-    "jn",
-    "ldexp",
-    "lgamma",
-    "tgamma",
-    "log",
-    "log10",
-    "log1p",
-    "log2",
-    "logb",
-    "modf",
-    "nearbyint",
-    "pow",
-    "remainder",
-    "rint",
-    "round",
-    "scalb",
-    "sin",
-    "sinh",
-    "sqrt",
-    "tan",
-    "tanh",
-    "trunc",
-    "y0",
-    "y1",
-    "yn",
-    "fma",
-    "fmax",
-    "fmin",
-    "fdim",
-    "signbit",
-    "drem",
-    "finite",
-    "significand",
-    "nan",
-    "llrint",
-    "lrint",
-    "llround",
-    "lround",
-    "signgam",
-    "nextafter",
-    "remquo",
-    "ilogb",
-    "scalbn",
-    "setjmp",
-    "longjmp",
-    "jmp_buf",
-    "abs",
-    "div",
-]
+FUNCTIONS = WORD.findall("""
+    acos acosh asin asinh atan atan2 atanh cbrt ceil copysign cos cosh erf erfc exp exp2 expm1
+    fabs floor fmod frexp gamma hypot isfinite isinf isnan j0 j1 jn ldexp lgamma tgamma log
+    log10 log1p log2 logb modf nearbyint pow remainder rint round scalb sin sinh sqrt tan tanh
+    trunc y0 y1 yn fma fmax fmin fdim signbit drem finite significand nan llrint lrint llround
+    lround signgam nextafter remquo ilogb scalbn setjmp longjmp jmp_buf abs div
+""")
 SUFFIX = re.compile(r"_(?:[nsv]?[0-9]+|given|v)$")
 # Those of support.h, whose macros REAL define one for each function of the math module.
 DEFINED = re.compile(r"^(?:INLINE|static \w+)\b[^(;]*?(\w+)\(", re.MULTILINE)

@@ -1,4 +1,12 @@
-"""Arithmetic of numbers as C text, with Python's results."""
+"""Arithmetic of numbers, with Python's results, or NumPy's for elements of arrays.
+
+In go values of numbers, out comes the value of the result; what Python does and C does not is
+refused here, or checked while running.
+
+    binary(body, ast.Add(), x, y)       of floats: Operator("+", x, y)
+                                        of our ints: Call("int_add", (CTX, i, j, failure))
+    binary(body, ast.Div(), x, y)       Call("divide", (CTX, x, y, failure)): division by zero
+"""
 
 from __future__ import annotations
 
@@ -6,36 +14,19 @@ import ast
 import math
 import operator
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from runtime.codegen.body import Body
+from runtime.codegen.form import CTX, Call, Expr, Literal, Operator, Prefix
 from runtime.codegen.types import BOOL, EITHER, FLOAT, INT, NotTypedError, Number, join
-from runtime.codegen.values import (
-    ATOM,
-    LOOSE,
-    PRODUCT,
-    SIGN,
-    SUM,
-    UNKNOWN,
-    Value,
-    converted,
-    number,
-)
+from runtime.codegen.values import UNKNOWN, Value, converted, number
 
-PLAIN: dict[type, tuple[str, int]] = {
-    ast.Add: ("+", SUM),
-    ast.Sub: ("-", SUM),
-    ast.Mult: ("*", PRODUCT),
-}
+PLAIN: dict[type, str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*"}
 WHOLE_NAMES: dict[type, str] = {ast.Add: "add", ast.Sub: "subtract", ast.Mult: "multiply"}
 LOGICAL = (ast.BitAnd, ast.BitOr, ast.BitXor)
-BITS: dict[type, str] = {
-    ast.BitAnd: "&",
-    ast.BitOr: "|",
-    ast.BitXor: "^",
-    ast.LShift: "<<",
-    ast.RShift: ">>",
-}
+BITS: dict[type, str] = {ast.BitAnd: "&", ast.BitOr: "|", ast.BitXor: "^"}
+SHIFTS: dict[type, str] = {ast.LShift: "shift_left", ast.RShift: "shift_right"}
 PYTHON: dict[type, Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
@@ -48,13 +39,13 @@ PYTHON: dict[type, Callable[[Any, Any], Any]] = {
     ast.BitOr: operator.or_,
     ast.BitXor: operator.xor,
 }
-COMPARED: dict[type, str] = {
-    ast.Eq: "==",
-    ast.NotEq: "!=",
-    ast.Lt: "<",
-    ast.LtE: "<=",
-    ast.Gt: ">",
-    ast.GtE: ">=",
+COMPARED: dict[type, tuple[str, Callable[[Any, Any], Any]]] = {
+    ast.Eq: ("==", operator.eq),
+    ast.NotEq: ("!=", operator.ne),
+    ast.Lt: ("<", operator.lt),
+    ast.LtE: ("<=", operator.le),
+    ast.Gt: (">", operator.gt),
+    ast.GtE: (">=", operator.ge),
 }
 # Functions of the math module that give the bits of the C library's (math.gamma and math.lgamma do
 # not). TOTAL ones have a result for every number, the others raise for some: see REAL in support.h.
@@ -85,14 +76,14 @@ def as_float(value: Value) -> Value:
     return converted(as_number(value), FLOAT)
 
 
-def call(name: str, *arguments: str, kind: Number = FLOAT) -> Value:
+def call(name: str, *arguments: Expr, kind: Number = FLOAT) -> Value:
     """A call in C."""
-    return Value(kind, (f"{name}({', '.join(arguments)})",), ATOM)
+    return Value(kind, (Call(name, arguments),))
 
 
-def tested(name: str, text: str) -> Value:
+def tested(name: str, x: Value) -> Value:
     """``isnan``, ``isinf`` or ``isfinite``, of which C says that it is not zero."""
-    return Value(BOOL, (f"({name}({text}) != 0)",))
+    return Value(BOOL, (Operator("!=", Call(name, (x.expr,)), Literal(0)),))
 
 
 def truth(value: Value) -> Value:
@@ -101,8 +92,8 @@ def truth(value: Value) -> Value:
         return number(bool(value.const))
     if as_number(value).type == BOOL:
         return value
-    zero = "0.0" if value.type == FLOAT else "0"
-    return Value(BOOL, (f"{value.within(SUM)} != {zero}",), LOOSE)
+    zero = Literal(0.0) if value.type == FLOAT else Literal(0)
+    return Value(BOOL, (Operator("!=", value.expr, zero),))
 
 
 def negated(body: Body, value: Value) -> Value:
@@ -116,7 +107,7 @@ def negated(body: Body, value: Value) -> Value:
         raise NotTypedError("negates an int or float, which differ in -0; write 0.0 instead of 0")
     if kind == INT and body.check and value.low is None:
         return _checked(body, "int_subtract", number(0), value)
-    return Value(kind, (f"-{value.within(ATOM)}",), SIGN)
+    return Value(kind, (Prefix("-", value.expr),))
 
 
 def inverted(value: Value) -> Value:
@@ -124,7 +115,7 @@ def inverted(value: Value) -> Value:
     value = truth(value)
     if value.const is not UNKNOWN:
         return number(not value.const)
-    return Value(BOOL, (f"!{value.within(ATOM)}",), SIGN)
+    return Value(BOOL, (Prefix("!", value.expr),))
 
 
 def common(a: Value, b: Value) -> Number:
@@ -148,7 +139,7 @@ def binary(body: Body, op: ast.operator, a: Value, b: Value, each: bool = False)
         # True + True is 2 in Python, and True for NumPy's bools.
         raise NotTypedError("computes with two bools; use int(...), or '&', '|' and '^'")
     kind = common(a, b)
-    if type(op) in BITS:
+    if type(op) in BITS or type(op) in SHIFTS:
         return _bits(body, op, a, b)
     if type(op) in PLAIN:
         return _arithmetic(body, op, converted(a, kind), converted(b, kind), each)
@@ -168,14 +159,14 @@ def _arithmetic(body: Body, op: ast.operator, a: Value, b: Value, each: bool) ->
     """``+``, ``-`` and ``*`` of numbers of one type."""
     plain = _plain(op, a, b)
     if a.type == EITHER:
-        return call("either", "ctx", plain.text, body.too_large(), kind=EITHER)
+        return call("either", CTX, plain.expr, body.too_large(), kind=EITHER)
     if a.type == FLOAT or not body.check or _is_small(plain):
         return plain
     name = WHOLE_NAMES[type(op)]
     if each:
-        return call(f"wrap_{name}", a.text, b.text, kind=INT)
+        return call(f"wrap_{name}", a.expr, b.expr, kind=INT)
     found = _checked(body, f"int_{name}", a, b)
-    return Value(INT, found.texts, ATOM, low=plain.low, high=plain.high)
+    return replace(found, low=plain.low, high=plain.high)
 
 
 def _is_small(value: Value) -> bool:
@@ -186,7 +177,7 @@ def _is_small(value: Value) -> bool:
 
 def _checked(body: Body, name: str, *values: Value) -> Value:
     """A function of integers that fails beyond 64 bits."""
-    return call(name, "ctx", *(v.text for v in values), body.too_large(), kind=INT)
+    return call(name, CTX, *(v.expr for v in values), body.too_large(), kind=INT)
 
 
 def _divided(body: Body, a: Value, b: Value, each: bool) -> Value:
@@ -194,8 +185,8 @@ def _divided(body: Body, a: Value, b: Value, each: bool) -> Value:
     a, b = (v if each else body.exact(v) for v in (a, b))
     a, b = converted(a, FLOAT), converted(b, FLOAT)
     if each or (b.const is not UNKNOWN and b.const != 0):
-        return Value(FLOAT, (f"{a.within(PRODUCT)} / {b.within(SIGN)}",), PRODUCT)
-    return call("divide", "ctx", a.text, b.text, str(_no_zero(body, "float division by zero")))
+        return Value(FLOAT, (Operator("/", a.expr, b.expr),))
+    return call("divide", CTX, a.expr, b.expr, _no_zero(body, "float division by zero"))
 
 
 def _folded(op: ast.operator, a: Value, b: Value) -> Value | None:
@@ -209,13 +200,8 @@ def _folded(op: ast.operator, a: Value, b: Value) -> Value | None:
 
 
 def _plain(op: ast.operator, a: Value, b: Value) -> Value:
-    sign, rank = PLAIN[type(op)]
-    # a - (b + c) and a * (b * c) keep their parentheses: the order of rounding is the source's.
-    left, right = a.within(rank), b.within(rank + 1)
-    low, high = None, None
-    if a.type == INT:
-        low, high = _bounds(op, a, b)
-    return Value(a.type, (f"{left} {sign} {right}",), rank, low=low, high=high)
+    low, high = _bounds(op, a, b) if a.type == INT else (None, None)
+    return Value(a.type, (Operator(PLAIN[type(op)], a.expr, b.expr),), low=low, high=high)
 
 
 def _bounds(op: ast.operator, a: Value, b: Value) -> tuple[int | None, int | None]:
@@ -239,15 +225,14 @@ def _bounds(op: ast.operator, a: Value, b: Value) -> tuple[int | None, int | Non
 def _bits(body: Body, op: ast.operator, a: Value, b: Value) -> Value:
     if {FLOAT, EITHER} & {a.type, b.type}:
         raise NotTypedError("uses bitwise operators on floats")
-    if isinstance(op, (ast.LShift, ast.RShift)):
-        name = "shift_left" if isinstance(op, ast.LShift) else "shift_right"
-        return _checked(body, name, converted(a, INT), converted(b, INT))
+    if type(op) in SHIFTS:
+        return _checked(body, SHIFTS[type(op)], converted(a, INT), converted(b, INT))
     kind = BOOL if a.type == BOOL and b.type == BOOL else INT
     a, b = converted(a, kind), converted(b, kind)
-    return Value(kind, (f"({a.within(ATOM)} {BITS[type(op)]} {b.within(ATOM)})",), ATOM)
+    return Value(kind, (Operator(BITS[type(op)], a.expr, b.expr),))
 
 
-def _no_zero(body: Body, message: str) -> int:
+def _no_zero(body: Body, message: str) -> Expr:
     return body.fail("ZeroDivisionError", message)
 
 
@@ -257,13 +242,13 @@ def _power(body: Body, a: Value, b: Value, each: bool) -> Value:
     if each:
         if b.const == 2:
             return _plain(ast.Mult(), a, a)
-        return call("np_power", a.text, b.text)
-    return call("real_power", "ctx", a.text, b.text, _domain(body, "**"))
+        return call("np_power", a.expr, b.expr)
+    return call("real_power", CTX, a.expr, b.expr, _domain(body, "**"))
 
 
-def _domain(body: Body, name: str) -> str:
+def _domain(body: Body, name: str) -> Expr:
     """The number of the failure of a function that has no result."""
-    return str(body.fail("ValueError", f"no finite real result of {name}"))
+    return body.fail("ValueError", f"no finite real result of {name}")
 
 
 def _whole(body: Body, op: ast.operator, a: Value, b: Value, each: bool) -> Value:
@@ -271,53 +256,39 @@ def _whole(body: Body, op: ast.operator, a: Value, b: Value, each: bool) -> Valu
     divides = isinstance(op, ast.FloorDiv)
     if a.type == FLOAT:
         if not divides and b.const is not UNKNOWN and b.const != 0:
-            return call("modulo", a.text, b.text)
+            return call("modulo", a.expr, b.expr)
         if each:
-            return call("np_floor_divide" if divides else "np_modulo", a.text, b.text)
+            return call("np_floor_divide" if divides else "np_modulo", a.expr, b.expr)
         message = "float floor division by zero" if divides else "float modulo"
         name = "floor_divide" if divides else "modulo_checked"
-        return call(name, "ctx", a.text, b.text, str(_no_zero(body, message)))
+        return call(name, CTX, a.expr, b.expr, _no_zero(body, message))
     positive = b.const is not UNKNOWN and b.const > 0
     if positive and a.low is not None and a.low >= 0:
         sign = "/" if divides else "%"
         high = None if divides else b.const
-        text = f"{a.within(PRODUCT)} {sign} {b.within(SIGN)}"
-        return Value(INT, (text,), PRODUCT, low=0, high=high)
+        return Value(INT, (Operator(sign, a.expr, b.expr),), low=0, high=high)
     name = "int_floor_divide" if divides else "int_modulo"
     message = "integer division or modulo by zero"
-    found = call(name, "ctx", a.text, b.text, str(_no_zero(body, message)), kind=INT)
+    found = call(name, CTX, a.expr, b.expr, _no_zero(body, message), kind=INT)
     if divides or b.low is None or b.low < 0:
         return found
-    high = b.const if positive else b.text if b.text in body.stable else None
-    return Value(INT, found.texts, ATOM, low=0, high=high)
+    high = b.const if positive else b.expr if b.expr.is_stable else None
+    return replace(found, low=0, high=high)
 
 
 def compared(body: Body, op: ast.cmpop, a: Value, b: Value) -> Value:
     """A comparison of two numbers."""
     a, b = as_number(a), as_number(b)
-    sign = COMPARED.get(type(op))
-    if sign is None:
+    if type(op) not in COMPARED:
         raise NotTypedError(f"compares numbers by {type(op).__name__}")
+    sign, python = COMPARED[type(op)]
     if a.const is not UNKNOWN and b.const is not UNKNOWN:
-        return number(_result(sign, a.const, b.const))
+        return number(bool(python(a.const, b.const)))
     if a.type != b.type and INT in (a.type, b.type) and BOOL not in (a.type, b.type):
         a, b = body.exact(a), body.exact(b)
     kind = FLOAT if {FLOAT, EITHER} & {a.type, b.type} else INT
     left, right = converted(a, kind), converted(b, kind)
-    return Value(BOOL, (f"{left.within(SUM)} {sign} {right.within(SUM)}",), LOOSE)
-
-
-def _result(sign: str, a: Any, b: Any) -> bool:
-    return bool(
-        {
-            "==": operator.eq,
-            "!=": operator.ne,
-            "<": operator.lt,
-            "<=": operator.le,
-            ">": operator.gt,
-            ">=": operator.ge,
-        }[sign](a, b)
-    )
+    return Value(BOOL, (Operator(sign, left.expr, right.expr),))
 
 
 def extreme(body: Body, name: str, values: list[Value]) -> Value:
@@ -339,20 +310,16 @@ def extreme(body: Body, name: str, values: list[Value]) -> Value:
         low, high = None, None
         if kind == INT:
             low, high = _extreme_bounds(name, a, b)
-        texts = (f"{function}({a.text}, {b.text})",)
-        found = Value(kind, texts, ATOM, low=low, high=high)
+        found = Value(kind, (Call(function, (a.expr, b.expr)),), low=low, high=high)
     return found
 
 
-def _extreme_bounds(name: str, a: Value, b: Value) -> tuple[int | None, int | str | None]:
+def _extreme_bounds(name: str, a: Value, b: Value) -> tuple[int | None, int | None]:
     lows = [v.low for v in (a, b) if v.low is not None]
-    if name == "max":
-        highs = [v.high for v in (a, b)]
-        both = all(isinstance(h, int) for h in highs)
-        return max(lows, default=None), max(highs) if both else None  # type: ignore[type-var]
-    low = min(lows) if len(lows) == 2 else None
     highs = [v.high for v in (a, b) if isinstance(v.high, int)]
-    return low, min(highs, default=None)  # type: ignore[type-var]
+    if name == "max":
+        return max(lows, default=None), max(highs) if len(highs) == 2 else None
+    return min(lows) if len(lows) == 2 else None, min(highs, default=None)
 
 
 def absolute(body: Body, value: Value) -> Value:
@@ -363,8 +330,8 @@ def absolute(body: Body, value: Value) -> Value:
     if value.type == BOOL:
         raise NotTypedError("takes the absolute value of a bool; use int(...)")
     if value.type != INT:
-        return call("fabs", value.text, kind=FLOAT if value.type == FLOAT else EITHER)
-    return Value(INT, _checked(body, "int_abs", value).texts, ATOM, low=0)
+        return call("fabs", value.expr, kind=FLOAT if value.type == FLOAT else EITHER)
+    return replace(_checked(body, "int_abs", value), low=0)
 
 
 def whole(body: Body, value: Value, function: str = "") -> Value:
@@ -375,10 +342,10 @@ def whole(body: Body, value: Value, function: str = "") -> Value:
     if value.const is not UNKNOWN and math.isfinite(value.const):
         python: dict[str, Callable[[float], int]] = {"floor": math.floor, "ceil": math.ceil}
         return number((python | {"rint": round}).get(function, int)(value.const))
-    text = f"{function}({value.text})" if function else value.text
+    rounded = Call(function, (value.expr,)) if function else value.expr
     message = "cannot convert float NaN, infinity or more than 64 bits to integer"
     failure = body.fail("ValueError", message)
-    return call("to_int", "ctx", text, str(failure), kind=INT)
+    return call("to_int", CTX, rounded, failure, kind=INT)
 
 
 def function(body: Body, name: str, values: list[Value]) -> Value:
@@ -394,21 +361,21 @@ def function(body: Body, name: str, values: list[Value]) -> Value:
                 return number(found)
         except (ArithmeticError, ValueError, TypeError):
             pass  # fails while running, if it is reached
-    texts = [value.text for value in numbers]
-    if len(texts) == 1 and name in TOTAL:
-        return call(TOTAL[name], *texts)
-    if len(texts) == 1 and name in REAL:
-        return call(f"real_{name}", "ctx", *texts, _domain(body, f"math.{name}"))
-    if len(texts) == 1 and name in TESTS:
-        return tested(name, texts[0])
-    if len(texts) == 2 and name in TOTAL_TWO:
-        return call(TOTAL_TWO[name], *texts)
-    if len(texts) == 2 and name in REAL_TWO:
-        return call(REAL_TWO[name], "ctx", *texts, _domain(body, f"math.{name}"))
-    if len(texts) == 2 and name == "log":
-        logs = [call("real_log", "ctx", text, _domain(body, "math.log")) for text in texts]
+    given = [value.expr for value in numbers]
+    if len(given) == 1 and name in TOTAL:
+        return call(TOTAL[name], *given)
+    if len(given) == 1 and name in REAL:
+        return call(f"real_{name}", CTX, *given, _domain(body, f"math.{name}"))
+    if len(given) == 1 and name in TESTS:
+        return tested(name, numbers[0])
+    if len(given) == 2 and name in TOTAL_TWO:
+        return call(TOTAL_TWO[name], *given)
+    if len(given) == 2 and name in REAL_TWO:
+        return call(REAL_TWO[name], CTX, *given, _domain(body, f"math.{name}"))
+    if len(given) == 2 and name == "log":
+        logs = [call("real_log", CTX, each, _domain(body, "math.log")) for each in given]
         return binary(body, ast.Div(), logs[0], logs[1])
     factors = {"radians": math.pi / 180.0, "degrees": 180.0 / math.pi}
-    if name in factors and len(texts) == 1:
+    if name in factors and len(given) == 1:
         return _plain(ast.Mult(), numbers[0], number(factors[name]))
-    raise NotTypedError(f"calls math.{name} with {len(texts)} numbers, which is not compiled")
+    raise NotTypedError(f"calls math.{name} with {len(given)} numbers, which is not compiled")

@@ -1,4 +1,11 @@
-"""The source of a unit: functions of the compiled subset as syntax trees, and which are called."""
+"""The source of a unit: functions of the compiled subset as syntax trees, and which are called.
+
+In go syntax trees, out come facts that need no types: which names are assigned once, which are read
+after their loop, which may be read before they are assigned.
+
+    for i in range(n):      counts {"i": 2, "total": 3}, since a loop may assign more than once
+        total += a[i]       indices {"i"}: it is a C variable of the loop, unless it is read later
+"""
 
 from __future__ import annotations
 
@@ -156,6 +163,22 @@ def _stored(node: ast.AST) -> list[str]:
         for inner in ast.walk(node)
         if isinstance(inner, ast.Name) and isinstance(inner.ctx, ast.Store)
     ]
+
+
+class Failures:
+    """The failures of a unit, by number: exception, message, file and line."""
+
+    def __init__(self) -> None:
+        self.listed: list[tuple[str, str, str, int]] = []
+        self.numbers: dict[tuple[str, str, str, int], int] = {}
+
+    def number(self, kind: str, message: str, file: str, line: int) -> int:
+        """The number of a failure."""
+        entry = (kind, message, file, line)
+        if entry not in self.numbers:
+            self.numbers[entry] = len(self.listed)
+            self.listed.append(entry)
+        return self.numbers[entry]
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,10 @@
 """Types of the compiled subset, and how each is laid out in C.
 
+In goes a type, out come its C variables; in go two types, out comes the one that holds both:
+
+    leaves(Tuple((FLOAT, Array("float", (None,)))))    _0 double, _1 double *, _1_n0 int64_t
+    join(INT, FLOAT)                                   EITHER
+
 A value of any type is a list of *leaves*, each of one C type: a number is one leaf, an array its
 pointer and the sizes and strides that are not known, a tuple the leaves of its parts. Variables,
 parameters and members of structs are the leaves of their type, one by one.
@@ -98,6 +103,7 @@ Type = Number | Array | Tuple | Maybe | Known | Draws
 BOOL, INT, FLOAT = Number("bool"), Number("int"), Number("float")
 EITHER = Number("either")
 NONE = Known(None)
+NUMBERS = {"bool": BOOL, "int": INT, "float": FLOAT}
 
 
 def leaves(kind: Type) -> Iterator[tuple[str, str]]:

@@ -1,32 +1,52 @@
-"""A translation unit: the functions that a block's methods need, and the methods' C interface."""
+"""A translation unit: the functions that a block's methods need, and the methods' C interface.
+
+In go a source and the methods that are called, out comes the text of a C file. Each function is
+written once for each combination of types of its arguments, in these passes:
+
+1. ``build``   syntax tree to form, which types and refuses; again where a variable of a loop turns
+               out wider than an earlier use of it took it to be: ``n = 0`` before ``n += 0.5``
+2. ``tidy``    without what is never read
+3. ``leave``   with the ways out after a failure
+4. ``print``   form to text
+"""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from runtime.codegen.body import Body, Failures
-from runtime.codegen.interface import given, results
-from runtime.codegen.leaving import leaving
-from runtime.codegen.names import function_name, local_name
-from runtime.codegen.source import Entry, Function, RefusedError, Source, support
-from runtime.codegen.statements import Statements
-from runtime.codegen.tidying import tidied
-from runtime.codegen.types import (
-    NONE,
-    NotTypedError,
-    Type,
-    general,
-    join,
-    leaves,
+from runtime.codegen.body import Body
+from runtime.codegen.expressions import value_of
+from runtime.codegen.form import (
+    CTX,
+    SELF,
+    Call,
+    Do,
+    Expr,
+    Literal,
+    Member,
+    Name,
+    Return,
+    Set,
+    Statement,
+    used,
+    walk,
 )
+from runtime.codegen.interface import Parameter, given, results
+from runtime.codegen.names import function_name, local_name
+from runtime.codegen.passes import leave, tidy
+from runtime.codegen.printing import Printer, declared
+from runtime.codegen.source import Entry, Failures, Function, RefusedError, Source, support
+from runtime.codegen.statements import build
+from runtime.codegen.types import NONE, NotTypedError, Type, general, join, leaves
 from runtime.codegen.values import Value, converted, none, zero
 
-PASSES = 8
+# A type widens in few steps (int, either; sizes known or not): a function whose types are not
+# found after so many builds has a variable that takes ever other forms.
+BUILDS = 8
 SIZES_SEEN = 4
-LEAVE = "return @@;"
-WORD = re.compile(r"\w+")
+CONTEXT: Parameter = ("struct context *", "ctx")
+ENTRIES: Parameter = ("const struct entries *", "self")
 CODES = {"double": "d", "int64_t": "i", "bool": "b"}
 
 
@@ -46,16 +66,20 @@ class Unit:
     prototypes: list[str]
 
 
-@dataclass
+@dataclass(frozen=True)
 class Instance:
-    """A function for certain types of arguments."""
+    """A function for certain types of arguments.
+
+    effects, changes : whether it has statements that must stay, or that change memory.
+    context, entries : whether it takes them.
+    """
 
     name: str
     returned: Type
     effects: bool
     changes: bool
-    uses_context: bool
-    uses_entries: bool
+    context: bool
+    entries: bool
     text: str
     calls: set[str] = field(default_factory=set)
 
@@ -77,8 +101,8 @@ class Writer:
         self.names = {local_name(n) for f in source.functions.values() for n in f.counts}
         self.names |= set(map(local_name, source.entries))
         self.structs: dict[tuple[str, ...], str] = {}
+        # The functions that each of those calls that are being built.
         self.stack: list[set[str]] = []
-        self.leaving = LEAVE
         self.prototypes: list[str] = []
 
     def unit(self, entries: Sequence[Entry], title: str = "") -> Unit:
@@ -96,17 +120,10 @@ class Writer:
             for name, kind in self.source.entries.items()
             for suffix, c_type in leaves(kind)
         ]
-        members = [f"    {_declared(c_type, name)};" for name, c_type in words]
-        head = ["/* " + line for line in _plain(title).split("\n")] if title else []
-        if head:
-            head = [
-                "\n * ".join(line.removeprefix("/* ") if i else line for i, line in enumerate(head))
-                + "\n */",
-                "",
-            ]
+        members = [f"    {declared(c_type, name)};" for name, c_type in words]
         text = "\n".join(
             [
-                *head,
+                *_comment(title),
                 support(),
                 "/* Parameters, and pointers to states. */",
                 "struct entries {",
@@ -135,7 +152,7 @@ class Writer:
     def struct_texts(self) -> list[str]:
         made = []
         for c_types, name in self.structs.items():
-            members = [f"    {_declared(c_type, f'v{i}')};" for i, c_type in enumerate(c_types)]
+            members = [f"    {declared(c_type, f'v{i}')};" for i, c_type in enumerate(c_types)]
             made += [f"struct {name} {{", *members, "};", ""]
         return made
 
@@ -159,27 +176,19 @@ class Writer:
                 ]
                 break
         self.stack[-1].add(instance.name)
-        texts = [text for value in values for text in value.texts]
-        texts = ["self"] * instance.uses_entries + texts
-        texts = ["ctx"] * instance.uses_context + texts
-        text = f"{instance.name}({', '.join(texts)})"
-        if instance.uses_entries:
-            body.uses_entries = True
+        first = [CTX] * instance.context + [SELF] * instance.entries
+        call = Call(instance.name, (*first, *(leaf for value in values for leaf in value.leaves)))
         kinds = [c_type for _, c_type in leaves(instance.returned)]
+        body.changes += instance.changes
         if not kinds:
-            body.effects += 1
-            body.changes += instance.changes
-            body.put(f"{text};")
+            body.act(Do(call))
             return none() if instance.returned == NONE else Value(instance.returned)
         body.effects += instance.effects
-        body.changes += instance.changes
         if len(kinds) == 1:
-            made = Value(instance.returned, (text,))
+            made = Value(instance.returned, (call,))
             return body.kept(made, instance.name) if instance.effects else made
-        name = body.fresh(instance.name)
-        body.put(f"const struct {self.struct(kinds)} {name} = {text};")
-        members = tuple(f"{name}.v{i}" for i in range(len(kinds)))
-        body.stable.update(members)
+        name = body.held(instance.name, f"struct {self.struct(kinds)}", call)
+        members = tuple(Member(name, f".v{i}") for i in range(len(kinds)))
         return Value(instance.returned, members)
 
     def arguments(
@@ -199,7 +208,7 @@ class Writer:
             if name in named:
                 values.append(named[name])
             elif name in target.defaults:
-                values.append(body.expr(target.defaults[name]))
+                values.append(value_of(body, target.defaults[name]))
             else:
                 raise NotTypedError(f"calls '{target.name}' without '{name}'")
         return [body.stored(value) for value in values]
@@ -236,14 +245,13 @@ class Writer:
         return made
 
     def written(self, target: Function, kinds: tuple[Type, ...]) -> Instance:
-        """Write a function again until its variables' types are wide enough."""
+        """Build a function, again until its variables' types are wide enough."""
         name = function_name(target.name, self.names)
         types: dict[str, Type] = {}
         returned: Type | None = None
-        for _ in range(PASSES):
+        for _ in range(BUILDS):
             self.stack.append(set())
-            body = Statements(self, target, self.failures, types)
-            body.returned = returned
+            body = Body(self, target, types, returned)
             try:
                 falls = self.filled(body, target, kinds)
             except NotTypedError as error:
@@ -258,13 +266,13 @@ class Writer:
             types, returned = body.types, found
         raise RefusedError(f"the types in '{target.name}' are not settled ({target.file})")
 
-    def filled(self, body: Statements, target: Function, kinds: tuple[Type, ...]) -> bool:
-        """Write a function's statements; returns whether its end is reached."""
+    def filled(self, body: Body, target: Function, kinds: tuple[Type, ...]) -> bool:
+        """Build a function's statements; returns whether its end is reached."""
         for parameter, kind in zip(target.parameters, kinds, strict=True):
             body.parameter(parameter, kind)
-        falls = body.all(target.statements)
+        falls = build(body, target.statements)
         if falls and body.returned not in (None, NONE):
-            body.put(self.returning(converted(none(), join(body.returned or NONE, NONE))))
+            body.add(Return(converted(none(), join(body.returned or NONE, NONE)).leaves))
         return falls
 
     def finished(
@@ -272,64 +280,34 @@ class Writer:
         name: str,
         target: Function,
         kinds: tuple[Type, ...],
-        body: Statements,
+        body: Body,
         returned: Type,
         calls: set[str],
     ) -> Instance:
         """The text of a function."""
-        nothing = self.returning(Value(returned, zero(returned)))
-        lines = [line.replace(LEAVE, nothing) for line in body.lines]
-        tops = [
-            f"    {_declared(c_type, target_name + suffix)} = {text};"
-            for target_name, kind in body.tops.items()
-            for (suffix, c_type), text in zip(leaves(kind), zero(kind), strict=True)
-        ]
-        heads = [f"    {line}" for line in body.heads.values()]
-        lines = leaving(tidied([*heads, *tops, *lines]), nothing.removeprefix("return").strip(" ;"))
-        whole = "\n".join(lines)
+        statements = tidy(body.whole())
         parameters = [
-            _declared(c_type, f"{local_name(parameter)}{suffix}")
+            (c_type, f"{local_name(parameter)}{suffix}")
             for parameter, kind in zip(target.parameters, kinds, strict=True)
             for suffix, c_type in leaves(kind)
         ]
-        # One search for all parameters: a Sum of 4,000 terms has as many.
-        words = set(WORD.findall(whole))
-        unused = [p for p in map(_last_word, parameters) if p not in words]
-        uses_context, uses_entries = "ctx" in words, "self" in words
-        if uses_entries:
-            parameters.insert(0, "const struct entries *self")
-        if uses_context:
-            parameters.insert(0, "struct context *ctx")
-        head = _declared(f"static {self.c_return(returned)}", name)
+        names = _names(statements)
+        c_types = [c_type for _, c_type in leaves(returned)]
+        struct = self.struct(c_types) if len(c_types) > 1 else ""
+        c_type = f"struct {struct}" if struct else c_types[0] if c_types else "void"
+        context, entries = "ctx" in names, "self" in names
+        unused = [each for _, each in parameters if each not in names]
+        first = [CONTEXT] * context + [ENTRIES] * entries
+        taken = ", ".join(declared(*each) for each in [*first, *parameters]) or "void"
         text = "\n".join(
             [
                 *([f"/* {_plain(target.note)} */"] if target.note else []),
-                f"{head}({', '.join(parameters) or 'void'})",
-                "{",
-                *[f"    (void){p};" for p in unused],
-                *lines,
-                "}",
-                "",
+                f"{declared(f'static {c_type}', name)}({taken})",
+                *_block(unused, body, statements, struct, zero(returned)),
             ]
         )
-        counts = (body.effects > 0, body.changes > 0, uses_context, uses_entries)
-        return Instance(name, returned, *counts, text, calls)
-
-    def c_return(self, kind: Type) -> str:
-        found = [c_type for _, c_type in leaves(kind)]
-        if not found:
-            return "void"
-        return found[0] if len(found) == 1 else f"struct {self.struct(found)}"
-
-    def returning(self, value: Value) -> str:
-        """The statement that returns a value."""
-        if not value.texts:
-            return "return;"
-        if len(value.texts) == 1:
-            text = value.text
-            return f"return {text};"
-        kinds = [c_type for _, c_type in leaves(value.type)]
-        return f"return (struct {self.struct(kinds)}){{{', '.join(value.texts)}}};"
+        acts = (body.effects > 0, body.changes > 0)
+        return Instance(name, returned, *acts, context, entries, text, calls)
 
     def struct(self, c_types: Sequence[str]) -> str:
         """The name of a struct with members of these types."""
@@ -348,10 +326,10 @@ class Writer:
     def interface(self, entry: Entry) -> tuple[str, set[str]]:
         """The text of a method that other units call, and the functions that it calls."""
         target = self.source.functions[entry.function]
-        parameters: list[str] = []
+        parameters: list[Parameter] = []
         values = [given(name, kind, parameters) for name, kind in entry.arguments]
         self.stack.append(set())
-        body = Statements(self, target, self.failures, {})
+        body = Body(self, target, {})
         try:
             found = self.call(body, target, values, {})
             results(body, entry, found, parameters)
@@ -359,39 +337,47 @@ class Writer:
             raise RefusedError(f"{error} ({target.file}:{target.line + 1})") from None
         finally:
             calls = self.stack.pop()
-        lines = leaving(tidied(body.lines), "")
-        if any(re.search(r"\bctx\b", line) for line in lines):
-            lines.insert(0, "    ctx->arena_used = 0;")
-        whole = "\n".join(lines)
-        names = [_last_word(p) for p in ("ctx", *parameters, "self")]
-        words = set(WORD.findall(whole))
-        unused = [n for n in names if n not in words]
-        head = ["struct context *ctx", "const struct entries *self", *parameters]
-        signature = f"void {entry.symbol}({', '.join(head)})"
-        self.prototypes.append(signature.replace("const struct entries *", "const void *"))
-        text = "\n".join(
-            [
-                f"{signature};",
-                "",
-                signature,
-                "{",
-                *[f"    (void){n};" for n in unused],
-                *lines,
-                "}",
-                "",
-            ]
-        )
-        return text, calls
+        statements = tidy(body.statements)
+        if "ctx" in _names(statements):
+            statements.insert(0, Set(Member(CTX, "->arena_used"), Literal(0)))
+        names = _names(statements)
+        signature = f"void {entry.symbol}({{}})"
+        taken = [CONTEXT, ENTRIES, *parameters]
+        head = signature.format(", ".join(declared(*each) for each in taken))
+        # Other units have another struct of entries.
+        taken[1] = ("const void *", "self")
+        self.prototypes.append(signature.format(", ".join(declared(*each) for each in taken)))
+        unused = [n for n in ("ctx", *(n for _, n in parameters), "self") if n not in names]
+        return "\n".join([f"{head};", "", head, *_block(unused, body, statements)]), calls
+
+
+def _block(
+    unused: Sequence[str],
+    body: Body,
+    statements: Sequence[Statement],
+    struct: str = "",
+    zeros: tuple[Expr, ...] = (),
+) -> list[str]:
+    """The lines of a function after its head."""
+    lines = Printer(struct, zeros).lines(leave(statements, zeros, body.fresh))
+    return ["{", *[f"    (void){name};" for name in unused], *lines, "}", ""]
+
+
+def _names(statements: Sequence[Statement]) -> set[str]:
+    """The parameters and entries that statements use, those that are assigned to included."""
+    assigned = {
+        each.place.name
+        for each in walk(statements)
+        if isinstance(each, Set) and isinstance(each.place, Name)
+    }
+    return assigned | set(used(statements))
+
+
+def _comment(text: str) -> list[str]:
+    """A comment of several lines, and an empty one."""
+    return ["/* " + "\n * ".join(_plain(text).split("\n")) + "\n */", ""] if text else []
 
 
 def _plain(text: str) -> str:
     """A text that neither ends a comment nor opens one in it."""
     return text.replace("*/", "* /").replace("/*", "/ *")
-
-
-def _declared(c_type: str, name: str) -> str:
-    return f"{c_type}{name}" if c_type.endswith("*") else f"{c_type} {name}"
-
-
-def _last_word(parameter: str) -> str:
-    return re.split(r"[ *]", parameter)[-1]

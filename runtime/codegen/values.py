@@ -1,12 +1,20 @@
-"""Values in C text, and their conversion from one type to another."""
+"""Typed values: a type, and the expressions that compute its leaves.
+
+In go values, out come values of another type or parts of them; nothing here writes a statement.
+
+    number(2)                                        Value(INT, (Literal(2),), const=2)
+    converted(number(2), FLOAT)                      Value(FLOAT, (Literal(2.0),), const=2.0)
+    group([x, y]), of floats                         Value(Tuple((FLOAT, FLOAT)), (x, y))
+    a row of ``a``, 3 by n                           Value(Array("float", (None,)), (pointer, n))
+"""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
+from runtime.codegen.form import NULL, Expr, Literal, Prefix, product, sum_of
 from runtime.codegen.types import (
     BOOL,
     EITHER,
@@ -24,63 +32,58 @@ from runtime.codegen.types import (
     leaves,
 )
 
-# How tightly a text binds: an operand of lower rank is put in parentheses.
-LOOSE, SUM, PRODUCT, SIGN, ATOM = range(5)
 UNKNOWN: Any = object()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Value:
-    """A value: its type, and the C text of each leaf.
+    """A value: its type, and the expression of each leaf.
 
     const : the Python number, where it is known while compiling.
-    low, high : bounds of an integer, ``low <= value < high``; ``high`` a number or C text.
+    low, high : bounds of an integer, ``low <= value < high``; ``high`` a number or an expression.
     each : of an array expression that is not stored yet: the element at some indices.
-    sizes : of such an expression: the C text of each axis.
-    names : the variables that an array expression reads with other indices than its own.
+    sizes : of such an expression: each axis.
     """
 
     type: Type
-    texts: tuple[str, ...] = ()
-    rank: int = ATOM
+    leaves: tuple[Expr, ...] = ()
     const: Any = UNKNOWN
     low: int | None = None
-    high: int | str | None = None
-    each: Callable[[Sequence[str]], Value] | None = None
-    sizes: tuple[str, ...] = ()
-    shifted: bool = field(default=False, compare=False)
+    high: int | Expr | None = None
+    each: Callable[[Sequence[Expr]], Value] | None = None
+    sizes: tuple[Expr, ...] = ()
 
     @property
-    def text(self) -> str:
-        """The text of a value with one leaf, or of an array's pointer."""
-        return self.texts[0]
-
-    def within(self, rank: int) -> str:
-        """The text as an operand of an operator of this rank."""
-        return self.texts[0] if self.rank >= rank else f"({self.texts[0]})"
+    def expr(self) -> Expr:
+        """The expression of a value with one leaf, or of an array's pointer."""
+        return self.leaves[0]
 
     @property
     def is_known(self) -> bool:
         """Whether the value is known while compiling."""
         return self.const is not UNKNOWN or isinstance(self.type, Known)
 
+    @property
+    def fails(self) -> bool:
+        """Whether computing it may fail."""
+        return any(leaf.fails for leaf in self.leaves)
+
+    @property
+    def reads(self) -> bool:
+        """Whether a value that is not computed yet depends on what memory holds."""
+        return self.each is not None or any(leaf.reads for leaf in self.leaves)
+
 
 def number(value: float) -> Value:
     """A literal."""
     if isinstance(value, bool):
-        return Value(BOOL, ("true" if value else "false",), const=value)
+        return Value(BOOL, (Literal(value),), value)
     if isinstance(value, int):
         if not -(2**63) < value < 2**63:
             raise NotTypedError(f"uses the integer {value}, which has more than 64 bits")
-        text = f"INT64_C({value})" if abs(value) >= 2**31 else str(value)
-        return Value(INT, (text,), SIGN if value < 0 else ATOM, value, value, value + 1)
+        return Value(INT, (Literal(value),), value, value, value + 1)
     value = float(value)
-    if math.isnan(value):
-        return Value(FLOAT, ("(double)NAN",), SIGN, value)
-    if math.isinf(value):
-        return Value(FLOAT, (f"{'-' * (value < 0.0)}(double)INFINITY",), SIGN, value)
-    sign = math.copysign(1.0, value) < 0.0
-    return Value(FLOAT, (repr(value),), SIGN if sign else ATOM, value)
+    return Value(FLOAT, (Literal(value),), value)
 
 
 def none() -> Value:
@@ -95,8 +98,8 @@ def known(value: Any) -> Value:
 
 def group(parts: Sequence[Value]) -> Value:
     """A tuple of values."""
-    texts = tuple(text for part in parts for text in part.texts)
-    return Value(Tuple(tuple(part.type for part in parts)), texts)
+    found = tuple(leaf for part in parts for leaf in part.leaves)
+    return Value(Tuple(tuple(part.type for part in parts)), found)
 
 
 def parts_of(value: Value) -> list[Value]:
@@ -106,40 +109,37 @@ def parts_of(value: Value) -> list[Value]:
     found, at = [], 0
     for kind in value.type.parts:
         size = count(kind)
-        texts = value.texts[at : at + size]
-        literal = _literal(kind, texts)
-        found.append(literal or Value(kind, texts, rank=_rank(value, kind, at)))
+        own = value.leaves[at : at + size]
+        known = kind in (BOOL, INT, FLOAT) and isinstance(own[0], Literal)
+        found.append(number(own[0].value) if known else Value(kind, own))  # type: ignore[attr-defined]
         at += size
     return found
 
 
-def _literal(kind: Type, texts: tuple[str, ...]) -> Value | None:
-    """The number that a text spells."""
-    if kind == INT and texts[0].lstrip("-").isdigit():
-        return number(int(texts[0]))
-    if kind == FLOAT and texts[0].lstrip("-")[:1].isdigit():
-        try:
-            return number(float(texts[0]))
-        except ValueError:
-            return None
-    return number(texts[0] == "true") if kind == BOOL and texts[0] in ("true", "false") else None
+def given(value: Value) -> Value:
+    """A value that may be None, where it is used as one that is not."""
+    return Value(value.type.part, value.leaves[1:]) if isinstance(value.type, Maybe) else value
 
 
-def _rank(value: Value, kind: Type, at: int) -> int:
-    """Parts keep no rank of their own: only plain texts are certain not to need parentheses."""
-    text = value.texts[at] if count(kind) == 1 else ""
-    return ATOM if all(c.isalnum() or c in "_.>-" for c in text.lstrip("-")) else LOOSE
-
-
-def size_text(value: Value, axis: int) -> str:
-    """The C text of an array's size along an axis."""
+def size_expr(value: Value, axis: int) -> Expr:
+    """An array's size along an axis."""
     size = array_type(value).dims[axis]
     if size is not None:
-        return str(size)
+        return Literal(size)
     if value.each is not None:
         return value.sizes[axis]
     at = 1 + sum(n is None for n in array_type(value).dims[:axis])
-    return value.texts[at]
+    return value.leaves[at]
+
+
+def sizes_of(value: Value) -> list[Expr]:
+    """An array's size along each axis."""
+    return [size_expr(value, axis) for axis in range(axes_of(value))]
+
+
+def axes_of(value: Value) -> int:
+    """How many axes an array has."""
+    return len(array_type(value).dims)
 
 
 def size_of(value: Value, axis: int) -> Value:
@@ -147,28 +147,27 @@ def size_of(value: Value, axis: int) -> Value:
     size = array_type(value).dims[axis]
     if size is not None:
         return number(size)
-    return Value(INT, (size_text(value, axis),), low=0, high=None)
+    return Value(INT, (size_expr(value, axis),), low=0, high=None)
 
 
-def stride_text(value: Value, axis: int) -> str:
-    """The C text of an array's stride along an axis, in elements."""
+def stride_expr(value: Value, axis: int) -> Expr:
+    """An array's stride along an axis, in elements."""
     kind = array_type(value)
     if not kind.packed:
-        return value.texts[1 + sum(n is None for n in kind.dims) + axis]
-    return product_text([size_text(value, k) for k in range(axis + 1, len(kind.dims))])
+        return value.leaves[1 + sum(n is None for n in kind.dims) + axis]
+    return product(sizes_of(value)[axis + 1 :])
 
 
-def product_text(factors: Sequence[str]) -> str:
-    """A product of texts; numbers are multiplied while compiling."""
-    constant = math.prod(int(f) for f in factors if f.isdigit())
-    rest = [f if _is_plain(f) else f"({f})" for f in factors if not f.isdigit()]
-    if not rest or constant == 0:
-        return str(constant)
-    return " * ".join([*([str(constant)] if constant != 1 else []), *rest])
-
-
-def _is_plain(text: str) -> bool:
-    return all(c.isalnum() or c in "_." or c == "[" or c == "]" for c in text)
+def offset(array: Value, indices: Sequence[Expr]) -> Expr:
+    """An element's distance from an array's start."""
+    zero = Literal(0)
+    if array_type(array).packed:
+        found: Expr = indices[0] if indices else zero
+        for axis in range(1, len(indices)):
+            scaled = product([found, size_expr(array, axis)])
+            found = sum_of([scaled, indices[axis]])
+        return found
+    return sum_of([product([i, stride_expr(array, k)]) for k, i in enumerate(indices)])
 
 
 def array_type(value: Value) -> Array:
@@ -183,11 +182,11 @@ def array_type(value: Value) -> Array:
     return value.type
 
 
-def zero(kind: Type) -> tuple[str, ...]:
+def zero(kind: Type) -> tuple[Expr, ...]:
     """Leaves of a value that is never used."""
+    zeros = {"double": Literal(0.0), "bool": Literal(False)}
     return tuple(
-        "NULL" if name.endswith("*") else {"double": "0.0", "bool": "false"}.get(name, "0")
-        for _, name in leaves(kind)
+        NULL if name.endswith("*") else zeros.get(name, Literal(0)) for _, name in leaves(kind)
     )
 
 
@@ -209,7 +208,7 @@ def converted(value: Value, kind: Type) -> Value:
     elif isinstance(have, Tuple) and isinstance(kind, Tuple):
         if len(have.parts) == len(kind.parts):
             pairs = zip(parts_of(value), kind.parts, strict=True)
-            found = Value(kind, tuple(t for part, of in pairs for t in converted(part, of).texts))
+            found = Value(kind, tuple(t for part, of in pairs for t in converted(part, of).leaves))
     elif isinstance(kind, Maybe):
         found = _maybe(value, kind)
     if found is None:
@@ -223,15 +222,15 @@ def _number_as(value: Value, kind: Number) -> Value | None:
             return number(float(value.const))
         if value.type == EITHER:
             return replace(value, type=FLOAT)
-        return Value(kind, (f"(double){value.within(ATOM)}",), SIGN)
+        return Value(kind, (Prefix("(double)", value.expr),))
     if kind == EITHER and value.type != BOOL:
         if value.const is not UNKNOWN:
-            return Value(EITHER, number(float(value.const)).texts, SIGN)
+            return Value(EITHER, number(float(value.const)).leaves)
         return replace(_number_as(value, FLOAT) or value, type=EITHER)
     if kind == INT and value.type == BOOL:
         if value.const is not UNKNOWN:
             return number(int(value.const))
-        return Value(INT, value.texts, value.rank, low=0, high=2)
+        return Value(INT, value.leaves, low=0, high=2)
     return None
 
 
@@ -241,15 +240,15 @@ def _array_as(value: Value, have: Array, kind: Array) -> Value | None:
     if kind.packed > have.packed or (have.frozen and not kind.frozen):
         return None
     axes = range(len(kind.dims))
-    sizes = [size_text(value, k) for k in axes if kind.dims[k] is None]
-    strides = [] if kind.packed else [stride_text(value, k) for k in axes]
-    return Value(kind, (value.text, *sizes, *strides), value.rank)
+    sizes = [size_expr(value, k) for k in axes if kind.dims[k] is None]
+    strides = [] if kind.packed else [stride_expr(value, k) for k in axes]
+    return Value(kind, (value.expr, *sizes, *strides))
 
 
 def _maybe(value: Value, kind: Maybe) -> Value:
     if value.type == NONE:
-        return Value(kind, ("false", *zero(kind.part)))
+        return Value(kind, (Literal(False), *zero(kind.part)))
     if isinstance(value.type, Maybe):
-        inner = converted(Value(value.type.part, value.texts[1:]), kind.part)
-        return Value(kind, (value.texts[0], *inner.texts))
-    return Value(kind, ("true", *converted(value, kind.part).texts))
+        inner = converted(Value(value.type.part, value.leaves[1:]), kind.part)
+        return Value(kind, (value.leaves[0], *inner.leaves))
+    return Value(kind, (Literal(True), *converted(value, kind.part).leaves))

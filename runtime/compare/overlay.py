@@ -263,14 +263,19 @@ def _plane(
             top = draw_trajectory(
                 figure, [*poses, *paths, *contact_points], run_end(runs[0].result)
             )
-        arrange(figure, top, replace(plot, options={**plot.options, "labels": ()}))
-        write_title(top, plot.title, _subtitle(runs))
-        disable_math(figure)
-        fit(figure, LOOKS[look])
-        separate_notes(figure)
+        _finish(figure, top, runs, plot, look)
         if plot.kind == "trajectory" and not {"xlim", "ylim"} & plot.options.keys():
             equal_scales(figure, top)
     return figure
+
+
+def _finish(figure: Figure, top: Axes, runs: Sequence[Run], plot: PlotSpec, look: str) -> None:
+    """Apply the plot's own options and the title; its labels are of one run, and left out."""
+    arrange(figure, top, replace(plot, options={**plot.options, "labels": ()}))
+    write_title(top, plot.title, _subtitle(runs))
+    disable_math(figure)
+    fit(figure, LOOKS[look])
+    separate_notes(figure)
 
 
 def _wall_distance(runs: Sequence[Run], plot: PlotSpec, look: str) -> Figure | None:
@@ -281,11 +286,7 @@ def _wall_distance(runs: Sequence[Run], plot: PlotSpec, look: str) -> Figure | N
     with matplotlib.rc_context({**STYLE, **LOOKS[look].settings}):
         figure = Figure(layout="constrained")
         top = draw_wall_distance(figure, plot, runs[0].result, shown)
-        arrange(figure, top, replace(plot, options={**plot.options, "labels": ()}))
-        write_title(top, plot.title, _subtitle(runs))
-        disable_math(figure)
-        fit(figure, LOOKS[look])
-        separate_notes(figure)
+        _finish(figure, top, runs, plot, look)
     return figure
 
 

@@ -1,5 +1,10 @@
 """Translations of blocks, kept on disk: a start finds the C of a block without reading its source.
 
+In go a block and its state, out comes the key of its C text, from disk where it is known:
+
+    translation(Gain(gain=2.0), state, {}, records)    read from translation_3f...json
+    translation(Gain(gain=3.0), state, {}, records)    the same: numbers are no part of the text
+
 A translation depends on the files of the package, and on the attributes of the block and of its
 state: their types and shapes, and the values of strings and flags. Both make its name. Blocks that
 are not built in are translated at every start, since their source may be anywhere.

@@ -1,4 +1,11 @@
-"""Attributes of blocks and states as compiled text takes them: their form, and their types."""
+"""Attributes of blocks and states as compiled text takes them: their form, and their types.
+
+In go values of Python, out come their types in C and the members of the struct:
+
+    plain(np.float64(2.0), "self.gain")      2.0
+    type_of(np.zeros(3))                     Array("float", (3,)): short sizes are part of the text
+    type_of(np.zeros(100))                   Array("float", (None,)): its size is a member
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,13 @@
-"""Constant folding: branches that a block never takes are dropped before it is compiled."""
+"""Constant folding: branches that a block never takes are dropped before it is compiled.
+
+In go statements in which attributes are constants already, out come those that can be reached:
+
+    if "euler" == "rk4":        return x + dt * rate
+        return rk4(x)
+    return x + dt * rate
+
+A test is visited before its branches: what the block never runs may hold what does not compile.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,17 @@
-"""A block's methods as plain functions: ``self`` and ``state`` become entries of one tuple."""
+"""A block's methods as plain functions: ``self`` and ``state`` become entries of one struct.
+
+In go a block and its state after ``start``, out come syntax trees of the functions that its methods
+call, and the attributes that these read. What depends on the block and not on the tick is decided
+here: strings and flags become constants, and branches that they decide are dropped (``folding``).
+
+    def output(self, state, t, input):              def output(t, input):
+        if self.mode == "fast":                         return self_gain * input
+            return self.gain * input
+        return slow(input)                          fields: self_gain, a float
+
+What cannot be a plain function, as a closure or a method of another object, is refused with its
+line: the block is then called from Python.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,12 @@
-"""Block diagrams of networks: data, layout, shapes, and the formats in which they are written."""
+"""Block diagrams of networks: data, layout, shapes, and the formats in which they are written.
+
+In: a checked network. Out: a string or bytes in one of the formats::
+
+    network ─▶ picture  boxes, parts, nets: what is drawn
+            ─▶ sheet    where: positions of boxes, corners of wires (``layout``)
+            ─▶ drawing  shapes with colours ─▶ svg, png, pdf
+    Graphviz and Mermaid lay out themselves: their text is made from the picture.
+"""
 
 from runtime.diagrams.formats import FORMATS, DiagramFormat, diagram, format_of
 from runtime.diagrams.paint import draw

@@ -1,6 +1,6 @@
 """The formats of diagrams, and drawing a network in one of them.
 
-In: a checked network and the name of a format. Out: the text or the bytes of a picture. A package
+In: a checked network and the name of a format. Out: the picture as text or bytes. A package
 offers a :class:`DiagramFormat` under an entry point of the group ``spikeblocks.diagrams``::
 
     diagram(network, "mermaid")     # flowchart LR ...
@@ -26,7 +26,7 @@ class DiagramFormat:
     Parameters
     ----------
     doc : what it is, in a few words.
-    write : from a checked network to a text or bytes; the same network gives the same bytes.
+    write : from a checked network to text or bytes; the same network gives the same bytes.
     suffixes : of files in this format, beside its name.
     """
 
@@ -77,8 +77,8 @@ FORMATS: Registry[DiagramFormat] = Registry(
         "svg": DiagramFormat("a picture with hovering texts", _svg),
         "png": DiagramFormat("a picture of pixels", _png),
         "pdf": DiagramFormat("a picture on a page", _pdf),
-        "dot": DiagramFormat("a text that Graphviz lays out", _dot, ("gv",)),
-        "mermaid": DiagramFormat("a text that Mermaid lays out", _mermaid, ("mmd", "md")),
+        "dot": DiagramFormat("text that Graphviz lays out", _dot, ("gv",)),
+        "mermaid": DiagramFormat("text that Mermaid lays out", _mermaid, ("mmd", "md")),
     },
 )
 

@@ -1,4 +1,8 @@
-"""From a sheet to shapes: wires coloured by signal type, boxes by rate, removed blocks grey."""
+"""From a picture to shapes: wires coloured by signal type, boxes by rate, removed blocks grey.
+
+In: a :class:`Picture`. Out: a :class:`Drawing`. The net u.out ─▶ g.input becomes a line, an arrow
+head and the label "Scalar", all in the colour of scalars.
+"""
 
 from __future__ import annotations
 
@@ -257,6 +261,8 @@ class Palette:
 
 def tint_of(period: float, in_use: Collection[str]) -> str:
     """The colour of a rate: the same in every diagram, unless another rate there has it already."""
+    # Three tints per decade, as rates are chosen (1, 2, 5 times a power of ten): 1 kHz is 0, 500
+    # Hz 1, 200 Hz 2, 100 Hz 3.
     first = round(3.0 * math.log10(1000.0 * period)) % len(TINTS)
     order = [*TINTS[first:], *TINTS[:first]]
     return next((tint for tint in order if tint not in in_use), TINTS[first])

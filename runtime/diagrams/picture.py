@@ -1,4 +1,8 @@
-"""The block diagram of a network as data, independent of the format in which it is drawn."""
+"""The block diagram of a network as data, independent of the format in which it is drawn.
+
+In: a checked network. Out: a :class:`Picture`. The graph ``wires: {g: {input: u.out}}`` has the
+boxes "u" and "g" and one net from ("u", "out") to ("g", "input"); nothing has a position yet.
+"""
 
 from __future__ import annotations
 
@@ -95,6 +99,8 @@ class Picture:
         """
         if not part:
             return not net.needs
+        # Backwards from the output, through what each output needs in the same tick, until a wire
+        # comes from outside of the part.
         visited = {net.source}
         waiting = [net]
         while waiting:
@@ -118,6 +124,8 @@ def picture_of(network: Network) -> Picture:
     """Collect what a network's diagram shows; removed blocks keep their position in the order."""
     entries = {**network.entries, **network.removed_entries}
     scopes = list(network.scope.walk())
+    # In the order in which the author wrote the blocks, removed ones included: the layout breaks
+    # ties by this order, so that a diagram with and without a block looks alike.
     names = [scope.prefix + name for scope in scopes for name in scope.blocks]
     boxes = {name: _box(network, entries[name]) for name in names if name in entries}
     parts = {
@@ -139,6 +147,7 @@ def picture_of(network: Network) -> Picture:
         spec = entries[name].cls.spec
         if not box.fate:
             defaults = [name for name, port in spec.inputs.items() if port.default is not None]
+            # An input that keeps its default is drawn, since one could wire it.
             box.open = [port for port in defaults if port not in box.inputs]
             box.inputs += box.open
         box.inputs.sort(key=_declaration_order(spec.inputs))
@@ -171,6 +180,7 @@ def _is_continuous(network: Network, entry: NetworkEntry) -> bool:
     """Whether a solver evaluates a block between ticks."""
     if entry.cls.spec.continuous:
         return True
+    # Memoryless blocks between integrators are evaluated at the solver's stages, too.
     is_solved = any(each.cls.spec.continuous for each in network.entries.values())
     return is_solved and any(
         (entry.name, port) in network.moving for port in entry.cls.spec.outputs

@@ -1,4 +1,8 @@
-"""A drawing as PNG or PDF, drawn by matplotlib from the same shapes as the SVG."""
+"""A drawing as PNG or PDF, drawn by matplotlib from the same shapes as the SVG.
+
+In: a :class:`Drawing`. Out: bytes. A renderer for SVG would be another package, and its text
+another font.
+"""
 
 from __future__ import annotations
 

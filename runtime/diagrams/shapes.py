@@ -1,4 +1,8 @@
-"""Shapes of a drawing, the same for all picture formats, and the lines of wires."""
+"""Shapes of a drawing, the same for all picture formats, and the lines of wires.
+
+In: corners of wires. Out: shapes in points (1/72 inch), y downwards. The corners (0, 0), (20, 0),
+(20, 30) become a line with one rounded corner: M 0 0, L 15 0, Q 20 0 20 5, L 20 30.
+"""
 
 from __future__ import annotations
 
@@ -88,8 +92,10 @@ class Drawing:
     top: float = 0.0
 
 
+# Estimated from classes of letters: a font's real widths need the font, which the viewer of an SVG
+# chooses. Too wide rather than too narrow: text must not cross the border of its box.
 def text_width(text: str, size: float, bold: bool = False) -> float:
-    """The approximate width of a text in a wide font."""
+    """The approximate width of a string in a wide font."""
     ems = 0.0
     for letter in text:
         if letter in NARROW:
@@ -114,6 +120,7 @@ def arrow_head(tip: Point, fill: str) -> CurveShape:
 def line_through(points: Sequence[Point], sharp: set[Point]) -> tuple[Command, ...]:
     """A line along corners, which are rounded except those in ``sharp``."""
     commands: list[Command] = [("M", (points[0],))]
+    # Not larger than half of a segment, so that the curves at its two ends do not meet.
     for before, corner, after in zip(points, points[1:], points[2:], strict=False):
         radius = min(CORNER, _distance(before, corner) / 2, _distance(corner, after) / 2)
         if corner in sharp or radius < 0.5:
@@ -155,6 +162,7 @@ def _after(line: Sequence[Point], other: Sequence[Point]) -> list[Point]:
         k += 1
     rest = [line[k - 1], *line[k:]]
     if k < min(len(line), len(other)) and line[0] == other[0]:
+        # The lines part within this segment, where the shorter one of the two ends.
         start, mine, its = line[k - 1], line[k], other[k]
         if _direction(start, mine) == _direction(start, its):
             rest[0] = min(mine, its, key=lambda end: _distance(start, end))

@@ -1,4 +1,14 @@
-"""The geometry of a diagram's boxes, frames and wires; inner parts are laid out first."""
+"""The geometry of a diagram's boxes, frames and wires; inner parts are laid out first.
+
+In: a :class:`Picture`. Out: a :class:`Sheet`. A part is laid out on its own, and then is one cell
+in the level around it, whose pins are the points at which wires cross its frame::
+
+    wire a.out ─▶ arm.pid.error
+    level "":     a ─▶ [arm]      the cell "arm" has the pin "0": the number of the net
+    level "arm":  "<0" ─▶ pid     the cell "<0" is the end of the wire at the frame
+
+Laying out all levels at once would let blocks of a part stand among blocks outside of it.
+"""
 
 from __future__ import annotations
 
@@ -68,12 +78,14 @@ def lay_out(picture: Picture) -> Sheet:
     """Lay out all boxes, frames and wires of a picture."""
     cells = {name: _box_cell(box) for name, box in picture.boxes.items()}
     levels: dict[str, _Level] = {}
+    # The deepest parts first: the size of a part's cell is that of its finished layout.
     for part in sorted(picture.parts, key=lambda name: -name.count(".")):
         levels[part] = _level(picture, part, cells)
         cells[part] = _frame_cell(picture, levels[part])
     levels[""] = _level(picture, "", cells)
     boxes: dict[str, BoxPlacement] = {}
     frames: dict[str, BoxPlacement] = {}
+    # From outside inwards: a frame has to be placed before what is in it.
     for part in ["", *sorted(picture.parts, key=lambda name: name.count("."))]:
         level = levels[part]
         if part:
@@ -168,6 +180,7 @@ def _level(picture: Picture, part: str, cells: dict[str, Cell]) -> _Level:
         if source[0] in picture.boxes and source not in with_label:
             with_label.add(source)
             label = text_width(net.type, LABEL_SIZE) + 8.0
+        # Wires of removed blocks may bend and cross, those that run should not.
         weight = GHOST_WEIGHT if net.is_ghost else 1.0
         breaks_loop = picture.breaks_loop(net, source[0] if source[0] in picture.parts else "")
         links[i] = Link(source, tuple(targets), weight, breaks_loop, math.ceil(label))
@@ -193,6 +206,7 @@ def _ends(picture: Picture, part: str, i: int, net: Net) -> tuple[Pin, list[Pin]
 
     source = pin(*net.source, (f"<{i}", ""))
     targets = dict.fromkeys(pin(*target, (f">{i}", "")) for target in net.targets)
+    # A net that comes in through the frame and would leave again passes outside of the part.
     if source[0] == f"<{i}":
         targets.pop((f">{i}", ""), None)
     if source[0] not in picture.boxes:
@@ -227,6 +241,7 @@ def _line(picture: Picture, levels: dict[str, _Level], i: int, target: Pin) -> l
     net = picture.nets[i]
     source_box, target_box = picture.boxes[net.source[0]], picture.boxes[target[0]]
     part, points = source_box.part, []
+    # Outwards until a level holds the target as well, then inwards to it.
     while _child(part, target_box) is None:
         points += levels[part].route(i, (f">{i}", ""))
         part = picture.parts[part].parent

@@ -1,7 +1,8 @@
 """A diagram's data as JSON in a run folder, from which reports draw it again.
 
-Reports do not build the graph, which would import its modules; and they do not embed a drawing
-from the folder, which could contain scripts.
+In: a network, or the JSON text. Out: the JSON text, or a :class:`Picture` in which every name and
+number was checked. Reports do not build the graph, which would import its modules; and they do not
+embed a drawing from the folder, which could contain scripts.
 """
 
 from __future__ import annotations
@@ -18,8 +19,9 @@ from runtime.files import NUMBER, check_form
 from runtime.network import Network
 
 SCHEMA_VERSION = 1
+# A folder may come from anyone, and the time of a layout grows faster than its size.
 MAX_BOXES, MAX_WIRES = 500, 5_000
-MAX_LENGTH = 20_000  # of a text and of a list
+MAX_LENGTH = 20_000  # of a string and of a list
 TOO_LARGE = f"its graph has more than {MAX_BOXES} blocks or {MAX_WIRES} wires"
 _PART = {"name": str, "title": str, "parent": str}
 _BOX = {
@@ -51,7 +53,7 @@ def read_picture(text: str) -> Picture:
 
     Raises
     ------
-    ValueError : the text is damaged; the message gives the location.
+    ValueError : the JSON is damaged; the message gives the location.
     """
     try:
         data = json.loads(text)
@@ -111,7 +113,7 @@ def _box(entry: Mapping[str, Any]) -> Box:
 
 
 def _rate(entry: Mapping[str, Any]) -> str:
-    """The rate of a box that was stored before boxes had a text for it."""
+    """The rate of a box that was stored before boxes had a string for it."""
     return rate_text(entry["period"], SECOND) if entry["period"] > 0.0 else CONSTANT
 
 

@@ -1,4 +1,8 @@
-"""A drawing as self-contained SVG text, for pages, notebooks and files."""
+"""A drawing as self-contained SVG text, for pages, notebooks and files.
+
+In: a :class:`Drawing`. Out: one string; a dot is ``<circle cx="10" cy="4" r="2.4"
+fill="#475569"/>``. Numbers have two decimals: a hundredth of a point cannot be seen.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +25,7 @@ class SvgText(str):
 
 
 def to_svg(drawing: Drawing) -> SvgText:
-    """The drawing as the text of an SVG file."""
+    """The drawing as SVG."""
     width, height = _number(drawing.width), _number(drawing.height)
     margin, top = _number(drawing.margin), _number(drawing.margin + drawing.top)
     lines = [

@@ -1,4 +1,8 @@
-"""A diagram as text for another layout program: Graphviz dot or a Mermaid flowchart."""
+"""A diagram as text for another layout program: Graphviz dot or a Mermaid flowchart.
+
+In: a :class:`Picture`. Out: one string; a wire is ``"u":"out_out":e -> "g":"in_input":w [...]`` or
+``b_u -->|"out → input"| b_g``.
+"""
 
 from __future__ import annotations
 
@@ -31,6 +35,8 @@ def to_dot(picture: Picture) -> str:
     links = [
         Link(net.source, net.targets, breaks_loop=picture.breaks_loop(net)) for net in picture.nets
     ]
+    # Our own choice of feedback, since Graphviz would reverse whichever edges come last in its
+    # search.
     back = find_feedback(list(picture.boxes), links)
     lines = [
         f"digraph {_dot_text(picture.title)} {{",

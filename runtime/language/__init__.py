@@ -1,7 +1,13 @@
 """The language service: what an editor asks about the text of a graph, as pure functions.
 
-A :class:`Model` is one version of one text with its surroundings; every function takes a model and
-an offset. No protocol is known here: ``runtime lsp`` speaks one.
+In: a :class:`Model`, which is one version of one file's text with its surroundings, and an offset
+in it. Out: plain data (diagnostics, completions, edits). No protocol is known here::
+
+    model = Model("blocks:\n  u: {type: Constnt}\n", Path("g.yaml"))
+    diagnose(model)[0].message      # no block type 'Constnt', did you mean 'Constant'?
+
+A file that is being typed hardly ever parses. So there are two readings of it: ``scan`` accepts
+anything and says where things stand; ``parse_yaml`` is the loader's own and says what is wrong.
 """
 
 from runtime.language.actions import Action, actions

@@ -1,7 +1,11 @@
 """Code actions: the suggestions that messages make, as edits, and changes to a block.
 
+In: a model and a part of the file. Out: :class:`Action` objects with edits, such as "Replace by
+'q'" for "unknown parameter 'Q', did you mean 'q'?".
+
 A message is the one place that says what to do about a problem; its wording is read here, and
 ``tests/runtime/language/test_actions.py`` makes each of these messages and applies the action.
+Fixes as data beside each message would have been a second text to keep in step with the first.
 """
 
 from __future__ import annotations
@@ -44,7 +48,7 @@ class Action:
 
 
 def actions(model: Model, span: Span) -> list[Action]:
-    """The actions for a part of the text: fixes first, then changes to the block there."""
+    """The actions for a part of the file: fixes first, then changes to the block there."""
     fixes: list[Action] = []
     for diagnostic in diagnose(model):
         if diagnostic.span.start <= span.end and span.start <= diagnostic.span.end:
@@ -66,6 +70,8 @@ def _replacements(model: Model, diagnostic: Diagnostic) -> Iterator[Action]:
 
 def _wrong_part(text: str, diagnostic: Diagnostic, before: str) -> Span:
     """The part of the underlined text that a message calls wrong."""
+    # The last name before "did you mean" is the wrong one: "block 'a' has no output 'pos', did you
+    # ...".
     for name in reversed(re.findall("'([^']*)'", before)):
         place = re.search(rf"(?<![\w]){re.escape(name)}(?!\w)", text) if name else None
         if place is not None:
@@ -101,6 +107,8 @@ def _loops(model: Model, diagnostic: Diagnostic) -> Iterator[Action]:
         if item.kind != "scalar" or steps(item)[:1] != ("wires",) or through is None:
             continue
         block = _unused_name(model, f"{name.split('.')[0]}_delay")
+        # The wire a ─▶ b becomes a ─▶ b_delay ─▶ b; only one whose text is in this file can be
+        # changed.
         edits = [Edit(item.span, f"{block}.{through[1]}")]
         block_edits = added_entry(model, ("blocks",), block, f"{{type: {DELAY}}}")
         wire_edits = added_entry(model, ("wires",), block, f"{{{through[0]}: {item.value}}}")
@@ -143,6 +151,8 @@ def _values(model: Model, diagnostic: Diagnostic) -> Iterator[Action]:
     match = _DEGREES.search(diagnostic.message)
     if match is not None:
         item = deepest(model.root, diagnostic.span.start)
+        # The message quotes the number, and the item may be a list: the scalar of that value is
+        # meant.
         for scalar in [item, *item.walk()]:
             if scalar.kind == "scalar" and _is_number(scalar.value, float(match[1])):
                 edit = Edit(scalar.span, f"{scalar.value}deg")
@@ -169,6 +179,7 @@ def _removals(model: Model, diagnostic: Diagnostic) -> Iterator[Action]:
         edits = [*added_name(model, "bypass", match[1])]
         without = model.root.get("without")
         names = without.scalars() if without is not None else []
+        # A block stands in one of the two lists only.
         edits += [removed_entry(model, each) for each in names if each.value == match[1]]
         yield Action(f"Bypass '{match[1]}' instead", tuple(edits), diagnostic, True)
 

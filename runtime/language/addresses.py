@@ -1,4 +1,7 @@
-"""What an address in the text refers to: a block, an output with its type and rate, a state."""
+"""What an address in the file refers to: a block, an output with its type and rate, a state.
+
+In: a scope and "pid.command". Out: an :class:`AddressTarget`: Scalar, 100 Hz, written in line 12.
+"""
 
 from __future__ import annotations
 
@@ -46,6 +49,8 @@ def target_of(model: Model, scope: Scope | None, text: str) -> AddressTarget | N
     if entry is None:
         return None
     kind = network.types.get((end.block, end.port))
+    # A type is inferred from all wires. Where that failed, as in a graph with errors, the port's
+    # declared type is better than none.
     if kind is None:
         declaration = entry.cls.spec.outputs.get(end.port)
         kind = (

@@ -1,4 +1,11 @@
-"""What is being written at an offset: a key or a value, of which mapping, with which beginning."""
+"""What is being written at an offset: a key or a value, of which mapping, with which beginning.
+
+In: the scanned tree and an offset. Out: a :class:`Cursor`, from which completion and signatures
+start. With "|" for the offset::
+
+    wires: {sum: {te|     key,   path (wires, sum),         prefix "te"
+    wires: {sum: {terms: [a.|   value, path (wires, sum, terms, []), prefix "a."
+"""
 
 from __future__ import annotations
 
@@ -14,7 +21,7 @@ ITEM = "[]"  # stands in a path for any item of a list
 
 @dataclass(frozen=True)
 class Cursor:
-    """A place in the text, for completion.
+    """A place in the file, for completion.
 
     role : whether a key of ``holder`` is written here, or a value.
     path : of the mapping whose key it is, or of the entry whose value it is.
@@ -49,6 +56,7 @@ def cursor_at(text: SourceText, root: YamlItem, offset: int) -> Cursor | None:
     return _in_flow(text.source, holder, offset) if holder else _in_block(text, root, offset)
 
 
+# Quotes have to be looked at: the "#" in 'a #b' begins no comment.
 def _in_comment(text: SourceText, root: YamlItem, offset: int) -> bool:
     start = text.starts[text.line_of(offset)]
     position = text.source.find("#", start, offset)
@@ -76,6 +84,8 @@ def _flow_at(source: str, root: YamlItem, offset: int) -> YamlItem | None:
     while (child := _last(item.items, offset, inclusive=False)) is not None:
         if child.flow and child.start < offset:
             rest = source[child.end : offset]
+            # An unclosed bracket still holds what is typed behind it, as long as that is in the
+            # same line.
             is_open = not child.closed and not rest.strip() and "\n" not in rest
             if not (is_open or offset < child.end):
                 break
@@ -104,6 +114,7 @@ def _key(source: str, holder: YamlItem, child: YamlItem, offset: int) -> Cursor:
 
 
 def _value(source: str, holder: YamlItem, child: YamlItem, offset: int) -> Cursor:
+    # Behind "dt:" a completion has to insert the space that makes it an entry.
     lead = " " if child.colon >= 0 and source[offset - 1 : offset] == ":" else ""
     span = Span(offset, offset)
     if child.kind == "scalar" and child.start <= offset <= child.end:
@@ -123,11 +134,13 @@ def _in_block(text: SourceText, root: YamlItem, offset: int) -> Cursor | None:
     if entry is not None and entry.parent is not None:
         if entry.parent.kind == "map" and (entry.colon < 0 or offset < entry.colon):
             return _key(text.source, entry.parent, entry, offset)
+        # Behind a key whose value is in the lines below: nothing fits between the two.
         if entry.kind in ("map", "list") and entry.begin >= start and entry.items:
             return None
         return _value(text.source, entry.parent, entry, offset)
     if text.source[start:offset].strip():
         return None
+    # An empty line: its indentation alone says which mapping a new key would belong to.
     holder = _holder(text, root, _chain(root, start - 1), offset - start)
     return Cursor("key", steps(holder), holder, None, "", Span(offset, offset))
 
@@ -147,6 +160,7 @@ def _holder(text: SourceText, root: YamlItem, chain: list[YamlItem], column: int
         if item.flow or item.parent is None:
             continue
         own = item.begin - text.starts[text.line_of(item.begin)]
+        # "blocks:" above an indented empty line is about to get its first entry.
         if item.kind == "empty" and item.colon >= 0 and own < column:
             return item
         if item.kind in ("map", "list") and item.items and item.column <= column:

@@ -1,4 +1,10 @@
-"""Diagnostics: all that ``runtime validate`` says, each with its part of the text."""
+"""Diagnostics: all that ``runtime validate`` says, each with its part of the file.
+
+In: a model. Out: :class:`Diagnostic` objects, problems first. A message has a line and a column; an
+editor underlines a range, which is the key or value that begins there::
+
+    g.yaml:3:8: blocks.u.value: expected a number     underlines the value in line 3
+"""
 
 from __future__ import annotations
 
@@ -27,7 +33,7 @@ class Related:
 
 @dataclass(frozen=True)
 class Diagnostic:
-    """Something wrong or noteworthy in a text.
+    """Something wrong or noteworthy in a file.
 
     ``address`` is the entry's in the graph; ``is_name`` marks a name that does not exist.
     """
@@ -41,7 +47,7 @@ class Diagnostic:
 
 
 def diagnose(model: Model) -> list[Diagnostic]:
-    """Everything to report about a text, problems first."""
+    """Everything to report about a file, problems first."""
     diagnostics = [_of_problem(model, problem) for problem in model.problems]
     return diagnostics if diagnostics else _notes(model)
 
@@ -49,6 +55,8 @@ def diagnose(model: Model) -> list[Diagnostic]:
 def _of_problem(model: Model, problem: Problem) -> Diagnostic:
     where, text = problem.where, problem.text
     related: tuple[Related, ...] = ()
+    # A problem of another file is shown where this text brings that file in, with a link to the
+    # problem itself: an editor shows no diagnostics of files that are not open.
     if where.file and Path(where.file) != model.path:
         span = _span_of_file_name(model, problem)
         related = (Related(where, text),)
@@ -59,6 +67,7 @@ def _of_problem(model: Model, problem: Problem) -> Diagnostic:
         span = _first_line(model)
     else:
         span = span_at(model, model.text.at(where))
+    # A file that is too large to be checked may be right.
     severity: Severity = "warning" if model.refusal else "error"
     return Diagnostic(span, severity, text, problem.address, problem.is_name, related)
 
@@ -94,7 +103,7 @@ def _first_line(model: Model) -> Span:
 
 
 def item_at_address(model: Model, address: str) -> YamlItem | None:
-    """The innermost entry of the text on the way to an address, if there is one."""
+    """The innermost entry of the file on the way to an address, if there is one."""
     item, innermost = model.root, None
     for name in re.findall(r"[^.\[\]]+", address):
         inner = item.get(name)
@@ -127,6 +136,8 @@ def _loop(model: Model, text: str) -> tuple[Span, tuple[Related, ...]]:
     places = [wires[name].where for name in names[1::2] if name in wires]
     own = [where for where in places if where.file == model.file and where.line]
     others = tuple(Related(where, "a wire of the loop") for where in places if where not in own[:1])
+    # A loop has no place of its own: its first wire in this file is underlined, the others are
+    # linked.
     span = span_at(model, model.text.at(own[0])) if own else _first_line(model)
     return span, others
 
@@ -152,7 +163,7 @@ def _notes(model: Model) -> list[Diagnostic]:
 
 
 def _mention(model: Model, name: str) -> Span:
-    """Where the text names an address among what is recorded, drawn and measured."""
+    """Where the file names an address among what is recorded, drawn and measured."""
     for section in ("probes", "plots", "metrics"):
         for item in (model.root.get(section) or YamlItem()).walk():
             if item.kind == "scalar" and item.value == name:

@@ -1,7 +1,9 @@
 """Formatting: one way to space what stands in braces and brackets; comments keep their columns.
 
-Entries whose values are written in one column stay so when a key gets longer; all others have one
-space after the colon. A text that does not parse, or that would not mean the same, is left alone.
+In: a model. Out: edits, line by line, from ``{type: Gain,  gain : 2}`` to ``{type: Gain, gain:
+2}``. Entries whose values are written in one column stay so when a key gets longer; all others
+have one space after the colon. A file that does not parse, or that would not mean the same, is
+left alone.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ _SPECIAL = re.compile(r"(?:^|[\s\[{,:])[&*!]")
 
 
 def format_edits(model: Model) -> list[tuple[Span, str]]:
-    """The edits that format a text, line by line."""
+    """The edits that format a file, line by line."""
     if model.syntax:
         return []
     text, edits = model.text, []
@@ -34,12 +36,14 @@ def format_edits(model: Model) -> list[tuple[Span, str]]:
 
 
 def apply_edits(source: str, edits: list[tuple[Span, str]]) -> str:
-    """A text with edits made; they do not overlap."""
+    """The source with edits made; they do not overlap."""
     for span, new in sorted(edits, reverse=True):
         source = source[: span.start] + new + source[span.end :]
     return source
 
 
+# The edits are made from the tolerant tree. Whether they keep the meaning is left to the loader's
+# own parser, and to no argument about this module.
 def _is_same(model: Model, edits: list[tuple[Span, str]]) -> bool:
     try:
         after = parse_yaml(apply_edits(model.text.source, edits), model.file)
@@ -54,7 +58,7 @@ class _Formatter:
         self.new: dict[int, str] = {}
 
     def lines(self) -> dict[int, str]:
-        """The new form of each line, by number; those of a text over several lines are missing."""
+        """The new form of each line, by number; those of scalars over several lines are missing."""
         multi_line = set()
         for item in self.model.root.walk():
             first, last = self.text.line_of(item.start), self.text.line_of(max(0, item.end - 1))
@@ -71,6 +75,8 @@ class _Formatter:
     def mapping(self, holder: YamlItem) -> None:
         """Space the entries of a mapping over several lines; those in braces may be aligned."""
         short = [item for item in holder.items if self.is_short(item)]
+        # Entries in braces are aligned among themselves: beside long mappings, scalars have no
+        # common column.
         for is_flow in (True, False):
             self.entries([item for item in short if item.flow == is_flow])
 
@@ -83,6 +89,10 @@ class _Formatter:
         return has_value and is_plain and first == self.text.line_of(max(item.begin, item.end - 1))
 
     def entries(self, run: list[YamlItem]) -> None:
+        # Values in one column are meant so by the author, if most are; "until:  20.0" alone is an
+        # accident, and gets one space.
+        #     dt:    0.01
+        #     until: 20.0
         is_aligned = any(item.start - item.colon > 1 for item in run) and self.is_mostly(run)
         width = max((item.colon - item.key_start for item in run), default=0)
         for item in run:
@@ -105,6 +115,8 @@ class _Formatter:
         comment = rest.lstrip()
         if comment.startswith("#"):
             column = item.end - start + len(rest) - len(comment)
+            # A comment keeps its column, which others above and below share, unless the code has
+            # become longer.
             least = min(2, len(rest) - len(comment))
             code = code + " " * max(least, column - len(code)) + comment
         elif comment:
@@ -114,6 +126,7 @@ class _Formatter:
     def value(self, item: YamlItem) -> str:
         """A value with one way of spacing; as it is where it has anchors, holes or comments."""
         raw = self.source[item.start : item.end]
+        # Anchors, aliases and tags are not in the tolerant tree, and would be lost.
         if not item.flow or not item.closed or _SPECIAL.search(raw):
             return raw
         inner = []

@@ -1,4 +1,8 @@
-"""What editors show between the lines: types and rates at wires, values of params, and commands."""
+"""What editors show between the lines: types and rates at wires, values of params, and commands.
+
+In: a model and a part of the file. Out: hints as in ``error: sum.out : Scalar, 100 Hz`` or
+``gain: $k = 2.0``, and commands above the title and the blocks.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +22,7 @@ MAX_SHOWN = 30
 
 @dataclass(frozen=True)
 class Hint:
-    """A text shown after an offset; ``is_type`` for types of wires."""
+    """A label shown after an offset; ``is_type`` for types of wires."""
 
     offset: int
     label: str
@@ -36,7 +40,7 @@ class Lens:
 
 
 def hints(model: Model, span: Span) -> list[Hint]:
-    """The hints in a part of the text."""
+    """The hints in a part of the file."""
     if model.kind in ("experiment", "world"):
         return []
     return [*_hints(model, model.root, span)]

@@ -1,4 +1,9 @@
-"""Hover cards: what a name in the text stands for, as Markdown."""
+"""Hover cards: what a name in the file stands for, as Markdown.
+
+In: a model and an offset. Out: a :class:`Card` or None. On "lqr.command" in a wire::
+
+    **lqr.command**: Twist, 100 Hz, m/s, rad/s
+"""
 
 from __future__ import annotations
 
@@ -22,7 +27,7 @@ from runtime.observation import METRIC_KINDS, PLOT_KINDS, PROBE_KEYS
 
 @dataclass(frozen=True)
 class Card:
-    """What there is to know about a part of the text, as Markdown."""
+    """What there is to know about a part of the file, as Markdown."""
 
     span: Span
     markdown: str

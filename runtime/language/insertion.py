@@ -1,4 +1,10 @@
-"""Edits of the text that add and remove entries where and as a person would write them."""
+"""Edits of the file that add and remove entries where and as a person would write them.
+
+In: a model, the path of a mapping, a key and a value. Out: edits. Adding "pid: {error: sum.out}" to
+("wires",) writes a line in the style of the section: a new line in a section of lines, ", pid: ..."
+before the closing brace of one in braces, and "wires:" first where there is none. The file is not
+printed again from the tree, which would lose comments and the author's layout.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +16,7 @@ from runtime.language.text import Span
 
 
 class Edit(NamedTuple):
-    """A part of the text, and what takes its place."""
+    """A part of the file, and what takes its place."""
 
     span: Span
     new: str
@@ -36,6 +42,7 @@ def _into(model: Model, holder: YamlItem, text: str) -> Edit:
     """A new last entry of a mapping that has a place for it."""
     if holder.flow:
         end = holder.end - 1 if holder.closed else holder.end
+        # Behind the last entry, and before the space and the comma that may end the list.
         while end > holder.start + 1 and model.text.source[end - 1] in " \t\r\n,":
             end -= 1
         lead = ", " if holder.items else ""
@@ -68,7 +75,7 @@ def _new_mappings(
 
 
 def _section(model: Model, text: str) -> Edit:
-    """A new section at the end of the text."""
+    """A new section at the end of the file."""
     source = model.text.source
     lead = "" if not source or source.endswith("\n") else "\n"
     return Edit(Span(len(source), len(source)), lead + text)
@@ -78,6 +85,7 @@ def added_name(model: Model, section: str, name: str) -> list[Edit]:
     """The edits that add a name to ``without`` or ``bypass``."""
     item = model.root.get(section)
     if item is None:
+        # Beside the sections that say what is run, above those that say what is recorded.
         before = model.root.get("probes") or model.root.get("plots") or model.root.get("metrics")
         if before is None:
             return [_section(model, f"{section}: [{name}]\n")]
@@ -105,6 +113,7 @@ def removed_entry(model: Model, item: YamlItem) -> Edit:
             before = siblings[place - 1]
             return Edit(Span(max(before.end, before.key_end, before.colon), end), "")
         return Edit(Span(begin, end), "")
+    # An item of a list over several lines: its dash goes, too.
     if item.key_start < 0 and item.parent is not None and item.parent.parent is not None:
         begin = source.rfind("-", 0, begin) if "-" in source[:begin] else begin
     start = text.starts[text.line_of(begin)]

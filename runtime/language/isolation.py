@@ -1,9 +1,13 @@
 """A user's Python files, imported by processes of their own: one run per file and content.
 
-A language server must not run what it shows: a file may hang, crash, or print. So each file is run
-once per content by a :mod:`runtime.language.module_worker`, and classes that stand for those of the
-file take their place: same ports, parameters, documentation and checks. What goes wrong is
-remembered with the content, and so is what the worker answered.
+In: the path of a Python file. Out: classes that stand for its blocks: same ports, parameters,
+documentation and checks. A language server must not run what it shows, since a file may hang, crash
+or print. So each file is run once per content by a :mod:`runtime.language.module_worker`; what goes
+wrong is remembered with the content, and so is what the worker answered::
+
+    server                             worker (imports my_blocks.py)
+    construct Saturator(limit=-1)  ─▶  Saturator(limit=-1)
+    ParameterError                 ◀─  ("problems", ["limit: expected above 0, got -1"])
 """
 
 from __future__ import annotations
@@ -53,6 +57,7 @@ class ModuleWorker:
             classes, self.signal_types = self.description[1]
             self.classes = {each["key"]: stand_in(each, self) for each in classes}
         self.ready.set()
+        # Someone got "still being imported" as an answer, and has to ask again.
         if self.has_waited:
             self.on_change()
 
@@ -71,6 +76,8 @@ class ModuleWorker:
 
     def _ask_process(self, question: tuple[Any, ...], seconds: float) -> tuple[str, Any]:
         if self.process is None:
+            # A process that was ended is not started again for the same content: the file would
+            # hang again at each key that is typed. An edit of the file makes a new worker.
             if question != ("describe",):
                 return "slow", f"its process ended; it took longer than {seconds:g} s"
             self.process = self._start_process()
@@ -89,6 +96,7 @@ class ModuleWorker:
             send(process.stdin, question)
             answer: tuple[str, Any] = receive(process.stdout)
         except (EOFError, OSError, ValueError):
+            # The pipe breaks in both cases: the process ended by itself, or the timer killed it.
             was_slow = not timeout.is_alive()
             self.stop()
             if was_slow:
@@ -260,6 +268,8 @@ class Isolation:
         file = file.resolve()
         digest = hashlib.sha256(file.read_bytes()).hexdigest()
         with self.lock:
+            # Taken out and put back at the end, so that the dictionary's order is that of the last
+            # use.
             worker = self.workers.pop(file, None)
             if worker is not None and worker.digest != digest:
                 worker.stop()

@@ -1,4 +1,9 @@
-"""The tree of a text as it is scanned: values with their keys, and where both are written."""
+"""The tree that :mod:`runtime.language.scan` makes: values with their keys, and where both stand.
+
+In "a: [1, 2]", the root has one item: key "a" at 0..1, its colon ends at 2, a value of kind "list"
+at 3..9 in flow style with two scalars. Offsets count characters from 0. Nothing here is checked:
+an item says what is written and not what it means.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +20,8 @@ _ESCAPES = {"n": "\n", "t": "\t", "r": "\r", "0": "\0", "a": "\a", "b": "\b", "e
 Kind = Literal["map", "list", "scalar", "empty"]
 
 
+# Mutable and compared by identity: the scanner extends items while it reads, and equal values at
+# different places are different items.
 @dataclass(eq=False, slots=True)
 class YamlItem:
     """A value with its key: what is written, and where.
@@ -79,7 +86,7 @@ class YamlItem:
         return entry
 
     def walk(self) -> Iterator[YamlItem]:
-        """This item and all below it, in the order of the text."""
+        """This item and all below it, in the order of the file."""
         stack = [self]
         while stack:
             item = stack.pop()
@@ -96,6 +103,8 @@ def deepest(root: YamlItem, offset: int) -> YamlItem:
     """The innermost item whose key or value is at an offset."""
     item = root
     while True:
+        # Items begin in the order of the file, so the one at an offset is the last that begins by
+        # it.
         begins = [child.begin for child in item.items]
         i = bisect_right(begins, offset) - 1
         if i < 0 or offset > max(item.items[i].end, item.items[i].key_end):
@@ -110,10 +119,13 @@ def closing_quote(source: str, start: int) -> int:
         position = source.find(quote, position)
         if position < 0:
             return -1
+        # In single quotes, two of them mean one: 'it''s'.
         if quote == "'" and source[position + 1 : position + 2] == "'":
             position += 2
             continue
         if quote == '"':
+            # An odd number of backslashes escapes the quote; of an even number each escapes the
+            # next.
             slashes = len(source[start + 1 : position]) - len(
                 source[start + 1 : position].rstrip("\\")
             )

@@ -208,7 +208,7 @@ def _forms(param: Param) -> Iterable[Schema]:
 
 
 def _setting_forms(param: Param) -> list[Schema]:
-    """A text, a number or a list, and a mapping whose first key names one of several classes."""
+    """A string, a number or a list, and a mapping whose first key names one of several classes."""
     members = members_of(param)
     root = root_of(param)
     if root is None:

@@ -1,4 +1,8 @@
-"""Which keys may be written in a mapping, from the declarations that the loader checks against."""
+"""Which keys may be written in a mapping, from the declarations that the loader checks against.
+
+In: a model and the cursor. Out: offers. At ``blocks: {u: {type: Gain, |}}`` these are Gain's
+parameters, required ones first, then "dt" and "module".
+"""
 
 from __future__ import annotations
 
@@ -161,6 +165,8 @@ def _new_blocks(model: Model, scope: Scope | None, cursor: Cursor) -> Iterator[O
     """Names that wires mention already, those of the graph below, and a new block of each type."""
     wires = scope.wires if scope is not None else {}
     blocks = scope.names() if scope is not None else []
+    # Wires are often written first; each name in them that is no block yet is probably the next
+    # block.
     missing = {name for name in wires if name not in blocks}
     for ports in wires.values():
         for node in (ports.value if ports.is_map else {}).values():
@@ -195,6 +201,7 @@ def type_offers(model: Model, keys: set[str]) -> Iterator[Offer]:
         required = [name for name, _ in _required_params(cls)]
         doc = describe_markdown(cls)
         yield Offer(kind, "type", f"{family}: {summary(cls)}", doc)
+        # Where parameters are written already, a snippet would write them twice.
         if required and not keys & {*cls.spec.params}:
             text = block_snippet(kind, cls, 1).removeprefix("type: ")
             label = f"{kind} with {', '.join(required)}"
@@ -238,6 +245,7 @@ def wires_snippet(model: Model, scope: Scope | None, name: str, ports: list[str]
     for number, port in enumerate(ports, 1):
         outputs = list(outputs_for(model, scope, name, components=False))
         fitting = [output.address for output in outputs if is_fitting(output, kinds.get(port))]
+        # A longer list of choices cannot be read in an editor's menu.
         source = choice(number, fitting[:20], "block.output")
         cls = class_of(model, scope, name)
         variadic = cls is not None and port in cls.spec.inputs and cls.spec.inputs[port].variadic

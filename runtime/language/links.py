@@ -1,4 +1,13 @@
-"""Which files a text builds on, and which of its blocks are parts: by what is written alone."""
+"""Which files another builds on, and which of its blocks are parts: by what is written alone.
+
+In: a model. Out: paths, each with the part that the file is used as::
+
+    extends: base.yaml                      (base.yaml, ())
+    blocks: {arm: {graph: parts/arm.yaml}}  (parts/arm.yaml, ("arm",))
+
+Only the scanned tree is read: renaming looks at hundreds of files, of which none must be checked,
+and has to work where a graph has errors.
+"""
 
 from __future__ import annotations
 
@@ -9,16 +18,17 @@ from runtime.language.items import YamlItem
 from runtime.language.model import Model
 
 PartPath = tuple[str, ...]
+# Files that extend each other in a circle end here; the loader reports them.
 MAX_LEVELS = 20
 
 
 def is_experiment_text(model: Model) -> bool:
-    """Whether a text describes an experiment, by its keys."""
+    """Whether a file describes an experiment, by its keys."""
     return any(model.root.get(key) for key in ("experiment", "vary", "variants"))
 
 
 def bases(model: Model) -> list[tuple[Path, PartPath]]:
-    """The files that a text builds on, each with the part that it is used as, or ()."""
+    """The files that another builds on, each with the part that it is used as, or ()."""
     if "bases" not in model.memo:
         model.memo["bases"] = [*_bases(model)]
     result: list[tuple[Path, PartPath]] = model.memo["bases"]
@@ -75,13 +85,13 @@ def _paths_of(
 
 
 def other(model: Model, path: Path) -> Model | None:
-    """The model of another file, as the text's surroundings have it; None if it cannot be read."""
+    """The model of another file, as this one's surroundings have it; None if it cannot be read."""
     text = model.surroundings.text(path)
     return None if text is None else Model(text, path, model.surroundings)
 
 
 def parts(model: Model, level: int = 0) -> frozenset[PartPath]:
-    """The scopes that blocks of a text open, those of the files that it builds on included."""
+    """The scopes that blocks of a file open, those of the files that it builds on included."""
     if "parts" not in model.memo:
         model.memo["parts"] = frozenset(_part_scopes(model, level))
     result: frozenset[PartPath] = model.memo["parts"]
@@ -106,7 +116,7 @@ def _inline_parts(item: YamlItem, scope: PartPath) -> Iterator[PartPath]:
 
 
 def modules(model: Model) -> list[Path]:
-    """The Python files that the blocks of a text name."""
+    """The Python files that the blocks of a file name."""
     paths = []
     for item in (model.root.get("blocks") or YamlItem()).items:
         module = item.get("module")

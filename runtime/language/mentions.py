@@ -1,4 +1,10 @@
-"""Where a text mentions blocks, params, probes, ports, types and files, by its words alone."""
+"""Where a file mentions blocks, params, probes, ports, types and files, by its words alone.
+
+In: a model. Out: :class:`Mention` objects, from which definitions, references and renames follow::
+
+    wires: {sum: {terms: [arm.pid.u]}}   block sum; block arm; block pid in the scope ("arm",)
+    blocks: {sum: {gain: $k}}            block sum (defines it); param k
+"""
 
 from __future__ import annotations
 
@@ -37,7 +43,7 @@ class Symbol:
 
 @dataclass(frozen=True)
 class Mention:
-    """A symbol at a place of the text; ``defines`` marks the entry that introduces it."""
+    """A symbol at a place of the file; ``defines`` marks the entry that introduces it."""
 
     symbol: Symbol
     span: Span
@@ -45,7 +51,7 @@ class Mention:
 
 
 def mentions(model: Model) -> list[Mention]:
-    """All that a text mentions, in no particular order."""
+    """All that a file mentions, in no particular order."""
     if "mentions" not in model.memo:
         model.memo["mentions"] = [*_MentionReader(model).read()]
     cached: list[Mention] = model.memo["mentions"]
@@ -53,7 +59,7 @@ def mentions(model: Model) -> list[Mention]:
 
 
 class _MentionReader:
-    """Walks the tree of a text; ``parts`` are the scopes that blocks are known to open."""
+    """Walks the tree of a file; ``parts`` are the scopes that blocks are known to open."""
 
     def __init__(self, model: Model) -> None:
         self.root = model.root
@@ -89,6 +95,8 @@ class _MentionReader:
             elif name == "extends":
                 for item in section.items:
                     yield from self.file(item)
+            # Blocks were read above, where those of a part have another scope; params cannot refer
+            # to params.
             if name not in ("blocks", "params"):
                 yield from self.params(section, scope)
 
@@ -104,6 +112,7 @@ class _MentionReader:
         for inner in item.walk():
             match = _PARAM.fullmatch(inner.value) if inner.kind == "scalar" else None
             if match is not None:
+                # Behind the quote, if there is one, and the "$".
                 start = inner.start + inner.quoted + 1
                 yield Mention(Symbol("param", scope, match[1]), Span(start, start + len(match[1])))
 
@@ -167,6 +176,7 @@ class _MentionReader:
             name, _, text = text.partition(".")
             span = Span(start, start + len(name))
             start = span.end + 1
+            # "inputs.error", inside a part, is what is wired to it.
             if is_first and name == "inputs" and text:
                 port = text.partition(".")[0]
                 yield Mention(Symbol("input", scope, port), Span(start, start + len(port)))
@@ -183,6 +193,9 @@ class _MentionReader:
                 return
             scope = (*scope, name)
 
+    # "arm.theta" may name an output of the part "arm", an input, or a block inside it, which only
+    # the part's file knows. So all three are mentioned; ``names`` takes the one that some file
+    # defines.
     def inside(
         self, name: str, span: Span, text: str, start: int, scope: PartPath
     ) -> Iterator[Mention]:

@@ -1,7 +1,14 @@
-"""What a text says: scanned, read, and checked as far as that goes, each when first asked for.
+"""What a file's text means: scanned, parsed and checked, each when it is first needed.
 
-A :class:`Model` belongs to one version of one text and never changes. Everything else in this room
-is a function of a model and an offset.
+In: the file's text, its path, and its :class:`Surroundings` (unsaved files, how modules are read).
+Out: a :class:`Model`, which belongs to one version of the file and never changes, so that every
+stage is computed at most once::
+
+    source ─▶ root      tolerant tree, always there
+           ─▶ tree      the loader's tree; repaired from ``root`` where the file does not parse
+           ─▶ document  with all that it extends ─▶ checked_graph ─▶ problems
+
+Everything else in this room is a function of a model and an offset.
 """
 
 from __future__ import annotations
@@ -38,6 +45,7 @@ from runtime.language.text import SourceText
 from runtime.network import Network
 from runtime.observation import Observation
 
+# overlay: a file that changes a graph below it ("extends", "--with") and is incomplete alone.
 Kind = Literal["graph", "part", "overlay", "experiment", "world"]
 Change = Callable[[Graph], Graph]
 PORTS = ("inputs", "outputs")
@@ -88,12 +96,12 @@ def _scan_once(text: str) -> YamlItem:
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What a text's meaning depends on besides itself.
+    """What a file's meaning depends on besides itself.
 
     unsaved : texts that editors hold, by resolved path; they take the place of the files.
     modules : whether, or how, Python files that graphs name are read.
     block_cache : blocks of earlier versions, by type and parameters.
-    longest : characters of a text that is read; None for any number.
+    longest : characters of a file that is read; None for any number.
     """
 
     unsaved: Mapping[Path, str] = field(default_factory=dict)
@@ -102,7 +110,7 @@ class Surroundings:
     longest: int | None = None
 
     def refusal(self, source: str) -> str:
-        """Why a text is not read; empty if it is."""
+        """Why a file is not read; empty if it is."""
         if self.longest is None or len(source) <= self.longest:
             return ""
         return (
@@ -110,13 +118,15 @@ class Surroundings:
             f"characters, more than {self.longest:,}; 'runtime validate' checks it"
         )
 
+    # Files that many texts extend are parsed once for all of them; the limit is the editor's, so it
+    # is checked here and not in the cache.
     def _parse(self, text: str, file: str) -> Node:
         if reason := self.refusal(text):
             raise GraphError([Problem(Where(file), "", reason)])
         return _parse_once(text, file)
 
     def reusable_blocks(self) -> dict[tuple[type[Block], str], Block]:
-        """The blocks that were constructed for earlier versions of texts; blocks never change."""
+        """The blocks that were constructed for earlier versions of files; blocks never change."""
         if len(self.block_cache) > MAX_BLOCKS:
             self.block_cache.clear()
         return self.block_cache
@@ -154,8 +164,8 @@ class Model:
 
     Parameters
     ----------
-    source : the text. path : its file, as messages name it; it need not exist.
-    change : makes of the text's graph the one that is checked, as options of a command do.
+    source : the file's text. path : of the file, as messages name it; it need not exist.
+    change : makes of the file's graph the one that is checked, as options of a command do.
     """
 
     def __init__(
@@ -168,7 +178,7 @@ class Model:
         self.text = SourceText(source)
         self.path, self.file = path, str(path)
         self.surroundings, self.change = surroundings, change
-        self.memo: dict[str, Any] = {}  # what other modules derive from the text, by their keys
+        self.memo: dict[str, Any] = {}  # what other modules derive from the file, by their keys
 
     @classmethod
     def of_file(
@@ -178,19 +188,19 @@ class Model:
 
         Raises
         ------
-        GraphError : there is no such file, or it is not a text.
+        GraphError : there is no such file, or it is not text.
         """
         path = find_file(name, (NOWHERE, ""), Path())
         return cls(decode(read_file(path, (NOWHERE, "")), path), path, surroundings, change)
 
     @cached_property
     def root(self) -> YamlItem:
-        """The tree of what is written; empty if the text is too large to be read."""
+        """The tree of what is written; empty if the file is too large to be read."""
         return YamlItem() if self.refusal else _scan_once(self.text.source)
 
     @property
     def refusal(self) -> str:
-        """Why the text is not read; empty if it is."""
+        """Why the file is not read; empty if it is."""
         return self.surroundings.refusal(self.text.source)
 
     @cached_property
@@ -205,14 +215,19 @@ class Model:
 
     @property
     def syntax(self) -> list[Problem]:
-        """Why the text cannot be read as YAML; empty if it can."""
+        """Why the file cannot be read as YAML; empty if it can."""
         return self._strict if isinstance(self._strict, list) else []
 
     @cached_property
     def tree(self) -> Node:
-        """The text as the loader sees it; where it cannot be read, what was scanned of it."""
+        """The file as the loader sees it; where it cannot be read, what was scanned of it."""
         return self._strict if isinstance(self._strict, Node) else self._repair(self.root, 0)
 
+    # Completion needs the types of a graph that does not parse. So what was scanned goes to the
+    # same loader and checks, as if the rest had been written:
+    #     wires: {sum: {terms: [a.out,      becomes     {"wires": {"sum": {"terms": ["a.out"]}}}
+    # A key without a colon is left out: as an entry with the value null it would delete what
+    # "extends" brings. Of two equal keys the first counts; the second is probably being renamed.
     def _repair(self, item: YamlItem, depth: int) -> Node:
         where = self.text.where(item.start, self.file)
         key = where if item.key_start < 0 else self.text.where(item.key_start, self.file)
@@ -233,14 +248,16 @@ class Model:
 
     @property
     def is_ours(self) -> bool:
-        """Whether the text is one of a graph, or may become one, and not some other YAML."""
+        """Whether the file is one of a graph, or may become one, and not some other YAML."""
+        # Other YAML files are open in the same editor, and must not get hundreds of errors. A file
+        # of a few known keys only may become a graph; one with a key of ours alone is one.
         names = set(_TOP.findall(self.text.source))
         names_of_ours = {*SECTIONS, *PORTS, *KEYS, "extends", "room", "obstacles", "circles"}
         return bool(names & OWN) or names <= names_of_ours
 
     @cached_property
     def kind(self) -> Kind:
-        """What the text describes."""
+        """What the file describes."""
         tree = self.tree
         names = {name for name, _ in tree.items()}
         if is_experiment(tree):
@@ -290,7 +307,7 @@ class Model:
 
     @property
     def prefix(self) -> str:
-        """Put before names of the text to form those in the network."""
+        """Put before names of the file to form those in the network."""
         return f"{self._part}." if self.kind == "part" else ""
 
     @property
@@ -300,6 +317,11 @@ class Model:
 
     def _wrap_part(self, part: Node) -> Node:
         """A graph with the part as its only block, and a source at each of its inputs."""
+        # A part alone has open inputs, and a graph may not have any. So it is checked in a graph
+        # made for it:     inputs: {error: Scalar}     becomes     blocks: {pid: {...},
+        # _outside_error: {...}}     (parts/pid.yaml)                        wires:  {pid: {error:
+        # _outside_error.out}} ``_with_own_names`` takes the name of the part out of its messages
+        # again.
         inner = {name: node for name, node in part.items() if name in PART_SECTIONS}
         inner |= {"part": Node(self.file)}
         inner.pop("graph", None)
@@ -378,9 +400,10 @@ class Model:
 
     @cached_property
     def problems(self) -> list[Problem]:
-        """Everything that is wrong, in the order of the text, as ``runtime validate`` has it."""
+        """Everything that is wrong, in the order of the file, as ``runtime validate`` has it."""
         if self.syntax:
             return self.syntax
+        # Where "extends" failed, half a graph would be checked, and every wire would be an error.
         loading = [] if self.kind in ("experiment", "world") else self._loading[1]
         problems = loading or [*map(self._with_own_names, self.checked_graph.problems)]
         if self.kind == "part":
@@ -414,4 +437,6 @@ def _needs_base(problem: Problem) -> bool:
         *("there is no param", "is not used", "is open;", "nothing (null)", "has no value"),
         *("missing; expected", "needs a world", "null only deletes"),
     )
+    # By the wording, as in ``actions``: which of the checks' messages depend on the graph below is
+    # a matter of overlays alone, and is not worth a field in every problem.
     return any(phrase in problem.text for phrase in phrases)

@@ -1,8 +1,9 @@
 """A process that imports one Python file of blocks, and answers questions about its classes.
 
 ``python -m runtime.language.module_worker FILE`` reads questions from its standard input and writes
-answers to its standard output, each as a pickled tuple after its length. The file is run once; what
-it prints goes to standard error. The process ends with its input.
+answers to its standard output, each as a pickled tuple after its length: ("construct", "Saturator",
+{"limit": 2.0}) is answered by ("done", (lengths, type variables)). The file is run once; what it
+prints goes to standard error. The process ends with its input.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from blocks.registry import blocks_of_module, types_of_module
 _LENGTH = struct.Struct(">Q")
 _MARK = "required"
 OVERRIDES = ("__init__", "validate", "sizes", "variables")
+# A length beyond this is no length: something else wrote to the pipe.
 MAX_MESSAGE = 2**26
 
 
@@ -132,6 +134,7 @@ def answer(file: Path, question: tuple[Any, ...]) -> tuple[str, Any]:
         return "failed", (type(error).__name__, str(error))
 
 
+# A file in an endless loop never reads its input again, and would outlive a server that was killed.
 def _end_with(parent: int) -> None:
     """End this process when the one that started it has ended, even while the file runs."""
     while os.getppid() == parent:

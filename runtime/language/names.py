@@ -1,8 +1,17 @@
-"""Definitions, references and renames of the names in a text, across the files that share them.
+"""Definitions, references and renames of the names in a file, across the files that share them.
 
-A file that extends another, an experiment and its graph, and a part and the graphs that use it
-share names. So does an overlay with the graphs that an experiment lays it over; one that no
+In: a model, an offset and a :class:`Project` (the models of a folder). Out: places, or edits by
+file. A file that extends another, an experiment and its graph, and a part and the graphs that use
+it share names. So does an overlay with the graphs that an experiment lays it over; one that no
 experiment names shares those of the only graph that has all blocks that it needs, if there is one.
+
+    base.yaml  blocks: {pid: ...}        rename pid here, and all three files change:
+    my.yaml    extends: base.yaml        wires: {pid: ...}
+    sweep.yaml graph: my.yaml            vary: {pid.kp: ...}
+
+A symbol is looked for first upwards (:meth:`Project.roots`: who defines it?), then downwards from
+there (:meth:`Project.family`: who means the same?), since two files may extend one base and share
+its names without naming each other.
 """
 
 from __future__ import annotations
@@ -39,7 +48,7 @@ class Place:
 
 
 class Project:
-    """The files that may share names with a text: models by resolved path."""
+    """The files that may share names with a file: models by resolved path."""
 
     def __init__(self, models: Iterable[Model]) -> None:
         self.models = {model.path.resolve(): model for model in models}
@@ -53,7 +62,7 @@ class Project:
         return links
 
     def bases(self, model: Model) -> list[tuple[Path, tuple[str, ...]]]:
-        """The files that a text builds on, each with the part that it is used as, or ()."""
+        """The files that another builds on, each with the part that it is used as, or ()."""
         below = self._graphs_below.get(model.path.resolve(), ())
         return [*bases(model), *((path, ()) for path in below)]
 
@@ -64,6 +73,8 @@ class Project:
         for model in self.models.values():
             for path, base in overlays(model):
                 graphs_of.setdefault(path, []).append(base)
+        # An overlay that no experiment names: guessed only where a single graph can be meant, since
+        # a wrong guess would rename blocks of an unrelated graph.
         graphs = [m for m in self.models.values() if is_whole(m)]
         for path, model in self.models.items():
             blocks = needed_by(model) if path not in graphs_of else set()
@@ -104,6 +115,8 @@ class Project:
 
     def _replaces(self, path: Path, base: Path, scope: tuple[str, ...], symbol: Symbol) -> bool:
         """Whether a file has another part in place of the one that defines a symbol of its base."""
+        # A graph that puts another part in the place of its base's: names inside of it are no
+        # longer shared.
         inner = (*scope, *symbol.scope)
         own = self._parts_over(path, base) - {scope}
         return any(inner[: len(part)] == part for part in own)
@@ -167,7 +180,7 @@ class Project:
 
 
 def is_whole(model: Model) -> bool:
-    """Whether a text is a graph with blocks of its own, that no other completes."""
+    """Whether a file is a graph with blocks of its own, that no other completes."""
     return model.kind == "graph" and model.root.get("blocks") is not None
 
 
@@ -190,7 +203,7 @@ def needed_by(model: Model) -> set[str]:
 
 
 def mention_at(model: Model, offset: int) -> Mention | None:
-    """What is mentioned at an offset; what a text defines goes before what it may mean."""
+    """What is mentioned at an offset; what a file defines goes before what it may mean."""
     here = [m for m in mentions(model) if m.span.start <= offset <= m.span.end]
     if len(here) < 2:
         return here[0] if here else None
@@ -243,6 +256,7 @@ def _class_place(cls: type[Block] | None) -> list[Place]:
         text = path.read_text(encoding="utf-8")
     except (OSError, TypeError, ValueError):
         return []
+    # Searched, and not asked of inspect: an own class lives in another process.
     match = re.search(rf"^class\s+({re.escape(name)})\b", text, re.MULTILINE)
     span = Span(*match.span(1)) if match else Span(0, 0)
     return [Place(path.resolve(), span)]
@@ -289,7 +303,7 @@ def rename(
 ) -> Mapping[Path, list[tuple[Span, str]]]:
     """The edits that rename what an offset names, by file.
 
-    ``within`` are the files that may change, besides the text itself; none given, all may.
+    ``within`` are the files that may change, besides this one; without them, all may.
 
     Raises
     ------
@@ -307,6 +321,7 @@ def rename(
     for place in references(model, offset, project):
         path = place.path.resolve()
         if may_change and path != model.path.resolve() and path not in may_change:
+            # Half a rename would break that file.
             raise UsageError(f"'{symbol.name}' is also in '{path}', which is not in this folder")
         edits.setdefault(place.path, []).append((place.span, name))
     return edits
@@ -341,6 +356,8 @@ def _rename_class(
     text = SourceText(path.read_text(encoding="utf-8"))
     edits = {path: [(span, name) for span in _python_names(text, old)]}
     for other in {model.path.resolve(): model, **project.models}.values():
+        # Only graphs that name the class's file: another file may define another class of that
+        # name.
         if path in modules(other) or other is model:
             spans = [m.span for m in mentions(other) if m.symbol.noun == "type"]
             same = [s for s in spans if other.text.source[s.start : s.end].strip("'\"") == old]

@@ -1,4 +1,8 @@
-"""What completion offers: one text each, plain or a snippet."""
+"""What completion offers: one insertion each, plain or a snippet.
+
+A snippet has places to fill in, in the language server protocol's notation: "dt: ${1:number}", or
+"kind: ${1|map,raster|}" where one of several values is chosen.
+"""
 
 from __future__ import annotations
 
@@ -32,7 +36,7 @@ class Offer:
 
 
 def escape_snippet(text: str) -> str:
-    """A text inside a snippet."""
+    """A string as it stands inside a snippet."""
     return re.sub(r"([$}\\])", r"\\\1", text)
 
 

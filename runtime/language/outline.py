@@ -1,4 +1,8 @@
-"""The outline of a text, and which of its lines fold."""
+"""The outline of a file, and which of its lines fold.
+
+In: a model. Out: a tree of names with spans: the section "blocks" holds "pid" with the detail
+"PID".
+"""
 
 from __future__ import annotations
 
@@ -25,7 +29,7 @@ class OutlineSymbol:
 
 
 def outline(model: Model) -> list[OutlineSymbol]:
-    """Sections with their entries, in the order of the text."""
+    """Sections with their entries, in the order of the file."""
     return [_symbol(model, item, 0) for item in model.root.items if item.key]
 
 
@@ -38,6 +42,7 @@ def _symbol(model: Model, item: YamlItem, depth: int) -> OutlineSymbol:
         kind = "part" if part is not None else "block"
     elif section == "wires":
         kind = "wires"
+    # Parameters of a block are not listed: an outline as long as the file would be no overview.
     inside = depth < 1 or (kind == "part" and depth < 20) or section in ("blocks", "variants")
     inner = [_symbol(model, each, depth + 1) for each in item.items if inside and each.key]
     if kind == "block":

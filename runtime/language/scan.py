@@ -1,9 +1,15 @@
 """A tolerant reading of YAML: a tree of what is written, with the place of each key and value.
 
-It reads any text, above all one that is being typed and does not parse: an open bracket ends where
-a line is no further indented than the key that it belongs to, a key without a colon is an entry
-without a value, and what fits nowhere is skipped. Texts that parse get the same tree as the
-strict reader's, apart from rare forms (complex keys, tags, several lines of plain text).
+In: any text. Out: the root :class:`YamlItem`; there are no errors. Completion is asked for while a
+line is half typed, when a strict parser has no tree at all::
+
+    wires:
+      sum: {terms: [a.out,          # an open bracket ends where the indentation goes back
+      gain                          # a key without a colon: an entry without a value
+    probes: {y: gain.out}           # is read as if nothing had happened
+
+Texts that parse get the same tree as the strict reader's (``tests/runtime/language/test_scan.py``
+compares them), apart from rare forms: complex keys, tags, plain scalars over several lines.
 """
 
 from __future__ import annotations
@@ -13,9 +19,13 @@ import re
 from runtime.language.items import YamlItem, closing_quote, unquote
 from runtime.language.text import Span
 
+# What is nested deeper is skipped: "[[[[..." must not overflow the stack of those who walk the
+# tree.
 MAX_DEPTH = 60
 
 _LINE = re.compile(r"([^\n\r]*)(\r\n|\n|\r|$)")
+# A key ends at a colon that a space or the end of the line follows: "a:b" is a scalar and "a: b" an
+# entry. A "#" is part of a key unless a space is before it. Quoted keys may contain colons.
 _KEY = re.compile(
     r"""("(?:[^"\\]|\\.)*"\s*|'(?:[^']|'')*'\s*
         |[^\s\#"'{}\[\],&*!|>%@`:][^:\#]*(?:(?::(?!\s|$)|(?<!\s)\#)[^:\#]*)*)
@@ -23,6 +33,7 @@ _KEY = re.compile(
     re.VERBOSE,
 )
 _PLAIN = re.compile(r"(?:[^#\s]|(?<!\s)#|[^\S\r\n]+(?=[^#\s]))+")
+# In braces, commas and brackets end a scalar as well: {a: x,y} has two entries, a: x,y has one.
 _FLOW_PLAIN = re.compile(
     r"""(?:[^\s,\[\]{}:\#]|:(?![\s,\[\]{}]|$)|(?<!\s)\#)
         (?:[^,\[\]{}:\#\r\n]|:(?![\s,\[\]{}]|$)|(?<!\s)\#)*""",
@@ -32,7 +43,7 @@ _PROPERTY = re.compile(r"[&!]\S*[^\S\r\n]*")
 
 
 def scan(source: str) -> YamlItem:
-    """The tree of a text; its root is a mapping."""
+    """The tree of a file; its root is a mapping."""
     return _Scanner(source).root
 
 
@@ -41,6 +52,7 @@ class _Scanner:
 
     def __init__(self, source: str) -> None:
         self.source = source
+        # Files with "\r" are rare: str.find ends the lines of all others, without a pattern.
         self.has_returns = "\r" in source
         self.root = YamlItem(kind="map", end=len(source), column=0)
         self.open: list[YamlItem] = [self.root]
@@ -73,10 +85,13 @@ class _Scanner:
         start = begin
         while start < end and self.source[start] in " \t\ufeff":
             start += 1
+        # At least one character further, whatever the line holds: reading always ends.
         following = max(self.next_line(begin), begin + 1)
         if start == end or self.source[start] == "#" or self.is_marker(start, end):
             return following
         stop = self.read_entry(start, start - begin, end)
+        # A value in quotes or brackets can reach beyond this line; reading goes on after its last
+        # line.
         return following if stop <= end else max(self.next_line(stop), following)
 
     def is_marker(self, start: int, end: int) -> bool:
@@ -94,6 +109,7 @@ class _Scanner:
             return self.read_without_colon(start, column, end)
         self.close_deeper(column, is_list=False)
         holder = self.open[-1]
+        # A key below the dashes of a list: no mapping could take it.
         if holder.kind != "map":
             return end
         key = Span(match.start(1), match.start(1) + len(match[1].rstrip()))
@@ -112,6 +128,10 @@ class _Scanner:
 
     def close_deeper(self, column: int, is_list: bool) -> None:
         """Find the mapping or list that an entry in a column belongs to."""
+        # The entry above that has no value yet gets one if this line is further indented:
+        #     wires:        pending, column 0
+        #       sum: ...    column 2: "wires" becomes a mapping whose entries are in column 2
+        # A list may stand in the column of its key, as YAML allows; a mapping may not.
         pending, self.pending, self.last = self.pending, None, None
         if pending is not None and pending.kind == "empty":
             least = self.pending_column + (0 if is_list else 1)
@@ -121,6 +141,8 @@ class _Scanner:
                 self.open.append(pending)
         while len(self.open) > 1:
             top = self.open[-1]
+            # Whatever is further indented than this line is complete, and so is a list in whose
+            # column a key begins.
             if column > top.column or (column == top.column and (top.kind == "list") == is_list):
                 break
             self.open.pop()
@@ -137,6 +159,7 @@ class _Scanner:
         item = YamlItem(holder, start=after, end=after)
         holder.items.append(item)
         holder.end = after
+        # In "- a: 1", the mapping's column is that of "a", where the next line's keys have to be.
         inner = column + after - start
         if after < end and _KEY.match(self.source, after, end) and len(self.open) < MAX_DEPTH:
             item.kind, item.column = "map", inner
@@ -145,12 +168,14 @@ class _Scanner:
         return self.read_value(item, column, after, end)
 
     def read_without_colon(self, start: int, column: int, end: int) -> int:
-        """A line without a colon: a key that is being typed, or more of a text above."""
+        """A line without a colon: a key that is being typed, or more of a scalar above."""
+        # The line goes on with the plain scalar above, as YAML folds lines.
         if self.last is not None and column > self.pending_column:
             match = _PLAIN.match(self.source, start, end)
             self.last.end = match.end() if match else self.last.end
             self.grow(self.last)
             return end
+        # A value in the line below its key.
         if self.source[start] in "{[\"'|>" and self.pending is not None:
             item, self.pending = self.pending, None
             return self.read_value(item, self.pending_column, start, end)
@@ -168,6 +193,7 @@ class _Scanner:
         """Read an entry's value, as far as it is on its line; returns where reading ended."""
         while start < end and self.source[start] in " \t":
             start += 1
+        # Anchors and tags (&a, !t) are not part of a value.
         while start < end and (match := _PROPERTY.match(self.source, start, end)):
             start = match.end()
         self.pending_column, self.last = column, None
@@ -214,9 +240,12 @@ class _Scanner:
         return end
 
     def read_quoted(self, item: YamlItem, start: int, column: int) -> int:
-        """A text in quotes; one that is never closed ends with its line."""
+        """A scalar in quotes; one that is never closed ends with its line."""
         quote = self.source[start]
         end = closing_quote(self.source, start)
+        # The closing quote may be that of a later string: "a: 'x" above "b: 'y'" pairs the wrong
+        # ones. A line that is no further indented than the key proves it, since YAML forbids such
+        # lines in a scalar.
         if end < 0 or self.dedents(start, end, column):
             end, item.closed = self.line_end(start), False
         item.kind, item.start, item.end, item.quoted = "scalar", start, end, True
@@ -239,6 +268,11 @@ class _Scanner:
         return _FlowScanner(self, item, column).read(start)
 
 
+# Brackets are read by a stack of its own, since they ignore indentation except for one rule: a line
+# that is no further indented than the key of the whole value ends all of it. So an unclosed bracket
+# spoils its own entry and not the rest of the file:
+#     a: {x: [1, 2
+#     b: 3             "a" ends above this line
 class _FlowScanner:
     """Reads a value in braces or brackets, over several lines if need be."""
 
@@ -274,10 +308,11 @@ class _FlowScanner:
         """Whether a line is no further indented than the key of the whole value."""
         line = self.source[position : self.scanner.line_end(position)]
         text = line.lstrip(" ")
+        # A closing bracket may stand in the key's own column, as formatters write it.
         return bool(text) and text[0] not in "#}]" and len(line) - len(text) <= self.column
 
     def stop(self, position: int) -> int:
-        """End all that is open where the text goes on with something else."""
+        """End all that is open where the source goes on with something else."""
         end = len(self.source[:position].rstrip())
         for item in self.open:
             item.end, item.closed = max(item.start + 1, end), False
@@ -341,6 +376,8 @@ class _FlowScanner:
     def end(self, character: str, position: int) -> bool:
         """A closing bracket; returns whether the whole value ends with it."""
         kind = "map" if character == "}" else "list"
+        # A bracket that closes nothing is skipped; one that fits an outer bracket closes the inner
+        # ones, too.
         if all(item.kind != kind for item in self.open):
             return False
         while self.open:

@@ -1,4 +1,9 @@
-"""The names that a place in the text can use: of the graph, or of the part that it is inside of."""
+"""The names that a place in the file can use: of the graph, or of the part that it is inside of.
+
+In: a path of keys. Out: the scope that it leads into, and from there blocks, ports, outputs,
+params. ("blocks", "arm", "wires", "pid") in a graph with the inline part "arm" leads into the
+scope of "arm", with ("wires", "pid") left: the rest of this room need not know about parts.
+"""
 
 from __future__ import annotations
 
@@ -31,6 +36,8 @@ def scope_at(model: Model, path: Steps) -> tuple[Scope | None, Steps]:
     scope = network.scope
     if model.prefix:
         scope = scope.parts.get(model.prefix.rstrip("."), scope)
+    # ("blocks", "arm", "blocks", "hand", "wires", "pid")  becomes  ("wires", "pid") in the scope
+    # arm.hand
     while len(path) > 2 and path[0] == "blocks" and path[1] in scope.parts:
         if path[2] not in PART_SECTIONS or path[2] in ("graph", "params"):
             break
@@ -55,11 +62,12 @@ def class_of(model: Model, scope: Scope | None, name: str) -> type[Block] | None
         return entry.cls
     node = scope.blocks.get(name) if scope is not None else None
     type_node = None if node is None else node.get("type")
+    # A block that could not be constructed, as while its parameters are typed, still has a class.
     return BUILTIN.get(str(type_node.value)) if type_node is not None else None
 
 
 def known_types(model: Model) -> dict[str, type[Block]]:
-    """Block types that the text may name: the library's, installed ones, those of its modules."""
+    """Block types that the file may name: the library's, installed ones, those of its modules."""
     network = model.network
     entries = network.entries.values() if network is not None else ()
     own = {entry.cls.__name__: entry.cls for entry in entries if entry.node.get("module")}

@@ -1,4 +1,8 @@
-"""Parameters with a structure of their own: ``neuron: {type: LIF, ...}``, ``uniform(200, 400)``."""
+"""Parameters with a structure of their own: ``neuron: {type: LIF, ...}``, ``uniform(200, 400)``.
+
+In: a block's class and a path of keys. Out: the declaration at its end. For ("neuron", "tau_rc")
+the class is that of the model which the mapping names, or of the default if it names none.
+"""
 
 from __future__ import annotations
 
@@ -22,6 +26,8 @@ def param_at(cls: type[Block] | None, keys: Sequence[str], holder: YamlItem | No
     """
     param = cls.spec.params.get(keys[0]) if cls is not None else None
     for depth, key in enumerate(keys[1:], 1):
+        # The class depends on the mapping that is written around each level, so it is looked up
+        # from outside inwards.
         inside = variant_at(param, _above(holder, len(keys) - 1 - depth))
         param = inside.declared.get(key) if inside is not None else None
     return param
@@ -54,6 +60,7 @@ def forms_of(param: Param, in_flow: bool) -> Iterator[Offer]:
         if not parenthesis:
             yield Offer(form, "value", doc, rank=0)
             continue
+        # In braces, a comma would end the value: uniform(200, 400) needs quotes there.
         quote = "'" if in_flow and "," in form else ""
         yield Offer(form, "snippet", doc, "", f"{quote}{_with_places(form, name)}{quote}", True, 0)
     root = root_of(param)

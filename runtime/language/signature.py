@@ -1,4 +1,8 @@
-"""Signatures: the ports of the block or part whose wires are being written, or its parameters."""
+"""Signatures: the ports of the block or part whose wires are being written, or its parameters.
+
+In: a model and an offset. Out: a label, "gain(input: any type)", with the part that is being
+written.
+"""
 
 from __future__ import annotations
 

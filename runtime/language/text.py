@@ -1,8 +1,9 @@
-"""A text with its lines: offsets, the positions of editors, and those of messages.
+"""Source text with its lines: offsets, the positions of editors, and those of messages.
 
 An offset counts characters from 0. Editors send a line and a number of UTF-16 code units in it;
 messages have lines and columns from 1, in lines as YAML breaks them, which knows more line
-breaks than editors do.
+breaks than editors do. In "é😀x", "x" has offset 2, the editor's character 3 and the message's
+column 3.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ from typing import NamedTuple
 from runtime.errors import Where
 
 _EDITOR_BREAK = re.compile("\r\n|[\n\r]")
+# YAML also breaks lines at NEL, LS and PS, which editors show as characters: the numbers of lines
+# in messages and in editors differ after one of these, so the two kinds are converted separately.
 _YAML_BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
 
 
@@ -28,7 +31,7 @@ def _width(character: str, encoding: str) -> int:
 
 
 class Span(NamedTuple):
-    """A part of a text: offsets of its first character and of the one after its last."""
+    """A part of a source: offsets of its first character and of the one after its last."""
 
     start: int
     end: int
@@ -68,7 +71,7 @@ class SourceText:
         return bisect_right(self.starts, max(0, offset)) - 1
 
     def offset(self, line: int, units: int, encoding: str = "utf-16") -> int:
-        """The offset of an editor's position, moved into the text where it is outside.
+        """The offset of an editor's position, moved into the source where it is outside.
 
         ``encoding`` says what the editor counts: utf-8, utf-16 or utf-32 units.
         """
@@ -78,6 +81,7 @@ class SourceText:
             return len(self.source)
         start, end = self.line_span(line)
         line_text = self.source[start:end]
+        # Nearly all lines: units are characters, and nothing has to be counted.
         if line_text.isascii():
             return start + min(max(0, units), end - start)
         count = 0

@@ -1,4 +1,8 @@
-"""Which values may be written for a key: outputs, types, kinds, names, files."""
+"""Which values may be written for a key: outputs, types, kinds, names, files.
+
+In: a model and the cursor. Out: offers, ranked: at ``wires: {lqr: {error: |`` the outputs of the
+input's type come first (rank 0), then their components, then all others.
+"""
 
 from __future__ import annotations
 
@@ -150,6 +154,7 @@ def _own_outputs(model: Model, scope: Scope | None, consumer: str) -> Iterator[W
 def _addresses(outputs: Iterable[WireSource], input_type: SignalType | None) -> Iterator[Offer]:
     for output in outputs:
         is_component = output.address.count(".") > 1
+        # Others are offered as well, at the end: a type may be wrong at the other end of the wire.
         rank = 1 + is_component
         if input_type is not None:
             rank = int(is_component) if is_fitting(output, input_type) else 3 + is_component
@@ -170,9 +175,8 @@ def _of_kind(
     model: Model, scope: Scope | None, section: str, key: str, cursor: Cursor
 ) -> Iterator[Offer]:
     """Values of a plot's or a metric's key."""
-    kinds: dict[str, PlotKind | MetricKind] = dict(
-        PLOT_KINDS if section == "plots" else METRIC_KINDS
-    )
+    kinds: dict[str, PlotKind | MetricKind] = {}
+    kinds |= PLOT_KINDS.usable() if section == "plots" else METRIC_KINDS.usable()
     kind_item = cursor.holder.get("kind") or cursor.holder.parent
     if kind_item is not None and kind_item.key != "kind" and cursor.holder.parent is not None:
         kind_item = cursor.holder.parent.get("kind")
@@ -211,10 +215,11 @@ def _package_files(folder: str) -> list[str]:
 def _files(
     model: Model, suffixes: tuple[str, ...], package_files: Iterable[str], under: str = ""
 ) -> Iterator[Offer]:
-    """Files beside the text and in the folders below, and those that come with the package."""
+    """Files beside this one and in the folders below, and those that come with the package."""
     names: set[str] = set()
     folder = model.path.parent
     try:
+        # Two levels: a search of the whole tree would read a home folder at each key that is typed.
         for path in sorted([*folder.glob("*"), *folder.glob("*/*")])[: 10 * MAX_FILES]:
             if path.suffix in suffixes and path != model.path and not path.name.startswith("."):
                 name = path.relative_to(folder).as_posix()

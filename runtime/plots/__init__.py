@@ -1,4 +1,13 @@
-"""Figures of what a run recorded, drawn with matplotlib: one function per kind of plot."""
+"""Figures of what a run recorded, drawn with matplotlib: one function per kind of plot.
+
+In: a graph's plot and the run's recordings. Out: a matplotlib figure, or files::
+
+    draw(plot, result)                                   one figure
+    save_plots(result, Path("plots"), formats=["pdf"])   all of them
+
+``figures`` chooses the function by the plot's kind (``painters``) and adds what all kinds share:
+titles, limits, legends, sizes.
+"""
 
 from runtime.plots.figures import (
     FORMATS,

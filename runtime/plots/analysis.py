@@ -1,4 +1,8 @@
-"""Signals against each other, and over frequency."""
+"""Signals against each other, and over frequency.
+
+In: recordings. Out: the second column over the first (``xy``), or the power density of each column
+(``spectrum``): a sine of amplitude 2 m at 5 Hz is a peak at 5 Hz with an area of 2 m².
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Decoded signals beside what they should be, and weights as they are learnt."""
+"""Decoded signals beside what they should be, and weights as they are learnt.
+
+In: a plot of kind ``decoded`` (a decoded signal, the ideal one, and perhaps ``over`` a third) or of
+``weights``. Out: mean and standard deviation above the error, or weights above their mean change.
+"""
 
 from __future__ import annotations
 
@@ -79,6 +83,7 @@ def draw_decoded(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
 
 def _at(t: FloatArray, recording: Recording) -> FloatArray:
     """The values (rows, columns) of another recording at these times, held between its rows."""
+    # 1e-9 s: the times of two probes are k * dt and may differ in the last bit.
     rows = np.searchsorted(recording.t, t + 1e-9, side="right") - 1
     return np.asarray(recording.columns[np.maximum(rows, 0)])
 
@@ -116,6 +121,7 @@ def _over_signal(upper: Axes, lower: Axes, pair: _Pair, names: Sequence[str]) ->
     edges = np.linspace(over.min(), over.max(), BINS + 1)
     bins = np.clip(np.searchsorted(edges, over, side="right") - 1, 0, BINS - 1)
     counts = np.bincount(bins, minlength=BINS)
+    # A mean of few rows says more about noise than about the signal.
     enough = counts >= min(FEWEST, len(over))
 
     def means(values: FloatArray) -> FloatArray:
@@ -126,6 +132,7 @@ def _over_signal(upper: Axes, lower: Axes, pair: _Pair, names: Sequence[str]) ->
     for i, name in enumerate(names):
         value, ideal = pair.value[:, i], means(pair.ideal[:, i])
         mean = means(value)
+        # E[x^2] - E[x]^2, which rounding can make negative.
         scatter = np.sqrt(np.maximum(means(np.square(value)) - mean**2, 0.0))
         _draw_column(upper, x, mean, scatter, i, name)
         upper.plot(x, ideal, label=_ideals(len(names))[i], **IDEAL)

@@ -67,6 +67,8 @@ def draw(plot: PlotSpec, result: RunData, look: str = "screen") -> Figure:
         raise UsageError(f"plot '{plot.name}' shows '{missing[0]}', which was not recorded")
     with matplotlib.rc_context({**style.STYLE, **looks.LOOKS[look].settings}):
         figure = ShownFigure(layout="constrained")
+        # A kind of a package names its function as "module:function", and is imported only when it
+        # is drawn.
         painter = plot.declared.painter or PAINTERS[plot.kind]
         if isinstance(painter, str):
             module, _, function = painter.partition(":")
@@ -79,6 +81,9 @@ def draw(plot: PlotSpec, result: RunData, look: str = "screen") -> Figure:
                 recordings += contacts(plot, [result])
             top = painter(figure, recordings, style.run_end(result))
         arrange(figure, top, plot)
+        # Each of these steps needs what the one before did: titles need the axes' final labels,
+        # formulas all texts, the look all sizes, the notes the width, and equal scales the space
+        # that all this leaves.
         titles.set_title(top, plot.title, result)
         formulas.disable_math(figure)
         if "size" not in plot.options:

@@ -1,4 +1,9 @@
-"""A run as an animated gif, or two runs in one: robots on their way, in a room or in the plane."""
+"""A run as an animated gif, or two runs in one: robots on their way, in a room or in the plane.
+
+In: one or several runs. Out: a gif of 100 frames at times evenly spaced over the longest run::
+
+    animate(result, "run.gif")      # 9 s, whatever the length of the run
+"""
 
 from __future__ import annotations
 
@@ -57,6 +62,8 @@ class _Actor:
         self.robot.move(maps.row_at(self.pose, t))
         count = int(np.searchsorted(self.pose.t, t + 1e-9, side="right"))
         rows = self.pose.values[:count, :2]
+        # Drawing a trail takes time by its points, in each frame again. The last row is added, so
+        # that the trail ends at the robot.
         points = rows[:: -(-len(rows) // TRAIL) or 1]
         self.trail.set_data(*np.vstack((points, rows[-1:])).T)
         self.contacts.set_data(*rows[self.touching[:count]].T)

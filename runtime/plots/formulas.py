@@ -21,7 +21,7 @@ _FORMULA = re.compile(r"\$[^$\s]+\$")
 
 
 def is_formula(text: str) -> bool:
-    """Whether a text has formulas as $e_p$, without spaces, that matplotlib can draw."""
+    """Whether a string has formulas as $e_p$, without spaces, that matplotlib can draw."""
     formulas_in = _FORMULA.findall(text)
     if not formulas_in or text.count("$") != 2 * len(formulas_in):
         return False
@@ -59,6 +59,7 @@ def disable_math(figure: Figure) -> None:
         if type(axis.get_major_formatter()) is ScalarFormatter:
             axis.set_major_formatter(PlainNumbers())
     for text in figure.findobj(Text):
+        # matplotlib takes two dollar signs for a formula, and stops at one that it cannot parse.
         text.set_parse_math(is_formula(text.get_text()))
     for axis in (axis for axes in figure.axes for axis in (axes.xaxis, axes.yaxis)):
         if isinstance(axis.get_major_formatter(), LogFormatter):

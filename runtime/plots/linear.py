@@ -1,4 +1,8 @@
-"""Figures of a linear system: poles, step responses and Bode plots."""
+"""Figures of a linear system: poles, step responses and Bode plots.
+
+In: A, B, C, D with labels. Out: one figure of four axes. For x' = -x + u, y = x: a pole at -1, a
+step response 1 - exp(-t), a gain of -3 dB and a phase of -45 degrees at 1 rad/s.
+"""
 
 from __future__ import annotations
 
@@ -62,6 +66,7 @@ def _draw(
     for k, (j, i) in enumerate(pairs[:MAX_LINES]):
         system = signal.StateSpace(a, b[:, [j]], c[[i]], d[[i]][:, [j]])
         response = _response(a, b[:, j], c[i], d[i, j], frequencies)
+        # log10 of rounding errors would be a curve at -300 dB that sets the scale for all others.
         response[np.abs(response) < ROUNDING] = np.nan
         none = "" if np.isfinite(response).any() else " (no effect)"
         how = {"label": f"{inputs[j]} to {outputs[i]}{none}", **line_style(k)}
@@ -93,6 +98,8 @@ def _response(
 
 def _duration(poles: Any) -> float:
     """The time (s) in which a step response shows the slowest pole."""
+    # An undamped pole has no decay: it is shown for some of its periods. Integrators (poles at 0)
+    # have no time scale.
     slowest = min((abs(p.real) or abs(p) / 20.0 for p in poles if abs(p) > 1e-9), default=1.0)
     return float(min(7.0 / slowest, 1e6))
 

@@ -1,4 +1,8 @@
-"""Looks of figures: their width on a page, their fonts, and where their legends are."""
+"""Looks of figures: their width on a page, their fonts, and where their legends are.
+
+In: a figure and a look, as ``LOOKS["paper"]``. Out: the same figure, 3.5 inches wide, its legends
+below or inside the axes, without a title.
+"""
 
 from __future__ import annotations
 

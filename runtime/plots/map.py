@@ -1,4 +1,8 @@
-"""Maps: a world with the robot's trajectory in it (the paper's Fig. 6), and its wall distance."""
+"""Maps: a world with the robot's trajectory in it (the paper's Fig. 6), and its wall distance.
+
+In: a plot of kind ``map`` or ``wall_distance``, and a run with a world. Out: axes in metres, of one
+scale, or the error over time in millimetres.
+"""
 
 from __future__ import annotations
 
@@ -83,6 +87,8 @@ def draw_world(axes: Axes, world: World) -> None:
     shapes += [Path.circle((x, y), r) for x, y, r in world.circles.tolist()]
     if world.room is not None:
         low, high = world.room.min(axis=0) - OUTSIDE, world.room.max(axis=0) + OUTSIDE
+        # The room is a hole in a large solid: matplotlib fills what lies between two outlines of
+        # opposite direction, so the frame runs clockwise and the room counterclockwise.
         frame = np.array([low, (low[0], high[1]), high, (high[0], low[1])])
         shapes.append(Path.make_compound_path(_polygon(frame), _polygon(world.room)))
     for shape in shapes:
@@ -124,13 +130,14 @@ def touching(plot: PlotSpec, result: RunData, pose: Recording) -> BoolArray:
 
 def contacts(plot: PlotSpec, runs: Sequence[RunData]) -> list[Recording]:
     """The positions at which the robots of some runs touched a surface, as one recording."""
-    recordings = [
+    positions = [
         run.probes[name].values[touching(plot, run, run.probes[name]), :2]
         for run in runs
         for name in plot.of
         if name in run.probes and run.probes[name].kinds == ("Pose",)
     ]
-    xy = np.concatenate(recordings) if recordings else np.empty((0, 2))
+    xy = np.concatenate(positions) if positions else np.empty((0, 2))
+    # A recording like those of probes, so that a trajectory draws it without knowing about worlds.
     labels, t = ("contact.x", "contact.y"), np.arange(float(len(xy)))
     span = {"contact": (0, 2)}
     return [Recording("contact", t, xy, labels, ("m", "m"), (CONTACT,), span)] if len(xy) else []
@@ -200,6 +207,7 @@ def scan_points(scan: FloatArray, pose: FloatArray, angles: tuple[float, float])
     angles : bearing of the first beam, and of the beam after the last one (rad).
     """
     bearings = np.linspace(*angles, len(scan), endpoint=False) + pose[2]
+    # Infinity is a beam without a hit, and NaN a beam that was not measured.
     hit = np.isfinite(scan)
     directions = np.column_stack((np.cos(bearings[hit]), np.sin(bearings[hit])))
     ends: FloatArray = pose[:2] + scan[hit, None] * directions
@@ -209,6 +217,7 @@ def scan_points(scan: FloatArray, pose: FloatArray, angles: tuple[float, float])
 def split_curves(points: FloatArray) -> FloatArray:
     """Points of several curves in a row, with a row of NaN between two curves."""
     steps = np.hypot(*np.diff(points, axis=0).T)
+    # The median, which a few gaps do not move: a mean would grow with the gaps that it has to find.
     typical = float(np.median(steps)) if len(steps) else 0.0
     if typical == 0.0:
         return points
@@ -263,6 +272,7 @@ def map_axes(
     """
     world = world_of(plot, result)
     low, high = view_limits(world, np.concatenate((np.zeros((0, 2)), xy)))
+    # Every map has the same area on the page, whatever its proportions within these limits.
     ratio = min(FLATTEST, max(TALLEST, float((high[0] - low[0]) / (high[1] - low[1]))))
     width = side * math.sqrt(ratio)
     figure.set_size_inches(width + room[0], width / ratio + room[1])

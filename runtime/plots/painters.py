@@ -1,4 +1,9 @@
-"""The function that draws each kind of plot of the library; a package's kind names its own."""
+"""The function that draws each kind of plot of the library; a package's kind names its own.
+
+In: the kind's name, "map". Out: the function that draws it, ``draw_map``. ``observation`` declares
+the kinds and must not import matplotlib, so the functions are listed here and not beside the
+declarations.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Spike rasters: the spikes of each neuron over time, and the population's mean rate."""
+"""Spike rasters: the spikes of each neuron over time, and the population's mean rate.
+
+In: a plot of kind ``raster`` with probes of spikes (rows, neurons), and of tuning if neurons are
+sorted by it. Out: one axes per ensemble, with a mark for each spike, above their mean rates in Hz.
+"""
 
 from __future__ import annotations
 
@@ -56,6 +60,8 @@ class _Train:
         # Power iteration: threaded LAPACK can take seconds for a matrix this small.
         products = rates @ rates.T
         course = products[products.diagonal().argmax()]
+        # Converges as the ratio of the two largest variances to the power of the iterations; where
+        # these are equal, either direction sorts as well.
         for _ in range(ITERATIONS):
             course = products @ (course / (np.linalg.norm(course) or 1.0))
         weights = course @ rates
@@ -85,6 +91,7 @@ def draw_raster(figure: Figure, plot: PlotSpec, result: RunData) -> Axes:
     count = max(1, len(trains))
     figure.set_size_inches(style.WIDTH, 2.2 + 2.1 * count)
     *upper, lower = style.stacked_axes(figure, count + 1, [*[2.1] * count, 1.2])
+    # All ensembles in the same way, so that they can be compared.
     if sum(np.count_nonzero(train.spikes) for train in trains) > MANY_SPIKES * count:
         _images(figure, upper, trains, end)
     else:

@@ -1,4 +1,8 @@
-"""Scans: what the robot saw and fitted, at a few times in panels."""
+"""Scans: what the robot saw and fitted, at a few times in panels.
+
+In: a plot of kind ``scans`` with probes of a scan, a point cloud, a path and the pose. Out: four
+panels of 2 m by 2 m with the robot in the middle, at the times ``at: [2.0, 4.5]`` or evenly spaced.
+"""
 
 from __future__ import annotations
 
@@ -67,6 +71,8 @@ class Scene:
     def _scan(self, scan: FloatArray, t: float) -> FloatArray:
         """The end points of the beams, from the pose at the time of the scan."""
         scans = self.recordings["Scan"]
+        # The robot has moved since its last scan, by some centimetres at 10 Hz: from its present
+        # pose, the beams would end beside the walls.
         pose = maps.row_at(self.recordings["Pose"], float(scans.t[maps.row_index(scans, t)]))
         return EMPTY if pose is None else maps.scan_points(scan, pose, self.angles)
 

@@ -63,6 +63,7 @@ def draw_timeseries(figure: Figure, recordings: Sequence[Recording], end: float)
             groups.setdefault(unit, []).append(line)
     shown_as = style.display_names(list(every), list(every.values()))
     names = dict(zip(every, shown_as, strict=True))
+    # An axes that shows zero alone takes a third of the figure to say what one line of text does.
     groups, silent = _without_zeros(_merge_unitless(groups))
     figure.set_size_inches(style.WIDTH, 1.1 + 1.55 * max(1, len(groups)) + 0.5 * (len(groups) == 1))
     column = style.stacked_axes(figure, len(groups))
@@ -155,6 +156,7 @@ def _heat(figure: Figure, axes: Axes, recording: Recording, end: float) -> None:
     if not values.size:
         style.explain_empty(axes)
         return
+    # More rows than pixels: means, and not every n-th row, which would miss short events.
     size = -(-len(values) // HEAT_ROWS)
     means = style.block_means(values, size)
     step = style.row_spacing(recording.t, end) * size

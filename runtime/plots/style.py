@@ -1,4 +1,10 @@
-"""The common look of all figures: colours, titles, labels of axes, thinned series."""
+"""The common look of all figures: colours, titles, labels of axes, thinned series.
+
+In: axes, labels, series. Out: the same for every kind of plot, so that two figures of a run match::
+
+    short_labels(["plant.pose.x", "plant.pose.y"])     # ["x", "y"]
+    axis_label(["x", "y"], "m")                        # "x, y [m]"
+"""
 
 from __future__ import annotations
 
@@ -167,6 +173,7 @@ def display_names(labels: Sequence[str], names: Sequence[str]) -> list[str]:
     labels : of the columns, all different.
     names : of the same columns; equal to the label where there is none.
     """
+    # A name that a user gave twice cannot tell two lines apart: both get labels instead.
     is_own = [
         name != label and names.count(name) == 1 for label, name in zip(labels, names, strict=True)
     ]
@@ -385,6 +392,8 @@ def thin(t: FloatArray, y: FloatArray, most: int) -> tuple[FloatArray, FloatArra
     """A series of about ``most`` points that keeps the extremes of each block, and both ends."""
     if len(y) <= most:
         return t, y
+    # Of each block of rows the smallest and the largest: every n-th row would lose single spikes,
+    # and turn a sine that is faster than the blocks into a slow one (aliasing).
     size = -(-2 * len(y) // most)
     full = len(y) // size * size
     starts = np.arange(0, full, size)
@@ -409,6 +418,7 @@ def _means(blocks: FloatArray) -> FloatArray:
     if finite.all():
         means: FloatArray = blocks.mean(axis=1)
         return means
+    # A block without a finite value is 0 / 0, which is NaN as wanted.
     with np.errstate(invalid="ignore"):
         means = np.where(finite, blocks, 0.0).sum(axis=1) / finite.sum(axis=1)
     return means

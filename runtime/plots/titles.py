@@ -1,4 +1,8 @@
-"""Titles of figures, with a subtitle that says what was run."""
+"""Titles of figures, with a subtitle that says what was run.
+
+In: a run. Out: a title, and below it the graph, its changes and its seed, as in
+"line_actuator_failure  ·  without snn_v  ·  seed 7".
+"""
 
 from __future__ import annotations
 
@@ -98,6 +102,7 @@ def _by_part(names: list[str], targets: list[str]) -> list[str]:
     """Names of blocks as the user gave them: a part in place of the blocks inside it."""
     groups: dict[str, None] = {}
     for name in names:
+        # --without arm removes arm.pid, arm.plant, ...: the subtitle says "without arm".
         whole = (part for part in targets if name == part or name.startswith(f"{part}."))
         groups[next(whole, name)] = None
     return list(groups)

@@ -1,4 +1,9 @@
-"""Trajectories of poses in the plane, with paths and point clouds."""
+"""Trajectories of poses in the plane, with paths and point clouds.
+
+In: recordings of the types Pose, Path and PointCloud. Out: one axes in metres, of one scale::
+
+    plots: {way: {kind: trajectory, of: [plant.pose, track.path]}}
+"""
 
 from __future__ import annotations
 
@@ -142,6 +147,8 @@ def _view(tracks: Sequence[_Track]) -> tuple[FloatArray, FloatArray]:
         poses_xy = [track.xy for track in others] or [np.zeros((1, 2))]
         others = []
     poses = np.concatenate(poses_xy)
+    # A path may be much longer than the run (a line of 40 m): only what the robot came near is in
+    # view.
     reach = max(STATIONARY, float(np.ptp(poses, axis=0).max()))
     for track in others:
         if track.kind == "Path":
@@ -158,6 +165,7 @@ def _view(tracks: Sequence[_Track]) -> tuple[FloatArray, FloatArray]:
 
 def _nearest(poses: FloatArray, path: FloatArray) -> FloatArray:
     """The points of a path that are nearest to the poses, of which some are looked at."""
+    # All distances between 20,000 poses and a path of 5,000 points would take 800 MB.
     some = poses[:: -(-len(poses) // MATCHED)]
     path = path[:: -(-len(path) // PATH_POINTS)]
     distances = np.hypot(*(some[:, None, :] - path[None, :, :]).transpose(2, 0, 1))

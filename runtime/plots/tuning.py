@@ -1,4 +1,9 @@
-"""The tuning of neurons: their steady rates over what they represent."""
+"""The tuning of neurons: their steady rates over what they represent.
+
+In: recordings of the kind Tuning, one row each: encoders (n, d) and rates (n, places) beside each
+other. Out: curves over each dimension (``tuning_curves``), or over the input along each neuron's
+own encoder, with histograms of intercepts and largest rates (``response_curves``).
+"""
 
 from __future__ import annotations
 
@@ -54,6 +59,8 @@ class Tuning:
 
     def along(self, axis: int) -> FloatArray:
         """Rates (n, places) over one dimension, the others 0."""
+        # A neuron sees an input along an axis as its part along the encoder, and the rates along
+        # encoders are known.
         places = self.directions[:, axis, None] * PLACES
         return np.array(
             [np.interp(at, PLACES, r) for at, r in zip(places, self.rates, strict=True)]

@@ -60,7 +60,7 @@ def tuning_report(folder: Path) -> str:
     stored = _read(folder)
     sections = {
         "Winners": _winners(stored),
-        "Training beside held-out runs": _judged(stored),
+        "Training beside held-out runs": _evaluations(stored),
         "Figures": join(*_figures(folder)),
         "Configurations": _configurations(stored),
         "Diagram": pieces.diagram_file(
@@ -142,7 +142,7 @@ def _winners(stored: Mapping[str, Any]) -> Html:
     return winners
 
 
-def _judged(stored: Mapping[str, Any]) -> Html:
+def _evaluations(stored: Mapping[str, Any]) -> Html:
     if not stored["table"]:
         return element("p", "The held-out runs have not been made.", class_="soft")
     head = ["metric", "values"]

@@ -1,5 +1,11 @@
 """Runs: simulating a prepared graph once, its result, and the run folder on disk.
 
+In: a :class:`PreparedRun`. Out: a :class:`Result` in memory, and a folder of files::
+
+    result = simulate(prepared)          # or Graph.run
+    result["plant.pose"]                 # (rows, 3)
+    open_run(result.save("runs/a"))      # the same again, from its files
+
 ``simulation`` runs a graph, ``result`` is the run in Python, ``folder`` writes and reads the format
 of a run folder, ``draft`` creates run folders in one step and recovers those of killed runs.
 """

@@ -1,8 +1,9 @@
 """The git commit of the current folder, found without executing the repository's own programs.
 
-Git executes what a repository's configuration names (``core.fsmonitor``, filters, hooks), and a
-repository may not be trusted. So the commit is read from the repository's files, and git is used
-only to find out whether files differ from it, with an empty configuration.
+In: a folder. Out: "1f0c...", "1f0c...+changes" if files differ from it, or None outside a
+repository. Git executes what a repository's configuration names (``core.fsmonitor``, filters,
+hooks), and a repository may not be trusted. So the commit is read from the repository's files, and
+git is used only to find out whether files differ from it, with an empty configuration.
 """
 
 from __future__ import annotations
@@ -43,6 +44,8 @@ def _repository(folder: Path) -> tuple[Path, Path, Path] | None:
     """The working tree, its own git folder, and the git folder that all working trees share."""
     for work in (folder, *folder.parents):
         private = work / ".git"
+        # A further working tree (git worktree) has a file there: "gitdir:
+        # /path/.git/worktrees/name".
         if private.is_file():
             target = _read(private).removeprefix("gitdir:").strip()
             private = work / target
@@ -61,6 +64,7 @@ def _read(path: Path) -> str:
 def _head(private: Path, common: Path) -> str | None:
     """The hash that HEAD refers to; None before the first commit."""
     text = _read(private / "HEAD").strip()
+    # References can point to references, in a damaged repository in a circle.
     for _ in range(5):
         if not text.startswith("ref:"):
             break
@@ -69,6 +73,7 @@ def _head(private: Path, common: Path) -> str | None:
 
 
 def _reference(name: str, private: Path, common: Path) -> str:
+    # A reference comes from a file that is not trusted: it must not lead outside the git folder.
     if ".." in name or name.startswith("/"):
         return ""
     for folder in (private, common):
@@ -88,6 +93,8 @@ def _is_changed(commit: str, work: Path, private: Path, common: Path) -> bool:
         with TemporaryDirectory(prefix="spikeblocks-git-") as empty:
             form = "\n[extensions]\n\tobjectFormat = sha256\n" if len(commit) == 64 else ""
             version = "1" if form else "0"
+            # A git folder of our own, with an empty configuration, that borrows the other one's
+            # index and objects.
             bare = Path(empty)
             (bare / "config").write_text(f"[core]\n\trepositoryformatversion = {version}\n{form}")
             (bare / "HEAD").write_text(f"{commit}\n")

@@ -1,9 +1,15 @@
 """Creating a run folder in one step, and recovering what killed runs left behind.
 
-Until a run is complete, all of it lies in a hidden folder beside its final one,
-``.<name>-<id>.partial``, which is locked while its process lives: ``recording/`` holds what does
-not fit into memory, ``run/`` the run folder that is being written. A killed process leaves the
-hidden folder behind: it can be made into a run, or removed. Links are neither followed nor removed.
+In: a result and the path of its folder. Out: the complete folder, or none. Until a run is complete,
+all of it lies in a hidden folder beside its final one, which is locked while its process lives::
+
+    runs/my/.20260102-030405-ab12cd-3f9a01.partial/
+        lock           held by the process; the system releases it, however the process ends
+        recording/     what does not fit into memory
+        run/           the run folder that is being written; renamed when it is complete
+
+A killed process leaves the hidden folder behind: it can be made into a run, or removed. Links are
+neither followed nor removed.
 """
 
 from __future__ import annotations
@@ -95,6 +101,7 @@ class Draft:
                 remove_tree(complete)
                 complete.mkdir(parents=True)
                 write(result, complete, self.commit)
+                # A rename within a file system is atomic: nobody ever sees half a run.
                 complete.rename(self.folder)
         except UsageError:
             remove_tree(complete)
@@ -124,6 +131,8 @@ def save(result: RunData, folder: Path) -> Path:
         draft.close()
 
 
+# A simulation of hours must not be lost to a disk that is full or a folder that was removed
+# meanwhile.
 def save_elsewhere(result: RunData, name: str) -> Path:
     """Write a result into a fresh temporary folder, for when its own folder cannot be written.
 
@@ -221,6 +230,7 @@ def _size(path: Path) -> int:
 
 def remove(leftover: Leftover) -> bool:
     """Remove a leftover unless a process uses it; returns whether it was removed."""
+    # Asked again: the list may be minutes old, and a new process may have taken the name.
     if not _is_alive(leftover.path):
         remove_tree(leftover.path)
     return not leftover.path.exists()
@@ -262,8 +272,11 @@ def _read_recording(source: Path) -> RunData:
                 arrays[name] = rows
                 step = float(dt * every[name])
                 arrays[f"{name}.time"] = np.arange(len(rows), dtype=np.float64) * step
+        # The manifest was written before the first tick; how far the run came is known from its
+        # rows alone.
         ticks = max((len(arrays[n]) * every[n] for n in arrays if n in every), default=0)
         details["probes"] = {n: info for n, info in details["probes"].items() if n in arrays}
+        # A probe without a row has no array, and a plot of it would only say so.
         details["plots"] = [p for p in details["plots"] if set(p["of"]) <= set(arrays)]
         details |= {"status": "interrupted", "error": RECOVERED, "ticks": ticks}
         details["notes"] = [*details["notes"], f"metrics have no values: {RECOVERED}"]

@@ -1,6 +1,12 @@
 """The format of a run folder: how a run is written to its files and read back from them.
 
-Whatever can be wrong with the files is reported in one line.
+In: a run and an empty folder, or a folder that anyone may have sent. Out: files, or a run whose
+every field was checked; whatever can be wrong with the files is reported in one line::
+
+    manifest.json        what ran, with the SHA-256 of the other files; written last
+    graph.yaml           as written        graph.resolved.yaml   as run
+    probes.npz           per probe "name" (rows, ...) and "name.time" (rows,)
+    metrics.json, states.npz, diagram.json, files that blocks name
 """
 
 from __future__ import annotations
@@ -69,6 +75,8 @@ def portable(plain: dict[str, Any], read: Container[str]) -> tuple[dict[str, Any
         if key != "module" and str(source.resolve()) not in read:
             return path
         name = source.name
+        # Two files of one name, from different folders, and names of our own files:
+        #     a/table.csv, b/table.csv     become     table.csv, _table.csv
         while files.get(name, source) != source or name in WRITES:
             name = f"_{name}"
         files[name] = source
@@ -95,7 +103,7 @@ def contents(files: Mapping[str, Path], texts: Mapping[str, bytes]) -> dict[str,
 
 
 def begin(result: RunData, probes: Mapping[str, Probe], folder: Path) -> None:
-    """Write the texts and the manifest that a recording needs to be recovered.
+    """Write the graph's files and the manifest that a recording needs to be recovered.
 
     Raises
     ------
@@ -131,6 +139,7 @@ def write(result: RunData, folder: Path, commit: str | None) -> None:
         save_arrays(folder / STATES, result.states)
     _write_texts(result, folder)
     write_whole(folder / METRICS, json_text(result.metrics, indent=2) + "\n")
+    # The manifest is written last: a folder that has one is complete.
     hashes = {path.name: sha256(path) for path in sorted(folder.iterdir())}
     details = json_text(manifest(result, hashes, commit), indent=2)
     write_whole(folder / MANIFEST, details + "\n")
@@ -190,6 +199,7 @@ def run_folder(path: str | Path) -> Path:
         raise UsageError(f"{text}: {getattr(error, 'strerror', None) or error}") from None
     if not is_folder:
         raise UsageError(f"'{path}' is a file; expected a run folder, as in runs/<graph>/latest")
+    # The folder of a graph holds many runs, and "runs/<graph>" is what one types first.
     latest = folder / "latest"
     newest = latest if latest in inside else inside[-1] if inside else None
     suggestion = f"; did you mean '{newest}'?" if newest else ", as in runs/<graph>/latest"
@@ -199,16 +209,7 @@ def run_folder(path: str | Path) -> Path:
 
 
 def read_run(path: str | Path) -> RunData:
-    """Read a run.
-
-    Parameters
-    ----------
-    path : the run's folder, a link to it, or its manifest.json.
-
-    Raises
-    ------
-    UsageError : there is no run, or one of its files is missing, damaged, or of a newer version.
-    """
+    """The data of a run; ``path`` and the errors are those of :func:`runtime.runs.open_run`."""
     folder = run_folder(path)
     manifest = read_manifest(folder)
     metrics = _mapping(folder / METRICS)
@@ -256,11 +257,11 @@ def run_from_manifest(
     arrays: dict[str, FloatArray],
     metrics: dict[str, float | None],
 ) -> RunData:
-    """The run that a manifest describes, with its arrays and the texts in its folder.
+    """The run that a manifest describes, with its arrays and the graph's files in its folder.
 
     Raises
     ------
-    UsageError : manifest and arrays do not match, or a text cannot be read.
+    UsageError : manifest and arrays do not match, or a file cannot be read.
     """
     texts = {name: _text(folder / name) for name in (WRITTEN, RESOLVED)}
     if (folder / DIAGRAM).is_file():
@@ -317,6 +318,7 @@ def _recording(
     addresses = {str(a): (int(span[0]), int(span[1])) for a, span in info["addresses"].items()}
     if values.ndim <= 2 and len(labels) != (values.shape[1] if values.ndim == 2 else 1):
         raise ValueError(f"probe '{name}': {len(labels)} labels for values of {values.shape}")
+    # Slices beyond the end are empty in Python, and a plot of them would be, too, without a word.
     if any(not 0 <= start <= stop <= len(labels) for start, stop in addresses.values()):
         raise ValueError(f"probe '{name}': its addresses name columns that it does not have")
     names = tuple(map(str, info.get("names", ())))
@@ -331,6 +333,7 @@ def _recording(
     return Recording(name, t, values, labels, units, kinds, addresses, auto, names, held, time_unit)
 
 
+# Reports and comparisons compute with these: a NaN or a string here would fail far from the file.
 def _check_facts(manifest: dict[str, Any]) -> None:
     """What everything that reads a run relies on."""
     check_form(manifest, _FACTS)
@@ -370,6 +373,7 @@ def _mapping(path: Path) -> dict[str, Any]:
 def _arrays(path: Path) -> dict[str, FloatArray]:
     try:
         with warnings.catch_warnings():
+            # NumPy only warns about some headers that it cannot be sure of.
             warnings.simplefilter("error")
             arrays = open_arrays(path)
     except FileNotFoundError:
@@ -400,6 +404,7 @@ def _changed_files(folder: Path, manifest: dict[str, Any]) -> list[str]:
         with system_errors(f"read '{path}'"):
             if path.is_file() and not path.is_symlink() and sha256(path) == digest:
                 continue
+        # An edited graph.yaml is worth a note; edited numbers would be results that no run gave.
         if name in (METRICS, PROBES):
             raise _damage_error(path, f"it is not the file that was saved (SHA-256 in {MANIFEST})")
         message = "was changed after" if path.is_file() else "was removed after"

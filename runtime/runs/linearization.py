@@ -1,4 +1,11 @@
-"""A graph's continuous part as a linear system, at an operating point."""
+"""A graph's continuous part as a linear system, at an operating point.
+
+In: a network, addresses of inputs and outputs, a time. Out: A, B, C, D of x' = A x + B u and
+y = C x + D u. For a pendulum, theta'' = -g/l sin(theta), at rest: A = [[0, 1], [-g/l, 0]].
+
+Derivatives are central differences of the plan that the engine runs, whatever its blocks compute:
+automatic differentiation would need each block written for it.
+"""
 
 from __future__ import annotations
 
@@ -100,6 +107,8 @@ def linearize(
     flow = flow_at(engine, tick, offsets, watches)
     x = engine.state.continuous
 
+    # One function of (x, u) whose value is x' above y: its two Jacobians are A above C, and B
+    # above D.
     def at_point(state: FloatArray, offset: FloatArray) -> FloatArray:
         x[:] = state
         slopes, y = flow(offset.tolist())
@@ -146,6 +155,8 @@ def _differences(function: Any, point: FloatArray) -> FloatArray:
         step = STEP * max(1.0, abs(value))
         low, high = point.copy(), point.copy()
         low[i], high[i] = value - step, value + step
+        # Divided by the difference that the rounded numbers have, not by 2 * step: a step that is
+        # not a power of two is rounded when it is added.
         columns.append((function(high) - function(low)) / (high[i] - low[i]))
     rows = len(function(point))
     return np.array(columns).T if columns else np.zeros((rows, 0))

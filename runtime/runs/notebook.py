@@ -1,4 +1,8 @@
-"""What a notebook shows of a run: what ran, its metrics, and its figures inline."""
+"""What a notebook shows of a run: what ran, its metrics, and its figures inline.
+
+In: a run. Out: one string of HTML, with every name escaped and pictures as data, so that a stored
+notebook shows them without the run's folder.
+"""
 
 from __future__ import annotations
 

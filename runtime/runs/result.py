@@ -1,4 +1,10 @@
-"""A run in Python: its data, with plotting and saving on request."""
+"""A run in Python: its data, with plotting and saving on request.
+
+In: what a run recorded, or a run's folder. Out: a :class:`Result`::
+
+    result = open_run("runs/my/latest")
+    result["plant.pose"][:, 0]; result.metrics["converged_at"]; result.plot("trajectory")
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
-"""Running a graph once: from the checked network to the result."""
+"""Running a graph once: from the checked network to the result.
+
+In: a :class:`PreparedRun` (program, network, files that were read). Out: a :class:`Result`, with
+what was recorded, the metrics, and all that is needed to run it again with the same bits.
+"""
 
 from __future__ import annotations
 
@@ -82,6 +86,7 @@ def simulate(
     if program.gathered:
         note(f"recording to disk, since it takes more than {readable_bytes(network.memory)}")
         if folder is not None:
+            # Only a recording on disk survives a killed process; what is in memory is lost with it.
             _begin_recording(graph, engine, began, folder)
     outcome = engine.run(progress)
     probes = {
@@ -100,6 +105,8 @@ def simulate(
     result.failures = failures
     result.states = engine.final_states() if outcome.ticks else {}
     if outcome.error is not None:
+        # A failed run is still a result: what was recorded up to the failure is kept, and the error
+        # carries it to whoever saves it.
         outcome.error.result = result
         raise outcome.error
     return result
@@ -193,6 +200,7 @@ def _origin(graph: PreparedRun, engine: str) -> tuple[dict[str, str], dict[str, 
     """The graph as written and as run, and the files of its own blocks."""
     read = graph.read
     resolved, files = portable(_resolved_document(graph, engine), read)
+    # The bytes that were read, and not the file: it may have been edited during the run.
     source = None if graph.source is None else read.get(str(graph.source.resolve()))
     text = dump_yaml(resolved) if source is None else source.decode("utf-8-sig")
     texts = {WRITTEN: text, RESOLVED: dump_yaml(resolved)}
@@ -242,6 +250,7 @@ def _manifest(
         "engine_notes": outcome.notes,
         "wall_s": outcome.wall_s,
         "ready_s": outcome.ready_s,
+        # The first tick runs in Python under either engine and is not counted.
         "us_per_tick": 1e6 * (outcome.wall_s - outcome.ready_s) / max(1, outcome.ticks - 1),
         "started": began.isoformat(timespec="seconds"),
         "argv": sys.argv,
@@ -318,6 +327,7 @@ def evaluate(
     failures, notes = [], []
     for metric in metrics:
         value, reason = stopped_at, ""
+        # The time at which the run stopped is no function of the recordings.
         if metric.own is not None or metric.kind != STOP_TIME:
             value, reason = _value_or_reason(metric, series, world)
         notes += [reason] if reason else []

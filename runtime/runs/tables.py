@@ -1,4 +1,9 @@
-"""A run as pandas' DataFrame and as xarray's Dataset (extra ``dataframes``)."""
+"""A run as pandas' DataFrame and as xarray's Dataset (extra ``dataframes``).
+
+In: a run. Out: columns as ``plant.pose.x`` over the time in seconds, or one array per probe. A
+probe at 100 Hz beside one at 1 kHz leaves NaN in nine rows of ten; xarray gives it a time of its
+own.
+"""
 
 from __future__ import annotations
 
@@ -54,6 +59,7 @@ def run_dataset(result: RunData) -> Dataset:
     arrays: dict[str, tuple[list[str], FloatArray, dict[str, str]]] = {}
     coordinates: dict[str, object] = {}
     for name, recording in result.probes.items():
+        # By content and not by rate: probes of one rate can begin at different times.
         axis = axes.setdefault(recording.t.tobytes(), f"t_{name}" if axes else "t")
         coordinates[axis] = (axis, recording.t, {"units": recording.time_unit})
         inner = [f"{name}_row", f"{name}_column"][3 - recording.values.ndim :]

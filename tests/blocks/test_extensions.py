@@ -79,6 +79,19 @@ def test_each_package_is_imported_only_when_its_name_is_asked_for(site: Path) ->
     assert not {"sb_raises", "sb_exits", "sb_empty", "sb_number"} & set(sys.modules)
 
 
+def test_what_was_found_keeps_its_name_when_the_path_changes(
+    site: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    packages = offered()
+    twice = packages["Twice"]
+    package(tmp_path / "more", "sb_more", f"[{GROUP}]\nMore = sb_good:Twice\n")
+    assert packages.get("More") is None
+    monkeypatch.syspath_prepend(str(tmp_path / "more"))
+    assert packages.get("More") is twice
+    assert packages.name_of(twice) == "Twice"
+    assert packages.name_of(Sum) == ""
+
+
 @pytest.mark.parametrize(
     ("name", "reason"),
     [

@@ -44,7 +44,7 @@ def tried() -> Iterator[Any]:
         yield pytest.param(run, many, id=f"{name}-many", marks=pytest.mark.slow)
 
 
-@pytest.mark.parametrize(("run", "examples"), tried())
+@pytest.mark.parametrize(("run", "examples"), list(tried()))
 def test_random_examples_hold(run: Run, examples: int) -> None:
     record = run(examples, 2)
     assert record.failures == (), "\n".join(record.failures)

@@ -1,4 +1,8 @@
-"""Kernels of :mod:`blocks.wall_fitting.contour`."""
+"""Kernels of :mod:`blocks.wall_fitting.contour`.
+
+Returns are rows of range, bearing, x and y (m, 4), in place of the class there: one array goes
+through all steps, and a loop ends at the count of rows that are left, where NumPy masks.
+"""
 
 from __future__ import annotations
 

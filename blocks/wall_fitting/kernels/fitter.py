@@ -1,4 +1,7 @@
-"""Kernels of :mod:`blocks.wall_fitting.fitter`."""
+"""Kernels of :mod:`blocks.wall_fitting.fitter`.
+
+Lines (n, 2) and rows of x, y, theta, kappa (n, 4) go in and come out, in the robot's frame.
+"""
 
 from __future__ import annotations
 

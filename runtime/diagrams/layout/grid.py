@@ -1,4 +1,10 @@
-"""The grid of a layered layout: feedback wires, cells in columns, long wires cut into hops."""
+"""Steps 1 to 3 of the layered layout: feedback wires, columns, long wires cut into hops.
+
+In: cells and links. Out: a :class:`Grid`. With a ─▶ b ─▶ c, a ─▶ c and the feedback c ─▶ a::
+
+    columns: [a] [b, "1@1"] [c]      "1@1" is the gap where link 1, a ─▶ c, passes column 1
+    feedback: c ─▶ a                 is routed below the boxes and does not count for the columns
+"""
 
 from __future__ import annotations
 
@@ -8,6 +14,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 Pin = tuple[str, str]
+# Cuts that are tried per loop: each costs a search for components, and graphs have thousands of
+# wires.
 CANDIDATES = 40
 
 
@@ -45,7 +53,7 @@ class Link:
     """One output and all inputs that it drives.
 
     ``breaks_loop`` is true for an output without direct feedthrough, where a loop is best opened;
-    ``label`` is the width of the text at the start of the wire.
+    ``label`` is the width of the label at the start of the wire.
     """
 
     source: Pin
@@ -127,6 +135,9 @@ def find_feedback(names: Sequence[str], links: Sequence[Link]) -> set[tuple[int,
     back = {(i, v) for u, v, i in graph.edges(keys=True) if u == v}
     graph.remove_edges_from([(v, v, i) for i, v in back])
     cuts: list[tuple[int, str]] = []
+    # A greedy cut. The smallest set of feedback wires is NP-hard to find, and not even wanted:
+    # engineers draw a loop as going back where a state breaks it, and not where the cut is
+    # cheapest.
     while components := [k for k in nx.strongly_connected_components(graph) if len(k) > 1]:
         for component in sorted(components, key=lambda k: min(map(order.__getitem__, k))):
             inside = graph.subgraph(component).copy()
@@ -137,6 +148,7 @@ def find_feedback(names: Sequence[str], links: Sequence[Link]) -> set[tuple[int,
     # Sorted, since the edges of a subgraph are listed in no particular order.
     for i, name in sorted(cuts, key=lambda o: (o[0], order[o[1]])):
         source = links[i].source[0]
+        # A wire whose loop was opened by a later cut runs forward again.
         if nx.has_path(graph, name, source):
             back.add((i, name))
         else:
@@ -152,6 +164,8 @@ def _best_cut(component: Any, links: Sequence[Link], order: dict[str, int]) -> i
     for u, v, i in component.edges(keys=True):
         wires[i].append((u, v, i))
 
+    # Ties: an output without feedthrough, then the wire that leads furthest back in the author's
+    # order.
     def forwardness(i: int) -> tuple[bool, int, int]:
         leap = min(order[v] for _, v, _ in wires[i]) - order[links[i].source[0]]
         return not links[i].breaks_loop, leap, i
@@ -165,6 +179,9 @@ def _best_cut(component: Any, links: Sequence[Link], order: dict[str, int]) -> i
     return min(sorted(wires, key=forwardness)[:CANDIDATES], key=left_over)
 
 
+# Each wire u ─▶ v demands column(v) >= column(u) + 1; the sum of the lengths is minimised. The
+# longest path from a source, the usual shortcut, puts every source into the first column, far from
+# what it drives.
 def _ranks(names: Sequence[str], wires: Sequence[tuple[str, str]]) -> dict[str, int]:
     """The columns that minimise the total length of the wires; each leads to a later column.
 
@@ -202,6 +219,8 @@ def build_grid(cells: Sequence[Cell], links: Sequence[Link]) -> Grid:
         for name, _ in link.targets
         if (i, name) not in back and not by_name[link.source[0]].edge and not by_name[name].edge
     )
+    # Ends of wires at a frame are left out: they belong to the first and the last column in any
+    # case.
     ranks = _ranks(inner, list(wires))
     first = 1 if any(cell.edge == "left" for cell in cells) else 0
     last = max(ranks.values(), default=-1) + 1 + first
@@ -234,6 +253,7 @@ def _add_link(grid: Grid, i: int, link: Link, back: set[tuple[int, str]]) -> Non
         hop = Hop(i, channel, left, forward[channel])
         grid.hops[channel].append(hop)
         if channel < max(forward):
+            # A dummy cell, so that orders and heights treat a passing wire like a box of height 0.
             name = f"{i}@{channel}"
             grid.cells[name] = Cell(name, 0.0, 0.0, [""], [""], [0.0], [0.0], passing=True)
             grid.columns[channel].append(name)

@@ -1,8 +1,11 @@
 """The layered layout of boxes and wires, from left to right as control engineers draw it.
 
+In: cells and links. Out: a :class:`DiagramLayout`; the cells' pins are sorted in place.
 The steps are Sugiyama's: open the loops, assign the boxes to columns, order each column so that
 few wires cross, choose heights so that most wires are straight, and route the wires through the
-channels between the columns.
+channels between the columns. Here is step 5, the heights, by a linear programme (as in Gansner et
+al. 1993, "A technique for drawing directed graphs"): medians of neighbours, the usual heuristic,
+leave kinks where a wire could be straight.
 """
 
 from __future__ import annotations
@@ -68,6 +71,7 @@ def arrange(cells: Sequence[Cell], links: Sequence[Link]) -> DiagramLayout:
     return DiagramLayout(router.width, router.height, positions, routes, feedback)
 
 
+# Before the heights and the wires, which both depend on the width of the columns.
 def _stretch(grid: Grid) -> None:
     for column in grid.columns:
         elastic = [grid.cells[name] for name in column if grid.cells[name].stretch]
@@ -101,10 +105,14 @@ def _heights(grid: Grid) -> dict[str, float]:
         bounds.append(bound)
 
     cost = np.zeros(count + 1)
+    # The cost is |top[left] + rise - top[right]|, which is no linear function: a variable k of its
+    # own is bounded below by both signs of it, and minimised.
     for k, (left, right, rise, weight) in enumerate(pulls, len(index)):
         cost[k] = weight
         at_most(-rise, (index[left], 1.0), (index[right], -1.0), (k, -1.0))
         at_most(rise, (index[left], -1.0), (index[right], 1.0), (k, -1.0))
+    # The last variable is the bottom of all: among equal solutions, the one with the lowest
+    # diagram.
     cost[count] = 1e-3
     for column in grid.columns:
         for above, below in pairwise(grid.cells[name] for name in column):
@@ -127,10 +135,13 @@ def _pulls(grid: Grid) -> list[tuple[str, str, float, float]]:
         for name, pin in hop.rights:
             right = grid.cells[name]
             weight = grid.links[hop.link].weight
+            # A bend in the middle of a long wire is the hardest to follow (Gansner et al. weigh it
+            # by 8, too).
             if left.passing and right.passing:
                 weight *= PASSING_WEIGHT
             rise = left.output_y(hop.left[1]) - right.input_y(pin)
             pulls.append((left.name, name, rise, weight))
+            # A fiftieth of the weight: decides among equal solutions only.
             if left.height and right.height:
                 pulls.append((left.name, name, (left.height - right.height) / 2, 0.02 * weight))
     return pulls

@@ -1,4 +1,10 @@
-"""The order of cells within columns, by barycentre sweeps and swaps, so that few wires cross."""
+"""Step 4 of the layered layout: the order of cells within columns, so that few wires cross.
+
+In: a :class:`Grid`. Out: its columns and pins, sorted in place. Sweeps from left to right and back
+sort each column by the mean height (barycentre) of what its cells are wired to; then neighbours are
+swapped while that helps. With a ─▶ y, b ─▶ x and the columns [a, b] [x, y], one sweep gives [y, x].
+The fewest crossings are NP-hard to find, even for two columns (Garey and Johnson 1983).
+"""
 
 from __future__ import annotations
 
@@ -8,6 +14,7 @@ from collections.abc import Iterable
 
 from runtime.diagrams.layout.grid import Grid, Pin
 
+# As many as Graphviz makes; PATIENCE ends earlier where nothing improves.
 SWEEPS = 24
 PATIENCE = 6
 MAX_SWAP_WORK = 4000
@@ -20,6 +27,8 @@ def reduce_crossings(grid: Grid) -> None:
     """Order the cells of each column, and the pins of each cell, in place."""
     sorter = _Sorter(grid)
     best, fewest = sorter.snapshot(), sorter.total()
+    # A second start from the mirrored order: sweeps end in a local minimum that depends on the
+    # start.
     for upside_down in (False, True):
         if upside_down:
             for column in grid.columns:
@@ -31,6 +40,8 @@ def reduce_crossings(grid: Grid) -> None:
             sorter.sort_all_pins()
             crossings = sorter.total()
             stale = 0 if crossings < fewest else stale + 1
+            # Of equal ones the first sweeps' result: nearer to the order in which the author wrote
+            # the blocks.
             if crossings < fewest or (crossings == fewest and sweep < 2 and not upside_down):
                 best, fewest = sorter.snapshot(), crossings
             if fewest == 0 or stale > PATIENCE:
@@ -73,6 +84,8 @@ class _Sorter:
 
     def crossings(self, channel: int) -> int:
         left, right = self.pin_heights(channel - 1, True), self.pin_heights(channel, False)
+        # Wires sorted by their left end cross if their right ends are inverted: inversions are
+        # counted by insertion into a sorted list, in n log n and not by comparing all pairs.
         ends: list[float] = []
         count = 0
         for _, end in sorted((left[a], right[b]) for a, b in self.joins[channel]):
@@ -107,6 +120,7 @@ class _Sorter:
                 pulls[name] += heights
             names = self.grid.columns[column]
             barycentre = {
+                # A cell without wires on this side keeps its place.
                 name: _mean(pulls[name]) if name in pulls else i + 0.5
                 for i, name in enumerate(names)
             }
@@ -134,6 +148,8 @@ class _Sorter:
         """Swap neighbours in a column if that reduces the crossings."""
         for column, names in enumerate(self.grid.columns):
             wires = len(self.joins[column]) + len(self.joins[column + 1])
+            # Each swap counts the crossings of two channels; large columns keep what the sweeps
+            # gave.
             if len(names) * wires > MAX_SWAP_WORK:
                 continue
             before = self.crossings(column) + self.crossings(column + 1)

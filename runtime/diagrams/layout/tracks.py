@@ -1,4 +1,11 @@
-"""The vertical tracks of wires in the channel between two columns, without overlaps."""
+"""Step 6 of the layered layout, in one channel: the vertical tracks of its wires, without overlaps.
+
+In: tracks, with the heights at which they are joined from the left and from the right. Out: a slot
+for each, counted from the left. Wires that never meet share a slot::
+
+    a: height 10 ─▶ 50      a begins at the height at which b ends, so a's track must be left of
+    b: height 70 ─▶ 10      b's: else their horizontal lines at 10 would lie on each other
+"""
 
 from __future__ import annotations
 
@@ -78,6 +85,8 @@ def _without_cycles(
 
     tracks, whole = list(tracks), set(range(len(tracks)))
     rules = _rules(tracks)
+    # "a left of b" and "b left of a" can both be required, where two wires swap their heights. One
+    # of them then takes two tracks with a free height between: a detour, but readable.
     while not nx.is_directed_acyclic_graph(nx.DiGraph(sorted(rules))):
         cycle = nx.find_cycle(nx.DiGraph(sorted(rules)))
         splittable = [i for i, _ in cycle if i in whole and tracks[i].lefts and tracks[i].rights]
@@ -85,6 +94,7 @@ def _without_cycles(
             # There is no room for a detour: two lines may touch.
             rules -= set(cycle)
             continue
+        # The longest has the most heights to choose from.
         i = max(splittable, key=lambda i: (tracks[i].bottom - tracks[i].top, i))
         whole.discard(i)
         first = tracks[i]
@@ -103,6 +113,8 @@ def _free_height(track: Track, heights: Sequence[float]) -> float:
     candidates = [middle]
     for step in range(1, int(reach) + 1):
         candidates += [middle + step, middle - step]
+    # Clear is clear: of all heights with enough room, the one nearest to the middle (the first) is
+    # taken.
     room = {y: min(CLEAR, min(abs(y - other) for other in heights)) for y in candidates}
     return max(candidates, key=room.__getitem__)
 
@@ -114,6 +126,9 @@ def _crossings(left: Track, right: Track) -> int:
     )
 
 
+# A topological order by the rules, in which the wire that crosses the others least as the leftmost
+# is taken first; neighbours are swapped afterwards, since a greedy choice can be wrong by one
+# place.
 def _in_order(tracks: Sequence[Track], rules: set[tuple[int, int]]) -> list[int]:
     """Indices of tracks from left to right, by the rules and so that few wires cross."""
     count = range(len(tracks))

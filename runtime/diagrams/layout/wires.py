@@ -1,4 +1,9 @@
-"""The wires of a layout: tracks in the channels, feedback below the boxes, and their corners."""
+"""Step 6 of the layered layout: tracks in the channels, feedback below the boxes, corners of wires.
+
+In: a :class:`Grid` and the top of each cell. Out: the x of each column and the corners of each
+wire, as [(100, 20), (130, 20), (130, 60), (160, 60)] for one that goes down from one box to the
+next.
+"""
 
 from __future__ import annotations
 
@@ -93,6 +98,7 @@ class WireRouter:
         ]
         ys: dict[int, float] = {}
         earlier: list[tuple[int, int, float]] = []
+        # Short ones first: a loop within another is drawn within it.
         for wire in sorted(self.grid.feedback, key=lambda o: (o.column - o.first, o.link)):
             first, last = wire.first, wire.column
             y = max(bottoms[max(first - 1, 0) : last + 2]) + FEEDBACK_GAP
@@ -104,10 +110,11 @@ class WireRouter:
         return ys
 
     def _label_widths(self) -> list[float]:
-        """The width of the texts at the starts of wires in each channel."""
+        """The width of the labels at the starts of wires in each channel."""
         widths = [0.0] * (len(self.grid.columns) + 1)
         for link in self.grid.links:
             column = self.grid.column_of[link.source[0]]
+            # A narrow cell, centred in its column, leaves room beside it for a part of its label.
             spare = (self.widths[column] - self.grid.cells[link.source[0]].width) / 2
             widths[column + 1] = max(widths[column + 1], link.label - spare)
         return widths
@@ -127,8 +134,12 @@ class WireRouter:
                 rights = [self._input_y(pin) for pin in wire.targets[c]]
                 tracks[wire.link] = Track(lefts, [*rights, y])
         slots = assign_slots(list(tracks.values()))
+        # The first part of a wire is straight, so that the label above it stays clear of all
+        # tracks.
         lead = max(LEAD, self.labels[c])
         room = max(slots - 1, 0) * TRACK_PITCH
+        # Left of the first column and right of the last there are feedback wires only; without any,
+        # nothing.
         if c in (0, len(self.grid.columns)):
             return Channel(tracks, LEAD if c == 0 else lead, room + LEAD + lead if slots else 0.0)
         return Channel(tracks, lead, lead + room + ARROW)

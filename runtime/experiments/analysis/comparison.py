@@ -158,6 +158,8 @@ def compare(
                 variant, metric, len(own_values), own, is_removed=(variant, metric) in removed
             )
             if variant != baseline and not line.is_removed:
+                # Where both lack the same values there is nothing to test, and another p value of 1
+                # would only weaken the correction of the others.
                 differs = [a is None for a in own_values] != [b is None for b in base]
                 line = replace(
                     line,

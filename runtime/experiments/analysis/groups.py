@@ -151,6 +151,7 @@ class Tally:
     def _rank(self, group: TrialGroup) -> None:
         if self.objective is None or self.column is None:
             return
+        # A mean over fewer seeds than the others' is not comparable with theirs.
         if any(row.metrics[self.column] is None for row in group.rows):
             return
         estimate = group.estimate(self.column, self.ends)

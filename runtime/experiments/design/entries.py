@@ -171,6 +171,7 @@ class _EntryReader:
         if node is None:
             return None
         value = node.value
+        # Not isinstance: true is an int to Python, but no number of trials.
         if type(value) is int and least <= value <= most:
             return value
         message = f"expected an integer from {least} to {most}, got {node.describe()}"

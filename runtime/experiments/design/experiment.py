@@ -182,6 +182,7 @@ class _ExperimentReader:
         if graph is None:
             problems.raise_any()
             raise UsageError("no graph is given")
+        # Before the entries are read: most of them can only be checked on a graph that is valid.
         try:
             graph = self.change(graph).check()
         except GraphError as error:

@@ -18,7 +18,10 @@ from runtime.experiments.design.seeds import Seeds
 from runtime.experiments.design.variants import GraphVariant, check_variants
 
 NOMINAL = "nominal"
+# With a batch of one, parallel workers would wait; a larger one is asked for with less knowledge.
 TRIALS, BATCH = 100, 4
+# Far from the seeds that people train with. Half of the 95 % interval of twenty differences is
+# 0.47 of their standard deviation.
 HELD_OUT = Seeds(((1000, 1019),))
 
 

@@ -94,6 +94,8 @@ def removals(graph: Graph) -> tuple[list[GraphVariant], dict[str, str]]:
         if any(other == name or other.startswith(f"{name}.") for other in removed):
             continue
         reason = ""
+        # Bypassed if that is possible: a loop stays closed, and the block's own effect is measured,
+        # not that of an open loop.
         for kind in ("bypass", "without"):
             changed: Graph = getattr(graph, kind)(name)
             try:

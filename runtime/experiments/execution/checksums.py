@@ -56,5 +56,6 @@ def check_entries(entries: Mapping[str, Any]) -> None:
 
 
 def _checksum(value: Any) -> str:
+    # Of values, not of their text: a reader may write the file with other spaces or quotes.
     text = json.dumps(value, sort_keys=True, default=str)
     return f"{zlib.crc32(text.encode('utf-8', 'surrogatepass')):08x}"

@@ -105,6 +105,7 @@ def _create(plan: ExperimentPlan, folder: Path) -> None:
     ------
     UsageError : it cannot be written.
     """
+    # Renamed at the end: whatever is killed meanwhile, a folder of this name has a whole plan.
     partial = folder.with_name(f".{folder.name}.partial")
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)

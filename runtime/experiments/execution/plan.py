@@ -46,6 +46,7 @@ SCHEMA_VERSION = 2
 GRAPH, INDEX, VARIANTS = "graph.resolved.yaml", "index.csv", "variants"
 Kind = Literal["sweep", "ablation", "tuning"]
 Note = Callable[[str], None]
+# Six pairs are the fewest with which a sign test can be significant.
 ABLATION_SEEDS = Seeds(((0, 9),))
 PlanT = TypeVar("PlanT", bound="ExperimentPlan")
 
@@ -136,6 +137,8 @@ class ExperimentPlan:
     @property
     def digest(self) -> str:
         """A hash of everything that the numbers depend on."""
+        # The objective is no part of it: it ranks trials and changes none, so that a sweep may be
+        # continued with another one.
         digests = [self.bundle.digest, *(variant.bundle.digest for variant in self.variants)]
         content = json.dumps([self.kind, digests, self.specification, self.metrics])
         return hashlib.sha256(content.encode()).hexdigest()

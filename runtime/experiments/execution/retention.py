@@ -71,6 +71,7 @@ class RetentionPolicy:
         if self.policy == "none":
             return Task(trial, timeout=self.timeout)
         keep = {"all": ("ok", *NOT_OK), "failed": NOT_OK}.get(self.policy, ("ok",))
+        # A worker sends a recording only if it is among the best so far: it may be gigabytes.
         beat = None
         if self.objective is not None and self.most and len(self._heap) == self.most:
             beat = (self.objective, -self._heap[0][0])

@@ -17,6 +17,8 @@ from runtime.experiments.execution.worker import Task, TrialResult, run_task
 from runtime.experiments.execution.worker_pool import WorkerPool
 from runtime.terminal import Progress
 
+# A worker that was killed by chance costs its trial another try. A trial that itself ends workers,
+# mostly because memory runs out, must not be tried for ever.
 ATTEMPTS = 3
 POLL = 1.0  # s; how often the remaining time is redrawn
 

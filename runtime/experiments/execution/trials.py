@@ -87,6 +87,7 @@ class Trial:
 
 def trials_of(configurations: Iterable[Configuration], seeds: Seeds) -> Iterator[Trial]:
     """Every configuration with every seed, one configuration after the other."""
+    # Not seed by seed: a worker checks and plans a configuration once for all its seeds.
     for configuration in configurations:
         for i, seed in enumerate(seeds):
             yield Trial(configuration.number * len(seeds) + i, configuration, seed)

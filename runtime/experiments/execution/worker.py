@@ -37,7 +37,7 @@ Status = Literal["ok", "failed", "invalid", "timeout", "lost"]
 # What a trial records besides its metrics: nothing, its trajectory, or all plots of the graph.
 Record = Literal["metrics", "trajectory", "all"]
 TRAJECTORY_PLOTS = ("trajectory", "map")
-CACHED_GRAPHS = 4
+CACHED_GRAPHS = 4  # the trials of a configuration are consecutive, so few are in use at a time
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from runtime.experiments.design import Factor, Range, TuningSettings
 
 DIGITS = 4  # of values that are tried, so that a winner can be written by hand
 PENALTY = 1e12  # a cost that is worse than any; samplers compare costs, they do not add them
-STARTUP = 10
+STARTUP = 10  # random configurations before TPE fits its model; optuna's own default
 EXTRA = "tune"
 
 

@@ -37,7 +37,7 @@ from runtime.experiments.tuning.scores import Candidate, Scorer, front
 from runtime.files import system_errors
 from runtime.terminal import Progress
 
-WINNERS = 5  # of a front, that are run on the held-out runs
+WINNERS = 5  # of a front; each costs as many held-out runs as the baseline
 
 
 @dataclass

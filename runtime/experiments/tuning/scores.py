@@ -117,6 +117,7 @@ class Scorer:
         means = []
         for row in values:
             known = [value for value in row if value is not None]
+            # The mean of the other runs would reward a configuration for failing in hard ones.
             if len(known) < len(row):
                 return math.nan
             means.append(float(np.mean(known)))

@@ -39,7 +39,7 @@ class _Data:
 
     name: str
     stored: dict[str, Any]
-    tried: list[dict[str, Any]]
+    candidates: list[dict[str, Any]]
 
     @property
     def metrics(self) -> list[str]:
@@ -52,7 +52,7 @@ class _Data:
 
     def values(self, metric: str) -> FloatArray:
         """NaN where there is none."""
-        return np.array([_float(one["metrics"].get(metric)) for one in self.tried])
+        return np.array([_float(one["metrics"].get(metric)) for one in self.candidates])
 
     def baseline(self, metric: str) -> float:
         return _float(self.stored["configurations"][0]["metrics"].get(metric))
@@ -62,7 +62,7 @@ class _Data:
 
     def positions(self, factor: str) -> tuple[FloatArray, list[str]]:
         """Where each configuration lies along a factor; names if values are not numbers."""
-        values = [one["values"][factor] for one in self.tried]
+        values = [one["values"][factor] for one in self.candidates]
         if all(isinstance(v, (int, float)) and not isinstance(v, bool) for v in values):
             return np.array(values, dtype=float), []
         names = list(dict.fromkeys(map(str, values)))
@@ -104,14 +104,14 @@ def _scatter(axes: Any, data: _Data, x: FloatArray, y: FloatArray, metric: str =
     Those in which the metric is infinite (never settled) are at the upper end, which is the bad
     one.
     """
-    infinite = np.array([metric in one.get("never", ()) for one in data.tried])
+    infinite = np.array([metric in one.get("never", ()) for one in data.candidates])
     if infinite.any():
         words = (data.stored.get("never") or {}).get(metric, NEVER)
         axes.plot(
             x[infinite], np.ones(infinite.sum()), "x", markersize=4, label=words, **beyond(axes)
         )
-    feasible = np.array([one["feasible"] for one in data.tried])
-    status = np.array([one["status"] for one in data.tried])
+    feasible = np.array([one["feasible"] for one in data.candidates])
+    status = np.array([one["status"] for one in data.candidates])
     for kind, mark in MARKS.items():
         for holds, colour in ((True, COLOURS[0]), (False, GREY)):
             chosen = (status == kind) & (feasible == holds)
@@ -123,13 +123,13 @@ def _scatter(axes: Any, data: _Data, x: FloatArray, y: FloatArray, metric: str =
 def _history(data: _Data) -> Figure:
     """Each configuration in the order tried, and the best so far."""
     figure, panels = _panels(len(data.metrics), f"{data.name}: history (training runs)")
-    numbers = np.array([one["number"] for one in data.tried])
+    numbers = np.array([one["number"] for one in data.candidates])
     own = data.stored["configurations"][0]
     for axes, metric in zip(panels, data.metrics, strict=True):
         values = data.values(metric)
         _scatter(axes, data, numbers, values, metric)
         good = np.array(
-            [o["feasible"] and o["status"] == "complete" for o in data.tried], dtype=bool
+            [o["feasible"] and o["status"] == "complete" for o in data.candidates], dtype=bool
         )
         sign = 1.0 if metric in data.stored.get("minimize", []) else -1.0
         # It starts from the graph's own values, which compete.

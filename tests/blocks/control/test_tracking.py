@@ -12,7 +12,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 import blocks
-from blocks.control.tracking import wrap
+from blocks.core import wrap
 from tests.blocks.direct import state_of
 
 Pose = tuple[float, float, float]

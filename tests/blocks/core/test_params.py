@@ -16,10 +16,11 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 import blocks
+from blocks.core.hints import hint
 from blocks.core.params import (
     Param,
     ParamKind,
-    hint,
+    as_matrix,
     in_radians,
     maybe_degrees,
     param,
@@ -290,6 +291,10 @@ def test_hints() -> None:
     assert hint("neurns", ["neurons", "radius"]) == ", did you mean 'neurons'?"
     assert hint("zzz", ["neurons"]) == ""
     assert hint(3, ["a"]) == ""
+    # Comparing long names would take long: they are never suggested.
+    for others in ([], [f"other{i}" for i in range(40)]):
+        assert hint("n" * 101, ["n" * 101, *others]) == ""
+        assert hint("n" * 99, ["n" * 100, *others]) == f", did you mean '{'n' * 100}'?"
 
 
 @given(st.text("abcde", min_size=2, max_size=8), st.integers(0, 2**32 - 1))
@@ -328,7 +333,15 @@ def test_texts_are_one_or_several() -> None:
     assert texts.convert("u[0]") == ("u[0]",)
     assert texts.convert(["a", 2]) == texts.convert(("a", 2)) == ("a", "2")
     for value in ([], None, [[]], True):
-        assert refused(texts, value).startswith("expected a text or a list of texts, got ")
+        assert refused(texts, value).startswith("expected a string or a list of strings, got ")
+
+
+def test_signal_types_have_names() -> None:
+    signals = declared("signal")
+    assert signals.convert("Pose") is signals.convert(blocks.Pose) is blocks.Pose
+    assert signals.convert("Vector(3)") == blocks.Vector(3)
+    assert refused(signals, "Poze").endswith(", did you mean 'Pose'?")
+    assert refused(signals, 3).startswith("expected a signal type such as Scalar")
 
 
 def test_numbers_have_names() -> None:
@@ -379,11 +392,20 @@ def test_large_angles_may_be_degrees(
     assert maybe_degrees(value, units) == expected
 
 
+def test_a_row_of_a_matrix_is_written_as_one() -> None:
+    vector, matrix = declared("array", shape=("n",)), declared("array", shape=("m", "n"))
+    assert as_matrix(np.array([1.0, 2.0]), matrix) == "; one row is written [[1.0, 2.0]]"
+    assert as_matrix(np.array(3.0), matrix) == "; one row is written [[3.0]]"
+    assert as_matrix(np.array([1.0, 2.0]), vector) == ""
+    assert as_matrix(np.ones((2, 2)), matrix) == ""
+
+
 def test_a_plain_value_is_what_graphs_write() -> None:
     for value, expected in (
         (np.array([[1.0, 2.0]]), [[1.0, 2.0]]),
         ((1, "a"), [1, "a"]),
         (MappingProxyType({"a": 1.0}), {"a": 1.0}),
+        (blocks.Ensemble(neurons=5, dimensions=1).neuron, "LIF"),
         (blocks.Pose, "Pose"),
         (blocks.Vector(3), "Vector(3)"),
         (1.5, 1.5),

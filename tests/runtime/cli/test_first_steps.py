@@ -102,7 +102,7 @@ def test_a_summary_is_the_first_sentence_of_the_comment() -> None:
 def test_blocks_are_listed_by_family_and_found_by_a_word(cli: Run) -> None:
     lines = cli("blocks").stdout.splitlines()
     families = [line.partition(":")[0] for line in lines if line and line[0] != " "][:-1]
-    assert families[:2] == ["control", "learning"]
+    assert families[:2] == ["control", "neural"]
     assert len(families) == len(set(families))
     found = cli("blocks", "--search", "delay").stdout
     assert "UnitDelay" in found

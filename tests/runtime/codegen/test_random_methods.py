@@ -86,10 +86,11 @@ def {name}(x, y, z):
 def compiled(texts: dict[str, str], check: bool) -> Callable[..., float | None]:
     """All functions in one library; returns a caller by name, None where C leaves it to Python."""
     functions = {}
-    for name, text in texts.items():
-        node = ast.parse(text).body[0]
-        assert isinstance(node, ast.FunctionDef)
-        functions[name] = Function(name, ("x", "y", "z"), node.body, {}, "random.py", 0)
+    for text in texts.values():
+        for node in ast.parse(text).body:
+            assert isinstance(node, ast.FunctionDef)
+            names = tuple(argument.arg for argument in node.args.args)
+            functions[node.name] = Function(node.name, names, node.body, {}, "random.py", 0)
     arguments = [("x", FLOAT), ("y", FLOAT), ("z", FLOAT)]
     entries = [Entry(f"entry_{name}", name, arguments, [FLOAT]) for name in texts]
     made = Writer(Source(functions), check).unit(entries, "Random functions.")
@@ -151,3 +152,30 @@ def test_what_is_not_compiled_is_refused_with_line_and_suggestion(statement: str
     entry = Entry("entry", "f", [("a", Array("float", (None,)))], [FLOAT])
     with pytest.raises(RefusedError, match=rf"({REFUSED[statement]}).*\(own.py:12\)"):
         Writer(Source({"f": function})).unit([entry])
+
+
+ORDER = """
+def first(a):
+    return a[0]
+
+def f(x, y, z):
+    a = np.zeros(2)
+    a[0], found = x, first(a)
+    return found + 10.0 * a[0]
+"""
+
+
+@needs_compiler
+def test_a_call_reads_memory_before_another_target_changes_it() -> None:
+    scope: dict[str, Any] = {"np": np}
+    exec(compile(ORDER, "order", "exec"), scope)
+    assert compiled({"f": ORDER}, False)("f", 3.0, 0.0, 0.0) == scope["f"](3.0, 0.0, 0.0) == 30.0
+
+
+@needs_compiler
+@pytest.mark.parametrize("test", ["isinstance(math.fmod(x, y), float)", "math.fmod(x, y) is None"])
+def test_an_operand_fails_although_the_test_is_decided_while_compiling(test: str) -> None:
+    call = compiled({"f": f"def f(x, y, z):\n    return 1.0 if {test} else 2.0\n"}, False)
+    # math.fmod(1.0, 0.0) raises ValueError, so that C leaves the call to Python.
+    assert call("f", 1.0, 0.0, 0.0) is None
+    assert call("f", 1.0, 2.0, 0.0) == (1.0 if "isinstance" in test else 2.0)

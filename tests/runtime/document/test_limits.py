@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import runtime
-from blocks.core.params import CANDIDATES, hint
+from blocks.core.hints import CANDIDATES, hint
 from runtime.document import limits
 from runtime.document import node as document
 from runtime.document.limits import MAX_BLOCKS, MAX_LEVELS, MAX_WORK, Measure, Work

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import gc
+import re
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy import stats
 
 import runtime
+from runtime.document import parse_yaml
+from tests.conftest import Run
 from tests.runtime.experiments.graphs import normal
 
 
@@ -105,6 +109,71 @@ def test_a_folder_of_ones_own_is_continued(draw: Path, tmp_path: Path) -> None:
     assert [t.metrics for t in again.trials] == [t.metrics for t in first.trials]
     with pytest.raises(runtime.UsageError, match="belongs to a different plan"):
         runtime.sweep(draw, factors, seeds="0,2", folder=folder, resume=True)
+
+
+def test_a_call_and_a_command_make_the_same_plan(here: Run, draw: Path, tmp_path: Path) -> None:
+    """Equal digests: of the same graphs, factors, seeds and metrics; and the same rows."""
+    graph = runtime.load(draw)
+    quiet = ("--no-plots", "-q", "-j", "1", "--name", "command")
+    range_ = "0..2"
+    sampled = ("--vary", f"draw.level={range_}", "--sobol", "4", "--sampling-seed", "3")
+    assert here("sweep", "draw.yaml", *sampled, "--seeds", "0..1", *quiet).returncode == 0
+    runtime.sweep(
+        *(graph, {"draw.level": range_}),
+        **{"sobol": 4, "sampling_seed": 3, "seeds": "0..1", "jobs": 1},
+        folder=tmp_path / "sweeps" / "call",
+    )
+    assert here("ablate", "draw.yaml", "--bypass", "half", "--seeds", "3", *quiet).returncode == 0
+    variants = {"bypass half": graph.bypass("half")}
+    folder = tmp_path / "ablations" / "call"
+    runtime.ablate(graph, variants, seeds=3, jobs=1, folder=folder)
+    for kind in ("sweeps", "ablations"):
+        plans, rows = [], []
+        for name in ("command", "call"):
+            text = (tmp_path / kind / name / "plan.yaml").read_text()
+            plans.append(parse_yaml(text, "plan").plain()["digest"])
+            lines = (tmp_path / kind / name / "index.csv").read_text().splitlines()
+            rows.append([line.rpartition(",")[0] for line in lines[1:]])  # without the duration
+        assert plans[0] == plans[1]
+        assert sorted(rows[0]) == sorted(rows[1])
+
+
+@pytest.mark.parametrize(
+    ("options", "arguments", "message"),
+    [
+        (("--sobol", "0"), {"sobol": 0}, "expected an integer from 1 to 1000000000, got 0"),
+        (("--sampling-seed", "-1"), {"sampling_seed": -1}, "expected an integer from 0 to"),
+        (("--seeds", "3..1"), {"seeds": "3..1"}, "expected seeds such as .*; 3..1 is empty"),
+        (("--minimize", "drwn"), {"minimize": "drwn"}, "no metric 'drwn', did you mean 'drawn'"),
+        (("--keep", "best:0"), {"keep": "best:0"}, "expected all, failed, best:N or none"),
+    ],
+)
+def test_a_call_and_a_command_are_refused_by_the_same_message(
+    here: Run, draw: Path, options: tuple[str, ...], arguments: dict[str, Any], message: str
+) -> None:
+    done = here("sweep", "draw.yaml", "--vary", "draw.level=[0, 1]", *options)
+    assert done.returncode == 2
+    assert re.search(message, done.stderr), done.stderr
+    with pytest.raises(runtime.SpikeblocksError, match=message):
+        runtime.sweep(draw, {"draw.level": [0, 1]}, **arguments)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"trials": 0}, "trials: expected an integer from 1 to 1000000, got 0"),
+        ({"batch": -1}, "batch: expected an integer from 1 to 4096, got -1"),
+        ({"sampler": "best"}, "sampler: expected one of tpe, nsga2, sobol, random, got"),
+        ({"over": "median"}, "over: expected one of mean, worst, got"),
+        ({"constraints": ["drawn under 3"]}, "constraints: expected a constraint as 'effort below"),
+        ({"constraints": {"drawn": {"under": 3}}}, "under"),
+    ],
+)
+def test_a_tuning_that_cannot_work_is_refused(
+    draw: Path, arguments: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(runtime.SpikeblocksError, match=message):
+        runtime.tune(draw, {"draw.level": "0..1"}, **arguments)
 
 
 def test_a_temporary_folder_goes_with_its_table(draw: Path) -> None:

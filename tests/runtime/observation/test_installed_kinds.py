@@ -12,6 +12,7 @@ import pytest
 import runtime
 from runtime.errors import GraphError
 from tests.blocks.test_extensions import package
+from tests.runtime.language.texts import edited, labels
 
 HOW_TO = (Path(__file__).parents[3] / "docs" / "how-to.md").read_text(encoding="utf-8")
 PLOT = """from runtime.observation import PLOT_KINDS, PlotKind
@@ -80,3 +81,10 @@ def test_a_plot_kind_of_a_package_is_drawn(site: Path) -> None:
     graph = runtime.load(with_kind("rms")).plot("curve", "own", "ramp.out")
     figure = graph.run().plot()["curve"]
     assert figure.axes[0].lines[0].get_ydata()[-1] == pytest.approx(9.9)
+
+
+def test_an_editor_offers_the_kinds_of_packages_that_work(site: Path) -> None:
+    offered = labels(*edited("kind: distance_floor, of", "kind: ¦, of"))
+    assert "percentile" in offered
+    assert not {"bad", "three"} & set(offered)
+    assert "own" in labels(*edited("kind: map", "kind: ¦"))

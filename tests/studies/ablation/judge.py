@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from runtime.experiments.analysis.statistics import (
-    Difference,
     Estimate,
+    PairedDifference,
     Test,
     benjamini_hochberg,
     difference,
@@ -77,7 +77,7 @@ class Effect:
     asked: Asked
     own: Estimate
     base: Estimate
-    apart: Difference
+    apart: PairedDifference
     p: float
     p_presence: float
 

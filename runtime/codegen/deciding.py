@@ -1,4 +1,10 @@
-"""What is known of values while compiling: constants, types, and conditions that they decide."""
+"""What is decided while compiling: constants, types, and conditions that depend on them.
+
+In go values or nodes, out come answers that drop a branch before anything is built for it:
+
+    identical(none(), x), x a float    number(False): ``if x is None`` is never taken
+    both([test, number(True)], "&&")   test
+"""
 
 from __future__ import annotations
 
@@ -11,6 +17,7 @@ import numpy as np
 
 from runtime.codegen import scalars
 from runtime.codegen.creation import KINDS
+from runtime.codegen.form import Logic
 from runtime.codegen.types import (
     BOOL,
     INT,
@@ -32,7 +39,7 @@ def both(values: Sequence[Value], sign: str) -> Value:
     for value in values:
         if value.const is UNKNOWN:
             left.append(value)
-        elif bool(value.const) == (sign == "||") and not any("(ctx" in v.text for v in left):
+        elif bool(value.const) == (sign == "||") and not any(v.fails for v in left):
             return number(bool(value.const))
         elif bool(value.const) == (sign == "||"):
             left.append(value)
@@ -42,12 +49,7 @@ def both(values: Sequence[Value], sign: str) -> Value:
         return left[0]
     if any(isinstance(v.type, Array) for v in left):
         raise NotTypedError("uses 'and' or a chained comparison on arrays")
-    text = f" {sign} ".join(v.text if _plain_test(v) else f"({v.text})" for v in left)
-    return Value(BOOL, (f"({text})",))
-
-
-def _plain_test(value: Value) -> bool:
-    return "?" not in value.text or value.text.startswith("(")
+    return Value(BOOL, (Logic(sign, tuple(value.expr for value in left)),))
 
 
 def lowest(a: Value, b: Value) -> int | None:
@@ -63,7 +65,7 @@ def identical(a: Value, b: Value) -> Value | None:
     for x, y in ((a, b), (b, a)):
         if x.type == NONE:
             if isinstance(y.type, Maybe):
-                return scalars.inverted(Value(BOOL, y.texts[:1]))
+                return scalars.inverted(Value(BOOL, y.leaves[:1]))
             return number(False)
         if isinstance(x.type, Known) and isinstance(y.type, (Number, Tuple, Array)):
             return number(False)

@@ -1,0 +1,66 @@
+"""The ends of messages about names: what was probably meant, or what there is.
+
+A wrong name and the known ones go in, the end of a sentence comes out::
+
+    hint("neurns", ["neurons", "radius"])      # ", did you mean 'neurons'?"
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+# Suggestions: the least similarity (0 to 1), the number of names that are compared in full, the
+# length that is compared, and the number of classes in which letters are counted.
+ALIKE, CANDIDATES, LONGEST, LETTERS = 0.6, 32, 100, 64
+
+
+def alternatives(names: Iterable[str]) -> str:
+    """The names that there are, for the end of a message without a :func:`hint`."""
+    return f"; it has {', '.join(names) or 'none'}"
+
+
+def hint(name: Any, known: Iterable[str], also: Mapping[str, str] | None = None) -> str:
+    """``, did you mean 'neurons'?`` or nothing.
+
+    ``also`` maps words that others use to one of the known names.
+    """
+    folded = {entry.lower(): entry for entry in known}
+    written = str(name).lower()[:LONGEST]
+    if (ours := (also or {}).get(written)) in folded:
+        return f", did you mean '{ours}'?"
+    close = difflib.get_close_matches(written, _likely(written, tuple(folded)), n=1, cutoff=ALIKE)
+    return f", did you mean '{folded[close[0]]}'?" if close else ""
+
+
+def _likely(name: str, known: tuple[str, ...]) -> list[str]:
+    """The names that share most letters with one; all of them if there are few.
+
+    The number of shared letters bounds difflib's ratio, which is expensive to compute.
+    """
+    if len(known) <= CANDIDATES:
+        return [entry for entry in known if len(entry) <= LONGEST]
+    counts, lengths = _letters(known)
+    shared = np.minimum(counts, _letter_counts((name,))).sum(axis=1)
+    bounds = 2.0 * shared / np.maximum(1, lengths + len(name))
+    first = np.argsort(-bounds, kind="stable")[:CANDIDATES]
+    return [known[i] for i in first if bounds[i] >= ALIKE and lengths[i] <= LONGEST]
+
+
+@lru_cache(8)
+def _letters(known: tuple[str, ...]) -> tuple[npt.NDArray[np.int16], npt.NDArray[np.int64]]:
+    """How often each letter occurs in each name, and how long the names are."""
+    return _letter_counts(known), np.array([len(entry) for entry in known])
+
+
+def _letter_counts(names: tuple[str, ...]) -> npt.NDArray[np.int16]:
+    counts = np.zeros((len(names), LETTERS), dtype=np.int16)
+    for row, name in zip(counts, names, strict=True):
+        for letter in name[:LONGEST]:
+            row[ord(letter) % LETTERS] += 1
+    return counts
